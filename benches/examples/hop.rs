@@ -1,5 +1,5 @@
-//! The library without the command: floors, hops, chains and the command gate in turns, `cargo run --release --example hop --
-//! hop.polling.across.512 floor.cache-line chain.4`.
+//! The library without the command: floors, hops, chains and the command gate in turns, `cargo run --release
+//! --example hop -- hop.polling.across.512 floor.cache-line chain.4`.
 
 use std::process::ExitCode;
 

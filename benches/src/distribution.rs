@@ -6,10 +6,11 @@ use motorium::telemetry::Histogram;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Bits of precision of the buckets of single samples: exact below 2^14 ns, no wider than 1/8192 of a duration beyond.
+/// Bits of precision of the buckets of single samples: exact below 2^14 ns, no wider than 1/8192 of a
+/// duration beyond.
 const FINE_BITS: u32 = 14;
 
-/// A distribution of durations, ns. Nothing is trimmed: `max` is the longest there was.
+/// A distribution of durations, ns. Nothing is trimmed: `max` is the longest sample.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Distribution {
     /// Number of samples.
@@ -24,9 +25,9 @@ pub struct Distribution {
     pub p99_9: u64,
     /// The longest, ns.
     pub max: u64,
-    /// The raw histogram: the largest duration that each bucket takes (ns) and how many samples lie in it. Empty
-    /// buckets are left out. Buckets of single samples are exact below 16 us and no wider than 1/8192 of their
-    /// durations beyond; those of histograms that a graph kept are no wider than 1/32.
+    /// The raw histogram: upper bound (ns) and number of samples of each non-empty bucket. Buckets of raw
+    /// samples are exact below 16 us and no wider than 1/8192 of their durations above. Buckets of histograms
+    /// kept by a graph are no wider than 1/32.
     pub buckets: Vec<(u64, u64)>,
 }
 
@@ -55,8 +56,8 @@ impl Distribution {
         }
     }
 
-    /// The distribution a histogram holds. Percentiles are the bounds of their buckets: never too low, and up to 3 %
-    /// too high.
+    /// Computes the distribution of a histogram. Percentiles are bounds of their buckets: never too low, and
+    /// up to 3 % too high.
     pub fn from_histogram(histogram: &Histogram) -> Self {
         let percentiles = histogram.percentiles();
         Self {
@@ -70,7 +71,7 @@ impl Distribution {
         }
     }
 
-    /// Takes in another distribution; percentiles are then the bounds of their buckets.
+    /// Merges another distribution; percentiles are then bucket bounds.
     pub fn add(&mut self, other: &Self) {
         let mut buckets: BTreeMap<u64, u64> = self.buckets.iter().copied().collect();
         other.buckets.iter().for_each(|(bound, count)| *buckets.entry(*bound).or_default() += count);
@@ -83,8 +84,8 @@ impl Distribution {
         (self.p50, self.p99, self.p99_9) = (self.quantile(0.5), self.quantile(0.99), self.quantile(0.999));
     }
 
-    /// The bound of the first bucket that at least this share of all samples does not exceed, ns: what its percentiles
-    /// are, as far as the buckets tell.
+    /// Upper bound of the first bucket that at least this share of all samples does not exceed, ns. Equals
+    /// the percentiles up to bucket resolution.
     pub fn quantile(&self, share: f64) -> u64 {
         let rank = rank(share, self.count);
         let mut seen = 0;
@@ -95,8 +96,8 @@ impl Distribution {
         bucket.map_or(0, |(bound, _)| (*bound).min(self.max))
     }
 
-    /// The curve of latency against percentile: for each bucket the share of all samples that are at most its bound,
-    /// and that bound (ns).
+    /// The curve of latency against percentile: for each bucket the share of all samples that are at most its
+    /// bound, and that bound (ns).
     pub fn curve(&self) -> Vec<(f64, u64)> {
         let mut seen = 0;
         self.buckets
@@ -109,12 +110,13 @@ impl Distribution {
     }
 }
 
-/// Rank, counted from 1, of a percentile among `count` sorted samples: at least this share of them does not exceed it.
+/// Rank, counted from 1, of a percentile among `count` sorted samples; at least this share of them does not
+/// exceed it.
 fn rank(share: f64, count: u64) -> u64 {
     ((share * count as f64).ceil() as u64).max(1)
 }
 
-/// The largest duration of the fine bucket that takes this one, ns.
+/// Upper bound of the fine bucket of this duration, ns.
 fn fine_bound(nanoseconds: u64) -> u64 {
     let shift = (u64::BITS - nanoseconds.leading_zeros()).saturating_sub(FINE_BITS);
     nanoseconds | ((1 << shift) - 1)
@@ -134,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn the_buckets_hold_every_sample_in_its_place() {
+    fn buckets_count_every_sample() {
         let samples = vec![5, 5, 70, 1_000, 16_383, 16_384, 1_000_000, u64::MAX];
         let seen = Distribution::of(samples.clone());
         assert_eq!(seen.buckets.iter().map(|(_, count)| count).sum::<u64>(), 8);
@@ -147,7 +149,7 @@ mod tests {
 
     #[test]
     fn percentiles_can_be_computed_again_from_the_buckets() {
-        // Three ways to spread: evenly, over many decades, and all in one place.
+        // Three distributions: uniform, over many decades, and constant.
         let spreads: [fn(u64) -> u64; 3] = [|n| 200 + n, |n| 900 + n * n * n / 7_000, |_| 55_555];
         for spread in spreads {
             let seen = Distribution::of((1..=10_007).map(spread).collect());
@@ -160,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn two_distributions_together_are_that_of_all_samples() {
+    fn merged_distributions_equal_that_of_all_samples() {
         let histogram = |samples: core::ops::Range<u64>| {
             let histogram = Histogram::default();
             samples.for_each(|sample| histogram.record(sample * sample));

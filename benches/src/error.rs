@@ -3,7 +3,7 @@
 use motorium::session::SessionError;
 use motorium::testing::TopicSetError;
 
-/// A measurement that could not be made.
+/// A failed measurement.
 #[derive(Debug, thiserror::Error)]
 pub enum MeasureError {
     /// The system refused something.
@@ -17,7 +17,7 @@ pub enum MeasureError {
     /// The graph of a measurement cannot run here.
     #[error("the graph of the measurement cannot run on this machine: {0}")]
     Graph(String),
-    /// The topics of a measurement could not be made.
+    /// The topics of a measurement could not be created.
     #[error(transparent)]
     Topics(#[from] TopicSetError),
     /// The graph of a measurement did not start.
@@ -34,10 +34,10 @@ pub enum MeasureError {
     /// The graph of a measurement ended early.
     #[error("the graph of the measurement ended early: {0}")]
     Ended(String),
-    /// The user asked for the end.
+    /// The user requested the end.
     #[error("interrupted")]
     Interrupted,
-    /// The machine lacks what the measurement needs.
+    /// The machine lacks a requirement of the measurement.
     #[error("it needs {0}")]
     Needs(&'static str),
 }

@@ -1,5 +1,5 @@
-//! The components of the measurement of the command gate: one commands 7 joints, the other applies its commands, with the
-//! gate or without, and notes how long that took.
+//! Components for the measurement of the command gate. One commands 7 joints; the other applies the commands,
+//! with or without the gate, and measures the time.
 
 use core::hint::black_box;
 
@@ -19,13 +19,13 @@ use crate::Distribution;
 const JOINTS: usize = 7;
 /// Effort limit of each joint, N m.
 const EFFORT: f64 = 87.0;
-/// Age from which on the actuator without a gate applies a command no more, ns.
+/// Maximum age of commands applied by the actuator without a gate, ns.
 const STALE_NS: u64 = 5_000_000;
 /// Steps that are noted at most.
 const NOTED: usize = 1 << 16;
 
-/// The kinds of both components, for the program that hosts them.
-// Not inlined, as `Kind::of` asks for.
+/// Returns the kinds of both components, for the host program.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<Commander>(), Kind::of::<Actuator>()]
@@ -60,7 +60,7 @@ impl Component for Commander {
         let phase = rate * tick.time_ns as f64 * 1e-9;
         let mut command = self.command.loan()?;
         command.set_count(JOINTS);
-        // It begins at rest, where the joints are: the gate follows from the first command on.
+        // Starts at rest at the joints' positions, so the gate follows from the first command.
         command.position_mut().fill(height * (1.0 - phase.cos()));
         command.velocity_mut().fill(height * rate * phase.sin());
         command.effort_mut().fill(1.0);
@@ -78,8 +78,8 @@ pub struct ActuatorConfig {
     gated: bool,
 }
 
-/// Applies the commands of 7 joints that are where they are commanded to be, and notes the time of each step that
-/// followed a command.
+/// Applies the commands of 7 joints that follow their commands exactly, and records the time of each step
+/// with a command.
 struct Actuator {
     command: Input<JointCommand>,
     gate: Option<CommandGate>,
@@ -90,7 +90,7 @@ struct Actuator {
 }
 
 impl Actuator {
-    /// The sum of the efforts of all joints, N m; `None` where no command was followed.
+    /// Sum of the efforts of all joints, N m; `None` without a command.
     #[inline(never)]
     fn apply_gated(&mut self) -> Option<f64> {
         let gate = self.gate.as_mut()?;
@@ -101,7 +101,7 @@ impl Actuator {
         (verdict == Verdict::Applied).then_some(efforts)
     }
 
-    /// The same for the newest command as it is: only its numbers and its age are checked.
+    /// The same for the newest command without the gate: only values and age are checked.
     #[inline(never)]
     fn apply_bare(&mut self) -> Option<f64> {
         let command = self.command.latest()?;
@@ -166,7 +166,7 @@ impl Component for Actuator {
         if applied.is_some() && self.took_ns.len() < NOTED {
             self.took_ns.push(took);
         }
-        // The joints are where they were commanded to be.
+        // The joints are at their commanded positions.
         if let Some(command) = self.command.current() {
             self.position.copy_from_slice(command.position());
             self.velocity.copy_from_slice(command.velocity());

@@ -1,6 +1,6 @@
 //! Measurements of motorium against the floors of the machine and against peers.
 //!
-//! `motorium bench latency` runs them; `cargo bench -p motorium-benches` has those of the robot models.
+//! `motorium bench latency` runs them; `cargo bench -p motorium-benches` runs the measurements of the models.
 
 pub mod distribution;
 mod error;

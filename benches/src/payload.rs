@@ -14,22 +14,23 @@ pub trait Payload: StateBuffer {
     /// The numbers, to be written.
     fn values_mut(&mut self) -> &mut [f64];
 
-    /// Writes a time (ns, below 2^52) into each, raised by as many units of its last bit as the index of the number.
+    /// Writes a time (ns, below 2^52) into each, raised by as many units of its last bit as the index of the
+    /// number.
     fn write(&mut self, time_ns: u64) {
         self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }
 
-    /// As [`write`](Self::write), and checks each number while it is written: whether all are finite.
+    /// Like [`write`](Self::write), and checks each number while writing; returns whether all are finite.
     fn write_checked(&mut self, time_ns: u64) -> bool {
         f64::write_checked(self.values_mut(), times::<Self>(time_ns)).1
     }
 
-    /// As [`write_checked`](Self::write_checked), into the memory of a topic.
+    /// Like [`write_checked`](Self::write_checked), to the memory of a topic.
     fn write_into(loan: &mut Loan<'_, Self>, time_ns: u64) {
         loan.fill_from(Self::values, times::<Self>(time_ns));
     }
 
-    /// Reads every number. `None` if they are not of one time: the payload was torn.
+    /// Reads every number. `None` if their times differ, because the payload was torn.
     fn read(&self) -> Option<u64> {
         let first = self.values()[0];
         let values = self.values().iter().zip(times::<Self>(first as u64));
@@ -38,8 +39,8 @@ pub trait Payload: StateBuffer {
     }
 }
 
-/// The numbers of a payload of this time. All differ: a check of them cannot be made once for all. To make them takes an addition
-/// each: what is measured is how they get across.
+/// Numbers of a payload of this time. All differ, so a check cannot be hoisted. Each costs one addition, so
+/// their transfer dominates.
 fn times<P: Payload>(time_ns: u64) -> impl Iterator<Item = f64> {
     let time = (time_ns as f64).to_bits();
     (0..P::BYTES / size_of::<f64>()).map(move |index| f64::from_bits(time + index as u64))
@@ -72,7 +73,7 @@ macro_rules! payloads {
         /// The sizes there are, bytes.
         pub const SIZES: &[usize] = &[$($bytes),*];
 
-        /// Calls something for the payload of a size; `None` for another size.
+        /// Calls a visitor with the payload type of a size; `None` for an unknown size.
         pub fn with_payload<V: PayloadVisitor>(bytes: usize, visitor: V) -> Option<V::Output> {
             match bytes {
                 $($bytes => Some(visitor.visit::<$name>()),)*
@@ -104,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_written_is_read_and_a_torn_payload_is_noticed() {
+    fn payload_is_read_back_and_tearing_detected() {
         let mut payload = Payload512::default();
         payload.write(1_234_567_890_123);
         assert_eq!(payload.read(), Some(1_234_567_890_123));
@@ -113,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn every_size_has_its_type() {
+    fn every_size_has_a_type() {
         struct Size;
         impl PayloadVisitor for Size {
             type Output = usize;

@@ -1,5 +1,5 @@
-//! The floor of a chain: processes on one core that pass on a payload in plain shared memory and wake one another by a
-//! futex, at priorities that rise along the chain, and do nothing else.
+//! The floor of a chain: processes on one core that pass on a payload in plain shared memory and wake one
+//! another by a futex, at priorities that rise along the chain, and do nothing else.
 
 #![allow(unsafe_code)] // mapped bytes become words
 
@@ -23,7 +23,7 @@ pub(crate) const LINK: &str = "--bench-link";
 /// Numbers of the payload: 512 B.
 const NUMBERS: usize = 64;
 const PERIOD_NS: u64 = 1_000_000;
-/// Time before its release at which the head stops sleeping and spins, ns: as a component that is released by the clock.
+/// Time before its release at which the head stops sleeping and spins, ns, like a clock-released component.
 const SPIN_NS: u64 = 100_000;
 /// Passed on instead of a time: it is over.
 const OVER: u64 = 0;
@@ -40,7 +40,7 @@ pub(crate) struct RawChain {
     pub(crate) rounds: u64,
 }
 
-/// From one process to the next.
+/// Connection from one process to the next.
 #[repr(C, align(1024))]
 struct Link {
     published: AtomicU32,
@@ -69,14 +69,14 @@ impl Links {
     }
 
     fn links(&self) -> &[Link] {
-        // SAFETY: the file is as long as all links and samples (it was made so), the mapping begins on a page, and
-        // atomics are valid for any bytes.
+        // SAFETY: the file was created with the length of all links and samples, the mapping is page-aligned,
+        // and atomics are valid for any bytes.
         unsafe { core::slice::from_raw_parts(self.memory.as_ptr().cast::<Link>(), self.chain.processes) }
     }
 
     fn samples(&self) -> &[AtomicU64] {
         let links = self.chain.processes * size_of::<Link>();
-        // SAFETY: as above; the samples lie behind the links.
+        // SAFETY: as above; the samples follow the links.
         unsafe {
             let first = self.memory.as_ptr().add(links).cast::<AtomicU64>();
             core::slice::from_raw_parts(first, self.chain.rounds as usize)

@@ -39,7 +39,7 @@ config = {{ bytes = {bytes} }}
     let topics = TopicSet::create(&checked.plan)?;
     let path = topics.path();
     let measured = std::thread::scope(|scope| {
-        // A thread of its own: its priority and its core end with it.
+        // A separate thread, whose priority and core end with it.
         scope.spawn(move || with_payload(bytes, Reads { topics: path, reads, core, fifo })).join()
     });
     measured

@@ -1,4 +1,4 @@
-//! The component of the measurements: passes a payload on and notes how long it was on its way.
+//! Component of the measurements: passes a payload on and records its latency.
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -25,15 +25,15 @@ fn default_bytes() -> usize {
     512
 }
 
-/// The kind of the component, for the program that hosts it.
-// Not inlined, as `Kind::of` asks for.
+/// Returns the kind of the component, for the host program.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kind() -> Kind {
     Kind::of::<Relay>()
 }
 
-/// Reads all of a payload and writes all of the next. Without an input it is the head of a chain, without an output
-/// its tail, and the one that measures.
+/// Reads all of a payload and writes all of the next. Without an input it is the head of a chain, without an
+/// output its tail, and the one that measures.
 pub struct Relay {
     ports: Box<dyn Ports>,
     passes_on: bool,
@@ -43,7 +43,7 @@ pub struct Relay {
 
 /// The ports of a relay for one size of payload.
 trait Ports {
-    /// Reads what came in: source time and publish time, ns. `None` without input.
+    /// Reads the input: source time and publish time, ns. `None` without input.
     fn read(&mut self) -> Result<Option<(u64, u64)>, StepError>;
 
     /// Publishes, if there is anybody to publish for.
@@ -127,7 +127,7 @@ impl Component for Relay {
     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
         let read = self.ports.read()?;
         if self.passes_on {
-            // The next on its core runs when this step is over: recording here would be part of the way.
+            // The next process on this core runs after this step: recording here would add to the latency.
             return self.ports.write();
         }
         if let Some((source, published)) = read {
@@ -138,7 +138,7 @@ impl Component for Relay {
         Ok(())
     }
 
-    /// From the head of the chain, and from the relay before, to the payload read here.
+    /// Latencies from the head of the chain, and from the previous relay, to the read of the payload.
     fn result(&self) -> Option<serde_json::Value> {
         let ways = [("way_ns", &self.way), ("hop_ns", &self.hop)];
         let ways = ways.map(|(name, histogram)| (name.to_string(), Distribution::from_histogram(histogram)));

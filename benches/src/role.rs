@@ -1,4 +1,4 @@
-//! A measurement's own processes: the program that measures starts itself again.
+//! Processes of a measurement: the measuring program starts itself again.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,7 +29,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// Reads the command line of a process. A program that measures asks this first.
+    /// Parses the command line of a process. A measuring program calls this first.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, mark, side, folder] if mark == ROLE => {

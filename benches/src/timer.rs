@@ -11,16 +11,16 @@ pub const PERIOD_NS: u64 = 1_000_000;
 /// Measured wake-ups.
 #[derive(Debug, Clone)]
 pub struct WakeUps {
-    /// Time from each deadline to the first reading of the clock after it, ns.
+    /// Time from each deadline to the first clock reading after it, ns.
     pub late_ns: Vec<u64>,
-    /// `SCHED_FIFO` priority they were measured at, read back; 0 for normal time sharing.
+    /// `SCHED_FIFO` priority during the measurement, read back; 0 for normal time sharing.
     pub fifo: u8,
-    /// True if the thread ran on the core that was asked for alone, read back.
+    /// `true` if the thread ran only on the requested core, read back.
     pub pinned: bool,
 }
 
-/// Sleeps to absolute deadlines with plain `clock_nanosleep`, a millisecond apart, in a thread of its own on one core
-/// at one `SCHED_FIFO` priority (0: normal time sharing).
+/// Sleeps to absolute deadlines with plain `clock_nanosleep`, a millisecond apart, in a thread of its own on
+/// one core at one `SCHED_FIFO` priority (0: normal time sharing).
 ///
 /// # Errors
 /// The thread died.
@@ -39,7 +39,7 @@ fn timer_here(core: usize, fifo: u8, wake_ups: usize) -> WakeUps {
         sleep_until(deadline);
         let now = monotonic_ns();
         *late = now.saturating_sub(deadline);
-        // The releases a long delay has swallowed are not waited for: they would count as on time.
+        // Releases swallowed by a long delay are skipped, since they would count as on time.
         deadline += (*late / PERIOD_NS + 1) * PERIOD_NS;
     }
     WakeUps { late_ns, fifo: applied.fifo_priority, pinned: applied.cores == [core] }
@@ -58,7 +58,7 @@ pub fn clock() -> Vec<u64> {
     (0..2_000).map(mean).collect()
 }
 
-/// The places of the measurements: the core of real-time work, and another one if there is any.
+/// Cores of the measurements: the real-time core, and another one if available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Places {
     /// Core of the real-time components of graphs: the last one.

@@ -1,6 +1,7 @@
 //! Loads a robot and prints the pose and the Jacobian of its tool frame at the home pose.
 //!
-//! `cargo run -p motorium-robots --example forward_kinematics -- [ROBOT]`: a catalogue name (default `panda`) or a file.
+//! `cargo run -p motorium-robots --example forward_kinematics -- [ROBOT]`: a catalogue name (default `panda`)
+//! or a file.
 
 use std::error::Error;
 use std::path::Path;
@@ -21,7 +22,7 @@ pub(crate) fn run(robot: &str) -> Result<(), Box<dyn Error>> {
         None => model.neutral(),
     };
 
-    // The workspace is made once; nothing below allocates.
+    // The workspace is created once; nothing below allocates.
     let mut kinematics = Kinematics::new(model);
     let mut jacobian = Matrix6xX::zeros(model.nv());
     kinematics.update(model, &q);

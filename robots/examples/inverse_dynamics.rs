@@ -1,6 +1,7 @@
 //! Computes the joint efforts for a motion of a robot, and checks them by forward dynamics.
 //!
-//! `cargo run -p motorium-robots --example inverse_dynamics -- [ROBOT]`: a catalogue name (default `panda`) or a file.
+//! `cargo run -p motorium-robots --example inverse_dynamics -- [ROBOT]`: a catalogue name (default `panda`)
+//! or a file.
 
 use std::error::Error;
 use std::path::Path;

@@ -12,16 +12,16 @@ use crate::{Object, urdf};
 /// Red, green and blue, 0 to 1 each.
 pub type Colour = [f64; 3];
 
-/// Colour of objects that stand fixed.
+/// Colour of fixed objects.
 const FIXED: Colour = [0.55, 0.58, 0.62];
 /// Colour of objects that move.
 const FREE: Colour = [0.85, 0.55, 0.2];
 /// Colour of the ground.
 const EARTH: Colour = [0.8, 0.82, 0.84];
-/// Colours of links that state none: the base, then links in turn.
+/// Colours of links without a stated colour: the base, then alternating links.
 const PLAIN: [Colour; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 0.84]];
 
-/// The looks of a world, for cameras: physics does not depend on them.
+/// The appearance of a world, for cameras. It has no effect on physics.
 ///
 /// ```
 /// use motorium_robots::Appearance;
@@ -39,8 +39,9 @@ const PLAIN: [Colour; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Appearance {
-    /// Colours of objects by their names, of the plane by `ground`, of the terrain by `terrain`: red, green and blue, 0 to 1.
-    /// Default: fixed objects grey, free ones orange, the ground light grey. Links have the colours of their visuals.
+    /// Colours of objects by their names, of the plane by `ground`, of the terrain by `terrain`: red, green
+    /// and blue, 0 to 1. Default: fixed objects grey, free ones orange, the ground light grey. Links have the
+    /// colours of their visuals.
     pub colours: BTreeMap<String, Colour>,
     /// Squares of a second colour on the ground. Default: none.
     pub checker: Option<Checker>,
@@ -50,7 +51,7 @@ pub struct Appearance {
     pub light: Light,
 }
 
-/// Squares on the ground, every second one in a colour of its own. A corner lies at the origin of the world.
+/// A checkerboard on the ground. A corner is at the origin of the world.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Checker {
@@ -62,16 +63,16 @@ pub struct Checker {
 
 /// Light from far away, as the sun's, and from all sides.
 ///
-/// A matt surface of colour `c` with the outward normal `n` is seen as `c (ambient + (1 - ambient) max(0, -n d))`, `d` the
-/// direction of the light (Lambert's law); in a shadow as `c ambient`.
+/// A matt surface of colour `c` with the outward normal `n` is seen as `c (ambient + (1 - ambient) max(0, -n
+/// d))`, `d` the direction of the light (Lambert's law); in a shadow as `c ambient`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Light {
-    /// Direction in which it shines, of any length but 0. Default [0.3, 0.4, -1.0].
+    /// Direction of the light, of any nonzero length. Default [0.3, 0.4, -1.0].
     pub direction: [f64; 3],
-    /// Share of the light that comes from all sides, 0 to 1. Default 0.35.
+    /// Fraction of ambient light, 0 to 1. Default 0.35.
     pub ambient: f64,
-    /// True if what stands in the light casts a shadow. Default true.
+    /// `true` if objects cast shadows. Default true.
     pub shadows: bool,
 }
 
@@ -100,7 +101,7 @@ impl Appearance {
         stated.copied().unwrap_or(EARTH)
     }
 
-    /// Checks every value, and that what has a colour is there.
+    /// Checks every value, and that coloured objects exist.
     pub(crate) fn check(&self, world: &World) -> Result<(), WorldError> {
         let share = |field: &'static str, value: f64| {
             check("appearance", field, value, (0.0..=1.0).contains(&value), "a number from 0 to 1")
@@ -148,7 +149,7 @@ impl Appearance {
 pub struct LinkColours(BTreeMap<String, Vec<Option<Colour>>>);
 
 impl LinkColours {
-    /// The colours in the text of a URDF file; none in another text.
+    /// Reads the colours in the text of a URDF file; empty for another text.
     pub fn of_urdf(text: &str) -> Self {
         Self(urdf::visual_colours(text))
     }
@@ -158,7 +159,7 @@ impl LinkColours {
         Self(links)
     }
 
-    /// These, and those of another for links of which no shape states a colour here.
+    /// Returns these colours, completed by another set for links without a colour here.
     #[must_use]
     pub(crate) fn or(mut self, other: Self) -> Self {
         for (link, colours) in other.0 {
@@ -170,13 +171,13 @@ impl LinkColours {
         self
     }
 
-    /// The colour of a shape of a link: that of the visual at its `place` among those of the link, else of the last one, else a
-    /// plain one by the moving `body` that the link belongs to; `None` is the base.
+    /// Returns the colour of a shape of a link: the visual at index `place` of the link, else its last
+    /// visual, else a default by the moving `body` of the link; `None` is the base.
     pub fn of_shape(&self, link: &str, place: usize, body: Option<usize>) -> Colour {
         self.stated(link, place).unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
     }
 
-    /// The colour of the visual at a `place` among those of a link, else of the last one, where it states one.
+    /// Returns the colour of the visual at index `place` of a link, else of its last visual, if stated.
     pub(crate) fn stated(&self, link: &str, place: usize) -> Option<Colour> {
         self.0.get(link).and_then(|colours| colours.get(place).or(colours.last())).copied().flatten()
     }

@@ -1,4 +1,4 @@
-//! The robots that come with the crate: one folder each, `catalogue/<name>/<name>.urdf` and `<name>.toml`.
+//! Robots included in the crate, one folder each: `catalogue/<name>/<name>.urdf` and `<name>.toml`.
 
 use std::sync::LazyLock;
 
@@ -11,7 +11,7 @@ pub struct Entry {
     pub name: &'static str,
     /// Its URDF.
     pub urdf: &'static str,
-    /// Its poses, end effectors and gains.
+    /// Poses, end effectors and gains.
     pub profile: Profile,
 }
 
@@ -51,7 +51,7 @@ static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
     ]
 });
 
-/// All robots of the catalogue, in alphabetical order.
+/// Returns all robots of the catalogue, in alphabetical order.
 pub fn catalogue() -> &'static [Entry] {
     &ENTRIES
 }

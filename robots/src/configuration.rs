@@ -1,8 +1,9 @@
-//! The configuration manifold: integration, differences, interpolation, and the coordinates of other programs.
+//! The configuration manifold: integration, differences, interpolation, and the coordinates of other
+//! programs.
 //!
-//! On a floating base `q` begins with the base's position in the world and its orientation as a quaternion x y z w, and
-//! `v` with the velocity of the base's origin and its angular velocity, both in the base's axes. Everything else is one
-//! number per joint in both; a continuous joint is one unbounded angle.
+//! On a floating base `q` begins with the base's position in the world and its orientation as a quaternion x
+//! y z w, and `v` with the velocity of the base's origin and its angular velocity, both in the base's axes.
+//! Everything else is one number per joint in both; a continuous joint is one unbounded angle.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3, Vector6};
 
@@ -10,7 +11,7 @@ use crate::lie::se3;
 use crate::{JointKind, Model};
 
 impl Model {
-    /// The configuration with every joint at zero and the base where its file puts it.
+    /// Returns the configuration with all joints at zero and the base at its pose in the file.
     pub fn neutral(&self) -> Vec<f64> {
         let mut q = vec![0.0; self.nq()];
         if self.base().floating {
@@ -54,7 +55,7 @@ impl Model {
         }
     }
 
-    /// The configuration at `share` of the way from `from` (0) to `to` (1), along [`difference`](Self::difference).
+    /// Interpolates between `from` (share 0) and `to` (share 1) along [`difference`](Self::difference).
     pub fn interpolate(&self, from: &[f64], to: &[f64], share: f64, q_out: &mut [f64]) {
         assert!(from.len() == self.nq() && to.len() == self.nq() && q_out.len() == self.nq(), "length of q");
         let offset = self.nq() - self.joint_count();
@@ -67,8 +68,8 @@ impl Model {
         }
     }
 
-    /// `q` in Pinocchio's layout: the base as here, a continuous joint as its cosine and sine, so that a planar joint
-    /// is x, y, cosine and sine. Joints keep our order.
+    /// Converts `q` to Pinocchio's layout: the same base, and cosine and sine for a continuous joint, so that
+    /// a planar joint is x, y, cosine and sine. The order of the joints is kept.
     pub fn to_pinocchio(&self, q: &[f64]) -> Vec<f64> {
         let mut out = q[..self.nq() - self.joint_count()].to_vec();
         for (index, &angle) in self.joints_of_q(q).iter().enumerate() {
@@ -80,8 +81,8 @@ impl Model {
         out
     }
 
-    /// The reverse of [`to_pinocchio`](Self::to_pinocchio); angles of continuous joints come out in -pi .. pi. `None`
-    /// when `q` has another length than this model's layout.
+    /// The inverse of [`to_pinocchio`](Self::to_pinocchio); angles of continuous joints are in -pi .. pi.
+    /// `None` if the length of `q` does not match the layout.
     pub fn from_pinocchio(&self, q: &[f64]) -> Option<Vec<f64>> {
         let start = self.nq() - self.joint_count();
         let mut out = q.get(..start)?.to_vec();
@@ -96,11 +97,11 @@ impl Model {
         rest.next().is_none().then_some(out)
     }
 
-    /// A velocity `v` at `q` in Pinocchio's axes. They differ for a planar joint alone, which moves there along the
-    /// axes of the body, here along those of the plane. Efforts `tau` turn in the same way.
+    /// Converts a velocity `v` at `q` to Pinocchio's axes. Only planar joints differ: Pinocchio uses the axes
+    /// of the body, this crate the axes of the plane. Efforts `tau` are converted in the same way.
     ///
-    /// Pinocchio takes every planar joint to lie in x and y, whatever axis its file gives; here the plane is square to
-    /// it.
+    /// Pinocchio puts every planar joint in the x-y plane and ignores the axis in the file; here the plane is
+    /// normal to the axis.
     pub fn velocity_to_pinocchio(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
         self.turned_planes(q, v, -1.0)
     }
@@ -128,8 +129,8 @@ impl Model {
         out
     }
 
-    /// `q` and `v` in MuJoCo's layout: quaternion w x y z, linear velocity of the base in world axes, its angular
-    /// velocity in its own. Joints keep our order.
+    /// `q` and `v` in MuJoCo's layout: quaternion w x y z, linear velocity of the base in world axes, its
+    /// angular velocity in its own. Joints keep our order.
     pub fn to_mujoco(&self, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (mut qpos, mut qvel) = (q.to_vec(), v.to_vec());
         if self.base().floating {

@@ -1,11 +1,11 @@
-//! The frame a task controls: the one that is named, or that of the robot's only end effector.
+//! Selection of the controlled frame: a named one, or the robot's only end effector.
 
 use crate::{FrameId, Loaded, Model, Profile, UnknownFrame};
 
 /// A frame to control that cannot be chosen.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EndEffectorError {
-    /// No frame is named, and the robot's profile, if there is one, has no end effector.
+    /// No frame is named, and the profile (if any) has no end effector.
     #[error("robot `{robot}` has no known end effector, and no `frame` is given")]
     NoneKnown {
         /// Name of the robot in its file.
@@ -21,7 +21,7 @@ pub enum EndEffectorError {
         /// Frames of the end effectors.
         frames: Vec<String>,
     },
-    /// The named frame is one that no joint moves.
+    /// No joint moves the named frame.
     #[error("`{frame}` of robot `{robot}` is fixed to the world: no joint moves it")]
     Fixed {
         /// The frame.
@@ -37,7 +37,7 @@ pub enum EndEffectorError {
 }
 
 impl EndEffectorError {
-    /// A frame that could be named instead, as an example for the user.
+    /// Returns a frame that could be named, as an example in messages.
     pub fn example(&self) -> Option<&str> {
         match self {
             Self::NoneKnown { example, .. } | Self::Fixed { example, .. } => Some(example),
@@ -48,11 +48,11 @@ impl EndEffectorError {
 }
 
 impl Model {
-    /// The frame called `frame`; without a name that of the only end effector of `profile`.
+    /// Returns the frame called `frame`, or the only end effector of `profile` if no name is given.
     ///
     /// # Errors
     ///
-    /// [`EndEffectorError`]: no such frame, one that no joint moves, or none or several to choose from.
+    /// [`EndEffectorError`]: the frame is unknown or immovable, or there is no unique end effector.
     ///
     /// ```
     /// # use std::path::Path;
@@ -93,8 +93,8 @@ impl Model {
         frame.body.is_some() || (self.base().floating && !frame.in_world)
     }
 
-    /// The frame at the end of the longest chain of joints, before its fingers: the last one of its body, for the tool's
-    /// usually comes last. `None` if no joint moves any.
+    /// The frame at the end of the longest chain of joints, before its fingers: the last one of its body, for
+    /// the tool's usually comes last. `None` if no joint moves any.
     ///
     /// ```
     /// # use std::path::Path;
@@ -110,7 +110,8 @@ impl Model {
         let longest = depths.iter().copied().max()?;
         let mut ends = (0..depths.len()).filter(|body| depths[*body] == longest);
         let first = ends.next()?;
-        // Several bodies side by side are the fingers of a hand; otherwise the first of several chains of one length.
+        // Several bodies side by side are the fingers of a hand; otherwise the first of several chains of one
+        // length.
         let parent = self.bodies()[first].parent;
         let fingers = ends.clone().next().is_some() && ends.all(|body| self.bodies()[body].parent == parent);
         let body = parent.filter(|_| fingers).unwrap_or(first);
@@ -123,7 +124,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// As there.
+    /// Same as [`Model::end_effector`].
     pub fn end_effector(&self, frame: Option<&str>) -> Result<FrameId, EndEffectorError> {
         self.model.end_effector(self.profile.as_ref(), frame)
     }

@@ -1,4 +1,4 @@
-//! Reading files of bounded size, and nothing that never ends.
+//! Reading of regular files with bounded size.
 
 use std::fs::File;
 use std::io::{Error, Read as _, Result};
@@ -7,9 +7,10 @@ use std::path::Path;
 /// The content of a regular file of at most `longest` bytes.
 ///
 /// # Errors
-/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a file.
+/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a
+/// file.
 pub(crate) fn read_bounded(path: &Path, longest: u64) -> Result<Vec<u8>> {
-    // Asked before it is opened: opening a pipe waits for its other end.
+    // Checked before opening: opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path)?;
     if !metadata.is_file() {
         let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
@@ -21,7 +22,7 @@ pub(crate) fn read_bounded(path: &Path, longest: u64) -> Result<Vec<u8>> {
     }
     let mut bytes = Vec::new();
     File::open(path)?.take(longest + 1).read_to_end(&mut bytes)?;
-    // It may have grown since it was asked.
+    // The file may have grown since the check.
     if bytes.len() as u64 > longest { Err(refuse(bytes.len() as u64)) } else { Ok(bytes) }
 }
 

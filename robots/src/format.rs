@@ -6,11 +6,11 @@ pub enum FileFormat {
     /// URDF, or MJCF when the root element is `<mujoco>`; a folder that has both means its URDF.
     #[default]
     Any,
-    /// MJCF. No robot of the catalogue is in it.
+    /// MJCF. Not used in the catalogue.
     Mjcf,
 }
 
-/// True where the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
+/// Returns `true` if the root element of an XML text is `<mujoco>`, after any declarations and comments.
 pub(crate) fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {

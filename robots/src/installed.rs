@@ -1,5 +1,5 @@
-//! Installed robots, unpacked on this machine: `$MOTORIUM_ROBOTS`, else `motorium/robots` in the user's data folder.
-//! Each folder there is a collection; whatever `.urdf` file lies in it is a robot.
+//! Installed robots, unpacked on this machine: `$MOTORIUM_ROBOTS`, else `motorium/robots` in the user's data
+//! folder. Each folder there is a collection; every `.urdf` file in it is a robot.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub struct Installed {
     /// The name to load it by: its file's, without the extension.
     pub name: String,
-    /// The collection it belongs to. `COLLECTION/NAME` loads it, too.
+    /// Collection of the robot. `COLLECTION/NAME` loads it as well.
     pub collection: String,
     /// Its URDF file.
     pub urdf: PathBuf,
@@ -24,7 +24,7 @@ pub fn installed_folder() -> Option<PathBuf> {
     })
 }
 
-/// All robots in the folder of installed robots, by name.
+/// Returns all installed robots, by name.
 pub fn installed() -> Vec<Installed> {
     installed_folder().map(|folder| installed_in(&folder)).unwrap_or_default()
 }

@@ -1,8 +1,8 @@
-//! Inverse kinematics as a library call: the configuration that puts a frame somewhere.
+//! Inverse kinematics: finds a configuration for a pose of a frame.
 //!
-//! Damped least squares (Wampler 1986; the damping follows the error, in the spirit of Sugihara 2011) on the
-//! configuration manifold, inside the joint limits, from several starting points, with what freedom is left drawn
-//! towards the posture it starts from.
+//! Damped least squares (Wampler 1986; damping proportional to the error, in the spirit of Sugihara 2011) on
+//! the configuration manifold, within the joint limits and from several starting points. The remaining
+//! freedom is pulled towards the initial posture.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 
@@ -28,8 +28,8 @@ pub struct IkOptions {
 }
 
 impl Default for IkOptions {
-    /// A tenth of a micrometre and a microradian, 100 steps from each of 32 starting points, a tenth of the way to the
-    /// posture a step.
+    /// Tolerances of 0.1 um and 1 urad, 100 steps from each of 32 starting points, and a pull of a tenth of
+    /// the distance to the posture per step.
     fn default() -> Self {
         Self { position_tolerance: 1e-7, rotation_tolerance: 1e-6, iterations: 100, seeds: 32, posture: 0.1 }
     }
@@ -42,7 +42,7 @@ pub struct IkSolution {
     pub position_error: f64,
     /// Angle left \[rad\].
     pub rotation_error: f64,
-    /// The starting point that led there, counted from 0.
+    /// Index of the successful starting point, from 0.
     pub seed: usize,
     /// Steps from there.
     pub iterations: usize,
@@ -62,11 +62,11 @@ pub struct IkFailure {
     pub seeds: usize,
     /// Distance of the best configuration \[m\].
     pub position_error: f64,
-    /// Its angle from the target \[rad\].
+    /// Angle from the target \[rad\].
     pub rotation_error: f64,
-    /// Joints that stand at a limit there.
+    /// Joints at a limit.
     pub at_limits: Vec<String>,
-    /// The arm is stretched or folded there: no joint motion reduces the error any further.
+    /// The arm is stretched or folded: no joint motion reduces the error further.
     pub singular: bool,
 }
 
@@ -78,8 +78,8 @@ fn explanation(at_limits: &[String], singular: bool) -> String {
     }
 }
 
-/// Workspace for the inverse kinematics of one [`Model`] on a fixed or floating base. Nothing allocates after
-/// [`new`](Self::new), failures apart.
+/// Workspace for the inverse kinematics of one [`Model`] with a fixed or floating base. Only
+/// [`new`](Self::new) and failures allocate.
 #[derive(Clone, Debug)]
 pub struct InverseKinematics {
     kinematics: Kinematics,
@@ -110,8 +110,8 @@ impl InverseKinematics {
         }
     }
 
-    /// Finds `q` that puts `frame` at `target` (in the world), starting from the `q` handed in, which is also the
-    /// posture that freedom left over is drawn towards. All joints stay within their limits.
+    /// Finds `q` that puts `frame` at `target` (in the world), starting from the `q` handed in, which is also
+    /// the posture that freedom left over is drawn towards. All joints stay within their limits.
     ///
     /// # Errors
     ///
@@ -140,8 +140,8 @@ impl InverseKinematics {
                     q.copy_from_slice(self.trial.as_slice());
                     return Ok(IkSolution { position_error, rotation_error, seed, iterations });
                 }
-                // The first half of the steps from the given start is drawn towards the posture, the rest is not,
-                // so that the target is met. Other starts try other solutions.
+                // From the given start, the first half of the steps includes the pull towards the posture;
+                // the rest does not, so that the target is met. Other starts seek other solutions.
                 let posture = (seed == 0 && 2 * iterations < options.iterations).then_some(&*q);
                 self.advance(model, frame, &error, posture, options);
             }
@@ -169,8 +169,8 @@ impl InverseKinematics {
         }
     }
 
-    /// Error at `trial`: the motion of the frame, in world axes, that is still missing. The angular part is zero
-    /// where it does not matter.
+    /// Error at `trial`: the remaining motion of the frame, in world axes. The angular part is zero if
+    /// irrelevant.
     fn error(
         &mut self,
         model: &Model,
@@ -189,7 +189,7 @@ impl InverseKinematics {
         Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
     }
 
-    /// One damped step; joints that would leave their range stop at its end.
+    /// One damped step; joints stop at the ends of their range.
     fn advance(
         &mut self,
         model: &Model,
@@ -203,7 +203,7 @@ impl InverseKinematics {
             self.jacobian.rows_mut(3, 3).fill(0.0);
         }
         let offset = model.nv() - model.joint_count();
-        // A joint at its limit that the error pushes outwards takes no part.
+        // A joint at its limit that the error pushes outwards is excluded.
         self.wanted.gemv_tr(1.0, &self.jacobian, error, 0.0);
         for index in 0..model.joint_count() {
             let at = model.joints_of_q(self.trial.as_slice())[index];
@@ -217,8 +217,8 @@ impl InverseKinematics {
             model.difference(self.trial.as_slice(), posture, self.pull.as_mut_slice());
             self.pull *= options.posture;
         }
-        // step = pull + J' (J J' + damping)^-1 (error - J pull)
-        // In proportion to the error: enough to settle where a target is out of reach, quadratic where it is not.
+        // step = pull + J' (J J' + damping)^-1 (error - J pull). Damping proportional to the error settles at
+        // unreachable targets and converges quadratically otherwise.
         let damping = 0.5 * error.norm() + 1e-12;
         let mut gram = nalgebra::Matrix6::zeros();
         for i in 0..6 {

@@ -1,4 +1,5 @@
-//! A robot of which a graph moves only some joints: the others are held where it says, and their bodies welded.
+//! A robot of which a graph moves only some joints; the others are held at given positions and their bodies
+//! welded.
 
 use std::collections::BTreeMap;
 
@@ -6,17 +7,19 @@ use crate::nearest::nearest;
 use crate::settings::SettingError;
 use crate::{Loaded, Model, Profile};
 
-/// The joints of a robot that a graph moves, and the positions of others.
+/// The joints of a robot moved by a graph, and the positions of the others.
 #[derive(Debug, Default)]
 pub(crate) struct JointSubset {
-    /// Joints, or end effectors of the profile for the joints that place them. `None`: all that have no position.
+    /// Joints, or end effectors of the profile for the joints that move them. `None`: all joints without a
+    /// fixed position.
     pub(crate) joints: Option<Vec<String>>,
     /// Positions at which joints are held \[rad or m\].
     pub(crate) fixed: BTreeMap<String, f64>,
 }
 
 impl JointSubset {
-    /// Locks the joints that are left out: at their position, or else in the pose `pose` of the profile, or the one that it starts in.
+    /// Locks the joints that are left out: at their position, or else in the pose `pose` of the profile, or
+    /// the one that it starts in.
     pub(crate) fn apply(&self, robot: &mut Loaded, pose: Option<&str>) -> Result<(), SettingError> {
         if self.joints.is_none() && self.fixed.is_empty() {
             return Ok(());
@@ -27,7 +30,7 @@ impl JointSubset {
         if !moved.contains(&true) {
             return Err(SettingError::new("joints", "no joint is left that moves"));
         }
-        // the key that asks for the pose
+        // the key that requests the pose
         let asks = match (pose, &self.joints) {
             (Some(_), _) => "start",
             (None, Some(_)) => "joints",
@@ -76,7 +79,7 @@ impl JointSubset {
         Ok(())
     }
 
-    /// For each joint of the model true if it moves.
+    /// For each joint of the model, `true` if it moves.
     fn moved(&self, model: &Model, profile: Option<&Profile>) -> Result<Vec<bool>, SettingError> {
         let mut moved = vec![self.joints.is_none(); model.joint_count()];
         for name in self.joints.iter().flatten() {
@@ -121,7 +124,7 @@ fn joint(
 }
 
 impl Profile {
-    /// Leaves out what is said of joints that the model of the robot no longer has.
+    /// Removes entries of joints that the robot's model no longer has.
     fn keep_joints(&mut self, model: &Model) {
         let has = |joint: &String| model.joint_index(joint).is_some();
         let kept: Vec<bool> = self.joints.iter().map(has).collect();
@@ -135,7 +138,7 @@ impl Profile {
             end.joints.retain(has);
             end.fingers.retain(has);
         }
-        // one that no joint moves any more can do nothing
+        // an end effector without moving joints has no effect
         self.end_effectors.retain(|_, end| !end.joints.is_empty());
         self.feet.values_mut().for_each(|foot| foot.joints.retain(has));
         let drives = |base: &crate::MobileBase| {

@@ -1,27 +1,27 @@
-//! Robot models for motorium: URDF, kinematics and dynamics, without any runtime.
+//! Robot models for motorium: URDF, kinematics and dynamics, independent of the runtime.
 //!
-//! [`load`] turns a catalogue name, a folder, a URDF or an MJCF file into a [`Model`]. [`Kinematics`], [`Dynamics`],
-//! [`ConstrainedDynamics`] and [`InverseKinematics`] are preallocated workspaces over it: after `new` they never
-//! allocate.
+//! [`load`] turns a catalogue name, a folder, a URDF or an MJCF file into a [`Model`]. [`Kinematics`],
+//! [`Dynamics`], [`ConstrainedDynamics`] and [`InverseKinematics`] are preallocated workspaces for it: only
+//! `new` allocates.
 //!
 //! # Conventions
 //!
 //! - SI units, radians, `f64`. The world frame is the frame of the URDF's root link, unless the base floats.
-//! - `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic), parents before
-//!   children, siblings in the order of the URDF file; a planar joint counts as two slides and a turn. A continuous
-//!   joint is one unbounded angle. On a fixed base `nq == nv`.
-//! - On a floating base `q` begins with the base's position in the world and its orientation, a quaternion x y z w; `v`
-//!   with the velocity of the base's origin and its angular velocity, both in the base's axes; `a` with the derivative
-//!   of those six numbers (the spatial acceleration, not the classical one); `tau` with a wrench at the base's origin
-//!   in its axes. That is Pinocchio's convention; [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert what
-//!   differs.
-//! - A mimic joint stands at `multiplier * q[of] + offset`; its motion, forces and inertia fold into the column of the
-//!   joint it follows.
+//! - `v`, `a` and `tau` have one entry per *independent* joint (revolute, continuous, prismatic), parents
+//!   before children, siblings in the order of the URDF file; a planar joint counts as two prismatic joints
+//!   and a revolute one. A continuous joint is one unbounded angle. On a fixed base `nq == nv`.
+//! - With a floating base, `q` starts with the base's position in the world and its orientation, a quaternion
+//!   x y z w; `v` starts with the velocity of the base's origin and its angular velocity, both in base axes.
+//!   `a` starts with the derivative of these six numbers (the spatial acceleration, not the classical one),
+//!   and `tau` with a wrench at the base's origin in its axes. This is Pinocchio's convention;
+//!   [`Model::to_pinocchio`] and [`Model::to_mujoco`] convert the differences.
+//! - A mimic joint is at `multiplier * q[of] + offset`; its motion, forces and inertia are included in the
+//!   column of the joint it follows.
 //! - Spatial vectors and the rows of a Jacobian have the linear part first, then the angular part.
 //! - A body frame is the frame of the URDF child link of its joint; links fixed to it are merged into it.
-//! - Joint damping and friction are read but never part of a dynamics quantity here: simulators add them.
-//!   Rotors of drives, where a file has them, are: as an armature (reduction squared times inertia) on the diagonal of
-//!   `M`.
+//! - Joint damping and friction are read but not part of any dynamics quantity here; simulators add them.
+//!   Drive rotors in the file are included as an armature (reduction squared times inertia) on the diagonal
+//!   of `M`.
 //!
 //! ```
 //! use motorium_robots::{Kinematics, load};

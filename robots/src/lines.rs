@@ -2,7 +2,8 @@
 
 use crate::Position;
 
-/// The starts of the lines of a text: a position is found by bisection, not by reading the text from its beginning.
+/// The starts of the lines of a text: a position is found by bisection, not by reading the text from its
+/// beginning.
 pub(crate) struct Lines<'a> {
     text: &'a str,
     starts: Vec<usize>,
@@ -27,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_position_is_that_of_the_xml_reader() {
+    fn positions_match_the_xml_reader() {
         let text = "<a>\n  <b x=\"ä€\"/>\r\n\n<c/></a>\n";
         let document = roxmltree::Document::parse(text).unwrap();
         let lines = Lines::new(text);

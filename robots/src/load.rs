@@ -22,22 +22,24 @@ pub struct Loaded {
     pub model: Model,
     /// Defects of its file, each naming the link or joint. Show them to the user.
     pub warnings: Vec<ModelWarning>,
-    /// Poses, end effectors and gains: the catalogue's, or those of the `.toml` of the same name beside the file.
+    /// Poses, end effectors and gains: from the catalogue, or from the `.toml` of the same name next to the
+    /// file.
     pub profile: Option<Profile>,
-    /// Key poses that the SRDF of the file names, beside it or in the `srdf` folder beside its folder.
+    /// Key poses in the file's SRDF, next to it or in the `srdf` folder next to its folder.
     pub postures: Vec<Posture>,
     /// Pairs of bodies that an MJCF file excludes from collision.
     pub exclusions: Srdf,
-    /// Joints of the file that the model does not have, because a graph holds them, and their positions \[rad or m\].
+    /// Joints of the file that are not in the model because a graph holds them, and their positions \[rad or
+    /// m\].
     pub held: Vec<(String, f64)>,
-    /// The catalogue entry, when it came from there.
+    /// The catalogue entry, if the robot is from the catalogue.
     pub entry: Option<&'static Entry>,
-    /// The URDF or MJCF file, when it came from one.
+    /// The URDF or MJCF file, if the robot was loaded from one.
     pub path: Option<PathBuf>,
 }
 
 impl Loaded {
-    /// The text of its file, URDF or MJCF; `None` if it was not loaded from one.
+    /// Returns the text of its URDF or MJCF file; `None` if it was not loaded from one.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
@@ -47,7 +49,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file cannot be read any more.
+    /// The file can no longer be read.
     pub fn text(&self) -> io::Result<Option<String>> {
         match (&self.entry, &self.path) {
             (Some(entry), _) => Ok(Some(entry.urdf.to_string())),
@@ -60,8 +62,8 @@ impl Loaded {
 /// Treatment of the root link: fixed to the world, or free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BaseMode {
-    /// As the robot's files say: the root link moves freely if its profile says so; else it is fixed to the world,
-    /// unless a `floating` joint is all that moves it.
+    /// As in the robot's files: the root link is floating if the profile specifies it; otherwise it is fixed
+    /// to the world, unless the only joint that moves it is `floating`.
     #[default]
     AsFile,
     /// The root link moves freely.
@@ -87,7 +89,7 @@ pub struct LoadOptions {
     pub format: FileFormat,
 }
 
-/// The shapes of a file that become those of its [`Model`].
+/// The shapes of a file that are used in its [`Model`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShapeSource {
     /// Those that collide.
@@ -100,7 +102,7 @@ pub enum ShapeSource {
 /// Source of a robot's profile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ProfileChoice {
-    /// That of the catalogue, or the `.toml` of the same name beside the file, if there is one.
+    /// The catalogue's profile, or the `.toml` of the same name next to the file, if it exists.
     #[default]
     Own,
     /// A file.
@@ -112,7 +114,7 @@ pub enum ProfileChoice {
 /// A robot that cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// Neither in the catalogue nor on the disk.
+    /// The robot is neither in the catalogue nor on disk.
     #[error(
         "robot \"{reference}\" is neither in the catalogue nor installed, nor a file or folder ({} does not exist){}",
         .path.display(), suggestion(.nearest.as_deref())
@@ -136,7 +138,7 @@ pub enum LoadError {
         /// The files in it.
         names: Vec<String>,
     },
-    /// A robot that was to be in an MJCF file and is not.
+    /// The file is not MJCF, although it was specified as such.
     #[error("{} is no MJCF file: its root element is not <mujoco>; name it by `urdf`", .0.display())]
     NotMjcf(PathBuf),
     /// A file that cannot be read.
@@ -147,7 +149,7 @@ pub enum LoadError {
         /// Cause.
         source: io::Error,
     },
-    /// A file that is not text in UTF-8.
+    /// The file is not UTF-8 text.
     #[error("{}:{}:{}: byte {byte:#04x} is not UTF-8; save the file as UTF-8", .path.display(), .at.line, .at.column)]
     NotText {
         /// The file.
@@ -163,7 +165,7 @@ pub enum LoadError {
     /// An MJCF file with a fault.
     #[error(transparent)]
     Mjcf(#[from] MjcfError),
-    /// A setting of a graph that does not fit the robot.
+    /// A setting of a graph does not match the robot.
     #[error(transparent)]
     Setting(#[from] crate::SettingError),
     /// A profile with a fault.
@@ -179,8 +181,8 @@ pub enum LoadError {
 /// Loads a robot: a catalogue name (`panda`), a folder or file relative to `base`, or the name of an
 /// [installed](crate::installed) robot. A file is URDF, or MJCF when its root element is `<mujoco>`.
 ///
-/// A catalogue name wins over a folder of the same name (write `./panda` for the folder), a folder over an installed
-/// robot.
+/// A catalogue name wins over a folder of the same name (write `./panda` for the folder), a folder over an
+/// installed robot.
 ///
 /// # Errors
 ///
@@ -220,7 +222,7 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     let profile = profile_of(&options.profile, &path.with_extension("toml"))?;
     let options = based(options, profile.as_ref());
     let Parsed { model, warnings, exclusions, profile: own } = parse(&read(&path)?, &path, &options)?;
-    // What the file itself says of poses and gains, unless another profile is chosen.
+    // Poses and gains in the file itself, unless another profile is chosen.
     let own = own.filter(|_| options.profile == ProfileChoice::Own).map(|own| (own, path.clone()));
     let profile = profile.or(own);
     let postures = Posture::beside(&path, &model);
@@ -236,7 +238,7 @@ fn profiled(
     options: &LoadOptions,
 ) -> Result<Loaded, LoadError> {
     let Some((profile, path)) = profile else { return Ok(loaded) };
-    // Mimic joints made independent are joints no profile knows.
+    // Independent mimic joints are unknown to the profile.
     let model = match options.mimic {
         MimicMode::Follow => {
             let fault = |source| LoadError::Profile { path: path.clone(), source };
@@ -260,7 +262,7 @@ struct Parsed {
     profile: Option<Profile>,
 }
 
-/// A file's text in its format: MJCF when the root element says so.
+/// Parses a file's text as MJCF if its root element is `<mujoco>`, else as URDF.
 fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadError> {
     if !is_mjcf(text) && options.format == FileFormat::Mjcf {
         return Err(LoadError::NotMjcf(path.to_owned()));
@@ -273,7 +275,7 @@ fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadE
     Ok(Parsed { model, warnings, exclusions: Srdf::default(), profile: None })
 }
 
-/// The options with the base the profile wants, unless they want one themselves.
+/// Returns the options with the profile's base, unless they specify one.
 fn based(options: LoadOptions, profile: Option<&(Profile, PathBuf)>) -> LoadOptions {
     match (options.base, profile.map(|(profile, _)| profile.base)) {
         (BaseMode::AsFile, Some(BaseKind::Floating)) => LoadOptions { base: BaseMode::Floating, ..options },
@@ -310,8 +312,8 @@ fn read(path: &Path) -> Result<String, LoadError> {
     })
 }
 
-/// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF
-/// file, likewise.
+/// Returns the robot file in a folder: its only URDF, the one named like the folder, or the one in its `urdf`
+/// folder; otherwise an MJCF file in the same way.
 fn robot_in(folder: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
     let places = [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")];
     for (place, extension) in places {
@@ -343,7 +345,7 @@ fn robot_in(folder: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
     Err(LoadError::NoUrdf(folder.to_owned()))
 }
 
-/// The profile that is chosen and its file: by default `beside`, if it is there.
+/// Returns the chosen profile and its file: by default `beside`, if it exists.
 fn profile_of(choice: &ProfileChoice, beside: &Path) -> Result<Option<(Profile, PathBuf)>, LoadError> {
     let path = match choice {
         ProfileChoice::Own if beside.is_file() => beside,
@@ -351,7 +353,7 @@ fn profile_of(choice: &ProfileChoice, beside: &Path) -> Result<Option<(Profile, 
         ProfileChoice::File(path) => path,
     };
     let text = read(path)?;
-    // A graph of the robot's name beside it is no profile.
+    // A graph with the robot's name next to it is not a profile.
     let table = || text.parse::<toml::Table>().is_ok_and(|table| table.contains_key("component"));
     if *choice == ProfileChoice::Own && table() {
         return Ok(None);

@@ -1,11 +1,11 @@
 //! Suggestions for misspelt names: "did you mean".
 
-/// The candidate nearest to `wanted`, if one is near enough to be meant.
+/// Returns the candidate most similar to `wanted`, if it is similar enough.
 ///
-/// The measure is the Damerau-Levenshtein distance (letters inserted, left out, replaced or swapped) without regard to
-/// case, `-`, `_` and spaces being one letter. A candidate is near within a third of the letters of `wanted`, at least
-/// one; or when `wanted` (three letters or more) is its beginning or its end, as `index_q1` is of `left_index_q1`.
-/// Graph files use the same measure.
+/// The measure is the case-insensitive Damerau-Levenshtein distance, in which `-`, `_` and spaces are equal.
+/// A candidate is similar within a third of the letters of `wanted` (at least one), or if `wanted` (at least
+/// three letters) is its prefix or suffix, as `index_q1` of `left_index_q1`. Graph files use the same
+/// measure.
 pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(wanted);
@@ -28,7 +28,7 @@ pub(crate) fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default()
 }
 
-/// ` (did you mean "x"?)`, or the names that there are: ` (there are a, b)`.
+/// Returns ` (did you mean "x"?)`, or the list of known names: ` (there are a, b)`.
 pub(crate) fn suggestion_or_list(nearest: Option<&str>, known: &[String]) -> String {
     match (nearest, known) {
         (Some(_), _) => suggestion(nearest),
@@ -44,7 +44,7 @@ mod tests {
     const LINKS: [&str; 4] = ["panda_link1", "panda_hand", "panda_hand_tcp", "left_index_q1"];
 
     #[test]
-    fn a_slip_of_the_finger_or_a_part_left_out_finds_its_name() {
+    fn typo_or_missing_part_finds_the_name() {
         assert_eq!(nearest("panda_hnad", LINKS), Some("panda_hand"));
         assert_eq!(nearest("Panda Hand-TCP", LINKS), Some("panda_hand_tcp"));
         assert_eq!(nearest("index_q1", LINKS), Some("left_index_q1"));

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{JointKind, Model};
 
-/// One number for all joints of a robot, or a list with one number for each joint, in the order of the model's joints.
+/// One number for all joints of a robot, or a list with one number per joint, in the model's order.
 ///
 /// ```
 /// use motorium_robots::PerJoint;
@@ -55,7 +55,7 @@ impl PerJoint {
         }
     }
 
-    /// The numbers as they are written: one, or one for each joint.
+    /// Returns the numbers as written: one, or one per joint.
     pub fn values(&self) -> &[f64] {
         match self {
             Self::All(value) => core::slice::from_ref(value),
@@ -65,7 +65,8 @@ impl PerJoint {
 }
 
 impl Model {
-    /// Advice for a position of a joint that turns which lies outside its limits in rad, and would lie within them in degrees.
+    /// Returns advice if a position of a revolute joint is outside its limits in rad but would be within them
+    /// in degrees.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;

@@ -12,20 +12,21 @@ use crate::srdf::{GroupState, group_states};
 /// Longest SRDF file, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
-/// A named configuration of an SRDF file. Joints it does not name stand at zero; names that the model does not have, of
-/// grippers and wheels that another variant of the robot carries, are left out.
+/// A named configuration of an SRDF file. Unnamed joints are at zero. Joints that the model does not have,
+/// such as grippers of other variants, are ignored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
-    /// Name of the state; `GROUP/NAME` where a state before it has the name.
+    /// Name of the state; `GROUP/NAME` if an earlier state has the same name.
     pub name: String,
-    /// Of the base in the world, where the state has a `root_joint` (position, then quaternion x y z w).
+    /// Pose of the base in the world, if the state has a `root_joint` (position, then quaternion x y z w).
     pub base: Option<Isometry3<f64>>,
     /// Positions of the joints \[rad or m\], in the order of [`Model::joint_names`].
     pub joints: DVector<f64>,
 }
 
 impl Posture {
-    /// The whole configuration `q` (nq): a floating base where the state has it, or where the model's file does.
+    /// Returns the whole configuration `q` (nq), with the pose of a floating base from the state or the
+    /// model's file.
     pub fn configuration(&self, model: &Model) -> DVector<f64> {
         let mut q = DVector::from_vec(model.neutral());
         let offset = q.len() - self.joints.len();
@@ -36,9 +37,9 @@ impl Posture {
         q
     }
 
-    /// The states of the SRDF that belongs to a robot's file: `NAME.srdf` beside it or in the folder `srdf` beside its
-    /// own, NAME being the file's or the robot's. None without one, or when it is not well formed: nothing depends on
-    /// it.
+    /// Reads the states of a robot's SRDF: `NAME.srdf` next to the file or in the folder `srdf` next to its
+    /// folder, where NAME is the file's or the robot's name. Empty if it is missing or malformed, since
+    /// nothing depends on it.
     pub(crate) fn beside(file: &Path, model: &Model) -> Vec<Self> {
         let names = [file.with_extension("srdf").file_name().map(PathBuf::from), {
             Some(PathBuf::from(format!("{}.srdf", model.name())))
@@ -52,7 +53,7 @@ impl Posture {
         text.map(|text| Self::parse(&text, model)).unwrap_or_default()
     }
 
-    /// The states of an SRDF text; none where it is not well formed.
+    /// Parses the states of an SRDF text; empty if it is malformed.
     fn parse(text: &str, model: &Model) -> Vec<Self> {
         let mut postures: Vec<Self> = Vec::new();
         for state in group_states(text).unwrap_or_default() {
@@ -72,7 +73,7 @@ impl Posture {
         postures
     }
 
-    /// Sets one joint of a state; false where the model does not have it.
+    /// Sets one joint of a state; returns `false` if the model does not have it.
     fn set_joint(&mut self, model: &Model, name: &str, numbers: &[f64]) -> bool {
         match (model.joint_index(name), numbers) {
             (Some(index), [position]) => self.joints[index] = *position,

@@ -13,7 +13,7 @@ pub struct Tensor {
     pub values: Vec<f64>,
 }
 
-/// A file that is not one of tensors.
+/// The file is not a valid safetensors file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SafetensorsError {
     /// The file ends before its header does.
@@ -23,10 +23,10 @@ pub enum SafetensorsError {
     Short {
         /// Bytes of the file.
         found: usize,
-        /// Bytes that its first eight announce.
+        /// Number of bytes announced by the first eight.
         expected: u64,
     },
-    /// A header that is not what the format has.
+    /// The header is not valid.
     #[error("the header is not that of a safetensors file: {0}")]
     Header(String),
     /// Numbers of another kind.
@@ -37,7 +37,7 @@ pub enum SafetensorsError {
         /// Type found.
         found: String,
     },
-    /// A range of bytes that does not hold the tensor.
+    /// The byte range does not match the tensor.
     #[error("tensor \"{name}\": bytes {from} to {to} of {size}, expected {expected} bytes within the file")]
     Bytes {
         /// Name of the tensor.

@@ -1,4 +1,4 @@
-//! What a graph file says of a robot in place of its profile: the joints that move, frame, start and gains.
+//! Robot settings in a graph file that override the profile: moving joints, frame, start and gains.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use crate::joint_subset::JointSubset;
 use crate::profile::{GainArrays, tip_joints};
 use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile};
 
-/// A setting of a robot in a graph file that does not fit it.
+/// A robot setting in a graph file does not match the robot.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("`{key}`: {message}")]
 pub struct SettingError {
@@ -35,7 +35,7 @@ pub(crate) struct Settings {
     gains: Option<GivenGains>,
 }
 
-/// The configuration to start from, which is the home pose, too.
+/// The start configuration, which is also the home pose.
 #[derive(Deserialize)]
 #[serde(
     untagged,
@@ -65,7 +65,7 @@ impl Settings {
         })
     }
 
-    /// Holds joints, and changes the profile of a robot, or gives it one where there is something to say in it.
+    /// Holds joints, and modifies the robot's profile, or creates one if required.
     pub(crate) fn apply(self, robot: &mut Loaded) -> Result<(), SettingError> {
         let pose = match &self.start {
             Some(Start::Pose(name)) => Some(name.as_str()),
@@ -103,7 +103,7 @@ fn read<T: DeserializeOwned>(table: &Value, key: &'static str) -> Result<Option<
         .transpose()
 }
 
-/// A profile of a robot that has none: its home pose is zero, or the limit that is nearest.
+/// Creates a profile for a robot without one: its home pose is zero, or the nearest limit.
 fn without_poses(model: &Model) -> Profile {
     let mut profile = Profile::empty();
     profile.title = model.name().to_owned();
@@ -124,7 +124,7 @@ fn listed(profile: &Profile, model: &Model, values: &[f64]) -> PerJoint {
     PerJoint::Each(profile.joints.iter().map(of).collect())
 }
 
-/// One number for each joint of the model, in its order.
+/// Expands to one number per joint of the model, in order.
 fn resolved(given: &PerJoint, key: &'static str, model: &Model) -> Result<Vec<f64>, SettingError> {
     given.resolve(model.joint_count()).map_err(|error| {
         SettingError::new(key, format!("{error}, in this order: {}", model.joint_names().join(", ")))
@@ -152,7 +152,7 @@ fn set_gains(profile: &mut Profile, given: GivenGains, model: &Model) -> Result<
     Ok(())
 }
 
-/// Name of the pose that a graph gives by its numbers.
+/// Name of the pose given by numbers in a graph.
 const START: &str = "start";
 
 fn set_start(profile: &mut Profile, position: &PerJoint, model: &Model) -> Result<(), SettingError> {

@@ -1,11 +1,11 @@
-//! A robot by the name and text that a graph file has for it.
+//! A robot as referenced by a graph file.
 
 use std::path::{Path, PathBuf};
 
 use crate::settings::Settings;
 use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ProfileChoice, load_with};
 
-/// A robot as a graph file refers to it.
+/// A robot reference of a graph file.
 ///
 /// ```
 /// # use std::path::Path;
@@ -23,16 +23,16 @@ pub struct RobotSource<'a> {
     pub name: &'a str,
     /// A catalogue name, a file or a folder, or an installed robot: see [`load`](crate::load).
     pub text: &'a str,
-    /// Folder that a relative path in `text` starts from: that of the graph file.
+    /// Folder for relative paths in `text`: the graph file's folder.
     pub base: &'a Path,
-    /// Pose of its base in the world, where the graph says.
+    /// Pose of its base in the world, if given in the graph.
     pub pose: Option<BasePose>,
-    /// Its profile, where the graph names one; else its own.
+    /// Profile named by the graph, if any; else the robot's own.
     pub profile: Option<&'a Path>,
-    /// Folders searched for its packages before all others.
+    /// Folders searched for packages before all others.
     pub packages: &'a [PathBuf],
-    /// A table with the keys `mjcf` (true where the graph names its file so), `joints`, `fixed`, `frame`, `start` and `gains` of the graph,
-    /// of which the last three replace those of its profile.
+    /// Table with the keys `mjcf` (true if the graph uses this key for the file), `joints`, `fixed`, `frame`,
+    /// `start` and `gains` of the graph. The last three override the profile.
     pub settings: Option<&'a serde_json::Value>,
 }
 
@@ -61,11 +61,11 @@ pub struct RobotSourceError {
 }
 
 impl RobotSource<'_> {
-    /// Loads the robot as its files say, its base where the graph has it.
+    /// Loads the robot from its files, with its base at the pose in the graph.
     ///
     /// # Errors
     ///
-    /// [`RobotSourceError`], which names the robot and the cause.
+    /// [`RobotSourceError`], with the robot and the cause.
     pub fn load(&self) -> Result<Loaded, RobotSourceError> {
         self.load_with(&LoadOptions::default())
     }

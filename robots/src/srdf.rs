@@ -11,7 +11,7 @@ pub struct Srdf {
     pub disabled: Vec<(String, String)>,
     /// `<enable_collisions link1 link2>`: wins over everything that disables the pair.
     pub enabled: Vec<(String, String)>,
-    /// `<disable_default_collisions link>`: the link is checked against nothing but what `enabled` says.
+    /// `<disable_default_collisions link>`: the link is checked only against links listed in `enabled`.
     pub disabled_links: Vec<String>,
 }
 
@@ -27,12 +27,12 @@ pub struct SrdfError {
     pub problem: String,
 }
 
-/// A `<group_state>`: values of some joints, as the file has them.
+/// A `<group_state>`: values of some joints, as written in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct GroupState {
     pub(crate) name: String,
     pub(crate) group: String,
-    /// Name and numbers of each joint; no numbers where one of them cannot be read.
+    /// Name and values of each joint; no values if one of them does not parse.
     pub(crate) joints: Vec<(String, Vec<f64>)>,
 }
 

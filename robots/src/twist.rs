@@ -4,7 +4,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use nalgebra::{Vector3, Vector6};
 
-/// The point a spatial velocity is taken at and the axes it is expressed in.
+/// Reference point and axes of a spatial velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Reference {
     /// Point: the frame's origin. Axes: the frame's.

@@ -1,4 +1,4 @@
-//! The world around the robot, as a file describes it.
+//! The world around the robot, as described by a file.
 
 mod combine;
 mod compound;
@@ -33,22 +33,24 @@ use numbers::{finite, from_zero, positive};
 pub use surface::{Grain, Softness};
 pub use things::{Conveyor, Ground, Object, ObjectMass, ObjectShape};
 
-/// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in kilograms; poses in the
-/// world, which is the base frame of the robot, z up.
+/// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in
+/// kilograms; poses in the world, which is the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
-    /// A file that holds a world: MJCF, URDF or SDF. Its gravity, ground and objects are those of the world, to which the keys
-    /// beside it add; gravity that they state wins. A relative path begins at the folder of the graph. Default: none.
+    /// A file with a world: MJCF, URDF or SDF. Its gravity, ground and objects are used, and the other keys
+    /// add to them; explicitly stated gravity takes precedence. Relative paths start at the graph's folder.
+    /// Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub file: Option<PathBuf>,
     /// Acceleration of free fall (m/s2).
     pub gravity: [f64; 3],
-    /// True where `gravity` was written: it wins against that of a `file` then, also where it is Earth's.
+    /// `true` if `gravity` was written explicitly: it overrides the gravity of a `file` even if it equals
+    /// Earth's.
     #[serde(skip)]
     pub states_gravity: bool,
-    /// Velocity of the air (m/s). It pushes objects that have a `drag`. Default: it stands still.
+    /// Velocity of the air (m/s), which pushes objects with a `drag`. Default: still air.
     pub wind: [f64; 3],
     /// Density of the air (kg/m3). Default 1.225, that at sea level and 15 degrees Celsius.
     #[schemars(range(min = 0.0))]
@@ -60,10 +62,10 @@ pub struct World {
     /// Objects, fixed or free to move. Names must differ.
     #[serde(deserialize_with = "copies::expanded")]
     pub objects: Vec<Object>,
-    /// Connections of objects with one another or with the `world`, as they stand at the start. Links are connected by
-    /// `connections` of the physics component.
+    /// Connections between objects, or of objects with the `world`, in their initial poses. Links are
+    /// connected by `connections` of the physics component.
     pub connections: Vec<Connection>,
-    /// The looks of it all, for cameras.
+    /// Appearance for cameras.
     pub appearance: Appearance,
 }
 
@@ -71,7 +73,7 @@ pub struct World {
 const EARTH: [f64; 3] = [0.0, 0.0, -9.81];
 
 impl Default for World {
-    /// Earth's gravity, air that stands still, no ground, no objects.
+    /// Earth's gravity, still air, no ground, no objects.
     fn default() -> Self {
         Self {
             file: None,
@@ -103,7 +105,7 @@ pub enum WorldError {
         /// The range expected.
         expected: &'static str,
     },
-    /// A terrain that cannot be made.
+    /// The terrain cannot be generated.
     #[error("terrain: {0}")]
     Terrain(#[from] TerrainError),
     /// A mesh that cannot be used.
@@ -143,7 +145,7 @@ pub enum WorldError {
         /// The object.
         name: String,
     },
-    /// Properties or parts of an object that do not go together.
+    /// Contradictory properties or parts of an object.
     #[error("{name}: {problem}")]
     Parts {
         /// The object.
@@ -151,7 +153,7 @@ pub enum WorldError {
         /// The problem.
         problem: &'static str,
     },
-    /// A connection of what is not there.
+    /// A connection of unknown objects.
     #[error("`connections` names the object \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
     NothingToConnect {
         /// The name.
@@ -159,7 +161,7 @@ pub enum WorldError {
         /// The name most likely meant.
         nearest: Option<String>,
     },
-    /// A connection of what does not move.
+    /// A connection of immovable objects.
     #[error(
         "`connections`: \"{first}\" and \"{second}\" do not move relative to one another: there is nothing to connect"
     )]
@@ -175,7 +177,7 @@ pub enum WorldError {
         /// The object.
         name: String,
     },
-    /// A file that holds no world.
+    /// The file is not a world.
     #[error(transparent)]
     File(#[from] WorldFileError),
     /// A plane and a terrain.
@@ -183,7 +185,7 @@ pub enum WorldError {
         "both `ground` and `terrain` are given, but there is one ground: a terrain goes on as at its edge; leave `ground` out"
     )]
     TwoGrounds,
-    /// A colour for what is not there.
+    /// A colour for an unknown object.
     #[error("`appearance.colours` names \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
     NothingToColour {
         /// The name.
@@ -191,7 +193,7 @@ pub enum WorldError {
         /// The name most likely meant.
         nearest: Option<String>,
     },
-    /// Two objects with one name, or a name that is already taken.
+    /// Two objects have the same name, or a name is already in use.
     #[error("the object name \"{name}\" is taken by {by}; give the object another name")]
     NameTaken {
         /// The name.
@@ -202,8 +204,8 @@ pub enum WorldError {
 }
 
 impl World {
-    /// Lets the relative paths of its files begin at a folder, and takes over the world of its [`file`](Self::file). Returns what was left out of
-    /// that.
+    /// Resolves relative file paths from a folder, and adds the world of its [`file`](Self::file). Returns
+    /// warnings of skipped elements.
     ///
     /// ```
     /// # use motorium_robots::World;
@@ -229,7 +231,7 @@ impl World {
         }
     }
 
-    /// The height field of its terrain, where it has one.
+    /// Returns the height field of its terrain, if any.
     ///
     /// # Errors
     ///

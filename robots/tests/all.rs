@@ -1,4 +1,5 @@
-//! The integration tests of the crate as one program. `allocations.rs` is another, for it counts through the allocator.
+//! The integration tests of the crate as one program. `allocations.rs` is another, for it counts through the
+//! allocator.
 
 mod actuator_networks;
 mod actuators;

@@ -1,8 +1,9 @@
-//! Robots whose joint axes stand at, or all but at, a coordinate axis: CAD programs write `0 1.22465e-16 -1` for -z.
+//! Robots whose joint axes stand at, or all but at, a coordinate axis: CAD programs write `0 1.22465e-16 -1`
+//! for -z.
 //!
-//! Random trees against closed forms of the file's own numbers: Rodrigues' rotation about the axis as written, one
-//! joint after the other from the root. And trees and a real robot against Pinocchio, by vectors that `golden/axes.py`
-//! wrote.
+//! Random trees against closed forms of the file's own numbers: Rodrigues' rotation about the axis as
+//! written, one joint after the other from the root. And trees and a real robot against Pinocchio, by vectors
+//! that `golden/axes.py` wrote.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write;

@@ -1,4 +1,5 @@
-//! The same motions in the coordinates of Pinocchio and of MuJoCo, by vectors that `conventions/generate.py` wrote.
+//! The same motions in the coordinates of Pinocchio and of MuJoCo, by vectors that `conventions/generate.py`
+//! wrote.
 
 use std::path::Path;
 
@@ -105,7 +106,8 @@ fn the_way_from_one_configuration_to_another_is_pinocchios() {
         model.interpolate(&from, &to, 0.3, &mut between);
         let theirs = numbers(&case["pinocchio"]["difference"]);
         let there = model.from_pinocchio(&numbers(&case["pinocchio"]["interpolated"])).unwrap();
-        // A continuous joint is one unbounded angle here; Pinocchio takes the shorter way around, half a turn at most.
+        // A continuous joint is one unbounded angle here; Pinocchio takes the shorter way around, half a turn
+        // at most.
         let wheel = (way.len() - 1, between.len() - 1);
         let turns = ((way[wheel.0] - theirs[wheel.0]) / std::f64::consts::TAU).round();
         assert_relative_eq!(way[wheel.0] - turns * std::f64::consts::TAU, theirs[wheel.0], epsilon = 1e-11);

@@ -135,8 +135,8 @@ fn planes_between_the_shapes_prove_every_distance() {
                 let [p, q] = found.points;
                 assert_relative_eq!(normal.norm(), 1.0, epsilon = 1e-9);
                 assert_relative_eq!((q - p).dot(&normal), found.distance, epsilon = 1e-9);
-                // No point of the first lies farther along the normal than p, none of the second less far than q: the
-                // slab between is empty (or shared), so the distance can be no other along it ...
+                // No point of the first lies farther along the normal than p, none of the second less far
+                // than q: the slab between is empty (or shared), so the distance can be no other along it ...
                 let far = support(first, &Isometry3::identity(), &normal);
                 let near = support(second, &placement, &-normal);
                 assert_relative_eq!((near - far).dot(&normal), found.distance, epsilon = 1e-6);

@@ -164,7 +164,8 @@ fn seen(robot: &Loaded) -> Model {
     read.unwrap_or_else(|error| panic!("{error}\n{}", drawn.text)).model
 }
 
-/// The largest distance, m and rad, between frames of two models at the same joint positions, from the root of each.
+/// The largest distance, m and rad, between frames of two models at the same joint positions, from the root
+/// of each.
 fn apart(one: &Model, other: &Model) -> f64 {
     assert_eq!(one.joint_names(), other.joint_names());
     let poses = |model: &Model| {

@@ -1,4 +1,5 @@
-//! The Lie groups against values computed with 60 digits by `lie/generate.py`, and rotations between directions.
+//! The Lie groups against values computed with 60 digits by `lie/generate.py`, and rotations between
+//! directions.
 
 use std::f64::consts::PI;
 
@@ -31,8 +32,8 @@ fn motion(case: &Value) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(vector(case, "translation")), rotation)
 }
 
-/// Largest difference relative to the largest entry, if that exceeds one, is within `units` units in the last place of
-/// one.
+/// Largest difference relative to the largest entry, if that exceeds one, is within `units` units in the last
+/// place of one.
 fn assert_close<'a>(
     what: &str,
     case: &Value,

@@ -1,5 +1,5 @@
-//! The mass matrix in frames on the joints' axes, held to inverse dynamics, which knows nothing of them; its factor,
-//! held to a dense one.
+//! The mass matrix in frames on the joints' axes, held to inverse dynamics, which knows nothing of them; its
+//! factor, held to a dense one.
 
 use std::path::Path;
 
@@ -74,7 +74,8 @@ fn assert_mass(model: &Model, what: &str) {
 
 #[test]
 fn axes_at_every_angle_to_each_other_give_the_same_matrix_as_inverse_dynamics() {
-    // Angle between the axes: none, all but none, rounding's worth of a parallel, few degrees, skew, square, opposite.
+    // Angle between the axes: none, all but none, rounding's worth of a parallel, few degrees, skew, square,
+    // opposite.
     let turns = [
         "0 0 0",
         "1e-9 0 0",

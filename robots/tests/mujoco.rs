@@ -1,4 +1,5 @@
-//! MuJoCo, which shares no code with Pinocchio, on files of both formats; `mujoco/generate.py` writes the vectors.
+//! MuJoCo, which shares no code with Pinocchio, on files of both formats; `mujoco/generate.py` writes the
+//! vectors.
 
 use std::path::{Path, PathBuf};
 
@@ -76,7 +77,8 @@ fn the_total_mass_a_file_sets_is_that_of_its_bodies() {
     }
 }
 
-/// Files of others: `MOTORIUM_MUJOCO_VECTORS` names what the script wrote of them, beside the files themselves.
+/// Files of others: `MOTORIUM_MUJOCO_VECTORS` names what the script wrote of them, beside the files
+/// themselves.
 #[test]
 fn files_of_others_agree_with_mujoco() {
     let Some(path) = std::env::var_os("MOTORIUM_MUJOCO_VECTORS").map(PathBuf::from) else {

@@ -1,4 +1,5 @@
-//! Damaged files: whatever happens to their text, reading ends in a model or in an error with a place inside the text.
+//! Damaged files: whatever happens to their text, reading ends in a model or in an error with a place inside
+//! the text.
 
 use std::path::Path;
 

@@ -1,8 +1,9 @@
-//! Robots of others against Pinocchio, where their files are on this machine; each test says why it is skipped.
+//! Robots of others against Pinocchio, where their files are on this machine; each test says why it is
+//! skipped.
 //!
-//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` beside the repository. URDFs: `MOTORIUM_EXAMPLE_ROBOT_DATA` (a
-//! folder with `panda_description` and others in it), or the PyPI package `example-robot-data` of the `python3` in the
-//! path.
+//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` beside the repository. URDFs:
+//! `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it), or the PyPI package
+//! `example-robot-data` of the `python3` in the path.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

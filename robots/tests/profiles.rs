@@ -132,7 +132,8 @@ fn facts_of_bases_and_rotors_are_there() {
     assert_eq!(profile("quadrotor").rotors.len(), 4);
 }
 
-/// At zero a `ur5e` is straight in its elbow and turned flat in its wrist: no joint alone leaves that posture.
+/// At zero a `ur5e` is straight in its elbow and turned flat in its wrist: no joint alone leaves that
+/// posture.
 #[test]
 fn the_first_home_of_an_arm_moves_its_tool_in_all_directions() {
     for name in ["ur5e", "panda", "iiwa14"] {

@@ -34,7 +34,8 @@ fn distances_to_a_plane_a_sphere_a_box_and_a_cylinder_are_those_of_the_closed_fo
 
     let block = RayShape::new(&ConvexShape::Box { half: Vector3::new(0.5, 1.0, 2.0) });
     let turned = Isometry3::new(Vector3::new(4.0, 0.0, 0.0), Vector3::z() * std::f64::consts::FRAC_PI_4);
-    // the edge of the corner (-0.5, 1) points at the ray: by the turn it is at -1.5 / sqrt 2 along x, 0.5 / sqrt 2 along y
+    // the edge of the corner (-0.5, 1) points at the ray: by the turn it is at -1.5 / sqrt 2 along x, 0.5 /
+    // sqrt 2 along y
     let y = 0.5 / 2.0_f64.sqrt();
     let found = block.cast(&turned, &ray([0.0, y + 1e-9, 0.0], [1.0, 0.0, 0.0]), 9.0).unwrap();
     assert!((found.0 - (4.0 - 1.5 / 2.0_f64.sqrt())).abs() < 1e-8, "{}", found.0);

@@ -99,7 +99,8 @@ fn every_pose_of_what_stands_has_its_feet_on_the_ground_and_its_weight_above_the
     assert_eq!(standing.join(" "), expected);
 }
 
-/// Torques that hold the robot still at home, with the weight on its feet; the rows no joint drives must come out zero.
+/// Torques that hold the robot still at home, with the weight on its feet; the rows no joint drives must come
+/// out zero.
 fn holding(model: &Model, profile: &Profile) -> DVector<f64> {
     let mut dynamics = Dynamics::new(model);
     let mut tau = DVector::zeros(model.nv());

@@ -46,8 +46,15 @@ fn joints_stand_parents_first_in_file_order_and_every_link_has_a_frame() {
     assert_eq!((model.nq(), model.nv(), model.joint_index("shoulder")), (4, 4, Some(2)));
     assert_eq!(model.joint_index("elbow"), None);
     assert_eq!(model.joint(1).kind, JointKind::Prismatic);
-    // "1 2 -2" is three long.
-    let [ModelWarning::AxisLength { joint, length }] = &warnings[..] else { panic!("{warnings:?}") };
+    // "1 2 -2" is three long; the elbow at 3 rad and 3 rad/s holds the shoulder at 2.2 rad and 2 rad/s.
+    let [
+        ModelWarning::AxisLength { joint, length },
+        ModelWarning::FollowerRange { .. },
+        ModelWarning::FollowerVelocity { .. },
+    ] = &warnings[..]
+    else {
+        panic!("{warnings:?}")
+    };
     assert_eq!((joint.as_str(), *length), ("waist", 3.0));
 }
 
@@ -169,6 +176,104 @@ fn limits_that_are_probably_meant_otherwise_are_named() {
         warnings(r#"<limit lower="-1" upper="1" velocity="1"/>"#),
         ["joint \"j\": <limit> gives no effort; taken as unlimited"]
     );
+}
+
+/// A lift of two stages: the upper one from 0 to 0.4 m, and one that follows it with these attributes.
+fn lift(limit: &str, mimic: &str) -> String {
+    let mass = inertial(5.0, [0.05; 3]);
+    format!(
+        r#"<robot name="r"><link name="base"/><link name="one">{mass}</link><link name="two">{mass}</link>
+        <joint name="upper" type="prismatic"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+        <limit lower="0" upper="0.4" effort="500" velocity="0.5"/></joint>
+        <joint name="lower" type="prismatic"><parent link="one"/><child link="two"/><axis xyz="0 0 1"/>
+        <limit {limit} effort="500"/><mimic joint="upper" {mimic}/></joint></robot>"#
+    )
+}
+
+#[test]
+fn a_follower_narrows_the_limits_of_its_leader() {
+    let narrow = lift(r#"lower="0" upper="0.25" velocity="0.5""#, r#"multiplier="2""#);
+    let UrdfRobot { model, .. } = read(&narrow);
+    assert_eq!((model.lower()[0], model.upper()[0], model.velocity_limit()[0]), (0.0, 0.125, 0.25));
+    assert_eq!(
+        warnings(&narrow),
+        [
+            "joint \"upper\": its follower \"lower\" limits its range to 0 to 0.125; the file has 0 to 0.4",
+            "joint \"upper\": its follower \"lower\" limits its velocity to 0.25; the file has 0.5",
+        ]
+    );
+    // The other way round, with an offset: -0.5 x + 0.1 is within -0.05 to 0.1 from 0 to 0.3.
+    let mirrored = lift(r#"lower="-0.05" upper="0.1" velocity="0.5""#, r#"multiplier="-0.5" offset="0.1""#);
+    let UrdfRobot { model, warnings: told } = read(&mirrored);
+    assert_relative_eq!(model.upper()[0], 0.3, epsilon = 1e-12);
+    assert!(matches!(&told[..], [ModelWarning::FollowerRange { .. }]), "{told:?}");
+    // Equal limits, though 0.36 / 0.9 is not 0.4 to the last bit, and an unknown velocity narrow nothing.
+    let equal = lift(r#"lower="0" upper="0.36" velocity="0""#, r#"multiplier="0.9""#);
+    let UrdfRobot { model, warnings: told } = read(&equal);
+    assert_eq!((model.upper()[0], model.velocity_limit()[0]), (0.4, 0.5));
+    assert!(matches!(&told[..], [ModelWarning::ZeroLimit { .. }]), "{told:?}");
+    // Independent joints keep what the file says.
+    let alone = parse_urdf(&narrow, None, MimicMode::Independent, &PackagePath::default()).unwrap();
+    assert_eq!((alone.model.upper()[0], alone.warnings.len()), (0.4, 0));
+}
+
+#[test]
+fn a_follower_without_a_common_position_is_named() {
+    let text = lift(r#"lower="2" upper="3" velocity="9""#, r#"multiplier="1""#);
+    assert_eq!(
+        warnings(&text),
+        [
+            "joint \"lower\": its limits 2 to 3 exclude every position it has as a follower of \"upper\"; ignored"
+        ]
+    );
+    assert_eq!(read(&text).model.upper()[0], 0.4);
+}
+
+#[test]
+fn couplings_of_mjcf_narrow_their_leader() {
+    let text = r#"<mujoco><worldbody><body><joint name="a" range="0 1" axis="0 0 1" type="slide"/><geom size="0.1"/>
+        <body><joint name="b" range="0 0.5" axis="0 0 1" type="slide"/><geom size="0.1"/></body></body></worldbody>
+        <equality><joint joint1="b" joint2="a"/></equality></mujoco>"#;
+    let robot = motorium_robots::parse_mjcf(text, None, &Default::default()).unwrap();
+    assert_eq!(robot.model.upper()[0], 0.5);
+    assert!(matches!(&robot.warnings[..], [ModelWarning::FollowerRange { .. }]), "{:?}", robot.warnings);
+}
+
+#[test]
+fn sizes_as_of_millimetres_are_doubted() {
+    let robot = |inside: &str, origin: &str| {
+        format!(
+            r#"<robot name="r"><link name="a"/><link name="b">{inside}</link><link name="c"/>
+            <joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>
+            <joint name="k" type="fixed"><parent link="b"/><child link="c"/><origin xyz="{origin}"/></joint></robot>"#
+        )
+    };
+    let shape = |size: &str| format!(r#"<collision><geometry><box size="{size}"/></geometry></collision>"#);
+    let good = inertial(1.2, [0.0012, 0.009, 0.009]);
+    assert_eq!(warnings(&robot(&(good.clone() + &shape("0.3 0.04 0.04")), "0 0 0.3")), [""; 0]);
+    let doubt = |what: &str, link: &str| {
+        format!(
+            "link \"{link}\": {what}; if lengths in the file are millimetres, divide them by 1000 and inertias by 1e6"
+        )
+    };
+    let long = warnings(&robot(&(good.clone() + &shape("300 40 40")), "0 0 0.3"));
+    assert_eq!(long, [doubt("collision shape of 300.0 m", "b")]);
+    let heavy = warnings(&robot(&inertial(1.2, [1200.0, 9000.0, 9000.0]), "0 0 0.3"));
+    assert_eq!(heavy, [doubt("radius of gyration of 86.6 m", "b")]);
+    let far = warnings(&robot(&good, "0 0 300"));
+    assert_eq!(far, [doubt("distance from its parent of 300.0 m", "c")]);
+    let all = read(&robot(&inertial(1.2, [1200.0, 9000.0, 9000.0]), "0 0 300")).warnings;
+    let [told] = &ModelWarning::told(&all)[..] else { panic!("{all:?}") };
+    assert!(told.starts_with("links \"b\", \"c\": lengths of more than 20 m"), "{told}");
+}
+
+#[test]
+fn the_total_mass_counts_fixed_links() {
+    let heavy = inertial(3.0, [1.0; 3]);
+    let text = with_inertial(&inertial(1.0, [1.0; 3]))
+        .replace(r#"<link name="a"/>"#, &format!(r#"<link name="a">{heavy}</link>"#));
+    let model = read(&text).model;
+    assert_eq!((model.mass(), model.total_mass()), (1.0, 4.0));
 }
 
 #[test]

@@ -7,61 +7,61 @@
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{self, Relaxed, Release, SeqCst};
 
-/// A place in a protocol whose ordering the protocol relies on.
+/// A point in a protocol whose memory ordering matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Site {
     /// A writer announces the value in a slot as the newest one.
     Publish,
-    /// A writer names the publication that a slot holds, for taps.
+    /// A writer stores the publication of a slot, for taps.
     Mark,
-    /// A writer, having taken the mark off a slot, before it asks who has pinned it.
+    /// A writer has cleared the mark of a slot and is about to check the pins.
     Claim,
-    /// A writer asks which slots are pinned.
+    /// A writer reads which slots are pinned.
     Scan,
-    /// A reader pins a slot, which ends its use of the one before.
+    /// A reader pins a slot, which releases its previous one.
     Pin,
-    /// A reader, having pinned a slot, before it asks whether the slot is still the one it wanted.
+    /// A reader has pinned a slot and is about to check that the slot is still the desired one.
     Pinned,
     /// A reader looks for the newest value.
     Look,
-    /// A writer, having published, before it asks whether anybody sleeps.
+    /// A writer has published and is about to check for sleepers.
     Notify,
-    /// A waiter, having counted itself as sleeping, before it looks for a publication once more.
+    /// A waiter has registered as sleeping and is about to look for a publication again.
     Sleep,
     /// A writer leaves the time of a publication.
     Time,
-    /// A waiter, having read a time, before it asks whether that is still the newest publication's.
+    /// A waiter has read a time and is about to check that it belongs to the newest publication.
     TimeRead,
     /// A component completes a checkpoint.
     Save,
-    /// A restarted component asks which checkpoint is complete.
+    /// A restarted component reads which checkpoint is complete.
     Load,
-    /// A writer has entered a slot of a ring, before it changes the record there.
+    /// A writer has entered a slot of a ring and is about to change the record.
     Enter,
     /// A writer leaves a slot of a ring with its record whole.
     Leave,
-    /// A reader asks whether a slot of a ring holds a whole record.
+    /// A reader checks whether a slot of a ring contains a complete record.
     Begin,
-    /// A reader, having read a record, before it asks whether the slot was entered meanwhile.
+    /// A reader has read a record and is about to check whether the slot was entered meanwhile.
     Confirm,
 }
 
-/// An unsigned number that several threads or processes use at once.
+/// An unsigned number shared by several threads or processes.
 pub(crate) trait Word<V: Copy>: Debug {
-    /// A word that holds this value. Words in shared memory begin as zero bytes instead.
+    /// Creates a word with this value. Words in shared memory start as zero bytes instead.
     #[cfg(test)]
     fn new(value: V) -> Self;
     /// Reads the word.
     fn load(&self, ordering: Ordering) -> V;
     /// Writes the word.
     fn store(&self, value: V, ordering: Ordering);
-    /// Writes the word in one go with reading it; returns the value before.
+    /// Atomically replaces the word and returns the previous value.
     fn swap(&self, value: V, ordering: Ordering) -> V;
     /// Adds, wrapping; returns the value before.
     fn fetch_add(&self, value: V, ordering: Ordering) -> V;
     /// Subtracts, wrapping; returns the value before.
     fn fetch_sub(&self, value: V, ordering: Ordering) -> V;
-    /// Writes `new` if the word holds `current`; whether it did.
+    /// Writes `new` if the word equals `current`; returns whether it did.
     fn replace(&self, current: V, new: V) -> bool;
 }
 
@@ -72,20 +72,20 @@ pub(crate) trait Atomics: Debug + 'static {
     /// A word of 64 bits.
     type U64: Word<u64>;
 
-    /// The ordering to use at a site; `strong` unless a model weakens it.
+    /// Memory ordering at a site; `strong` unless a model weakens it.
     fn at(site: Site, strong: Ordering) -> Ordering;
 
     /// A sequentially consistent fence.
     fn fence(site: Site);
 
-    /// A sequentially consistent fence after a [`swap`](Word::swap) or an addition of the same thread, which may be all that
-    /// it takes.
+    /// A sequentially consistent fence after a [`swap`](Word::swap) or addition of the same thread, which
+    /// alone may be sufficient.
     #[inline(always)]
     fn fence_after_exchange(site: Site) {
         Self::fence(site);
     }
 
-    /// A fence that keeps what is read before it before what is read after it.
+    /// A fence that orders earlier reads before later reads.
     fn read_fence(site: Site);
 
     /// Stores with release ordering at `site`, followed by the fence at `fence`.

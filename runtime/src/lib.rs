@@ -1,11 +1,11 @@
-//! The motorium runtime: a graph of components, each its own real-time process, sharing state buffers in memory.
+//! The motorium runtime: a graph of components, each a real-time process, that share state buffers in memory.
 //!
-//! Start reading at [`component`]: it holds the trait a user implements; [`prelude`] imports all that an author of a
-//! component needs. [`graph`] turns a graph file into a checked [`plan`], [`schedule`] computes whether its times can
-//! hold, [`launcher`] turns a plan into running processes, and [`worker`] is the loop inside each of them. [`state`]
-//! holds the types they exchange, [`transport`] the shared memory they exchange them through.
+//! Start reading at [`component`], which defines the trait to implement; [`prelude`] imports everything for
+//! authors of components. [`graph`] converts a graph file to a checked [`plan`], and [`schedule`] analyses
+//! whether its timing is feasible. [`launcher`] starts the processes of a plan, and [`worker`] is the loop in
+//! each of them. [`state`] defines the exchanged types, [`transport`] the shared memory between them.
 //!
-//! The modules form layers. Bottom up, each uses only those above it in this list; a test draws the arrows:
+//! The modules form layers. Each uses only modules above it in this list, which a test checks:
 //!
 //! | modules | contents |
 //! |---|---|
@@ -15,16 +15,16 @@
 //! | [`os`], [`region`] | system calls; the control block of a run |
 //! | `context`, `domain` | the clock, causality and deferred work of a component; the iceoryx2 domain of a run |
 //! | `parameter`, [`transport`], [`run_folder`] | parameters; topics; the folder of a run in shared memory |
-//! | [`component`] | the trait `Component` and what it is configured with |
+//! | [`component`] | the trait `Component` and its configuration |
 //! | [`safety`] | the check of every command before it is applied |
 //! | [`worker`] | the loop of a component |
-//! | [`schedule`], [`graph`] | the analysis of a plan's times; from a graph file to a plan |
-//! | [`launcher`], [`session`] | starting, watching and ending a run; a run that a program drives |
+//! | [`schedule`], [`graph`] | the timing analysis of a plan; conversion of a graph file to a plan |
+//! | [`launcher`], [`session`] | starting, supervising and ending a run; a run driven by a program |
 //! | [`program`] | the main function of a component's program |
 //! | `testing` | graphs in tests and benches (feature `testing`) |
 //!
-//! [`graph`], [`schedule`], [`launcher`] and [`session`] come with the feature `launcher`, which is on by default. A program
-//! of components needs none of them: with `default-features = false` they are not compiled.
+//! [`graph`], [`schedule`], [`launcher`] and [`session`] require the feature `launcher`, which is enabled by
+//! default. A component program does not need them and can use `default-features = false`.
 
 #![cfg_attr(
     not(feature = "launcher"),

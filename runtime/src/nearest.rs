@@ -1,10 +1,10 @@
 //! Suggests the known name nearest to a misspelt one: "did you mean ...?".
 
-/// Length of the longest word compared, in bytes: a longer one is no slip of the finger, and would
-/// take long to compare.
+/// Maximum length of a compared word, in bytes: a longer one is not a typing error and is expensive to
+/// compare.
 const LONGEST: usize = 256;
 
-/// The known name nearest to what was written, if any is near enough to be meant.
+/// Returns the known name most similar to `written`, if it is similar enough.
 pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if written.len() > LONGEST {
         return None;
@@ -12,7 +12,7 @@ pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> O
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(written);
     let count = wanted.chars().count();
-    // names that have no character in common are no slip, however short they are
+    // names without a common character are not similar, however short
     let slight = |distance: usize, other: &str| {
         distance <= (count / 3).max(1) && distance < count.max(other.chars().count())
     };
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slip_of_the_finger_finds_its_name() {
+    fn typing_error_finds_its_name() {
         let known = ["rate", "trigger", "budget", "panda/joint_state"];
         assert_eq!(nearest("rte", known), Some("rate"));
         assert_eq!(nearest("Trigger", known), Some("trigger"));

@@ -1,4 +1,4 @@
-//! The program of a component: its `main`, as the launcher and the user start it.
+//! The program of a component: its `main`, as started by the launcher and the user.
 
 use std::io::{Read as _, Write as _};
 use std::process::ExitCode;
@@ -16,7 +16,7 @@ use crate::worker::{
 pub enum Program {
     /// Describe its component.
     Describe,
-    /// Say which kinds of components it hosts.
+    /// Report the hosted kinds of components.
     Kinds,
     /// Guard a run.
     Guard(RunFolder),
@@ -32,7 +32,7 @@ pub enum Program {
 }
 
 impl Program {
-    /// Reads a program's arguments; `None` when they are not motorium's.
+    /// Parses a program's arguments; `None` if they are not motorium's.
     pub fn from_arguments(arguments: &[String]) -> Option<Self> {
         match arguments {
             [_, first] if first == DESCRIBE => Some(Self::Describe),
@@ -116,7 +116,7 @@ fn guard(folder: &RunFolder) -> ExitCode {
     crate::launcher::guard::main(folder)
 }
 
-/// Refuses to guard a run: only programs that can launch one are asked to.
+/// Refuses to guard a run, which only programs with a launcher can do.
 #[cfg(not(feature = "launcher"))]
 fn guard(folder: &RunFolder) -> ExitCode {
     eprintln!("this program has no launcher, and guards no run ({})", folder.id());
@@ -135,8 +135,8 @@ pub fn clean(folder: &RunFolder) -> ExitCode {
     }
 }
 
-/// Answers a request for a component's description: JSON on standard input, JSON on standard output. A program of one kind
-/// need not be told which.
+/// Answers a request for a component's description: JSON on standard input and output. A program with one
+/// kind needs no kind in the request.
 pub fn describe(kinds: &[Kind]) -> ExitCode {
     let mut text = String::new();
     let request: Result<DescribeRequest, String> = std::io::stdin()
@@ -168,7 +168,8 @@ pub fn describe(kinds: &[Kind]) -> ExitCode {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),
     };
-    print(&DescribeAnswer { motorium: env!("CARGO_PKG_VERSION").to_string(), declaration, error })
+    let motorium = env!("CARGO_PKG_VERSION").to_string();
+    print(&DescribeAnswer { motorium, memory: crate::region::layout_digest(), declaration, error })
 }
 
 /// Runs one component of a run in this process; `kinds` finds the component's type.
@@ -195,10 +196,10 @@ pub fn run_worker(
     }
 }
 
-/// Makes a component type into a program: `motorium::main!(MyController);`.
+/// Turns a component type into a program: `motorium::main!(MyController);`.
 ///
-/// The program describes itself to `motorium check`, and runs as a process of a graph that names it with
-/// `exec = "PATH"`. It counts its heap allocations.
+/// The program describes itself to `motorium check`, and runs as a process of a graph that contains `exec =
+/// "PATH"`. It counts its heap allocations.
 #[macro_export]
 macro_rules! main {
     ($component:ty) => {
@@ -211,10 +212,11 @@ macro_rules! main {
     };
 }
 
-/// Makes component types into a program that hosts their kinds for `motorium`: `motorium::host!(Web, Recorder);`.
+/// Turns component types into a program that hosts their kinds for `motorium`: `motorium::host!(Web,
+/// Recorder);`.
 ///
-/// Installed beside `motorium`, or on `PATH`, under the name that `motorium` knows for the family of its kinds, it is found
-/// by every graph that names one of them with `kind`. It counts its heap allocations.
+/// If it is installed next to `motorium` or on `PATH`, under the name registered for the family of its kinds,
+/// every graph that uses one of them as `kind` finds it. It counts its heap allocations.
 #[macro_export]
 macro_rules! host {
     ($($component:ty),+ $(,)?) => {

@@ -1,11 +1,12 @@
-//! Humanoids on two feet: that of the catalogue, and the reduced Talos (32 joints) of the PyPI package example-robot-data.
+//! Humanoids: the one of the catalogue, and the reduced Talos (32 joints) of the PyPI package
+//! example-robot-data.
 
 use std::path::{Path, PathBuf};
 
 use motorium_control::inverse_dynamics::{Contact, ContactShape};
 use motorium_robots::{BaseMode, FrameId, LoadOptions, Model, load, parse_urdf_with};
 
-/// A humanoid, a posture in which it stands, and its frames.
+/// A humanoid in a standing posture, and its frames.
 pub(crate) struct Biped {
     pub(crate) model: Model,
     /// Configuration, nq.
@@ -57,7 +58,7 @@ impl Biped {
     }
 }
 
-/// The posture that the peers have, too: the knees are bent, the arms hang beside the trunk.
+/// The posture used by the peers as well: bent knees, arms down.
 fn talos_home(joint: &str) -> f64 {
     let part = joint.replace("left", "_").replace("right", "_");
     let side = if joint.contains("left") { 1.0 } else { -1.0 };
@@ -70,15 +71,15 @@ fn talos_home(joint: &str) -> f64 {
     }
 }
 
-/// Files of the robots that peers read, too.
+/// Robot files that peers read as well.
 pub(crate) struct Files {
     pub(crate) panda: PathBuf,
     pub(crate) talos: PathBuf,
 }
 
 impl Files {
-    /// Those of the folder `MOTORIUM_EXAMPLE_ROBOT_DATA`, or of the Python of the peers. The fingers of the Panda are locked in a
-    /// copy in `scratch`.
+    /// Finds the files in the folder `MOTORIUM_EXAMPLE_ROBOT_DATA`, or in the Python of the peers. The
+    /// Panda's fingers are locked in a copy in `scratch`.
     pub(crate) fn find(python: &Path, scratch: &Path) -> Result<Self, String> {
         let folder = match std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA") {
             Some(folder) => PathBuf::from(folder),

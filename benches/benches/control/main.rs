@@ -1,9 +1,11 @@
-//! Quadratic programs and whole control cycles: recorded streams through our solver beside Clarabel, differential inverse
-//! kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two feet, the horizon of a trot; or with `--peers` the same beside the
-//! solvers and libraries of PyPI, the sides in turn; or with `--tail` the slowest cycles of torques beside those of plain arithmetic.
+//! Quadratic programs and whole control cycles: recorded streams solved by motorium and Clarabel,
+//! differential inverse kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two
+//! feet, the horizon of a trot; With `--peers`, the same alternating with solvers and libraries of PyPI. With
+//! `--tail`, the slowest torque cycles compared with plain arithmetic.
 //!
-//! The streams are files of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names their folder, by default
-//! `../shared/qps` beside the repository. Without one, problems of our own cycles are used alone.
+//! The streams are files of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names their
+//! folder, by default `../shared/qps` next to the repository. Without it, only problems of motorium's own
+//! cycles are used.
 
 mod bipeds;
 mod peers;

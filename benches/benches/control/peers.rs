@@ -1,5 +1,5 @@
-//! The streams and cycles beside solvers and libraries of PyPI: a Python process each is asked over a pipe, in turn with our
-//! own code.
+//! Streams and cycles compared with solvers and libraries of PyPI. Each peer is a Python process that is
+//! called over a pipe, alternating with motorium.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::velocity;
 const TURNS: usize = 40;
 const CYCLES: usize = 100;
 
-/// A line of the comparison: our own work, and who else does the same.
+/// A row of the comparison: motorium's work, and the peers for the same work.
 struct Row<'a> {
     name: String,
     /// Our own side.
@@ -27,8 +27,9 @@ struct Row<'a> {
     peers: Vec<(&'a str, PathBuf)>,
 }
 
-/// Prints the times of every stream and cycle on all sides. `MOTORIUM_PEER_PYTHON`, `MOTORIUM_PLACO_PYTHON` and
-/// `MOTORIUM_TSID_PYTHON` name the Pythons that have the packages, by default those that `benches/peers/fetch control` makes. A peer that does not start is said and left out.
+/// Prints the times of every stream and cycle on all sides. `MOTORIUM_PEER_PYTHON`, `MOTORIUM_PLACO_PYTHON`
+/// and `MOTORIUM_TSID_PYTHON` name the Pythons that have the packages, by default those created by
+/// `benches/peers/fetch control`. A peer that does not start is reported and skipped.
 pub(crate) fn compare(streams: &[Stream]) {
     let pythons = Pythons {
         placo: python("MOTORIUM_PLACO_PYTHON", "placo"),
@@ -88,7 +89,7 @@ pub(crate) fn talos() -> Result<Biped, String> {
     files.and_then(|files| Biped::talos(&files.talos))
 }
 
-/// The Python that a variable names, or that of the cache of the user.
+/// The Python named by a variable, or the one in the user's cache.
 fn python(variable: &str, folder: &str) -> PathBuf {
     let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache"));
     let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from).or_else(home).unwrap_or_default();
@@ -127,7 +128,7 @@ impl<'a> Row<'a> {
                 Err(error) => eprintln!("no {name}: {error}"),
             }
         }
-        // as the peers do: the first turn is not counted
+        // like the peers, discard the first turn
         (0..self.calls).for_each(|_| (self.run)());
         let mut ours = Vec::with_capacity(TURNS * self.calls);
         let mut theirs = vec![Vec::new(); peers.len()];
@@ -190,7 +191,7 @@ impl Peer {
         let pipes = child.stdin.take().zip(child.stdout.take());
         let (ask, answer) = pipes.ok_or("the peer has no pipes")?;
         let mut peer = Self { child, ask, answer: BufReader::new(answer) };
-        // what it prints before is of its packages
+        // earlier output comes from its packages
         while peer.line()? != "ready" {}
         Ok(peer)
     }
@@ -216,7 +217,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It has nothing to save; when it is gone already, all the better.
+        // It has nothing to save, and may be gone already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

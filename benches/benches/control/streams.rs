@@ -19,7 +19,7 @@ pub(crate) struct Stream {
     pub(crate) file: Option<PathBuf>,
 }
 
-/// The recorded streams that are there, and one of our own humanoid.
+/// Returns the available recorded streams, and one from the humanoid.
 pub(crate) fn all() -> Vec<Stream> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/qps");
     let folder = std::env::var_os("MOTORIUM_QPS").map_or(beside, PathBuf::from);
@@ -42,7 +42,7 @@ pub(crate) fn all() -> Vec<Stream> {
     streams
 }
 
-/// One solve after the other, over and over.
+/// Repeated solves of a stream, one after the other.
 pub(crate) struct Solves<'a> {
     stream: &'a Stream,
     solver: Box<dyn QpSolver>,

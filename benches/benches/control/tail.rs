@@ -1,5 +1,5 @@
-//! The tails of cycles of torques, told apart from those of the machine: each cycle in turn with a floor of plain arithmetic that takes as
-//! long and never another path, and the iterations of the slowest cycles.
+//! Tails of torque cycles, separated from the machine's tails. Each cycle alternates with a floor of plain
+//! arithmetic of equal duration and fixed path. The iterations of the slowest cycles are printed.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -9,9 +9,9 @@ use crate::torque::{Motion, Tasks, TorqueCycle};
 
 /// Cycles of a row.
 const CYCLES: usize = 20_000;
-/// Cycles before the first that counts.
+/// Number of warm-up cycles.
 const WARM_UP: usize = 2000;
-/// Numbers that the floor works on: as many bytes as the matrices of a problem of 60 unknowns.
+/// Numbers processed by the floor, as many bytes as the matrices of a problem with 60 unknowns.
 const NUMBERS: usize = 24 * 1024;
 
 /// Prints the tails of the humanoid of the catalogue and, where it is at hand, of Talos.
@@ -96,7 +96,7 @@ struct Floor {
 }
 
 impl Floor {
-    /// A floor with the median of `cycle`, which is warmed up by it.
+    /// Creates a floor with the median duration of `cycle`, which is warmed up in the process.
     fn as_long_as(cycle: &mut TorqueCycle) -> Self {
         let mut floor =
             Self { numbers: (0..NUMBERS).map(|n| 1.0 / (1.0 + n as f64)).collect(), rounds: 1000 };

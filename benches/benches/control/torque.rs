@@ -1,4 +1,5 @@
-//! Cycles of inverse dynamics of a humanoid on two soles: model, tasks, limits, solution; a ring of states along its own motion.
+//! Cycles of inverse dynamics of a humanoid on two soles: model, tasks, limits, solution; a ring of states
+//! along its own motion.
 
 use motorium_control::{
     inverse_dynamics::{
@@ -26,16 +27,18 @@ pub(crate) enum Tasks {
     Four,
 }
 
-/// Order in which the states of its own motion are computed once more.
+/// Order in which the states of the recorded motion are replayed.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Motion {
-    /// To the last and back: neighbours follow each other.
+    /// Back and forth: neighbours follow each other.
     ToAndFro,
-    /// Round and round: each thousandth follows on one that is far away.
+    /// In a circle: every thousandth state follows a distant one.
     Round,
-    /// Round, where the last is the first again: it leans over its left foot, lifts the right one, and sets it down where it was.
+    /// In a circle of a closed motion: the humanoid leans over its left foot, lifts the right one, and sets
+    /// it down in place.
     Step,
-    /// The same, but nothing leads the right foot, which comes down elsewhere: it falls, and at the end no motion satisfies all constraints.
+    /// The same without control of the right foot, which lands elsewhere: the robot falls, and in the end no
+    /// motion satisfies all constraints.
     Fall,
 }
 
@@ -49,9 +52,9 @@ impl Motion {
 struct Moment {
     q: Vec<f64>,
     v: Vec<f64>,
-    /// Place of the centre of mass that is wanted.
+    /// Desired position of the centre of mass.
     wanted: Vector3<f64>,
-    /// Share of its load that the right foot bears; 0 where it is lifted, and its height above the ground then \[m\].
+    /// Load fraction of the right foot; 0 when it is lifted, with its height above the ground \[m\].
     load: f64,
     height: f64,
 }
@@ -167,8 +170,8 @@ impl TorqueCycle {
     }
 }
 
-/// Share of the way to its left foot at which the centre of mass is wanted at a time \[s\], the share of its load that the right one bears,
-/// and its height \[m\].
+/// Returns the desired position of the centre of mass on the line to the left foot (as a fraction), the load
+/// fraction of the right foot, and its height \[m\], at a time \[s\].
 fn step(motion: Motion, t: f64) -> (f64, f64, f64) {
     if !motion.lifts() {
         return (0.0, 1.0, 0.0);

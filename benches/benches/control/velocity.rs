@@ -1,4 +1,4 @@
-//! Cycles at the level of velocities: kinematics, tasks, limits, solution, and the step that they command.
+//! Velocity-level cycles: kinematics, tasks, limits, solution, and the commanded step.
 
 use std::path::Path;
 
@@ -15,11 +15,12 @@ use nalgebra::{Isometry3, Vector3};
 use crate::bipeds::Biped;
 
 const DT: f64 = 0.001;
-/// A second each: offsets of the hand's goal from where it begins \[m\]. Those of the Panda are out of reach now and then.
+/// Offsets of the hand's goal from its initial position, one second each \[m\]. The Panda's goals are
+/// sometimes out of reach.
 const PANDA_GOALS: [[f64; 3]; 4] = [[0.1, 0.2, 0.1], [-0.1, -0.3, 0.2], [0.6, 0.0, 0.5], [0.0, 0.3, -0.3]];
 const BIPED_GOALS: [[f64; 3]; 4] = [[0.1, 0.0, 0.15], [0.05, 0.1, 0.0], [0.1, 0.1, 0.2], [0.0, -0.05, 0.1]];
 
-/// A robot whose joints do what they are told, and its limits.
+/// A robot whose joints follow their commands exactly, and its limits.
 struct Robot {
     model: Model,
     kinematics: Kinematics,
@@ -78,7 +79,7 @@ pub(crate) fn panda(hard: bool) -> impl FnMut() {
     }
 }
 
-/// A humanoid whose feet are held, whose centre of mass is moved, and whose hand runs after goals.
+/// A humanoid with fixed feet, a moving centre of mass, and a hand that follows goals.
 pub(crate) fn on_held_feet(biped: &Biped) -> impl FnMut() + use<> {
     let model = &biped.model;
     let mut robot = Robot::new(model, &biped.q);

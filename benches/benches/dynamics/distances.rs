@@ -1,4 +1,4 @@
-//! Distances between the links of the Panda, by what stands for its meshes.
+//! Distances between the links of the Panda, for different collision geometries.
 
 use std::path::Path;
 
@@ -20,8 +20,8 @@ struct Subject {
     solids: CollisionModel,
 }
 
-/// The Panda of the catalogue (primitives), and the published one, meshes as capsules, as hulls and as they are, from the
-/// folder `MOTORIUM_EXAMPLE_ROBOT_DATA` (see `robots.rs`).
+/// The Panda of the catalogue (primitives), and the published one with meshes as capsules, as convex hulls
+/// and unchanged, from the folder `MOTORIUM_EXAMPLE_ROBOT_DATA` (see `robots.rs`).
 fn subjects() -> Vec<Subject> {
     let options = CollisionOptions::default();
     let mut subjects = Vec::new();
@@ -91,7 +91,7 @@ pub(crate) fn measure(criterion: &mut Criterion) {
     }
 }
 
-/// Along a slow motion through the joints' ranges: a step is what a robot does in a few milliseconds.
+/// Configurations of a slow motion through the joint ranges; a step corresponds to a few milliseconds.
 fn configuration(model: &Model, state: usize) -> Vec<f64> {
     let (lower, upper) = (model.lower(), model.upper());
     let along = |joint: usize| {

@@ -1,5 +1,5 @@
-//! Kinematics, dynamics and distances, alone (criterion); or with `--peers` kinematics and dynamics beside Pinocchio in C++,
-//! pair by pair in one run.
+//! Kinematics, dynamics and distances (criterion). With `--peers`, kinematics and dynamics compared with
+//! Pinocchio in C++, pair by pair in one run.
 
 mod distances;
 mod peers;
@@ -33,6 +33,6 @@ fn main() {
         distances::measure(&mut criterion);
         criterion.final_summary();
     }
-    // Nothing is lost when it stays: the system clears its temporary files.
+    // A leftover folder is harmless: the system clears its temporary files.
     let _ = std::fs::remove_dir_all(&scratch);
 }

@@ -1,4 +1,4 @@
-//! The pairing with Pinocchio: its driver is built here and asked over a pipe, in turn with our own code.
+//! Comparison with Pinocchio: its driver is built here and called over a pipe, alternating with motorium.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,8 @@ use std::time::Instant;
 use crate::quantities::{Bench, NAMES};
 use crate::robots::Subject;
 
-/// Turns of each side, and calls timed together in a turn: few enough that other programs seldom fall into it.
+/// Number of turns per side, and of calls timed together in a turn: short enough that other programs rarely
+/// interfere.
 const TURNS: usize = 200;
 const CALLS: usize = 64;
 
@@ -59,7 +60,7 @@ pub(crate) fn compare(subjects: &[Subject]) -> Result<(), String> {
 fn build() -> Result<PathBuf, String> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/pinocchio.cpp");
     let prefix = prefix()?;
-    // Kept between runs: the compiler needs minutes for it.
+    // Cached between runs: compilation lasts minutes.
     let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("pinocchio");
     let written = |path: &Path| std::fs::metadata(path).and_then(|data| data.modified()).ok();
     if written(&program) > written(&source) {
@@ -92,7 +93,7 @@ fn build() -> Result<PathBuf, String> {
     Err(format!("the driver does not compile:\n{}", String::from_utf8_lossy(&output.stderr)))
 }
 
-/// The folder of Pinocchio's headers and libraries: `MOTORIUM_PINOCCHIO`, or that of the `python3` in the path.
+/// Folder of Pinocchio's headers and libraries: `MOTORIUM_PINOCCHIO`, or the one of `python3` on the path.
 fn prefix() -> Result<PathBuf, String> {
     const INSTALL: &str = "pip install pin==4.1.0 cmeel-eigen cmeel-urdfdom-headers, and set MOTORIUM_PINOCCHIO to the \
                            folder cmeel.prefix of its site-packages";
@@ -140,7 +141,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It may be gone already, which is what is wanted.
+        // The process may be gone already, as intended.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -1,4 +1,4 @@
-//! The measured calls: one each, over a ring of states so that no branch and no cache line is learnt by heart.
+//! The measured calls, over a ring of states so that branch prediction and caches do not learn them.
 
 use motorium_robots::{Derivatives, Dynamics, FrameId, Kinematics, Reference};
 use nalgebra::{DMatrix, Matrix6xX, Vector3};
@@ -10,7 +10,7 @@ const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 /// States in the ring.
 const STATES: usize = 64;
 
-/// Names of the quantities, as the peer's driver knows them too.
+/// Names of the quantities, shared with the peer's driver.
 pub(crate) const NAMES: [&str; 12] = [
     "rnea",
     "bias",
@@ -82,7 +82,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Runs one quantity at the next state; `false` when it is not known.
+    /// Evaluates one quantity at the next state; `false` if it is unknown.
     pub(crate) fn run(&mut self, name: &str) -> bool {
         self.next = (self.next + 1) % STATES;
         let State { q, v, a } = &self.states[self.next];

@@ -1,8 +1,9 @@
 //! The motion library: learning, recognition, recursive update, generation.
 //!
-//! With the recorded letters beside the checkout (`../shared/data/uci-char-trajectories/train.jsonl`) it measures on them;
-//! without, on as many letters of our own strokes. Peer: numpy's SVD of the same matrix takes 123 to 194 ms, its
-//! projection on 50 eigenforces 2.6 us, its recursive update at rank 50 0.66 ms, on this kind of machine.
+//! Uses the recorded letters next to the checkout (`../shared/data/uci-char-trajectories/train.jsonl`) if
+//! available, else the same number of synthetic letters. Peer: numpy's SVD of the same matrix takes 123 to
+//! 194 ms, its projection on 50 eigenforces 2.6 us, its recursive update at rank 50 0.66 ms, on this kind of
+//! machine.
 
 use std::hint::black_box;
 use std::path::Path;

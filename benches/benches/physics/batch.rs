@@ -21,7 +21,7 @@ const THREADS: usize = 2;
 /// Turns: fewer than of a single robot.
 const TURNS_OF_BATCH: usize = TURNS / 4;
 
-/// Prints the row; beside MuJoCo's `rollout` where `compared`.
+/// Prints the row; compared with MuJoCo's `rollout` if `compared`.
 pub(crate) fn print(compared: bool) -> Result<(), String> {
     let mut batch = quadrupeds();
     let mut peer =

@@ -1,6 +1,6 @@
-//! Energy without friction, stops and drives: a pendulum over 100 s, and over 30 s a humanoid that flies freely with all joints
-//! turning, by Euler's method and by the midpoint rule. Its thin links spin up: at a step of 1 ms both engines' integrators of first order
-//! lose the motion after 40 to 90 s.
+//! Energy without friction, stops and drives: a pendulum over 100 s, and over 30 s a humanoid that flies
+//! freely with all joints turning, by Euler's method and by the midpoint rule. Its thin links spin up: at a
+//! step of 1 ms both engines' integrators of first order lose the motion after 40 to 90 s.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::peers::{Peer, urdf};
 /// Name of the rows.
 pub(crate) const NAME: &str = "energy";
 
-/// Prints the rows; beside MuJoCo's Euler integrator where `compared`.
+/// Prints the rows; compared with MuJoCo's Euler integrator if `compared`.
 pub(crate) fn print(compared: bool) -> Result<(), String> {
     for (robot, seconds) in [("pendulum", 100), ("humanoid", 30)] {
         let turns = seconds * 1000 / STEPS;
@@ -38,7 +38,7 @@ pub(crate) fn print(compared: bool) -> Result<(), String> {
             let midpoint = drift(&energies(&text, floats, turns, Integrator::Midpoint), floats);
             println!("{NAME}, {robot}, 100 s: midpoint rule: {midpoint}");
         }
-        // What is left over in the folder of temporary files harms nobody.
+        // A leftover temporary file is harmless.
         let _ = std::fs::remove_file(file);
     }
     Ok(())
@@ -49,7 +49,8 @@ fn drift(energies: &[f64], floats: bool) -> String {
     let second = 1000 / STEPS;
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let (first, last) = (mean(&energies[..second]), mean(&energies[energies.len() - second..]));
-    // A pendulum's potential energy is zero at its hinge: what moves is what it has above its lowest point.
+    // A pendulum's potential energy is zero at its hinge: only the energy above its lowest point can be
+    // converted.
     let scale = if floats { first } else { first + 0.5 * 9.81 };
     let far = energies.iter().fold(0.0_f64, |most, energy| most.max((energy - first).abs()));
     format!("drift {:+.2e}, largest deviation {:.2e}", (last - first) / scale, far / scale)

@@ -1,5 +1,6 @@
-//! Time of one simulated millisecond, for robots of the catalogue and a pile of boxes; with `--peers` beside MuJoCo and
-//! PyBullet, turn by turn in one run. Then the steps a second of a batch, and the energy of motions without losses.
+//! Time of one simulated millisecond, for robots of the catalogue and a pile of boxes. With `--peers`,
+//! alternating with MuJoCo and PyBullet in one run. Then the steps per second of a batch, and the energy of
+//! lossless motions.
 
 mod batch;
 mod energy;

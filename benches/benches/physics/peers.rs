@@ -1,5 +1,5 @@
-//! The pairing with MuJoCo and PyBullet: a driver in Python holds their simulations and is asked over a pipe, in turn with
-//! our own. What it times are calls into their libraries of [`STEPS`] steps each.
+//! Comparison with MuJoCo and PyBullet: a Python driver holds their simulations and is called over a pipe,
+//! alternating with motorium. It times library calls of [`STEPS`] steps each.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::{STEPS, TURNS, figures, turn};
 const INSTALL: &str = "pip install mujoco pybullet numpy in a virtual environment, and set MOTORIUM_PEERS_PYTHON to \
                        its python3";
 
-/// Prints the time of every scene on all sides, and the ratio of the medians to that of MuJoCo.
+/// Prints the time of every scene on all sides, and the ratios of the medians to MuJoCo's.
 pub(crate) fn compare(scenes: &mut [Scene]) -> Result<(), String> {
     println!("{:<24} {:>23} {:>23} {:>23} {:>9}", "scene", "motorium", "mujoco", "pybullet", "to mujoco");
     for scene in scenes {
@@ -62,7 +62,7 @@ pub(crate) struct Peer {
 }
 
 impl Peer {
-    /// Starts the driver with a motion, so many boxes (or robots), and a robot.
+    /// Starts the driver with a motion, a number of boxes (or robots), and a robot.
     pub(crate) fn start(engine: &str, motion: &str, boxes: usize, urdf: &Path) -> Result<Self, String> {
         let python = std::env::var_os("MOTORIUM_PEERS_PYTHON").unwrap_or_else(|| "python3".into());
         let mut process = Command::new(python)
@@ -92,7 +92,8 @@ impl Peer {
         Ok(line)
     }
 
-    /// Microseconds per step, or what else the motion has it tell; `None` where the engine cannot do the scene.
+    /// Microseconds per step, or another figure defined by the motion; `None` if the engine does not support
+    /// the scene.
     pub(crate) fn turn(&mut self) -> Result<Option<f64>, String> {
         writeln!(self.questions, "turn").map_err(|error| format!("the driver is gone: {error}"))?;
         let line = self.line()?;
@@ -105,7 +106,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It may be gone already, which is what is wanted.
+        // The process may be gone already, as intended.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

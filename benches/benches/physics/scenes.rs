@@ -1,4 +1,4 @@
-//! Simulated scenes: robots that move or stand, and boxes that fall into a pile.
+//! Simulated scenes: moving or standing robots, and boxes that fall into a pile.
 
 use std::path::{Path, PathBuf};
 
@@ -10,21 +10,21 @@ use motorium_robots::{Loaded, load};
 use crate::peers::urdf;
 use crate::talos;
 
-/// The way the joints of a robot are led.
+/// Motion commanded to the joints of a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     /// Every joint swings by 0.15 rad about home.
     Swing,
     /// Every joint is held at home.
     Hold,
-    /// As `Hold`, and the robot falls for ever.
+    /// Like `Hold`, with the robot in permanent free fall.
     Fall,
     /// Boxes fall into a pile, from the start again every 1000 steps.
     Drop,
 }
 
 impl Motion {
-    /// The word that the peers' driver knows it by.
+    /// Name of the motion in the peers' driver.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Swing => "swing",
@@ -35,10 +35,10 @@ impl Motion {
     }
 }
 
-/// A simulation, and what its peers need to know of it.
+/// A simulation and the data its peers need.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
-    /// The file of the robot; its profile lies beside it.
+    /// File of the robot, next to its profile.
     pub(crate) urdf: PathBuf,
     pub(crate) motion: Motion,
     /// Boxes that fall into a pile.
@@ -60,7 +60,7 @@ const SCENES: [(&str, &str, Motion); 8] = [
     ("humanoid, free fall", "humanoid", Motion::Fall),
 ];
 
-/// Those of Talos, where it is on this machine.
+/// Scenes of Talos, if available on this machine.
 const TALOS: [(&str, Motion); 2] = [("talos", Motion::Hold), ("talos, free fall", Motion::Fall)];
 
 /// The scenes whose names `chosen` admits.
@@ -113,7 +113,7 @@ impl Scene {
         scene
     }
 
-    /// A pile beside a pendulum that hangs far above.
+    /// A pile next to a pendulum that hangs far above.
     fn of_boxes(name: &'static str, boxes: usize, motion: Motion) -> Self {
         let loaded = load("pendulum", Path::new(".")).expect("the catalogue's robots load");
         let objects = (0..boxes)
@@ -157,7 +157,7 @@ impl Scene {
         scene
     }
 
-    /// Simulates so many milliseconds; the goals of the joints are set once, at the first.
+    /// Simulates a number of milliseconds; the joint goals are set at the first one.
     pub(crate) fn advance(&mut self, steps: usize) {
         if self.motion == Motion::Drop && self.steps > 0 && self.steps.is_multiple_of(1000) {
             self.simulation.reset(&[0.0], &[0.0]).expect("the state it was built in");
@@ -172,7 +172,7 @@ impl Scene {
         }
         self.steps += steps;
         if self.motion == Motion::Fall && self.steps.is_multiple_of(1500) {
-            // It would come near the speed at which a base counts as lost.
+            // The base would approach the speed at which it counts as diverged.
             let (q, mut v) = (self.simulation.configuration().to_vec(), self.simulation.velocity().to_vec());
             v[..6].fill(0.0);
             self.simulation.reset(&q, &v).expect("it was a state of the simulation");

@@ -1,5 +1,6 @@
-//! The reduced Talos (32 joints and a free base) of the PyPI package example-robot-data, in its makers' posture, as files that both sides
-//! read: a URDF whose meshes are named by their paths, and a profile with the posture and stiff gains.
+//! The reduced Talos (32 joints and a free base) of the PyPI package example-robot-data, in its makers'
+//! posture, as files that both sides read: a URDF whose meshes are named by their paths, and a profile with
+//! the posture and stiff gains.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -7,14 +8,16 @@ use std::path::{Path, PathBuf};
 use motorium_physics::{ArticulatedSimulator, Ground, Options, RobotSetup, Simulator, World};
 use motorium_robots::{BaseMode, LoadOptions, Loaded, installed, load_with};
 
-/// Deflection at which a drive gives its full effort \[rad\], and the damping of its gains, as a time \[s\].
+/// Deflection at which a drive reaches its full effort \[rad\], and the damping of its gains as a time
+/// constant \[s\].
 const STIFF: [f64; 2] = [0.02, 0.02];
 
-/// Where the package is not on this machine.
+/// Message if the package is missing.
 const HINT: &str = "no Talos: set MOTORIUM_EXAMPLE_ROBOT_DATA to the folder `robots` of the PyPI package example-robot-data, or \
                     `motorium robot install example-robot-data`";
 
-/// Writes the two files to the folder of temporary files, and returns the URDF; `None`, said once, where the package is not there.
+/// Writes the two files to the temporary folder and returns the URDF; `None`, reported once, if the package
+/// is missing.
 pub(crate) fn files() -> Option<PathBuf> {
     let given = std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA").map(PathBuf::from);
     let given =

@@ -1,4 +1,4 @@
-//! Movement primitives, alone (criterion) or with `--peers` beside movement_primitives and pydmps, in one run.
+//! Movement primitives (criterion). With `--peers`, compared with movement_primitives and pydmps in one run.
 
 mod peers;
 mod work;

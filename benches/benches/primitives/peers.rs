@@ -1,4 +1,4 @@
-//! The pairing with the Python packages: a process of each is asked over a pipe, in turn with our own code.
+//! Comparison with the Python packages: a process of each is called over a pipe, alternating with motorium.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -9,14 +9,15 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::work::Work;
 
-/// Turns of each side, and the processor time that one turn takes at least, s.
+/// Number of turns per side, and the minimum processor time of one turn, s.
 const TURNS: usize = 40;
 const TURN: f64 = 0.001;
 
 const PEERS: [&str; 2] = ["movement_primitives", "pydmps"];
 
 /// Prints the time of every work on all sides. `MOTORIUM_PEER_PYTHON` names the Python that has the packages
-/// (`pip install -r benches/peers/primitives.txt`), by default `python3`. A ratio is how many times as long they take.
+/// (`pip install -r benches/peers/primitives.txt`), by default `python3`. Ratios are the peers' times over
+/// motorium's.
 pub(crate) fn compare(works: &mut [Work]) -> Result<(), String> {
     let mut peers = PEERS.map(Peer::start).into_iter().collect::<Result<Vec<_>, _>>()?;
     println!("us of processor time per call, minimum / median of {TURNS} turns, the sides in turn\n");
@@ -35,7 +36,7 @@ pub(crate) fn compare(works: &mut [Work]) -> Result<(), String> {
         let own = median(&mut ours);
         print!("{:<22} {:>19}", work.name, shown(&ours));
         for mut times in theirs {
-            // of the medians: how many times as long as ours
+            // peers' median over motorium's
             let ratio = median(&mut times).zip(own).map(|(theirs, own)| format!("{:.1}", theirs / own));
             print!(" {:>19} {:>7}", shown(&times), ratio.as_deref().unwrap_or("-"));
         }
@@ -58,13 +59,13 @@ fn shown(times: &[f64]) -> String {
     }
 }
 
-/// Processor time of this program. Unlike that of the day it does not pass while others have the processor.
+/// Processor time of this program, which does not advance while other programs have the processor.
 fn now() -> Duration {
     let now = clock_gettime(ClockId::ProcessCPUTime);
     Duration::new(now.tv_sec.unsigned_abs(), u32::try_from(now.tv_nsec).unwrap_or_default())
 }
 
-/// Seconds of one call, over as many as fill a turn.
+/// Seconds per call, averaged over the calls that fill a turn.
 fn seconds(work: &mut Work) -> f64 {
     let mut calls = 1_u32;
     loop {
@@ -129,7 +130,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It has nothing to save; when it is gone already, all the better.
+        // It has nothing to save, and may be gone already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -1,5 +1,5 @@
-//! Time of a lidar scan of 360 rays, of a height scan of 187 points and of a depth picture of 160 x 120 on a table-top; with
-//! `--peers` beside MuJoCo, turn by turn in one run, hits compared.
+//! Time of a lidar scan of 360 rays, a height scan of 187 points and a depth image of 160 x 120 on a
+//! table-top scene. With `--peers`, alternating with MuJoCo in one run, hits compared.
 
 mod peer;
 mod table;

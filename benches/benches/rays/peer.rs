@@ -1,5 +1,5 @@
-//! The pairing with MuJoCo: a driver in Python holds the scene and is asked over a pipe, in turn with our own. What it times are
-//! calls into the library of [`Scan::repeats`] scans each.
+//! Comparison with MuJoCo: a Python driver holds the scene and is called over a pipe, alternating with
+//! motorium. It times library calls of [`Scan::repeats`] scans each.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -11,7 +11,7 @@ use crate::{RANGE, TURNS, figures, share, turn};
 const INSTALL: &str =
     "pip install mujoco numpy in a virtual environment, and set MOTORIUM_PEERS_PYTHON to its python3";
 
-/// Rays whose distances may differ by more than a micrometre: those that graze an edge.
+/// Fraction of rays whose distances may differ by more than a micrometre: rays that graze an edge.
 const GRAZING: f64 = 0.002;
 
 /// Prints the time of every scan on both sides, the ratio of the medians, and how the distances compare.
@@ -96,7 +96,7 @@ impl Peer {
         line.trim().parse().map_err(|_| format!("the driver says \"{}\"", line.trim()))
     }
 
-    /// The distances of a scan, -1 where nothing is met.
+    /// Distances of a scan; -1 without a hit.
     fn distances(&mut self, scan: &Scan) -> Result<Vec<f64>, String> {
         self.ask(&format!("distances {}", scan.word))?;
         let line = self.line()?;
@@ -107,7 +107,7 @@ impl Peer {
 
 impl Drop for Peer {
     fn drop(&mut self) {
-        // It may be gone already, which is what is wanted.
+        // The process may be gone already, as intended.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

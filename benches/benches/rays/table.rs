@@ -1,4 +1,4 @@
-//! A Panda over a table with objects, and three sensors that look at it.
+//! A Panda over a table with objects, observed by three sensors.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 /// The rays of a scan.
 pub(crate) struct Scan {
     pub(crate) name: &'static str,
-    /// The word that the peer's driver knows it by.
+    /// Name of the scan in the peer's driver.
     pub(crate) word: &'static str,
     pub(crate) rays: Vec<Ray>,
     /// Scans that are timed together.
@@ -72,7 +72,7 @@ impl TableTop {
     }
 }
 
-/// A table of 1.2 x 1.6 m before the arm, objects in a spiral on it.
+/// A table of 1.2 x 1.6 m in front of the arm, with objects on a spiral.
 fn world() -> World {
     let object = |name: String, shape, position, turn| Object {
         name,
@@ -98,7 +98,7 @@ fn world() -> World {
     World { ground: Some(Ground::default()), objects, ..World::default() }
 }
 
-/// A lidar on the edge of the table, a height scan over it, and a camera that looks down on it from the far side.
+/// A lidar on the edge of the table, a height scan over it, and a camera looking down from the far side.
 fn scans() -> [Scan; 3] {
     let lidar = Point3::new(0.35, 0.05, 0.26);
     let turn = (0..360_u32).map(|index| f64::from(index).to_radians());

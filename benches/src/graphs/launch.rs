@@ -25,7 +25,7 @@ pub struct Ran {
 }
 
 impl Ran {
-    /// A distribution that a `bench.relay` left as its result.
+    /// Returns a distribution from the result of a `bench.relay`.
     pub fn relayed(&self, component: &str, what: &str) -> Option<Distribution> {
         serde_json::from_value(self.report.results.get(component)?.get(what)?.clone()).ok()
     }
@@ -49,10 +49,10 @@ pub fn run(program: &Path, registry: &Registry, name: &str, text: String) -> Res
     run_plan(program, registry, plan(registry, name, text)?)
 }
 
-/// As [`run`], with a trace that keeps this number of events of each component.
+/// Like [`run`], with a trace of this number of events per component.
 ///
 /// # Errors
-/// As [`run`].
+/// Same as [`run`].
 pub fn run_traced(
     program: &Path,
     registry: &Registry,

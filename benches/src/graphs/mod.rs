@@ -1,4 +1,4 @@
-//! Measurements of whole graphs: real processes under the launcher, as a user runs them.
+//! Measurements of whole graphs: real processes under the launcher, as started by a user.
 
 mod launch;
 mod shapes;

@@ -1,8 +1,8 @@
-//! The graphs that are measured, as texts of graph files.
+//! Measured graphs as texts of graph files.
 
 use std::fmt::Write as _;
 
-/// The arm that the README's first command moves.
+/// The arm moved by the README's first command.
 const PANDA: &str = include_str!("panda-reach.toml");
 
 fn head(name: &str, rate_hz: u32, seconds: u32, core: usize) -> String {
@@ -21,7 +21,7 @@ fn relay(text: &mut String, name: &str, from: &str, to: Option<&str>) {
     );
 }
 
-/// One component at a rate, whose topic has no reader.
+/// One component at a rate; its topic has no reader.
 pub fn release(rate_hz: u32, seconds: u32, core: usize) -> String {
     head("bench-release", rate_hz, seconds, core) + "publish = { out = \"bench/0\" }\n"
 }
@@ -40,8 +40,8 @@ pub fn chain(processes: usize, seconds: u32, core: usize) -> String {
     text
 }
 
-/// The caterpillar at 1 kHz: a source, a chain of 8 that pass on what they get, and a sink beside each of them: 17
-/// processes on one core. The last sink is `tail`.
+/// The caterpillar at 1 kHz: a source, a chain of 8 relays, and a sink for each of them; 17 processes on one
+/// core. The last sink is `tail`.
 pub fn caterpillar(seconds: u32, core: usize) -> String {
     let mut text = head("bench-caterpillar", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");
@@ -54,7 +54,7 @@ pub fn caterpillar(seconds: u32, core: usize) -> String {
     text
 }
 
-/// One process at 1 kHz that triggers `readers` others, all on one core: `tail-1` to `tail-N`.
+/// One process at 1 kHz that triggers `readers` processes, all on one core: `tail-1` to `tail-N`.
 pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     let mut text = head("bench-fan-out", 1_000, seconds, core);
     text.push_str("publish = { out = \"bench/0\" }\n");
@@ -64,7 +64,8 @@ pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     text
 }
 
-/// A commander of 7 joints at 1 kHz and the actuator that it triggers, on one core: with the command gate or without.
+/// A commander of 7 joints at 1 kHz and the actuator that it triggers, on one core: with the command gate or
+/// without.
 pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
     format!(
         "name = \"bench-gate\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.commander]\n\
@@ -109,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_has_as_many_processes_as_were_asked_for_and_ends_in_a_tail() {
+    fn chain_has_the_requested_length_and_ends_in_a_tail() {
         for processes in [2, 4, 8] {
             let text = chain(processes, 1, 0);
             assert_eq!(text.matches("[component.").count(), processes);
@@ -119,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_caterpillar_has_17_processes_and_every_relay_its_sink() {
+    fn caterpillar_has_17_processes_and_a_sink_per_relay() {
         let text = caterpillar(1, 0);
         assert_eq!(text.matches("[component.").count(), 17);
         for i in 1..=8 {
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn the_panda_loop_runs_for_the_time_that_was_asked_for() {
+    fn panda_loop_runs_for_the_requested_time() {
         assert!(panda(3).contains("duration = \"3 s\""));
         assert!(panda(3).contains("[[latency]]"));
     }

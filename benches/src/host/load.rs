@@ -1,4 +1,4 @@
-//! Other work for the machine, at normal priority: what a robot's computer does besides control.
+//! Background load at normal priority: the other work of a robot's computer.
 
 use std::io::{Read as _, Write as _};
 use std::path::Path;
@@ -9,30 +9,31 @@ use rustix::process::{Pid, Signal, kill_process};
 
 /// Marks a process of the load in its command line.
 pub(crate) const LOAD: &str = "--bench-load";
-/// Memory that a process streams through, bytes: more than the caches hold.
+/// Memory streamed by a process, bytes; exceeds the caches.
 const STREAMED: usize = 64 << 20;
 
 /// The generator of load.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Loader {
-    /// `stress-ng`: a process for each core that streams through memory, and one that passes bytes through pipes.
+    /// `stress-ng`: a process for each core that streams through memory, and one that passes bytes through
+    /// pipes.
     StressNg {
         /// Its version.
         version: String,
     },
     /// `hackbench` of rt-tests: ten processes for each core that pass bytes through pipes.
     Hackbench,
-    /// Two processes of our own for each core: one that streams through memory, one that passes bytes through pipes.
+    /// Two built-in processes per core: one streams through memory, one passes bytes through pipes.
     Own,
 }
 
 impl Loader {
-    /// The first of `stress-ng`, `hackbench` and our own that is there.
+    /// Selects the first available load of `stress-ng`, `hackbench` and the built-in one.
     pub fn detect() -> Self {
         Self::named("stress-ng").or_else(|| Self::named("hackbench")).unwrap_or(Self::Own)
     }
 
-    /// One of `stress-ng`, `hackbench` and `own`, if it is installed.
+    /// Selects `stress-ng`, `hackbench` or `own` by name, if installed.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "stress-ng" => {
@@ -54,7 +55,7 @@ impl Loader {
     /// Arguments for one core; our own processes are started otherwise.
     fn arguments(&self, cores: usize) -> Vec<String> {
         let text = match self {
-            // It ends by itself if the process that started it has died.
+            // It ends automatically if its parent has died.
             Self::StressNg { .. } => format!("--quiet --timeout 900 --stream {cores} --pipe {cores}"),
             Self::Hackbench => format!("--pipe --groups {cores} --fds 5 --loops 1000000000"),
             Self::Own => String::new(),
@@ -74,13 +75,13 @@ impl core::fmt::Display for Loader {
     }
 }
 
-/// Processes at normal priority that keep every core busy with memory traffic, system calls and context switches. They
-/// end when this is dropped.
+/// Processes at normal priority that keep every core busy with memory traffic, system calls and context
+/// switches. They end when this value is dropped.
 #[derive(Debug)]
 pub struct Load(Vec<Child>);
 
 impl Load {
-    /// Starts the load; our own with a program that hands its arguments to [`Role`](crate::Role).
+    /// Starts the load. The built-in load needs a program that passes its arguments to [`Role`](crate::Role).
     ///
     /// # Errors
     /// A process could not be started.
@@ -112,7 +113,7 @@ impl Load {
 
 impl Drop for Load {
     fn drop(&mut self) {
-        // Asked first: a tool of many processes ends its own.
+        // Terminated gracefully first: a tool with many processes ends its children.
         for child in &self.0 {
             if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
                 let _ = kill_process(pid, Signal::TERM);
@@ -129,7 +130,7 @@ impl Drop for Load {
     }
 }
 
-/// The load of one process; ends when its standard input does, so that it never outlives who started it.
+/// The load of one process; ends when its standard input closes, so it never outlives its parent.
 pub(crate) fn run_load(kind: &str) {
     std::thread::spawn(|| {
         let mut rest = Vec::new();
@@ -149,7 +150,7 @@ fn stream_memory() -> ! {
     }
 }
 
-/// Two threads pass a byte back and forth through pipes: system calls and context switches without end.
+/// Two threads pass a byte through pipes: continuous system calls and context switches.
 fn call_the_system() {
     let (Ok((mut from_a, mut to_b)), Ok((mut from_b, mut to_a))) = (std::io::pipe(), std::io::pipe()) else {
         return;
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_load_says_what_it_is_and_how_it_was_started() {
+    fn load_describes_itself_and_its_command() {
         let text = Loader::StressNg { version: "0.15.06".to_string() }.to_string();
         assert!(text.starts_with("stress-ng 0.15.06 ") && text.contains("--pipe"), "{text}");
         assert!(Loader::Hackbench.to_string().contains("--groups"));

@@ -1,10 +1,10 @@
-//! The machine line: what the figures were measured on.
+//! Machine line: describes the machine on which the figures were measured.
 
 use motorium::os::machine;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The machine, as far as it matters to latencies.
+/// Properties of the machine that affect latencies.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Machine {
     /// Kernel release and preemption, such as `6.18.0 PREEMPT_DYNAMIC`.
@@ -15,19 +15,18 @@ pub struct Machine {
     pub cores: usize,
     /// Clock source of the kernel.
     pub clock_source: String,
-    /// True if it is a virtual machine: its host may take the cores away.
+    /// `true` for a virtual machine, whose host may preempt the cores.
     pub is_virtual: bool,
-    /// Frequency governor of the first core; `None` where the system does not scale frequencies.
+    /// Frequency governor of the first core; `None` without frequency scaling.
     pub governor: Option<String>,
-    /// Driver and governor of idle states, as `driver/governor`; `None` where they cannot be read.
+    /// Driver and governor of idle states, as `driver/governor`; `None` if unreadable.
     pub idle: Option<String>,
-    /// Longest time that a core may take to leave its idle state, us; `None` where nothing limits it or it cannot be
-    /// read.
+    /// Maximum exit latency of permitted idle states, us; `None` if unlimited or unreadable.
     #[serde(default)]
     pub idle_exit_us: Option<u64>,
     /// Load average over one minute when the measurements began.
     pub load: f64,
-    /// Share of time real-time threads may use, us per s; `None` without a limit.
+    /// Maximum time of real-time threads, us per s; `None` without a limit.
     pub realtime_us_per_s: Option<u64>,
 }
 
@@ -78,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_machine_line_names_what_matters() {
+    fn machine_line_names_relevant_properties() {
         let machine = Machine {
             kernel: "6.18.0 PREEMPT_DYNAMIC".into(),
             processor: "EPYC".into(),

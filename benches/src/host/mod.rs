@@ -1,4 +1,4 @@
-//! The machine under the measurements: what it is, what its host takes away, what else it is given to do.
+//! The measured machine: its properties, time stolen by its host, and background load.
 
 mod load;
 mod machine;

@@ -7,7 +7,7 @@ use motorium::os::machine::online_cores;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Time the host took during a measurement, and interrupts that came in between.
+/// Time stolen by the host during a measurement, and interrupts.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HostShare {
     /// Duration of the measurement, s.
@@ -19,38 +19,38 @@ pub struct HostShare {
     /// Each core: its own steal, interrupts and soft interrupts.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
-    /// Of a graph: why its components were late.
+    /// For graphs: causes of late steps.
     #[serde(default)]
     pub causes: Option<Causes>,
-    /// Of releases and chains: how much of their tail the bare machine has in the same turns.
+    /// For releases and chains: share of the tail that the bare machine shows in the same turns.
     #[serde(default)]
     pub floor: Option<FloorShare>,
 }
 
-/// The part of a tail that the bare machine has too: a sleeper on a core that is idle besides, or bare processes that
-/// wake one another by a futex.
+/// Share of a tail that the bare machine shows as well: a sleeper on an otherwise idle core, or bare
+/// processes that wake each other by a futex.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FloorShare {
     /// The measurement of the bare machine.
     pub name: String,
-    /// Distance of its p99.9 from its p50, as a share of the same of what is measured; 1 where it lies farther.
+    /// Distance of its p99.9 from its p50, relative to the same distance of the measurement; at most 1.
     pub share: f64,
 }
 
-/// Causes of lateness of all components of a graph together, as their workers count them.
+/// Causes of lateness of all components of a graph, counted by their workers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Causes {
-    /// Steps whose core was taken away: ready to run, and nothing of this system ran.
+    /// Steps whose core was taken away: ready to run, while nothing of this system ran.
     pub stolen: u64,
-    /// Steps that began late: others had the core, or the timer was late.
+    /// Steps that started late: others had the core, or the timer was late.
     pub late_wake: u64,
-    /// Steps that took too long on their core: interrupts and stalls that the host does not own up to are in there.
+    /// Steps that ran too long on their core, including interrupts and stalls that the host does not report.
     pub long_step: u64,
     /// Steps whose input came late.
     pub late_input: u64,
-    /// Number of times a core stood still while a component spun on it and read nothing but the clock.
+    /// Number of core stalls while a component was spinning and only read the clock.
     pub stalls: u64,
-    /// For how long in all, ms.
+    /// Total duration of the stalls, ms.
     pub stalled_ms: f64,
     /// Out of so much time of spinning, ms.
     pub watched_ms: f64,
@@ -70,7 +70,7 @@ impl Causes {
         self.longest_stall_us = self.longest_stall_us.max(other.longest_stall_us);
     }
 
-    /// From the report of a run.
+    /// Collects the causes from the report of a run.
     pub fn of(report: &Report) -> Self {
         let mut causes = Self::default();
         for component in &report.components {
@@ -98,7 +98,7 @@ impl HostShare {
         self.cores.iter().find(|report| report.core == core)
     }
 
-    /// Adds what happened during another part of the same measurement.
+    /// Adds another part of the same measurement.
     pub fn add(&mut self, other: Self) {
         self.seconds += other.seconds;
         self.steal_ms += other.steal_ms;
@@ -114,8 +114,8 @@ impl HostShare {
         }
     }
 
-    /// In a few words: time that was stolen, the floor's share of the tail, misses by cause, stalls, and interrupts of
-    /// devices on the core of the measurement. Empty if nothing of that was there.
+    /// Short description: stolen time, the floor's share of the tail, misses by cause, stalls, and device
+    /// interrupts on the core of the measurement. Empty if there is nothing to report.
     pub fn in_words(&self, core: usize) -> String {
         let mut words = Vec::new();
         if self.steal_ms > 0.0 {
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn words_name_what_was_there_and_nothing_else() {
+    fn description_lists_only_observed_causes() {
         assert_eq!(HostShare::default().in_words(0), "");
         let mut share = taken(1, 10.0, &[("LOC", 4_000), ("virtio1-req.0", 12)]);
         assert_eq!(share.in_words(1), "steal 1.00 %, 12 irq");

@@ -1,4 +1,4 @@
-//! The faults of a trial: the process that is hit, and the signal that it gets.
+//! Faults of a trial: the affected process and its signal.
 
 use core::fmt;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use rustix::process::Signal;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Time within which a process gets two turns, and dies of a segmentation fault, also on a machine that is busy.
+/// Time within which a process is scheduled twice and dies of a segmentation fault, even on a busy machine.
 const SEGFAULTS: Duration = Duration::from_secs(5);
 
 /// The process that a fault hits.
@@ -19,7 +19,7 @@ pub enum Victim {
     Component(String),
     /// The launcher: `motorium run`.
     Launcher,
-    /// The guard, which ends a run whose launcher died.
+    /// The guard, which ends a run after its launcher died.
     Guard,
     /// `motorium topic echo` on the actuator's state.
     Observer,
@@ -56,9 +56,10 @@ pub enum Fault {
     Kill,
     /// `SIGABRT`, as of a failed assertion in foreign code.
     Abort,
-    /// `SIGSEGV`, sent until the process ends: the first one is swallowed by Rust's detection of stack overflows.
+    /// `SIGSEGV`, sent until the process ends: the first one is swallowed by Rust's detection of stack
+    /// overflows.
     Segfault,
-    /// `SIGTERM`: the process is asked to end.
+    /// `SIGTERM`: requests the process to end.
     Terminate,
     /// `SIGSTOP`, never continued: the process hangs.
     Hang,
@@ -88,7 +89,7 @@ impl Fault {
         Self::ALL.into_iter().find(|fault| fault.name() == name)
     }
 
-    /// True for a fault after which the process goes on by itself.
+    /// Returns `true` for a fault after which the process continues without help.
     pub fn passes(self) -> bool {
         self == Self::Pause
     }
@@ -102,17 +103,17 @@ impl Fault {
         }
     }
 
-    /// True for a fault that this process survives, and goes on by itself.
+    /// Returns `true` for a fault that this process survives without help.
     pub(super) fn is_survived(self, victim: &Victim) -> bool {
         self.passes() || (self == Self::Terminate && *victim == Victim::Guard)
     }
 
-    /// Makes the fault; one that passes lasts for `pause`.
+    /// Injects the fault; a temporary one lasts for `pause`.
     pub(super) fn make(self, process: &Watch, pause: Duration) {
         match self {
             Self::Kill => process.signal(Signal::KILL),
             Self::Abort => process.signal(Signal::ABORT),
-            // Two that a process without a turn has not seen yet count as one.
+            // Two signals pending for a process that was not scheduled count as one.
             Self::Segfault => {
                 let began = Instant::now();
                 while !process.has_ended() && began.elapsed() < SEGFAULTS {

@@ -1,8 +1,8 @@
-//! Faults in running graphs: processes are killed, stopped and made to hang, and the consequences are measured.
+//! Fault injection in running graphs: kills, stops and hangs processes, and measures the consequences.
 //!
-//! The graph runs as a user starts it, each component a process of its own with restarts allowed. A fault hits one
-//! process by a signal; then the run's memory tells when the actuators were in their safe state, when the launcher
-//! answered, and when the component published again.
+//! The graph runs as started by a user, each component as a separate process with restarts allowed. A fault
+//! is a signal to one process. The run's shared memory then shows when the actuators reached their safe
+//! state, when the launcher reacted, and when the component published again.
 
 mod fault;
 mod outcome;
@@ -52,18 +52,18 @@ pub struct Cell {
     pub fault: Fault,
     /// Number of faults.
     pub count: u32,
-    /// From the fault to the launcher's answer to it.
+    /// From the fault to the launcher's reaction.
     pub detected: Distribution,
-    /// From the fault to the safe state of the last actuator, where it was entered.
+    /// From the fault to the safe state of the last actuator, if it was entered.
     pub safe: Distribution,
-    /// From the fault to the first value that the restarted component published.
+    /// From the fault to the first value published by the restarted component.
     pub restarted: Distribution,
-    /// Faults after which the component did not come back.
+    /// Number of faults after which the component did not recover.
     pub hung: u32,
-    /// Faults after which an actuator followed a command that was long stale.
+    /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
-    /// The outcome of most of these faults; of a pause, from those that are long for a command and short for a
-    /// watchdog. `None` where there was no such fault.
+    /// Most frequent outcome of these faults. For pauses, only those that are long for a command and short
+    /// for a watchdog count. `None` without such a fault.
     pub outcome: Option<Outcome>,
 }
 
@@ -74,7 +74,7 @@ pub struct Summary {
     pub seed: u64,
     /// Number of faults.
     pub faults: u32,
-    /// Number of runs in which they were made.
+    /// Number of runs used for the faults.
     pub runs: u32,
     /// Duration, s.
     pub seconds: f64,
@@ -86,11 +86,11 @@ pub struct Summary {
     pub strays: u32,
     /// Objects in shared memory that outlived their run.
     pub leaks: u32,
-    /// Runs that ended with a code other than 0, the launcher's own death apart.
+    /// Number of runs that ended with a code other than 0, except by the launcher's own death.
     pub failed_runs: u32,
     /// The exit code and the last lines of each of these.
     pub failures: Vec<String>,
-    /// Faults after which an actuator followed a command that was long stale.
+    /// Number of faults after which an actuator followed a stale command for too long.
     pub unsafe_outages: u32,
     /// Steps in which a simulated joint was faster than its limit.
     pub steps_beyond_a_velocity_limit: u64,
@@ -111,7 +111,7 @@ struct Collected {
     consequences: Vec<Consequence>,
 }
 
-/// Makes the faults, one after the other; `told` is called after each with the number made so far.
+/// Injects the faults one after the other; `told` is called after each with the number of faults so far.
 ///
 /// # Errors
 /// The graph does not start.
@@ -143,7 +143,7 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
                 break;
             }
             let (victim, fault) = deck.next(&mut random);
-            // Half of them are of those whose outcome counts.
+            // Half of the pauses are of the kind whose outcome counts.
             let pauses = if random.random_range(0..2) == 0 { 20..=100 } else { 1..=300 };
             let pause = Duration::from_millis(random.random_range(pauses));
             std::thread::sleep(Duration::from_millis(random.random_range(20..300)));
@@ -152,7 +152,8 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
             told(summary.faults);
             launcher_died = victim == Victim::Launcher && fault.ends(&victim);
             let hung = consequence.hung;
-            // With a stopped launcher the guard ends the run at the next fault: it is for no further ones.
+            // With a stopped launcher, the guard ends the run at the next fault, so no further faults are
+            // injected.
             let is_over = launcher_died || hung || (victim == Victim::Launcher && fault == Fault::Hang);
             let place = collected.iter_mut().find(|cell| cell.victim == victim && cell.fault == fault);
             match place {
@@ -173,7 +174,7 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
     Ok(summary)
 }
 
-/// Each victim with each fault, in a random order that is another one each time through.
+/// Every victim with every fault, reshuffled for each pass.
 struct Deck {
     cards: Vec<(Victim, Fault)>,
     drawn: usize,
@@ -249,7 +250,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_time_through_the_deck_hits_every_victim_by_every_fault_once() {
+    fn each_pass_combines_every_victim_and_fault_once() {
         let settings = Settings {
             program: PathBuf::new(),
             graph: PathBuf::new(),

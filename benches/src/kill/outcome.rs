@@ -1,4 +1,4 @@
-//! The outcome of a fault in words: what the robot does, and how the process goes on.
+//! Outcome of a fault: behaviour of the robot and recovery of the process.
 
 use core::fmt;
 use std::sync::atomic::Ordering::Relaxed;
@@ -10,18 +10,19 @@ use serde::{Deserialize, Serialize};
 use super::fault::{Fault, Victim};
 use super::trial::{Consequence, Trial};
 
-/// The pauses whose outcome counts: long for a command, and short for a watchdog of 200 ms on a machine that is busy.
+/// The pauses whose outcome counts: long for a command, and short for a watchdog of 200 ms on a machine that
+/// is busy.
 const PAUSES: core::ops::RangeInclusive<Duration> = Duration::from_millis(20)..=Duration::from_millis(100);
 
 /// The robot after a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Robot {
-    /// It follows its commands all the time.
+    /// It follows its commands without interruption.
     GoesOn,
-    /// Its actuators enter their safe state, and follow commands again if the run goes on.
+    /// Its actuators enter their safe state, and follow commands again if the run continues.
     Safe,
-    /// Its only actuator is the victim: nothing is applied until that is back.
+    /// Its only actuator is the victim: nothing is applied until it is back.
     WithoutActuator,
 }
 
@@ -29,9 +30,9 @@ pub enum Robot {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum After {
-    /// The process goes on by itself, or nobody needs it.
+    /// The process continues, or is not needed.
     GoesOn,
-    /// A new process has taken its place.
+    /// A new process has replaced it.
     Replaced,
     /// The run has ended.
     RunEnds,
@@ -62,7 +63,7 @@ impl fmt::Display for Outcome {
 }
 
 impl Outcome {
-    /// That of most of these faults of one kind.
+    /// Most frequent outcome of these faults of one kind.
     pub(super) fn of(fault: Fault, consequences: &[Consequence]) -> Option<Self> {
         let counts = |one: &&Consequence| !fault.passes() || PAUSES.contains(&one.pause);
         let mut outcomes: Vec<Self> =
@@ -140,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outcome_of_most_faults_counts_and_of_pauses_those_that_are_no_hangs() {
+    fn most_frequent_outcome_counts_and_hangs_are_excluded() {
         let goes_on = consequence(Robot::Safe, After::GoesOn, 50);
         let replaced = consequence(Robot::Safe, After::Replaced, 250);
         let short = consequence(Robot::GoesOn, After::GoesOn, 2);

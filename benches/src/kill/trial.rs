@@ -1,4 +1,4 @@
-//! One run of a graph as a process of its own, and the faults made in it.
+//! One run of a graph as a separate process, with its faults.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -18,15 +18,15 @@ use super::fault::{Fault, Victim};
 use super::outcome::{Before, Outcome};
 use crate::MeasureError;
 
-/// Time within which everything has to happen that a fault leads to: an upper bound for hangs, no figure.
+/// Upper bound of the time for all consequences of a fault. Detects hangs; not a figure.
 const LIMIT: Duration = Duration::from_secs(20);
 /// Time between two looks at the run's memory.
 const LOOK: Duration = Duration::from_micros(200);
 
-/// Lines of a run that failed that are told.
+/// Number of printed lines of a failed run.
 const LAST_LINES: usize = 12;
 
-/// A guard that says so later than this after a fault has survived it, ns.
+/// A guard that reports later than this after a fault has survived it, ns.
 const ANSWERED_NS: u64 = 10_000_000;
 
 /// A run under test.
@@ -43,17 +43,17 @@ pub(super) struct Trial {
 /// The consequences of one fault.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Consequence {
-    /// From the fault to the time at which the launcher saw it, ns.
+    /// From the fault to its detection by the launcher, ns.
     pub(super) detected_ns: Option<u64>,
     /// From the fault to the safe state of the last actuator, ns.
     pub(super) safe_ns: Option<u64>,
-    /// From the fault to the first value that the restarted component published, ns.
+    /// From the fault to the first value published by the restarted component, ns.
     pub(super) restarted_ns: Option<u64>,
-    /// Nothing came of it in time: the component did not come back.
+    /// The component did not recover in time.
     pub(super) hung: bool,
-    /// Commands stopped for longer than they may, and an actuator was not in its safe state.
+    /// Commands stopped for too long while an actuator was not in its safe state.
     pub(super) unsafe_outage: bool,
-    /// All of that in words; `None` if nothing came of it in time.
+    /// Outcome in words; `None` if nothing happened in time.
     pub(super) outcome: Option<Outcome>,
     /// Length of a pause.
     pub(super) pause: Duration,
@@ -68,7 +68,7 @@ pub(super) struct RunEnd {
     pub(super) strays: usize,
     /// Objects in shared memory that outlived the run.
     pub(super) leaks: usize,
-    /// The exit code of the launcher; `None` if a signal ended it.
+    /// Exit code of the launcher; `None` if it was ended by a signal.
     pub(super) code: Option<i32>,
     /// Steps in which a joint was faster than its limit.
     pub(super) steps_beyond_a_velocity_limit: u64,
@@ -85,7 +85,7 @@ impl Trial {
         };
         let mut command = Command::new(program);
         command.arg("run").arg(graph).args(["--json", "--for", "60 min", "--no-expect"]);
-        // A component that hangs loses steps, which is no failure of the run here.
+        // Lost steps of a hanging component do not fail the run here.
         command.args(["--set", "realtime.lost_steps=1"]);
         for component in components {
             for setting in ["when=always", "at_most=1000000"] {
@@ -130,7 +130,7 @@ impl Trial {
         }
     }
 
-    /// Notes the processes of the run as they are now.
+    /// Updates the list of processes of the run.
     fn see(&mut self) {
         let guard = self.region.header().guard.load(Relaxed);
         let workers = self.region.components().iter().map(|block| block.pid.load(Relaxed));
@@ -218,7 +218,7 @@ impl Trial {
                         seen.detected_ns
                             .get_or_insert_with(|| self.seen_ns(index, injected_ns) - injected_ns);
                     }
-                    // Before it was detected the victim itself may have gone on: the first SIGSEGV is swallowed.
+                    // Before the detection, the victim may have continued: the first SIGSEGV is swallowed.
                     let since_ns = injected_ns + seen.detected_ns.unwrap_or(0);
                     let back =
                         block.phase() == Phase::Running && self.published_after(index, since_ns, before);
@@ -235,7 +235,7 @@ impl Trial {
                         seen.detected_ns = Some(now_ns - injected_ns);
                         return seen;
                     }
-                    // It says that it lives every 50 ms.
+                    // The guard reports every 50 ms that it is alive.
                     let alive_ns = self.region.header().guard_alive_ns.load(Relaxed);
                     if fault.is_survived(victim) && alive_ns > injected_ns + ANSWERED_NS {
                         return seen;
@@ -258,8 +258,8 @@ impl Trial {
         }
     }
 
-    /// The time at which the launcher saw the failure of a component, ns: as it says itself, since a look from here comes
-    /// late, by milliseconds while the kernel frees the memory of the victim on this core.
+    /// Time at which the launcher detected the failure of a component, ns. Uses the launcher's own time
+    /// stamp, since polling is late by milliseconds while the kernel frees the victim's memory on this core.
     fn seen_ns(&self, component: usize, injected_ns: u64) -> u64 {
         let (events, _) = self.region.events().all();
         let failed = events.iter().find(|event| {
@@ -270,14 +270,14 @@ impl Trial {
         failed.map_or_else(monotonic_ns, |event| event.time_ns)
     }
 
-    /// The time at which the last actuator, the victim apart, entered its safe state after a fault, ns.
+    /// Time at which the last actuator other than the victim entered its safe state after a fault, ns.
     fn safe_since(&self, victim: Option<usize>, injected_ns: u64) -> Option<u64> {
         let blocks = self.plan.components.iter().zip(self.region.components()).enumerate();
         let actuators = blocks.filter(|(index, (plan, _))| plan.actuator && Some(*index) != victim);
         let mut last = None;
         for (_, (_, block)) in actuators {
             let since_ns = block.safe_since_ns.load(Relaxed);
-            // It may have been left again: a pause is over before the first look.
+            // The state may have been left again: a pause can be over before the first poll.
             if since_ns < injected_ns {
                 return None;
             }
@@ -288,9 +288,9 @@ impl Trial {
 
     /// True while a running actuator follows a command older than ten times `stale_after` and 100 ms.
     fn outage(&self, victim: Option<usize>, now_ns: u64) -> bool {
-        // Ten times what is allowed: the looks of this process are late, too.
-        let allowed_ns = 10 * self.plan.safety.stale_after_ns + 100_000_000;
         self.plan.components.iter().zip(self.region.components()).enumerate().any(|(index, (plan, block))| {
+            // Ten times what is allowed: the looks of this process are late, too.
+            let allowed_ns = 10 * self.plan.safety_of(plan).stale_after_ns + 100_000_000;
             let commands = plan.inputs.iter().filter_map(|port| port.topic);
             let stale = commands
                 .filter(|topic| self.plan.topics[*topic].layout.type_name == JointCommand::NAME)
@@ -323,7 +323,7 @@ impl Trial {
         self.seen.iter().all(Watch::has_ended)
     }
 
-    /// Ends the run, unless it has ended by a fault, and looks at what is left of it.
+    /// Ends the run, unless a fault has ended it, and inspects its remains.
     pub(super) fn end(mut self) -> RunEnd {
         self.see();
         if let Ok(launcher) = Watch::new(self.child.id()) {

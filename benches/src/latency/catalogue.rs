@@ -13,11 +13,11 @@ pub struct Case {
     pub name: String,
     /// Description.
     pub what: String,
-    /// True if other work keeps the machine busy meanwhile.
+    /// `true` with background load.
     pub loaded: bool,
-    /// True if `--quick` has it too.
+    /// `true` if `--quick` includes it.
     pub quick: bool,
-    /// Cases of one group are compared with each other: they take turns, a slice each.
+    /// Cases of one group are compared and take turns in slices.
     pub group: Option<&'static str>,
     kind: Kind,
 }
@@ -41,7 +41,7 @@ enum Kind {
 /// Time between two round trips of a paced ping-pong, ns: the receiver sleeps deeply.
 const PACE_NS: u64 = 1_000_000;
 
-/// Events of a step that the trace of a traced chain keeps, as `motorium trace` has it.
+/// Events per step kept by the trace of a traced chain, as in `motorium trace`.
 const TRACED: usize = 1 << 14;
 
 /// The two things compared.
@@ -70,12 +70,12 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("blocking on one core, under load", &["floor.futex.same.loaded", "hop.blocking.same.512.loaded"]),
 ];
 
-/// The group in which a measurement takes turns, if it does.
+/// Group in which a measurement takes turns, if any.
 pub(super) fn group(name: &str) -> Option<&'static str> {
     GROUPS.iter().find(|(_, names)| names.contains(&name)).map(|(group, _)| *group)
 }
 
-/// All cases, in the order they are measured: what is compared stands side by side.
+/// All cases in order of measurement; compared cases are adjacent.
 pub fn catalogue() -> Vec<Case> {
     use Transport::{
         Blocking, CacheLine, Futex, Plain, PlainBlocking, PlainBlockingChecked, PlainChecked, Polling, Stock,
@@ -196,12 +196,12 @@ impl Case {
         self.name.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     }
 
-    /// True if it is a graph, or a chain of processes, which takes a while to start.
+    /// Returns `true` for a graph or a chain of processes, which is slow to start.
     pub(super) fn is_graph(&self) -> bool {
         !matches!(self.kind, Kind::Clock | Kind::Timer | Kind::Read { .. } | Kind::PingPong { .. })
     }
 
-    /// Measures it: all samples, and the priority that was granted.
+    /// Runs the measurement: returns all samples and the granted priority.
     pub(super) fn run(&self, bench: &Bench<'_>) -> Result<Outcome, MeasureError> {
         let core = bench.places.realtime;
         match &self.kind {
@@ -218,7 +218,7 @@ impl Case {
             Kind::PingPong { transport, across, bytes, paced } => {
                 let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));
                 let samples = bench.samples;
-                // Two samples of every round trip, but one of the cache line and of a paced ping-pong.
+                // Two samples per round trip, but one for the cache line and for a paced ping-pong.
                 let rounds = match (transport, paced) {
                     (_, true) => bench.paced.min(samples),
                     (Transport::CacheLine, _) => samples,
@@ -287,7 +287,7 @@ impl Bench<'_> {
     }
 }
 
-/// From the head of a chain to the payload read by a relay.
+/// Latency from the head of a chain to a relay's read of the payload.
 fn way(ran: &Ran, relay: &str) -> Result<Outcome, MeasureError> {
     let seen = ran.relayed(relay, "way_ns");
     let seen = seen.ok_or_else(|| MeasureError::Ended(format!("`{relay}` has read nothing")))?;
@@ -306,14 +306,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_case_has_a_name_of_its_own() {
+    fn case_names_are_unique() {
         let cases = catalogue();
         let names: BTreeSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
         assert_eq!(names.len(), cases.len());
     }
 
     #[test]
-    fn what_is_compared_side_by_side_is_in_the_catalogue() {
+    fn compared_cases_are_in_the_catalogue() {
         let cases = catalogue();
         for (group, names) in GROUPS {
             for name in *names {

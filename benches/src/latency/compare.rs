@@ -1,8 +1,8 @@
-//! Two files of benchmarks beside each other: what has become faster or slower beyond noise.
+//! Comparison of two benchmark files: changes beyond noise.
 //!
-//! Never times, always ratios to a floor measured in the same file: the machine, or where its host has put its cores,
-//! may have changed between the two. Noise is what the ratios of one side differ by among themselves: those of the
-//! turns that a measurement and its floor took, and those of several files of one side.
+//! The comparison uses ratios to a floor measured in the same file, because the machine or the placement of
+//! its cores may have changed. Noise is the spread of the ratios on one side, over the turns of a measurement
+//! and its floor and over several files.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -12,30 +12,31 @@ use super::{Measurement, Written};
 use crate::Distribution;
 use crate::host::Machine;
 
-/// Smaller changes do not count, however small the noise: builds differ in where their code lies.
+/// Minimum change that counts, whatever the noise: builds differ in code placement.
 const LEAST: f64 = 1.1;
-/// A change that is believed where there are too few ratios to tell well what noise is.
+/// Change that counts even if there are too few ratios to estimate the noise.
 const PLAIN: f64 = 1.5;
 /// The fewest ratios of a side that show anything of its noise.
 const FEW: usize = 3;
-/// From this number of ratios on, their range without the lowest and the highest is the noise.
+/// Minimum number of ratios for which the noise is their range without the lowest and the highest.
 const MANY: usize = 5;
-/// A floor that has changed by more is not the same machine any more.
+/// A larger change of a floor means that the machine has changed.
 const MOVED: f64 = 1.5;
 
 /// A change of one ratio.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// It takes plainly less of its floor than before.
+    /// The ratio to its floor is clearly smaller than before.
     Faster,
-    /// It takes plainly more of its floor than before.
+    /// The ratio to its floor is clearly larger than before.
     Slower,
     /// No change beyond noise.
     Same,
-    /// The ratio has changed, but so has the floor itself, by more than half: measure both on the same machine.
+    /// The ratio has changed, but so has the floor itself, by more than half: measure both on the same
+    /// machine.
     FloorMoved,
-    /// A tail that too few runs were measured of: give three files of each side.
+    /// A tail from too few runs: provide three files of each side.
     TooFew,
 }
 
@@ -46,7 +47,7 @@ pub struct Change {
     pub name: String,
     /// The percentile: `p50` or `p99`.
     pub percentile: &'static str,
-    /// The floor whose same percentile it is divided by.
+    /// Floor by whose same percentile it is divided.
     pub floor: String,
     /// The median of the old ratios.
     pub old: f64,
@@ -65,11 +66,11 @@ pub struct Change {
 /// Two sides compared.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Comparison {
-    /// In what the two sides were not measured alike, in words.
+    /// Differences in the conditions of the two sides.
     pub differences: Vec<String>,
-    /// Every measurement that is in all files together with its floor.
+    /// Every measurement that is in all files, with its floor.
     pub changes: Vec<Change>,
-    /// Measurements left out, since not all files have them.
+    /// Measurements that are missing from some files.
     pub left_out: Vec<String>,
 }
 
@@ -80,7 +81,7 @@ impl Comparison {
     }
 }
 
-/// Compares files of before with files of after; at least one of each.
+/// Compares files from before with files from after, at least one each.
 pub fn compare(old: &[Written], new: &[Written]) -> Comparison {
     let all: Vec<&Written> = old.iter().chain(new).collect();
     let mut names: Vec<&str> = Vec::new();
@@ -113,7 +114,7 @@ struct Percentile {
 const P50: Percentile = Percentile { name: "p50", of: |ns| ns.p50 };
 const P99: Percentile = Percentile { name: "p99", of: |ns| ns.p99 };
 
-/// True if a timer or a chain of processes is in it: its tail matters as much as its median.
+/// Returns `true` for a timer or a chain of processes, whose tail matters as much as its median.
 fn is_released(name: &str) -> bool {
     ["release.", "chain.", "panda"].iter().any(|family| name.starts_with(family))
 }
@@ -143,7 +144,7 @@ fn floor_of(name: &str, is_there: impl Fn(&str) -> bool) -> Option<String> {
         ("peer.", "floor.futex.across"),
     ];
     let floor = FLOORS.iter().find(|(family, _)| name.starts_with(family)).map(|(_, floor)| *floor)?;
-    // Under load beside a floor under load, if that was measured.
+    // A loaded measurement uses the loaded floor, if available.
     let mut floors = vec![floor.to_string()];
     if name.ends_with(".loaded") {
         floors.splice(0..0, [format!("{floor}.loaded"), "floor.futex.same.loaded".to_string()]);
@@ -191,7 +192,7 @@ fn change(old: &[Written], new: &[Written], name: &str, floor: &str, percentile:
     }
 }
 
-/// The ratios of one file: of each turn where they took turns, else of all.
+/// Ratios in one file: one per turn, or a single one without turns.
 fn ratios(file: &Written, name: &str, floor: &str, percentile: &Percentile) -> Vec<f64> {
     let (Some(of), Some(to)) = (file.get(name), file.get(floor)) else { return Vec::new() };
     let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
@@ -214,7 +215,7 @@ fn middle<'a>(measurements: impl Iterator<Item = &'a Measurement>, percentile: &
     all.get(all.len() / 2).map_or(f64::NAN, |ns| (*ns).max(1) as f64)
 }
 
-/// In what files differ from the first of them.
+/// Differences of the files from the first one.
 fn differences(all: &[&Written]) -> Vec<String> {
     let Some((first, rest)) = all.split_first() else { return Vec::new() };
     let mut words: Vec<String> = Vec::new();
@@ -224,7 +225,7 @@ fn differences(all: &[&Written]) -> Vec<String> {
         }
     };
     for other in rest {
-        // The load before the run is no property of the machine.
+        // The load before the run is not a property of the machine.
         let lasting = |machine: &Machine| Machine { load: 0.0, ..machine.clone() };
         if lasting(&first.machine) != lasting(&other.machine) {
             say(format!("measured on {}, and on {}", first.machine, other.machine));
@@ -298,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hop_that_takes_a_quarter_more_of_its_floor_in_every_turn_is_slower() {
+    fn consistent_increase_in_every_turn_is_slower() {
         let change = only(&[hop(1.1)], &[hop(1.4)]);
         assert_eq!((change.direction, change.floor.as_str()), (Direction::Slower, "floor.futex.same"));
         assert!((change.change - 1.4 / 1.1).abs() < 0.01, "{change:?}");
@@ -314,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_within_what_the_turns_differ_by_is_noise() {
+    fn change_within_the_turn_spread_is_noise() {
         let noisy = |turns: [u64; 6]| {
             file(vec![measured("floor.futex.same", &FLOOR), measured("hop.blocking.same.512", &turns)])
         };
@@ -325,13 +326,13 @@ mod tests {
     }
 
     #[test]
-    fn a_floor_that_is_another_than_before_leaves_no_verdict() {
+    fn changed_floor_gives_no_verdict() {
         let moved = |ns: u64| {
             let floor: Vec<u64> = FLOOR.iter().map(|floor| floor * ns / 1_000).collect();
             file(vec![measured("floor.futex.same", &floor), measured("hop.blocking.same.512", &[1_200; 6])])
         };
         assert_eq!(only(&[moved(1_000)], &[moved(4_000)]).direction, Direction::FloorMoved);
-        // The machine is faster and the hop with it: that is no change of the hop.
+        // Machine and hop are faster: no change of the hop.
         let both = |ns: u64| {
             let floor: Vec<u64> = FLOOR.iter().map(|floor| floor * ns / 1_000).collect();
             file(vec![measured("floor.futex.same", &floor), measured("hop.blocking.same.512", &floor)])
@@ -340,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn one_run_of_each_side_shows_only_what_is_plain_and_three_show_a_tail() {
+    fn single_runs_show_only_large_changes() {
         let chain = |p50: u64| file(vec![measured("floor.futex.same", &FLOOR), measured("chain.2", &[p50])]);
         let verdicts = |old: &[Written], new: &[Written]| -> Vec<Direction> {
             compare(old, new).changes.into_iter().map(|change| change.direction).collect()
@@ -349,7 +350,8 @@ mod tests {
         assert_eq!(verdicts(&[chain(3_000)], &[chain(6_000)]), [Direction::Slower, Direction::TooFew]);
         let (old, new) = ([3_000, 3_100, 2_900].map(chain), [6_000, 6_200, 5_900].map(chain));
         assert_eq!(verdicts(&old, &new), [Direction::Slower, Direction::Slower]);
-        // Three and three lie apart by chance in one case of ten: what is no more than a third needs five.
+        // Three and three values are separated by chance in one case of ten, so a change below a third needs
+        // five.
         let (old, new) = ([3_000, 3_100, 2_900].map(chain), [4_000, 4_200, 3_900].map(chain));
         assert_eq!(verdicts(&old, &new), [Direction::Same, Direction::Same]);
         let (old, new) = ([3_000, 3_100, 2_900, 3_000, 5_000], [4_000, 4_200, 3_900, 4_000, 2_000]);
@@ -357,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_measured_alike_is_said_and_what_is_missing_is_left_out() {
+    fn differing_conditions_are_reported() {
         let (old, mut new) = (hop(1.1), hop(1.1));
         new.machine = Machine { kernel: "7.0".to_string(), load: 3.0, ..Machine::default() };
         new.measurements[1].fifo = 0;
@@ -374,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn every_measurement_but_the_floors_has_a_floor_in_the_catalogue() {
+    fn every_measurement_has_a_floor_in_the_catalogue() {
         let cases = crate::latency::catalogue();
         let is_there = |floor: &str| cases.iter().any(|case| case.name == floor);
         for case in cases.iter().filter(|case| !case.name.starts_with("floor.")) {

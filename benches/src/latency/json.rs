@@ -28,11 +28,11 @@ pub struct Written {
     pub load: String,
     /// Duration of it all, s.
     pub seconds: f64,
-    /// Privileges that were denied, in words; empty if everything ran at real-time priority on its own core.
+    /// Descriptions of denied privileges; empty if everything ran at real-time priority on its own core.
     pub denied: Vec<String>,
     /// Every measurement with its raw histogram.
     pub measurements: Vec<Measurement>,
-    /// Measurements that could not be made, with reasons.
+    /// Failed measurements with reasons.
     pub skipped: Vec<Skipped>,
     /// The table of targets.
     pub targets: Vec<Target>,
@@ -58,15 +58,15 @@ pub enum ReadError {
         /// The reason.
         error: std::io::Error,
     },
-    /// It is of another version of the format, or of none.
+    /// The format has another version, or none.
     #[error("{file} is of version {found} of the format; this program reads {VERSION}: measure again")]
     Version {
         /// The file.
         file: String,
-        /// Its version, `unknown` where it names none.
+        /// Version found, `unknown` if missing.
         found: String,
     },
-    /// It is not what `motorium bench latency --json` writes.
+    /// The file was not written by `motorium bench latency --json`.
     #[error("{file} is not a file that `motorium bench latency --json` wrote: {error}")]
     Content {
         /// The file.
@@ -77,20 +77,20 @@ pub enum ReadError {
 }
 
 impl Written {
-    /// Reads a file that was written earlier.
+    /// Reads a benchmark file.
     ///
     /// # Errors
-    /// It is not there, or it is something else.
+    /// The file is missing or is not a benchmark file.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let file = || path.display().to_string();
         let refused = |error| ReadError::File { file: file(), error };
-        // A pipe or a device may have no end.
+        // A pipe or a device may never end.
         if !std::fs::metadata(path).map_err(refused)?.is_file() {
             return Err(refused(std::io::Error::other("it is not a regular file")));
         }
         let text = std::fs::read(path).map_err(refused)?;
         let content = |error| ReadError::Content { file: file(), error };
-        // The version first: of a file of another version other fields may be missing.
+        // The version is checked first, since other versions may lack other fields.
         let any: serde_json::Value = serde_json::from_slice(&text).map_err(content)?;
         let version = any.get("version").and_then(serde_json::Value::as_u64);
         if any.get("measurements").is_some() && version != Some(u64::from(VERSION)) {
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_file_of_a_benchmark_is_refused_with_what_it_is() {
+    fn foreign_files_are_rejected() {
         let path = std::env::temp_dir().join(format!("motorium-bench-json-{}", std::process::id()));
         let refusal = |text: &str| {
             std::fs::write(&path, text).unwrap();

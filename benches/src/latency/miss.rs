@@ -1,4 +1,4 @@
-//! Which share of a target that was missed is the machine's and its host's.
+//! Share of a missed target that is due to the machine and its host.
 
 use super::Measurement;
 use super::seen::Seen;
@@ -9,13 +9,13 @@ pub(super) struct Miss {
     median: Option<String>,
     late: Option<String>,
     bare: Option<(f64, String)>,
-    /// Of what lies above the target, the share that the bare machine has itself; 0 where its own value meets the
+    /// Share of the excess over the target that the bare machine shows itself; 0 if its own value meets the
     /// target.
     pub(super) share: Option<f64>,
 }
 
 impl Miss {
-    /// From what was seen of the target `what`: `blamed` is the measurement whose host share counts.
+    /// Analyses the target `what`; `blamed` is the measurement whose host share counts.
     pub(super) fn new(
         seen: &Seen<'_>,
         (what, blamed): (&str, &str),
@@ -77,7 +77,8 @@ fn bare(seen: &Seen<'_>, what: &str, blamed: &str) -> Option<(f64, String)> {
             let floor = seen.get("floor.chain.4")?.ns.p99 as f64 / hops;
             (floor, "bare processes with plain memory and futexes (floor.chain.4)")
         }
-        // How far beyond its usual a bare sleeper is late on the same core, idle besides: no waiting hides that.
+        // Lateness of a bare sleeper on the same, otherwise idle core beyond its median: no waiting strategy
+        // hides it.
         "release.1khz" => {
             let timer = &seen.get("floor.timer")?.ns;
             let late = timer.p99.saturating_sub(timer.p50) as f64 / timer.p50.max(1) as f64;
@@ -88,7 +89,7 @@ fn bare(seen: &Seen<'_>, what: &str, blamed: &str) -> Option<(f64, String)> {
     Some((value, what.to_string()))
 }
 
-/// Medians are moved by no stolen time: what moves them is where the host has put the cores.
+/// Medians are not moved by stolen time, but by the host's placement of the cores.
 fn placement(seen: &Seen<'_>) -> String {
     let turns = seen.get("floor.cache-line").map(|floor| &floor.slices_p50);
     let moved = turns.and_then(|turns| turns.iter().min().zip(turns.iter().max()));
@@ -98,7 +99,7 @@ fn placement(seen: &Seen<'_>) -> String {
     format!("that does not move a median{moved}")
 }
 
-/// Causes of late steps of a graph, as its workers counted them.
+/// Causes of late steps of a graph, counted by its workers.
 fn late(missed: &Measurement) -> Option<String> {
     let causes = missed.host.causes.filter(|causes| causes.misses() > 0)?;
     Some(format!(
@@ -129,9 +130,9 @@ mod tests {
     }
 
     #[test]
-    fn a_release_blames_the_wake_ups_that_a_bare_sleeper_finds_late_too() {
-        // The sleeper's p99 lies 1.8 medians above its median, the release's at 2.01 of them: of the 2.00 above the
-        // target, 1.79 are the machine's.
+    fn release_miss_is_attributed_to_late_wakeups() {
+        // The sleeper's p99 is 1.8 medians above its median. The release is 2.00 above the target, of which
+        // 1.79 are due to the machine.
         let all = [measured("floor.timer", 50_000, 140_000), measured("release.1khz", 20, 100_500)];
         let miss = Miss::new(&Seen(&all), ("release", "release.1khz"), 0.01, 2.01).unwrap();
         assert!((miss.share.unwrap() - 1.79 / 2.0).abs() < 1e-9, "{:?}", miss.share);
@@ -141,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bare_chain_that_meets_the_target_takes_no_share_of_the_miss() {
+    fn bare_chain_within_target_has_no_share_of_the_miss() {
         let all = [
             measured("hop.blocking.same.512", 2_500, 0),
             measured("floor.chain.4", 0, 14_000),
@@ -153,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_polling_hop_says_what_plain_memory_comes_to_and_where_the_cores_were() {
+    fn polling_hop_reports_plain_memory_and_placement() {
         let all = [
             Measurement { slices_p50: vec![60, 50, 280], ..measured("floor.cache-line", 50, 0) },
             Measurement { slices_p50: vec![210, 175, 980], ..measured("floor.plain.512", 175, 0) },
@@ -172,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hop_beside_plain_memory_says_what_the_check_and_the_stamp_come_to_there() {
+    fn hop_reports_cost_of_check_and_stamp() {
         let all = [
             measured("floor.plain.512", 400, 0),
             measured("floor.plain-checked.512", 480, 0),
@@ -191,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nothing_bare_stands_beside_has_no_share() {
+    fn target_without_a_bare_counterpart_has_no_share() {
         let all = [measured("panda", 100_000, 500_000)];
         let miss = Miss::new(&Seen(&all), ("Panda loop", "panda"), 300.0, 500.0).unwrap();
         assert_eq!((miss.share, miss.in_words().as_str()), (None, "the host took 40 ms of 2.0 s (1.00 %)"));

@@ -1,4 +1,4 @@
-//! `motorium bench latency`: what is measured, in which order, and what is made of it.
+//! `motorium bench latency`: measurements, their order and their evaluation.
 
 mod catalogue;
 mod compare;
@@ -25,7 +25,7 @@ use crate::{Distribution, MeasureError};
 /// Settings of the measurements.
 #[derive(Debug)]
 pub struct Bench<'a> {
-    /// The program that hosts `bench.relay` and runs as a [`Role`](crate::Role): this one, as a rule.
+    /// Program that hosts `bench.relay` and runs as a [`Role`](crate::Role), normally this one.
     pub program: PathBuf,
     /// Its component kinds.
     pub registry: &'a Registry,
@@ -58,17 +58,17 @@ pub struct Measurement {
     pub ns: Distribution,
     /// Lowest `SCHED_FIFO` priority among its processes, read back; 0 for normal time sharing.
     pub fifo: u32,
-    /// Time that the host of a virtual machine took meanwhile, and interrupts that came in between.
+    /// Time stolen by the host of a virtual machine, and interrupts during the measurement.
     pub host: HostShare,
-    /// Medians of the slices in which it took turns with those it is compared with, ns; empty without turns. The host
-    /// of a virtual machine moves its cores about, nearer to each other or farther apart: only slices side by side
-    /// can be compared.
+    /// Medians of the slices in which compared measurements took turns, ns; empty without turns. The host of
+    /// a virtual machine moves its cores, which changes their distance, so only adjacent slices are
+    /// comparable.
     pub slices_p50: Vec<u64>,
 }
 
 impl Measurement {
-    /// Says which share of the tail the bare machine has too: a sleeper beside what a timer releases, bare processes
-    /// with a futex beside a chain.
+    /// Computes the share of the tail that the bare machine shows as well, from a sleeper for timer releases
+    /// and from bare futex processes for chains.
     pub fn compare_with_floor(&mut self, all: &[Self]) {
         let floor = match self.name.as_str() {
             "release.1khz" | "release.4khz" => "floor.timer",
@@ -124,16 +124,16 @@ impl Samples {
     }
 }
 
-/// Turns that the cases of a group take.
+/// Number of turns for the cases of a group.
 const SLICES: usize = 10;
-/// The same where each turn starts a graph, or other work for the machine.
+/// Number of turns if each one starts a graph or a background load.
 const SLOW_SLICES: usize = 3;
 
 impl Bench<'_> {
     /// Measures one case.
     ///
     /// # Errors
-    /// It could not be measured here.
+    /// The measurement is not possible on this machine.
     pub fn measure(&self, case: &Case) -> Result<Measurement, MeasureError> {
         let (outcome, host) = self.turn(case)?;
         Ok(Measurement {
@@ -154,7 +154,7 @@ impl Bench<'_> {
         Ok((outcome, watch.stop()))
     }
 
-    /// Measures cases that are compared with each other, in turns of a slice each.
+    /// Measures compared cases in turns of one slice each.
     pub fn measure_in_turns(&self, cases: &[Case]) -> Vec<Result<Measurement, MeasureError>> {
         let is_slow = |case: &Case| case.is_graph() || case.loaded;
         let slices = if cases.iter().any(is_slow) { SLOW_SLICES } else { SLICES };

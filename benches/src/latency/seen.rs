@@ -16,7 +16,7 @@ impl Seen<'_> {
         Some(self.get(of)?.ns.p99 as f64 / self.get(to)?.ns.p99.max(1) as f64)
     }
 
-    /// The ratio of two medians: the median over their turns, where they took turns.
+    /// Ratio of two medians: the median over their turns, if they took turns.
     pub(super) fn ratio(&self, of: &str, to: &str) -> Option<f64> {
         let (of, to) = (self.get(of)?, self.get(to)?);
         let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
@@ -26,13 +26,13 @@ impl Seen<'_> {
         Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| ratio(of.ns.p50, to.ns.p50)))
     }
 
-    /// Cost of a worker and its ports on each of the 7 hops of a chain of 8: against a chain of processes that only
-    /// write, wake, and read, in the same slice of time. ns to us.
+    /// Cost of a worker and its ports on each of the 7 hops of a chain of 8: against a chain of processes
+    /// that only write, wake, and read, in the same slice of time. ns to us.
     pub(super) fn worker_overhead(&self) -> Option<f64> {
         self.beyond("chain.8", "floor.chain.8", 7.0)
     }
 
-    /// The difference of two medians for each of `parts`, us: the median over their turns, where they took turns.
+    /// Difference of two medians per part, us: the median over their turns, if they took turns.
     pub(super) fn beyond(&self, of: &str, floor: &str, parts: f64) -> Option<f64> {
         let (of, floor) = (self.get(of)?, self.get(floor)?);
         let beyond = |of: u64, floor: u64| (of as f64 - floor as f64) / parts * 1e-3;

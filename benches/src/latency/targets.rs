@@ -15,33 +15,33 @@ pub enum Verdict {
     Met,
     /// It was not.
     Missed,
-    /// Something it compares was not measured in this run.
+    /// A compared value was not measured in this run.
     NotMeasured,
 }
 
-/// A target and what was measured of it.
+/// A target and its measured value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Target {
     /// The two things compared.
     pub what: String,
-    /// The largest value that meets it.
+    /// Largest value that meets the target.
     pub at_most: f64,
-    /// Its unit: empty for a ratio.
+    /// Unit; empty for a ratio.
     pub unit: String,
     /// The measured value.
     pub measured: Option<f64>,
     /// True if it was reached.
     pub verdict: Verdict,
-    /// Of a target that was missed: how much the machine and its host did, in words.
+    /// For a missed target: description of the influence of the machine and its host.
     pub host: Option<String>,
-    /// Of a target that was missed: which share of what lies above it the bare machine has itself, in the same measure
-    /// and the same run; from 0 to 1. `None` where nothing bare can be measured in its place.
+    /// For a missed target: share of the excess that the bare machine shows itself, with the same measure in
+    /// the same run, 0 to 1. `None` without a comparable bare measurement.
     pub host_share: Option<f64>,
 }
 
 type Value = fn(&Seen<'_>) -> Option<f64>;
 
-/// Name, the largest value, its unit, how it is computed, and the measurement whose host share counts.
+/// Name, largest value, unit, formula, and the measurement whose host share counts.
 const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
     (
         "blocking hop, one core, 512 B, p50 / raw futex hand-off",
@@ -182,14 +182,14 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
     ),
 ];
 
-/// Fills the table of targets from what was measured in one run.
+/// Evaluates the targets for the measurements of one run.
 pub fn targets(measured: &[Measurement]) -> Vec<Target> {
     let seen = Seen(measured);
     let fill = |(what, at_most, unit, value, blamed): &(&str, f64, &str, Value, &str)| {
         let measured = value(&seen);
         let verdict = match measured {
             None => Verdict::NotMeasured,
-            // Anything that is not plainly at most the target is a miss, a NaN too.
+            // Anything not clearly within the target is a miss, including NaN.
             Some(value) if value <= *at_most => Verdict::Met,
             Some(_) => Verdict::Missed,
         };
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ratio_within_its_target_is_met_and_one_above_is_missed() {
+    fn ratio_meets_its_target_up_to_the_bound() {
         let good = [measured("hop.blocking.same.512", 950, 0, 0), measured("floor.futex.same", 1_000, 0, 0)];
         let table = targets(&good);
         let target = find(&table, "raw futex hand-off");
@@ -242,10 +242,10 @@ mod tests {
     }
 
     #[test]
-    fn what_took_turns_is_compared_turn_by_turn() {
+    fn alternating_measurements_are_compared_by_turn() {
         let mut hop = measured("hop.polling.across.512", 700, 0, 0);
         let mut floor = measured("floor.cache-line", 280, 0, 0);
-        // The host moved the cores apart after the first turn: ratios of 3, 2, 2 and not 700 to 280.
+        // The host moved the cores apart after the first turn: ratios of 3, 2, 2 instead of 700 to 280.
         hop.slices_p50 = vec![180, 560, 700];
         floor.slices_p50 = vec![60, 280, 350];
         let table = targets(&[hop, floor]);
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_measured_is_neither_met_nor_missed() {
+    fn unmeasured_target_has_no_verdict() {
         let table = targets(&[measured("hop.blocking.same.512", 1, 1, 1)]);
         assert!(
             table.iter().all(|target| target.verdict == Verdict::NotMeasured && target.measured.is_none())
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_miss_says_what_the_host_did_and_a_target_that_is_met_does_not() {
+    fn only_a_miss_describes_the_host() {
         let table = targets(&[
             measured("panda", 100_000, 150_000, 500_000),
             measured("panda.loaded", 100_000, 150_000, 200_000),
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn the_caterpillar_is_compared_with_dora_as_it_comes_and_at_its_best() {
+    fn caterpillar_is_compared_with_default_and_tuned_dora() {
         let table = targets(&[
             measured("chain.17", 0, 200, 0),
             measured("peer.dora.17", 0, 5_000, 0),
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cost_of_the_gate_is_what_a_step_takes_beyond_one_without_it_in_the_same_turn() {
+    fn gate_cost_is_the_difference_within_a_turn() {
         let turns =
             |name, slices: &[u64]| Measurement { slices_p50: slices.to_vec(), ..measured(name, 0, 0, 0) };
         let table = targets(&[turns("gate", &[390, 700, 410]), turns("floor.gate", &[300, 400, 330])]);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn the_overhead_of_a_worker_is_what_a_chain_takes_beyond_its_hops() {
+    fn worker_overhead_is_chain_time_minus_hops() {
         let turns =
             |name, slices: &[u64]| Measurement { slices_p50: slices.to_vec(), ..measured(name, 0, 0, 0) };
         let chain = turns("chain.8", &[35_000, 60_000, 35_600]);

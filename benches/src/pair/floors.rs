@@ -1,4 +1,4 @@
-//! The floors: what the machine itself takes to get one word from core to core, or one process to run after another.
+//! Floors: the machine's own time to move one word between cores, or to switch from one process to another.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::time::Duration;
@@ -34,7 +34,7 @@ impl Link for Futex<'_> {
     }
 }
 
-/// A word and 512 bytes in plain shared memory: the least that a polled hop of that size takes.
+/// A word and 512 bytes in plain shared memory: the minimum for a polled hop of this size.
 pub(super) struct Plain<'a> {
     pub(super) buffer: &'a SharedBuffer,
     pub(super) side: usize,
@@ -66,8 +66,8 @@ impl Link for Plain<'_> {
 /// Rounds on the cache line between two pauses.
 const BURST: u64 = 200_000;
 
-/// Passes the number of the round back and forth on one cache line each way; half of every round trip is a sample. The
-/// clock is read while the other side is at work, so that it is no part of the way.
+/// Passes the round number back and forth on one cache line per direction; half of every round trip is a
+/// sample. The clock is read while the other side works, so it is not part of the latency.
 pub(super) fn cache_line(buffer: &SharedBuffer, side: usize, rounds: u64, warm_up: u64) {
     let (mine, theirs) = (buffer.line(side), buffer.line(1 - side));
     let await_round = |round: u64| {

@@ -7,19 +7,20 @@ use super::shared_buffer::SharedBuffer;
 
 /// Sent instead of a time: the measurement is over.
 const OVER: u64 = 0;
-/// Sent instead of a time: pause, so that the system does not stop real-time threads for taking all of a core.
+/// Sent instead of a time: a pause, so that the system does not throttle real-time threads for using a whole
+/// core.
 const PAUSE: u64 = 1;
 /// Both sides work at most this long without a pause, ns.
 const WORK_NS: u64 = 400_000_000;
 /// Length of the pause, ns: with the work above well below the usual limit of 95 %.
 const PAUSE_NS: u64 = 40_000_000;
 
-/// One side's way to send to the other and to receive from it.
+/// One side's connection to the other.
 pub(super) trait Link {
     /// Sends a payload, all of it holding this time.
     fn send(&mut self, time_ns: u64) -> Result<(), String>;
 
-    /// Waits for a payload, reads all of it, and returns the time it holds.
+    /// Waits for a payload, reads it completely, and returns its time.
     fn receive(&mut self) -> Result<u64, String>;
 }
 
@@ -62,7 +63,7 @@ pub(super) fn pong(link: &mut dyn Link, buffer: &SharedBuffer, ping_pong: &PingP
             OVER => return Ok(()),
             PAUSE => sleep_until(now + PAUSE_NS / 2),
             sent => {
-                // Answered before it is recorded: recording is no part of the way back.
+                // Answer before recording: recording is not part of the return path.
                 link.send(now)?;
                 if round >= ping_pong.warm_up {
                     buffer.record(1, now - sent);

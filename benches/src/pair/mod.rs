@@ -1,8 +1,9 @@
-//! A ping-pong between two processes: the floors of the machine, and motorium's hops beside them.
+//! Ping-pong between two processes: the floors of the machine and motorium's hops.
 //!
-//! A hop is measured in one direction: from the clock read before the payload is written to the clock read after the
-//! other process has read all of it. `CLOCK_MONOTONIC` is the same on all cores. The exception is the cache line:
-//! half of a round trip, with the clock read off its path, so that the floor is as low as the machine allows.
+//! A hop is measured in one direction: from the clock read before the payload is written to the clock read
+//! after the other process has read all of it. `CLOCK_MONOTONIC` is the same on all cores. The exception is
+//! the cache line: half of a round trip, with the clock read outside the measured path, so that the floor is
+//! as low as the machine allows.
 
 mod floors;
 mod link;
@@ -27,21 +28,21 @@ use crate::processes::run_to_end;
 pub(crate) use role::{ROLE, run_role};
 use shared_buffer::SharedBuffer;
 
-/// The transport of the payload, with the way in which the receiver waits.
+/// Transport of the payload, including how the receiver waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Transport {
-    /// One word of shared memory that both cores poll: no payload.
+    /// One word of shared memory polled by both cores; no payload.
     CacheLine,
     /// A word that both cores poll, and 512 bytes of plain shared memory.
     Plain,
     /// A word and a futex, and a payload of any size in plain shared memory.
     PlainBlocking,
-    /// As `Plain`, with what every publication owes besides: numbers that are finite, a reading of the clock, a stamp.
+    /// Like `Plain`, with the duties of every publication: check for finite numbers, clock reading, stamp.
     PlainChecked,
     /// As `PlainBlocking`, with the same.
     PlainBlockingChecked,
-    /// A word and a futex, nothing around them: no payload.
+    /// A word and a futex only; no payload.
     Futex,
     /// A motorium topic, whose receiver waits for its trigger.
     Blocking,
@@ -62,11 +63,11 @@ pub struct PingPong {
     pub cores: [usize; 2],
     /// `SCHED_FIFO` priority of both; 0 for none.
     pub fifo: u8,
-    /// Round trips; there are two samples of each, or one where a pace or the cache line is measured.
+    /// Round trips, with two samples each, or one with a pace or for the cache line.
     pub rounds: usize,
     /// Rounds before the recorded ones.
     pub warm_up: usize,
-    /// Time between two round trips, ns: the receiver then sleeps deeply. 0 for one after the other.
+    /// Time between two round trips, ns; the receiver then sleeps deeply. 0 for back-to-back round trips.
     pub pace_ns: u64,
 }
 
@@ -75,7 +76,7 @@ pub struct PingPong {
 pub struct HopTimes {
     /// Time of each hop, ns.
     pub samples: Vec<u64>,
-    /// `SCHED_FIFO` priority both had, read back; 0 for normal time sharing.
+    /// `SCHED_FIFO` priority of both sides, read back; 0 for normal time sharing.
     pub fifo: u32,
 }
 
@@ -89,10 +90,10 @@ struct Assignment {
 
 const SIDES: [&str; 2] = ["ping", "pong"];
 
-/// Runs a measurement with a program that hands its arguments to [`Role`](crate::Role).
+/// Runs a measurement with a program that passes its arguments to [`Role`](crate::Role).
 ///
 /// # Errors
-/// Shared memory or the processes could not be made, or one of them failed.
+/// Shared memory or the processes could not be created, or a process failed.
 pub fn measure(program: &Path, registry: &Registry, ping_pong: &PingPong) -> Result<HopTimes, MeasureError> {
     let folder = Folder::create()?;
     let topics = matches!(ping_pong.transport, Transport::Blocking | Transport::Polling)
@@ -114,7 +115,7 @@ pub fn measure(program: &Path, registry: &Registry, ping_pong: &PingPong) -> Res
     }
     ended?;
     let mut samples = buffer.recorded(1);
-    // At a pace only the way there finds a receiver that sleeps.
+    // With a pace, only the forward path meets a sleeping receiver.
     if ping_pong.pace_ns == 0 {
         samples.extend(buffer.recorded(0));
     }
@@ -125,13 +126,13 @@ pub fn measure(program: &Path, registry: &Registry, ping_pong: &PingPong) -> Res
 /// Starts both processes and waits for their end.
 fn supervise(program: &Path, folder: &Path, ping_pong: &PingPong) -> Result<(), MeasureError> {
     let processes = SIDES.map(|side| (side, vec![ROLE.to_string(), side.to_string()]));
-    // Far more than any machine needs: what takes longer hangs.
+    // A generous limit: anything longer is a hang.
     let rounds = (ping_pong.rounds + ping_pong.warm_up) as u64;
     let limit = Duration::from_secs(20) + Duration::from_nanos(rounds * (ping_pong.pace_ns * 2 + 4_000_000));
     run_to_end(program, &processes, folder, limit.min(Duration::from_secs(180)))
 }
 
-/// Topics there and back. A graph must not go round in circles, so each process joins as two components.
+/// Topics in both directions. A graph must not be cyclic, so each process joins as two components.
 fn topic_set(registry: &Registry, ping_pong: &PingPong) -> Result<TopicSet, MeasureError> {
     let config = format!("config = {{ bytes = {} }}", ping_pong.bytes);
     let text = format!(

@@ -1,4 +1,5 @@
-//! The floors of a hop of any size: a word, a futex if the receiver sleeps, and the payload in plain shared memory.
+//! The floors of a hop of any size: a word, a futex if the receiver sleeps, and the payload in plain shared
+//! memory.
 
 #![allow(unsafe_code)] // payloads are used where they lie in mapped memory
 
@@ -19,16 +20,17 @@ use crate::payload::Payload;
 
 /// Number of payloads that a side writes in turn.
 const TURNS: usize = 2;
-/// Bytes before a payload that has a stamp: a cache line, which the stamp fills but for a word.
+/// Bytes before a payload with a stamp: a cache line, filled by the stamp except for a word.
 const STAMP: usize = 64;
 
-/// Payloads in plain shared memory: what a hop of this size takes at least.
+/// Payloads in plain shared memory: the minimum for a hop of this size.
 pub(super) struct PlainMemory<'a, P: Payload> {
     buffer: &'a SharedBuffer,
     memory: MmapRaw,
     side: usize,
     waits: Waits,
-    /// True if each payload is checked for numbers that are not finite, and stamped with the time, as every publication is.
+    /// `true` if each payload is checked for finite numbers and stamped with the time, like every
+    /// publication.
     checks: bool,
     sent: usize,
     received: usize,
@@ -36,7 +38,7 @@ pub(super) struct PlainMemory<'a, P: Payload> {
 }
 
 impl<'a, P: Payload> PlainMemory<'a, P> {
-    /// Opens the payloads of both sides; the first process to open them makes them.
+    /// Opens the payloads of both sides; the first process creates them.
     pub(super) fn open(
         folder: &Path,
         (buffer, side): (&'a SharedBuffer, usize),
@@ -51,7 +53,7 @@ impl<'a, P: Payload> PlainMemory<'a, P> {
         Ok(Self { buffer, memory, side, waits, checks, sent: 0, received: 0, payload: PhantomData })
     }
 
-    /// The payload of a turn of a side; its stamp, if it has one, lies before it.
+    /// Payload of a side's turn; its stamp, if any, precedes it.
     fn payload(&self, side: usize, number: usize) -> *mut P {
         let stamp = if self.checks { STAMP } else { 0 };
         let place = (side * TURNS + number % TURNS) * (size_of::<P>() + stamp) + stamp;
@@ -64,8 +66,8 @@ impl<P: Payload> Link for PlainMemory<'_, P> {
     fn send(&mut self, time_ns: u64) -> Result<(), String> {
         self.sent += 1;
         let place = self.payload(self.side, self.sent);
-        // SAFETY: aligned to a cache line and a multiple of the payload's size, valid for any bytes. The other side has read
-        // this turn's payload before it answered, and reads it again only after the futex word below.
+        // SAFETY: aligned to a cache line and a multiple of the payload's size, valid for any bytes. The
+        // other side read this payload before its answer, and reads it again only after the futex word below.
         let payload = unsafe { &mut *place };
         if self.checks {
             if !payload.write_checked(time_ns) {
@@ -98,7 +100,8 @@ impl<P: Payload> Link for PlainMemory<'_, P> {
             }
         }
         self.received += 1;
-        // SAFETY: as in `send`: the other side writes this turn's payload again only after the next answer but one.
+        // SAFETY: as in `send`: the other side writes this turn's payload again only after the next answer
+        // but one.
         unsafe { &*self.payload(1 - self.side, self.received) }
             .read()
             .ok_or_else(|| "a payload was torn".into())

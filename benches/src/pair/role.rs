@@ -16,7 +16,7 @@ use super::topics::{Topics, Waits};
 use super::{Assignment, SIDES, Transport};
 use crate::payload::{Payload, PayloadVisitor, with_payload};
 
-/// Argument that starts this program as one process of a ping-pong.
+/// Argument that starts this program as one side of a ping-pong.
 pub(crate) const ROLE: &str = "--bench-role";
 
 /// Runs one side of the measurement in this folder.
@@ -87,7 +87,7 @@ impl Process<'_> {
         if self.side == 0 { ping(link, self.buffer, ping_pong) } else { pong(link, self.buffer, ping_pong) }
     }
 
-    /// Applies the scheduling that was asked for, and waits until the other side is ready too.
+    /// Applies the requested scheduling, and waits until the other side is ready.
     fn start_together(&self) {
         let ping_pong = &self.assignment.ping_pong;
         self.buffer.touch(self.side);
@@ -95,7 +95,7 @@ impl Process<'_> {
             if ping_pong.fifo > 0 { SchedulingClass::Fifo(ping_pong.fifo) } else { SchedulingClass::Normal };
         let request =
             Request { class, cores: vec![ping_pong.cores[self.side]], lock_memory: ping_pong.fifo > 0 };
-        // What was denied shows in the priority read back, which is reported with the figures.
+        // Denied requests show in the priority read back, which is reported with the figures.
         let (applied, _) = apply(&request);
         prefault_stack();
         let mine = self.buffer.side(self.side);

@@ -1,4 +1,4 @@
-//! Memory that the two processes of a measurement share: the floors' own words, and room for the samples.
+//! Memory shared by the two processes of a measurement: words for the floors, and space for samples.
 
 #![allow(unsafe_code)] // the one place where mapped bytes become words
 
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64};
 
 use memmap2::{MmapOptions, MmapRaw};
 
-/// A word alone on its cache line (and on the neighbouring one, which the processor may fetch with it).
+/// A word alone on its cache line and the adjacent one, which the processor may prefetch.
 #[derive(Debug)]
 #[repr(C, align(128))]
 pub(super) struct Line {
@@ -31,7 +31,7 @@ pub(super) struct Payload(pub(super) [AtomicU64; NUMBERS]);
 #[derive(Debug)]
 #[repr(C, align(128))]
 pub(super) struct Side {
-    /// 1 once it is ready to begin.
+    /// 1 when ready to start.
     pub(super) ready: AtomicU32,
     /// `SCHED_FIFO` priority read back; 0 for normal time sharing.
     pub(super) fifo: AtomicU32,
@@ -75,7 +75,8 @@ impl SharedBuffer {
     }
 
     fn head(&self) -> &Head {
-        // SAFETY: the mapping is page-aligned and longer than the head, which is all atomics, valid for any bytes.
+        // SAFETY: the mapping is page-aligned and longer than the head, which is all atomics, valid for any
+        // bytes.
         unsafe { &*self.memory.as_ptr().cast::<Head>() }
     }
 
@@ -95,8 +96,8 @@ impl SharedBuffer {
     }
 
     fn samples(&self, side: usize) -> &[AtomicU64] {
-        // SAFETY: behind the head there is room for twice `room` words (both constructors saw to it), aligned since
-        // the head's size is a multiple of its alignment; atomics are valid for any bytes.
+        // SAFETY: twice `room` words follow the header (ensured by both constructors), aligned because the
+        // header's size is a multiple of its alignment; atomics are valid for any bytes.
         unsafe {
             let first = self.memory.as_ptr().add(size_of::<Head>()).cast::<AtomicU64>();
             core::slice::from_raw_parts(first.add(side * self.room), self.room)
@@ -119,7 +120,7 @@ impl SharedBuffer {
         self.samples(side)[..count.min(self.room)].iter().map(|cell| cell.load(Relaxed)).collect()
     }
 
-    /// Touches all of the memory, so that recording never meets an untouched page.
+    /// Touches all memory, so that recording never causes a page fault.
     pub(super) fn touch(&self, side: usize) {
         self.samples(side).iter().for_each(|cell| cell.store(0, Relaxed));
     }

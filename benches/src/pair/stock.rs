@@ -1,4 +1,5 @@
-//! Stock iceoryx2, as its users have it: `ipc::Service` with publish-subscribe, and an event to wake the receiver.
+//! Stock iceoryx2, as its users have it: `ipc::Service` with publish-subscribe, and an event to wake the
+//! receiver.
 
 use std::path::Path;
 
@@ -13,7 +14,7 @@ use motorium::transport::Domain;
 use super::link::Link;
 use crate::payload::Payload;
 
-/// A service of samples and one of events each way.
+/// A publish-subscribe and an event service per direction.
 pub(super) struct Stock<P: Payload> {
     _node: Node<ipc::Service>,
     publisher: Publisher<ipc::Service, P, ()>,

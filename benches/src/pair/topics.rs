@@ -1,4 +1,4 @@
-//! Motorium's own hop: what a component's ports and its worker's wait do, without the worker around them.
+//! Motorium's hop: the ports of a component and its worker's wait, without the worker itself.
 
 use std::path::Path;
 
@@ -20,14 +20,14 @@ pub(super) struct Topics<P: Payload> {
     seen: u64,
 }
 
-/// The way in which the receiver waits.
+/// Waiting strategy of the receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Waits {
-    /// It sleeps until its trigger wakes it.
+    /// Sleeps until its trigger wakes it.
     Blocking,
     /// It polls.
     Spinning,
-    /// It polls, and lets the sender run in between: both are on one core.
+    /// Polls and yields to the sender, which is on the same core.
     Yielding,
 }
 

@@ -1,7 +1,7 @@
-//! Bridges between motorium graphs and programs outside of them.
+//! Bridges between motorium graphs and other programs.
 //!
-//! A bridge is a component of the graph: what goes out is a copy, what comes in is checked, limited and stamped by the
-//! bridge. No other component meets a value of a foreign program.
+//! A bridge is a component of the graph. It sends copies of outgoing values, and validates, limits and stamps
+//! incoming ones. Other components never handle values of foreign programs directly.
 
 pub mod foxglove;
 mod iceoryx2;
@@ -14,13 +14,13 @@ use motorium::worker::Kind;
 
 pub use iceoryx2::{Feed, FeedError, Iceoryx2Bridge, Iceoryx2BridgeConfig, InboundConfig};
 
-/// The kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_bridges::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"bridge.iceoryx2") && names.contains(&"log.record"));
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<Iceoryx2Bridge>(), Kind::of::<recording::Record>()]

@@ -2,7 +2,8 @@
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 
-/// Level of the deflate: of 0 to 10 the one from which on flat areas and gentle slopes are small, and time is not wasted.
+/// Level of the deflate: of 0 to 10 the one from which on flat areas and gentle slopes are small, and time is
+/// not wasted.
 const LEVEL: u8 = 4;
 
 /// First bytes of every file.
@@ -18,7 +19,7 @@ const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 pub fn encode(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     let mut file = SIGNATURE.to_vec();
     let size = |value: usize| (value as u32).to_be_bytes();
-    // 8 bits a channel, red green blue, and the only methods there are.
+    // 8 bits per channel, RGB, and the only methods defined by the standard.
     let head = [&size(width)[..], &size(height), &[8, 2, 0, 0, 0]].concat();
     chunk(b"IHDR", &head, &mut file);
     chunk(b"IDAT", &compress_to_vec_zlib(&filtered(3 * width, pixels), LEVEL), &mut file);
@@ -26,7 +27,7 @@ pub fn encode(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     file
 }
 
-/// The file with a text in it, by a keyword of Latin letters. `None` if it is no PNG file.
+/// Adds a text to a PNG file under a keyword of Latin letters. `None` if the file is not PNG.
 ///
 /// ```
 /// use motorium_bridges::png::{encode, text, with_text};
@@ -76,7 +77,8 @@ fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
     file.extend(sum.to_be_bytes());
 }
 
-/// Rows as differences to what is beside or above them: behind the number of the filter that leaves the least.
+/// Filters rows by their neighbours; each row is preceded by the number of the filter with the smallest
+/// residual.
 fn filtered(bytes_per_row: usize, pixels: &[u8]) -> Vec<u8> {
     let bytes_per_row = bytes_per_row.max(1);
     let mut above = vec![0; bytes_per_row];
@@ -91,7 +93,7 @@ fn filtered(bytes_per_row: usize, pixels: &[u8]) -> Vec<u8> {
                 row[at].wrapping_sub((filter.expected)(left, above[at], corner))
             }));
         }
-        // The measure that the standard recommends: the sum of the differences, taken with their signs.
+        // Heuristic recommended by the standard: the sum of the differences as signed numbers.
         let left =
             |row: &&Vec<u8>| row.iter().map(|byte| u64::from((*byte as i8).unsigned_abs())).sum::<u64>();
         rows.extend(candidates.iter().min_by_key(left).into_iter().flatten());
@@ -100,7 +102,8 @@ fn filtered(bytes_per_row: usize, pixels: &[u8]) -> Vec<u8> {
     rows
 }
 
-/// A filter of the standard: its number, and the byte that it expects of those to the left, above, and above to the left.
+/// A filter of the standard: its number, and the predicted byte from the bytes to the left, above and above
+/// left.
 struct Filter {
     number: u8,
     expected: fn(u8, u8, u8) -> u8,
@@ -130,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_is_cut_short_or_no_picture_has_no_text() {
+    fn truncated_or_foreign_file_has_no_text() {
         let file = with_text(&encode(1, 1, &[0; 3]), "page", "3f2a").unwrap();
         for length in 0..file.len() {
             assert_eq!(text(&file[..length], "page"), None, "{length} of {} bytes", file.len());
@@ -138,7 +141,7 @@ mod tests {
         assert_eq!(with_text(b"GIF89a", "page", "3f2a"), None);
     }
 
-    /// Reads a file as the standard has it.
+    /// Decodes a file according to the standard.
     fn pixels(file: &[u8], bytes_per_row: usize) -> Vec<u8> {
         let (mut at, mut data) = (8, Vec::new());
         while at < file.len() {
@@ -169,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_read_as_it_was_written_and_flat_areas_and_slopes_take_next_to_nothing() {
+    fn image_survives_encoding_and_flat_areas_compress() {
         let (width, height) = (64, 48);
         let slope = |x: usize, y: usize| [2 * x + y, x + 3 * y, 7].map(|value| value as u8);
         let noise = |x: usize, y: usize| {
@@ -185,13 +188,13 @@ mod tests {
     }
 
     #[test]
-    fn the_sum_of_the_last_chunk_is_that_of_every_png_file() {
+    fn end_chunk_has_the_standard_checksum() {
         assert!(encode(1, 1, &[1, 2, 3]).ends_with(b"\0\0\0\0IEND\xae\x42\x60\x82"));
     }
 
     #[test]
-    fn paeth_is_that_of_the_standard() {
-        // Section 9.4 of the standard: the initial estimate is a + b - c, ties go to the left, then to what is above.
+    fn paeth_matches_the_standard() {
+        // Section 9.4 of the standard: the initial estimate is a + b - c; ties prefer left, then above.
         for ((a, b, c), expected) in [
             ((10, 20, 15), 15),
             ((10, 20, 10), 20),

@@ -15,9 +15,9 @@ use crate::foxglove::joints_of_topic;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Quantity {
-    /// The unit; empty where the numbers have none.
+    /// Unit; empty for dimensionless numbers.
     pub unit: &'static str,
-    /// Names of the entries of an array; empty where they have none of their own.
+    /// Names of the entries of an array; empty if the entries have no names.
     pub axes: &'static [&'static str],
 }
 
@@ -30,7 +30,7 @@ const NONE: &[&str] = &[];
 /// A field, its unit, the names of its entries.
 type Row = (&'static str, &'static str, &'static [&'static str]);
 
-/// Of each type the fields that hold numbers with a fraction.
+/// Floating-point fields of each type.
 const TABLE: &[(&str, &[Row])] = &[
     (
         "JointState",
@@ -178,7 +178,8 @@ pub fn quantity(type_name: &str, field: &str) -> Option<Quantity> {
     Some(Quantity { unit, axes })
 }
 
-/// Names of the entries of a field of a topic: those of the joints of its robot, or of axes. Empty where they have none.
+/// Returns the names of the entries of a field: joints of the topic's robot, or axes. Empty if the entries
+/// have no names.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) {
@@ -210,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn every_number_with_a_fraction_of_every_built_in_type_has_its_quantity() {
+    fn every_float_field_of_built_in_types_has_a_quantity() {
         for layout in built_in() {
             for field in
                 layout.fields.iter().filter(|field| field.kind.contains("f64") || field.kind.contains("f32"))
@@ -232,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn every_quantity_is_that_of_a_field() {
+    fn every_quantity_belongs_to_a_field() {
         for (type_name, fields) in TABLE {
             let layouts = built_in();
             let layout = layouts.iter().find(|layout| layout.type_name == format!("motorium.{type_name}"));

@@ -15,7 +15,7 @@ fn isometry(transform: &foxglove::messages::FrameTransform) -> Isometry3<f64> {
 }
 
 #[test]
-fn the_hand_of_a_placed_arm_stands_where_the_kinematics_have_it() {
+fn placed_arm_is_drawn_at_its_kinematic_pose() {
     let reference: RobotReference = serde_json::from_value(serde_json::json!({
         "name": "left", "urdf": "panda", "base": "", "pose": { "position": [0.0, 0.5, 0.1], "rpy": [0.0, 0.0, 1.0] },
     }))
@@ -49,7 +49,7 @@ fn the_hand_of_a_placed_arm_stands_where_the_kinematics_have_it() {
 }
 
 #[test]
-fn a_base_that_moves_is_drawn_from_its_own_state_alone() {
+fn moving_base_is_drawn_from_its_own_state() {
     let reference =
         RobotReference { name: "q".to_string(), urdf: "quadrotor".to_string(), ..RobotReference::default() };
     let mut frames = RobotFrames::load(&reference, "", true).unwrap();
@@ -66,7 +66,7 @@ fn a_base_that_moves_is_drawn_from_its_own_state_alone() {
 }
 
 #[test]
-fn the_schemas_are_those_of_foxglove() {
+fn schemas_match_foxglove() {
     use motorium_bridges::foxglove::Schema;
     let schema = Schema::of::<JointStates>();
     assert_eq!((schema.name.as_str(), schema.encoding), ("foxglove.JointStates", "protobuf"));

@@ -1,5 +1,5 @@
-//! The bridge between a graph and stock iceoryx2 programs, which live here in a source of the graph or in a process of
-//! their own.
+//! The bridge between a graph and stock iceoryx2 programs, which live here in a source of the graph or in a
+//! process of their own.
 
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -74,8 +74,8 @@ fn bridge(max_rate: &str) -> Instance {
         .config("in", toml::Table::from_iter([("target".to_string(), toml::Value::Table(limits))]))
 }
 
-/// A graph whose source of `arm/state` is also a foreign program: `act` is called at every millisecond from the tenth
-/// on.
+/// A graph whose source of `arm/state` is also a foreign program: `act` is called at every millisecond from
+/// the tenth on.
 fn graph(
     name: &str,
     max_rate: &str,
@@ -137,7 +137,7 @@ fn inbound(report: &Report) -> &Value {
 }
 
 #[test]
-fn foreign_values_are_published_in_order_under_the_stamp_of_the_bridge() {
+fn foreign_values_are_published_in_order_with_own_stamps() {
     let (graph, probe) = graph(&name("in-order"), "1 kHz", |_, publisher, tick| {
         if tick % 20 == 0 {
             publisher.send_copy(target(tick / 20)).unwrap();
@@ -165,7 +165,7 @@ fn foreign_values_are_published_in_order_under_the_stamp_of_the_bridge() {
 }
 
 #[test]
-fn above_the_limit_the_newest_value_is_published_at_the_limit_and_the_others_are_counted() {
+fn rate_limit_publishes_the_newest_and_counts_the_rest() {
     let (graph, probe) = graph(&name("too-fast"), "50 Hz", |_, publisher, tick| {
         publisher.send_copy(target(tick)).unwrap();
     });
@@ -185,7 +185,7 @@ fn above_the_limit_the_newest_value_is_published_at_the_limit_and_the_others_are
 }
 
 #[test]
-fn values_that_are_not_finite_never_reach_the_graph() {
+fn non_finite_values_never_reach_the_graph() {
     let (graph, probe) = graph(&name("not-finite"), "1 kHz", |_, publisher, tick| {
         let mut value = target(tick);
         value.linear_velocity[2] = if tick % 2 == 0 { f64::NAN } else { f64::NEG_INFINITY };
@@ -200,7 +200,7 @@ fn values_that_are_not_finite_never_reach_the_graph() {
 }
 
 #[test]
-fn values_that_waited_for_a_bridge_that_stood_still_are_refused() {
+fn values_queued_during_a_stall_are_rejected() {
     let (graph, probe) = graph(&name("too-old"), "1 kHz", |_, publisher, tick| {
         if tick == 100 {
             (1..=3).for_each(|goal| assert!(publisher.send_copy(target(goal)).is_ok()));
@@ -230,7 +230,7 @@ fn a_service_takes_neither_another_type_nor_a_stamp() {
 }
 
 #[test]
-fn a_mirrored_state_carries_the_stamp_and_the_bytes_of_its_writer() {
+fn mirrored_state_keeps_stamp_and_bytes() {
     let mut subscriber = None;
     let mut last = 0;
     let (graph, _) = graph(&name("mirror"), "1 kHz", move |foreign, _, tick| {
@@ -303,7 +303,7 @@ fn a_topic_of_slices_is_not_mirrored_and_check_says_so() {
     assert!(error.contains("carries slices"), "{error}");
 }
 
-/// The foreign program of the next test: sends as fast as it can, until it is killed.
+/// The foreign program of the next test: sends as fast as possible until it is killed.
 #[test]
 fn flood() {
     let Ok(graph) = std::env::var("MOTORIUM_FLOODED_GRAPH") else { return };
@@ -329,7 +329,7 @@ fn flood() {
 }
 
 #[test]
-fn programs_that_flood_and_are_killed_change_nothing_but_the_limited_topic() {
+fn flooding_programs_affect_only_the_limited_topic() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let name = name("flooded");
     let (probe, reader) =
@@ -376,7 +376,7 @@ fn programs_that_flood_and_are_killed_change_nothing_but_the_limited_topic() {
     let refused = &counts["refused"];
     let of = |value: &Value| value.as_u64().unwrap();
     assert!(of(&refused["above_max_rate"]) > 100 && of(&refused["not_finite"]) > 100, "{counts}");
-    // At most 50 a second, the first at once, in 4 s and the half second for which actuators settle.
+    // At most 50 per second, the first immediately, during 4 s and the half second in which actuators settle.
     assert!((20..=226).contains(&of(&counts["published"])), "{counts}");
     let bridge = report.components.iter().position(|component| component.name == "bridge").unwrap();
     for pair in probe.samples().windows(2) {

@@ -9,7 +9,9 @@ use motorium::launcher::{Exit, Options, Report};
 use motorium::session;
 use motorium::state::{JointState, Stamp, from_bytes};
 use motorium::testing::machine;
-use motorium_bridges::recording::{Recording, What, recover, verify};
+use motorium_bridges::recording::{
+    Dataset, Recording, Signal, What, recover, replayed, verify, write_lerobot,
+};
 
 use walk::{GRAPH, recorder, registry, run};
 
@@ -18,7 +20,7 @@ fn record(file: &Path, extra: &str) -> Report {
 }
 
 #[test]
-fn every_sample_of_a_run_in_lockstep_is_in_its_recording_and_the_run_is_the_same_without() {
+fn lockstep_recording_is_complete_and_has_no_effect() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("new/a.mcap");
     let report = record(&file, "");
@@ -46,7 +48,7 @@ fn every_sample_of_a_run_in_lockstep_is_in_its_recording_and_the_run_is_the_same
 }
 
 #[test]
-fn a_recording_is_verified_to_the_last_bit_and_one_damaged_value_is_found() {
+fn verification_is_bitwise_and_finds_one_damaged_value() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     record(&file, "");
@@ -55,7 +57,7 @@ fn a_recording_is_verified_to_the_last_bit_and_one_damaged_value_is_found() {
     };
     let verified = check(&file, &[]);
     assert_eq!((verified.samples, verified.difference), (2000, None));
-    // the recording in the place of the source: its numbers come from the file
+    // the recording replaces the source: its numbers come from the file
     let verified = check(&file, &["walk".to_string()]);
     assert_eq!((verified.samples, verified.difference), (2000, None));
 
@@ -90,7 +92,7 @@ fn find(bytes: &[u8], part: &[u8]) -> usize {
 fn episodes_are_recorded_to_their_ends_and_verified() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
-    // 155 ms: the recorder steps every 100 ms, so that the end of an episode is none of its steps
+    // 155 ms: the recorder steps every 100 ms, so the end of an episode is between steps
     let text = GRAPH.replace("\"1 s\"", "\"155 ms\"") + &recorder(&file);
     run(&format!("episodes = {{ count = 3, vary_seed = true }}\n{text}"), &Options::inline());
     let recording = Recording::open(&file).unwrap();
@@ -100,6 +102,44 @@ fn episodes_are_recorded_to_their_ends_and_verified() {
     assert!(times.last().unwrap() >= &460_000_000, "the episodes follow on one another");
     let verified = verify(&recording, &registry(), &Options::inline(), &[]).unwrap();
     assert_eq!((verified.samples, verified.difference), (2 * 3 * 155, None));
+}
+
+#[test]
+fn episodes_of_real_time_are_exported_one_by_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
+    // Two rates: after the fast component has entered an episode, the slow one still publishes in the one
+    // before.
+    let slow = "[component.slow]\nkind = \"test.walk\"\nrate = \"50 Hz\"\nschedule = \"normal\"\npublish = { wrench = \"slow\" }\n";
+    let text = GRAPH
+        .replace("lockstep", "realtime")
+        .replace("\"1 s\"", "\"300 ms\"\nepisodes = { count = 3 }")
+        .replace("rate    = \"1 kHz\"", "rate = \"200 Hz\"\nschedule = \"normal\"")
+        .replace("trigger   = \"wrench\"", "trigger = \"wrench\"\nschedule = \"normal\"");
+    let report = run(&(text + slow + &recorder(&file)), &Options::threads().leaving_signals());
+    assert_eq!(report.episodes.len(), 3);
+    let recording = Recording::open(&file).unwrap();
+    let signal = |text: &str| text.parse::<Signal>().unwrap();
+    let dataset = Dataset {
+        state: vec![signal("sum.position[0]"), signal("slow.force")],
+        action: vec![signal("wrench.force")],
+        cameras: Vec::new(),
+        fps: 20,
+        task: "walk".to_string(),
+        robot: None,
+        names: [Vec::new(), Vec::new()],
+    };
+    let counts = write_lerobot(&recording, &dataset, &folder.path().join("three")).unwrap();
+    assert_eq!(counts.episodes, 3);
+    assert!(counts.frames >= 3, "each has a frame: {counts:?}");
+    // Without a reset a replay repeats all of it as one stretch of time, or one episode alone.
+    let whole = replayed(&recording, &[], None).unwrap();
+    let last = replayed(&recording, &[], Some(2)).unwrap();
+    assert!(whole.episodes.is_none() && last.episodes.is_none());
+    assert!(whole.duration_ns.unwrap() > 2 * last.duration_ns.unwrap(), "{whole:?}");
+    let missing = replayed(&recording, &[], Some(3)).unwrap_err().to_string();
+    assert!(missing.contains("no episode 3, but 3"), "{missing}");
 }
 
 #[test]
@@ -127,7 +167,7 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
     assert!(repaired.is_whole());
     assert_eq!(repaired.samples().count(), read);
     assert_eq!(repaired.plan().unwrap(), torn.plan().unwrap());
-    // of what holds nothing no file is made
+    // no file is created without content
     let nothing = folder.path().join("nothing.mcap");
     for (length, expected) in
         [(0, "it is empty"), (8, "cut off after 8 bytes"), (60, "cut off after 60 bytes")]
@@ -138,7 +178,7 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
         let opened = Recording::open(&file).and_then(|recording| recording.plan()).unwrap_err().to_string();
         assert!(opened.contains(expected), "{length}: {opened}");
     }
-    // what is cut anywhere is read or refused, and never a panic
+    // a file truncated anywhere is read or rejected without a panic
     for length in (0..4096).chain([bytes.len() / 3, bytes.len() - 1]) {
         std::fs::write(&file, &bytes[..length]).unwrap();
         if let Ok(recording) = Recording::open(&file) {
@@ -148,7 +188,7 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
 }
 
 #[test]
-fn in_real_time_every_sample_is_recorded_or_counted_as_lost() {
+fn real_time_samples_are_recorded_or_counted_as_lost() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
@@ -166,7 +206,7 @@ fn in_real_time_every_sample_is_recorded_or_counted_as_lost() {
 }
 
 #[test]
-fn topics_are_chosen_by_name_and_a_name_without_a_topic_is_refused() {
+fn topics_are_selected_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let chosen = recorder(&file).replace("config = {", "config = { topics = [\"s*\"],");
@@ -183,7 +223,7 @@ fn topics_are_chosen_by_name_and_a_name_without_a_topic_is_refused() {
 }
 
 #[test]
-fn a_black_box_keeps_the_last_moments_of_a_run_that_ends_badly_and_nothing_of_a_good_one() {
+fn black_box_keeps_only_the_end_of_failed_runs() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let kept = recorder(&file).replace("config = {", "config = { last = \"100 ms\",");

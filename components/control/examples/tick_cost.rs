@@ -1,6 +1,7 @@
-//! The time of one tick of a Panda: `cargo run --release -p motorium-control --example tick_cost`.
+//! Measures the time of one control tick of a Panda: `cargo run --release -p motorium-control --example
+//! tick_cost`.
 //!
-//! The hand runs after a target that jumps between poses, some of them out of reach, so that bounds become active.
+//! The hand follows a target that jumps between poses. Some are out of reach, so that bounds become active.
 
 use std::time::Instant;
 

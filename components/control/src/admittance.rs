@@ -3,14 +3,14 @@
 use motorium_robots::{Twist, lie::so3};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
-/// Mass, damper and spring of an [`Admittance`], along every axis alike, and about every axis alike.
+/// Mass, damper and spring of an [`Admittance`]; isotropic in translation and in rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdmittanceSettings {
     /// Mass \[kg\], more than 0. Default 4.
     pub mass: f64,
     /// Damping \[N s/m\], at least 0. Default 40.
     pub damping: f64,
-    /// Stiffness \[N/m\], at least 0; without it what is pushed away stays there. Default 100.
+    /// Stiffness \[N/m\], at least 0; with 0 the frame stays where it was pushed. Default 100.
     pub stiffness: f64,
     /// Moment of inertia \[kg m2\], more than 0. Default 0.1.
     pub inertia: f64,
@@ -40,7 +40,8 @@ impl Default for AdmittanceSettings {
     }
 }
 
-/// A frame that gives way to a wrench as a mass on a spring and a damper would, whatever inertia the robot has:
+/// A frame that yields to a wrench like a mass on a spring and a damper, independently of the robot's
+/// inertia:
 ///
 /// ```text
 /// mass x'' + damping x' + stiffness x = f                                     m, N
@@ -49,11 +50,12 @@ impl Default for AdmittanceSettings {
 /// v = v* + x',  o = J(t) t' + exp(t) o*                                       J: left Jacobian of SO(3)
 /// ```
 ///
-/// All in the axes of the world, at the origin of the frame; `f`, `n` are what the world exerts on the robot, so that the frame
-/// moves with the push. The wrench is constant over a step, for which the solution is exact, however long the step. At the
-/// largest displacement or turn the motion ends; what leads back is not held.
+/// All quantities are in world axes at the origin of the frame. `f` and `n` are exerted by the world on the
+/// robot, so the frame moves with a push. The solution is exact for a wrench that is constant over a step of
+/// any length. The motion stops at the maximum displacement or rotation, and can only return from there.
 ///
-/// (OpenSoT's Cartesian admittance is the case without a mass.) Hogan, *Impedance control: an approach to manipulation*, 1985.
+/// (OpenSoT's Cartesian admittance is the case without a mass.) Hogan, *Impedance control: an approach to
+/// manipulation*, 1985.
 ///
 /// ```
 /// use motorium_control::{Admittance, AdmittanceSettings};
@@ -80,7 +82,8 @@ pub struct Admittance {
     acceleration: Twist,
 }
 
-/// The step of one mass: the next position and velocity are these combinations of position, velocity and force.
+/// The step of one mass: the next position and velocity are these combinations of position, velocity and
+/// force.
 #[derive(Clone, Copy, Debug, Default)]
 struct Transition {
     position: [f64; 3],
@@ -114,7 +117,7 @@ fn stop(x: &mut Vector3<f64>, v: &mut Vector3<f64>, most: f64) {
 }
 
 impl Admittance {
-    /// At rest where its target is.
+    /// Creates an admittance at rest at its target.
     pub fn new(settings: AdmittanceSettings) -> Self {
         Self {
             settings,
@@ -141,13 +144,13 @@ impl Admittance {
         }
     }
 
-    /// Comes to rest where its target is.
+    /// Resets the state to rest at the target.
     pub fn reset(&mut self) {
         *self = Self::new(self.settings);
     }
 
-    /// Moves on by `dt` \[s\] under the force \[N\] and the torque about the origin of the frame \[Nm\] that the world exerts on it,
-    /// in the axes of the world. A wrench that is no number counts as none.
+    /// Advances by `dt` \[s\] under the force \[N\] and the torque about the origin of the frame \[Nm\] that
+    /// the world exerts on it, in world axes. A wrench that is not finite is ignored.
     pub fn step(&mut self, force: &Vector3<f64>, torque: &Vector3<f64>, dt: f64) {
         if dt != self.dt {
             let AdmittanceSettings { mass, damping, stiffness, .. } = self.settings;
@@ -188,7 +191,7 @@ impl Admittance {
         so3::left_jacobian(&self.turn) * self.turn_rate
     }
 
-    /// Pose, velocity and acceleration in place of those of a target, in world axes.
+    /// Returns the displaced pose, velocity and acceleration of a target, in world axes.
     pub fn displace(&self, target: &Isometry3<f64>, velocity: &Twist) -> (Isometry3<f64>, Twist, Twist) {
         let turned: UnitQuaternion<f64> = so3::exp(&self.turn);
         let place = target.translation.vector + self.displacement;

@@ -117,7 +117,7 @@ impl Cost {
         let columns = matrix.as_slice();
         let hessian = problem.hessian.as_mut_slice();
         for (j, column) in columns.chunks_exact(rows.max(1)).enumerate() {
-            // tasks see few joints: what a joint does not move costs nothing
+            // tasks involve few joints: skip zero columns
             if column.iter().all(|entry| *entry == 0.0) {
                 continue;
             }

@@ -7,8 +7,8 @@ use crate::JointSetpoint;
 
 /// A feed-forward effort for every independent joint, computed from the model of the robot.
 ///
-/// A joint drive adds it to its feedback: `tau = effort + kp (position - q) + kd (velocity - v)`. Without gravity and
-/// without inertia the effort is zero. `new` allocates; nothing else does.
+/// A joint drive adds it to its feedback: `tau = effort + kp (position - q) + kd (velocity - v)`. Without
+/// gravity and without inertia the effort is zero. `new` allocates; nothing else does.
 ///
 /// ```
 /// use motorium_control::{FeedForward, JointSetpoint};
@@ -43,14 +43,15 @@ struct Inertia {
 }
 
 impl FeedForward {
-    /// For `model`; `gravity` \[m/s^2, world axes\] is compensated if it is given.
+    /// Creates a feed-forward for `model`; `gravity` \[m/s^2, world axes\] is compensated if given.
     pub fn new(model: &Model, gravity: Option<Vector3<f64>>) -> Self {
         Self { gravity, inertia: None, dynamics: Dynamics::new(model), effort: DVector::zeros(model.nv()) }
     }
 
-    /// Adds the effort that accelerates the robot as the setpoint does and balances centrifugal and Coriolis forces:
-    /// `effort = M(q) a + C(q, v) v + g(q)`, with `v` the velocity setpoint and `a` its rate, smoothed over the time
-    /// constant `smoothing` \[s\] so that the noise of a setpoint found from measurements is not amplified.
+    /// Adds the effort that accelerates the robot as the setpoint does and balances centrifugal and Coriolis
+    /// forces: `effort = M(q) a + C(q, v) v + g(q)`, with `v` the velocity setpoint and `a` its rate,
+    /// smoothed over the time constant `smoothing` \[s\] so that the noise of a setpoint found from
+    /// measurements is not amplified.
     #[must_use]
     pub fn with_inertia(mut self, smoothing: f64) -> Self {
         let zeros = self.effort.map(|_| 0.0);
@@ -59,8 +60,8 @@ impl FeedForward {
         self
     }
 
-    /// Updates the acceleration of the setpoint, once per tick of `dt` \[s\] and before [`effort`](Self::effort).
-    /// Without [`with_inertia`](Self::with_inertia) it does nothing.
+    /// Updates the acceleration of the setpoint, once per tick of `dt` \[s\] and before
+    /// [`effort`](Self::effort). No effect without [`with_inertia`](Self::with_inertia).
     pub fn update(&mut self, setpoint: &JointSetpoint, dt: f64) {
         let Some(inertia) = &mut self.inertia else { return };
         let share = if inertia.known { dt / (dt + inertia.smoothing) } else { 0.0 };
@@ -72,7 +73,8 @@ impl FeedForward {
         inertia.known = true;
     }
 
-    /// Forgets the motion of the setpoint: its acceleration is zero until the second [`update`](Self::update).
+    /// Forgets the motion of the setpoint: its acceleration is zero until the second
+    /// [`update`](Self::update).
     pub fn reset(&mut self) {
         if let Some(inertia) = &mut self.inertia {
             inertia.known = false;
@@ -80,8 +82,8 @@ impl FeedForward {
         }
     }
 
-    /// Efforts \[Nm or N\], one per independent joint, at the measured joint positions `q` \[rad or m, one per
-    /// independent joint\], within the effort limits of the model.
+    /// Efforts \[Nm or N\], one per independent joint, at the measured joint positions `q` \[rad or m, one
+    /// per independent joint\], within the effort limits of the model.
     ///
     /// # Panics
     /// If `q` has another length.

@@ -2,7 +2,7 @@
 
 use motorium_robots::{Gains, Model};
 
-/// Gains that no joint drive of the model can use.
+/// The gains are invalid for the joint drives of the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GainsError {
     /// A list of another length than the robot has joints.
@@ -15,7 +15,7 @@ pub enum GainsError {
         /// Entries expected.
         expected: usize,
     },
-    /// A gain that is negative or not a number.
+    /// A gain is negative or not a number.
     #[error("{gain} of joint \"{joint}\" is {value}, expected a finite number >= 0")]
     Value {
         /// `kp` or `kd`.

@@ -1,7 +1,7 @@
 //! The error of a controlled frame or point at the goals of its target.
 
-/// Time for which the target must have rested at a goal that is still held when the run ends, s: a shorter rest says
-/// nothing about the controller.
+/// Minimum rest of the target at a goal that is still current when the run ends, s. A shorter rest does not
+/// characterise the controller.
 const SETTLE: f64 = 0.2;
 
 /// Distance and angle between a controlled frame and its target.
@@ -9,7 +9,7 @@ const SETTLE: f64 = 0.2;
 pub struct GoalError {
     /// Distance \[m\].
     pub position: f64,
-    /// Angle \[rad\]; `None` where a point without an orientation is controlled.
+    /// Angle \[rad\]; `None` if a point without an orientation is controlled.
     pub orientation: Option<f64>,
 }
 
@@ -25,7 +25,7 @@ impl GoalError {
     }
 }
 
-/// The largest error with which a goal counts as reached.
+/// Maximum error at which a goal counts as reached.
 ///
 /// ```
 /// use motorium_control::{GoalError, GoalTolerance};
@@ -61,7 +61,7 @@ impl Default for GoalTolerance {
 pub struct GoalSummary {
     /// Goals that the controlled frame or point reached, within the tolerance.
     pub reached: u64,
-    /// Goals that it did not reach.
+    /// Number of missed goals.
     pub missed: u64,
     /// The worst error at any of these goals; `None` without a goal.
     pub worst: Option<GoalError>,
@@ -79,7 +79,7 @@ impl GoalSummary {
     }
 }
 
-/// A record of the error at each goal: at the last tick before the target left it, or before the run ended.
+/// Records the error at each goal: at the last tick before the target leaves it, or before the run ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GoalRecord {
     tolerance: GoalTolerance,
@@ -103,8 +103,8 @@ impl GoalRecord {
         *self = Self::new(self.tolerance);
     }
 
-    /// Records the error of one tick of `dt` seconds. `goal` numbers the goal the target moves to, `at_goal` says that
-    /// the target rests there.
+    /// Records the error of one tick of `dt` seconds. `goal` is the number of the goal to which the target
+    /// moves; `at_goal` is `true` if the target rests there.
     pub fn observe(&mut self, goal: u64, at_goal: bool, error: GoalError, dt: f64) {
         if self.goal != Some(goal) {
             self.past = self.past.merge(self.current());
@@ -118,7 +118,7 @@ impl GoalRecord {
         }
     }
 
-    /// The current goal as if the target left it now.
+    /// Returns the current goal as if the target left it now.
     fn current(&self) -> GoalSummary {
         let reached = self.resting.map(|error| self.tolerance.allows(error));
         GoalSummary {
@@ -128,7 +128,7 @@ impl GoalRecord {
         }
     }
 
-    /// The goals so far, as if the run ended now.
+    /// Returns the goals so far as if the run ended now.
     pub fn summary(&self) -> GoalSummary {
         if self.rested + 1e-9 >= SETTLE { self.past.merge(self.current()) } else { self.past }
     }
@@ -153,7 +153,7 @@ mod tests {
         }
     }
 
-    /// A record that takes an error of 50 mm and 0.1 rad for a reached goal.
+    /// A record with tolerances of 50 mm and 0.1 rad.
     fn record() -> GoalRecord {
         GoalRecord::new(GoalTolerance { position: 0.05, orientation: 0.1 })
     }
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn the_error_at_a_goal_is_the_last_one_before_the_target_leaves_it() {
+    fn goal_error_is_the_last_before_the_target_leaves() {
         let mut record = record();
         observe(&mut record, 1, false, &[0.5, 0.4]);
         observe(&mut record, 1, true, &[0.3, 0.1, 0.01]);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_goal_is_reported_and_a_goal_at_which_the_target_never_rested_does_not_count() {
+    fn worst_goal_is_reported_and_passed_goals_are_ignored() {
         let mut record = record();
         observe(&mut record, 1, true, &[0.01]);
         observe(&mut record, 2, false, &[0.9]);
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_that_the_frame_is_not_within_the_tolerance_of_is_missed_by_position_or_by_orientation() {
+    fn goal_is_missed_by_position_or_orientation() {
         let mut record = record();
         observe(&mut record, 1, true, &[0.5, 0.04]);
         observe(&mut record, 2, true, &[4.4]);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_without_an_orientation_leaves_the_worst_angle_to_the_frames() {
+    fn point_without_orientation_keeps_the_worst_angle() {
         let point = GoalSummary {
             reached: 2,
             missed: 1,

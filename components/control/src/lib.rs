@@ -7,8 +7,9 @@
 //! subject to lower <= v <= upper          (every limit, intersected)
 //! ```
 //!
-//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, an axis points at a point, the joints keep a
-//!   posture. They are weighed against one another, or stand in [levels](DifferentialIk::levels) of strict priority.
+//! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, an axis points at a point, the
+//!   joints keep a posture. They are weighed against one another, or stand in
+//!   [levels](DifferentialIk::levels) of strict priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both and asks a [`solver`] for `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
@@ -16,11 +17,12 @@
 //!
 //! At the level of torques, with contacts and floating bases, [`inverse_dynamics`] does the same.
 //!
-//! Legged robots plan contact forces ahead by [`mpc`]. Bases move by [`wheels`], robots on rotors by [`multirotor`].
+//! Legged robots plan contact forces ahead by [`mpc`]. Bases move by [`wheels`], robots on rotors by
+//! [`multirotor`].
 //!
-//! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
-//! is allocated at construction; a tick allocates nothing of its own. [`QpController`], the component `control.qp`,
-//! puts it behind topics.
+//! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads.
+//! Everything is allocated at construction; a tick allocates nothing of its own. [`QpController`], the
+//! component `control.qp`, puts it behind topics.
 //!
 //! # Example
 //!

@@ -3,12 +3,12 @@
 use motorium_robots::Model;
 use nalgebra::DVector;
 
-/// Distance outside a position limit that counts as none, rad or m.
+/// Distance outside a position limit that is treated as zero, rad or m.
 const AT_LIMIT: f64 = 1e-6;
 
-/// Joint positions and velocities to be commanded: the integral of a joint velocity, kept within position limits.
+/// Commanded joint positions and velocities: the integral of a joint velocity, kept within position limits.
 ///
-/// A setpoint that starts outside its limits is not thrown back at once: it may stay or return, never go farther.
+/// A setpoint that starts outside its limits may stay or return, but never moves farther.
 #[derive(Clone, Debug)]
 pub struct JointSetpoint {
     position: DVector<f64>,
@@ -18,10 +18,10 @@ pub struct JointSetpoint {
 }
 
 impl JointSetpoint {
-    /// At rest at `q` \[rad or m\], with the position limits of `model`.
+    /// Creates a setpoint at rest at `q` \[rad or m\], with the position limits of `model`.
     ///
     /// # Panics
-    /// If `q` has not one entry per independent joint.
+    /// If the length of `q` differs from the number of independent joints.
     pub fn new(model: &Model, q: &[f64]) -> Self {
         assert_eq!(q.len(), model.nv(), "length of q");
         Self {
@@ -32,18 +32,19 @@ impl JointSetpoint {
         }
     }
 
-    /// The joints of `model`, of a fixed or a floating base, at rest at zero; [`reset`](Self::reset) places them.
+    /// The joints of `model`, of a fixed or a floating base, at rest at zero; [`reset`](Self::reset) places
+    /// them.
     pub fn of_joints(model: &Model) -> Self {
         let zeros = DVector::zeros(model.joint_count());
         let (lower, upper) = (model.lower().clone(), model.upper().clone());
         Self { position: zeros.clone(), velocity: zeros, lower, upper }
     }
 
-    /// At rest at `q`, wherever it was. A joint measured outside its limits by no more than a millionth of a rad or m is
-    /// taken to be at the limit: nothing else would lead it back so short a way.
+    /// Resets to rest at `q`. A joint measured outside its limits by up to a millionth of a rad or m is set
+    /// to the limit, since nothing else would correct such a small violation.
     ///
     /// # Panics
-    /// If `q` has not one entry per independent joint.
+    /// If the length of `q` differs from the number of independent joints.
     pub fn reset(&mut self, q: &[f64]) {
         assert_eq!(q.len(), self.position.len(), "length of q");
         for (joint, q) in q.iter().enumerate() {
@@ -53,11 +54,11 @@ impl JointSetpoint {
         self.velocity.fill(0.0);
     }
 
-    /// Moves by `v dt`. The velocity is that of the move that was made, limits considered. A joint whose velocity
-    /// is no number stands still.
+    /// Moves by `v dt`. The velocity becomes that of the actual move within the limits. A joint with a NaN
+    /// velocity stands still.
     ///
     /// # Panics
-    /// If `v` has not one entry per independent joint.
+    /// If the length of `v` differs from the number of independent joints.
     pub fn integrate(&mut self, v: &[f64], dt: f64) {
         assert_eq!(v.len(), self.position.len(), "length of v");
         for (joint, v) in v.iter().enumerate() {
@@ -73,16 +74,16 @@ impl JointSetpoint {
         }
     }
 
-    /// Stays where it is, at rest.
+    /// Holds the current position at rest.
     pub fn hold(&mut self) {
         self.velocity.fill(0.0);
     }
 
-    /// Limits the tracking error: the position comes to within `max_error` \[rad or m\] of the measured `q`, so that it
-    /// cannot run away from a joint that is blocked. The velocity of such a joint becomes zero.
+    /// Limits the tracking error: the position is kept within `max_error` \[rad or m\] of the measured `q`,
+    /// so it cannot run away from a blocked joint. The velocity of such a joint becomes zero.
     ///
     /// # Panics
-    /// If `q` has not one entry per independent joint.
+    /// If the length of `q` differs from the number of independent joints.
     pub fn limit_tracking_error(&mut self, q: &[f64], max_error: f64) {
         assert_eq!(q.len(), self.position.len(), "length of q");
         for (joint, q) in q.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Stacks of tasks compared: a posture, a hand, both weighed against each other, and the hand above the posture.
+//! Stacks of tasks compared: a posture, a hand, both weighed against each other, and the hand above the
+//! posture.
 
 use motorium_robots::{FrameId, Kinematics, Model, Twist};
 use nalgebra::{Isometry3, Vector3};
@@ -48,10 +49,10 @@ pub struct StackSample {
     pub posture: f64,
 }
 
-/// A target that moves on a circle about the place of a frame: in the plane of y and z, it begins and ends at rest.
+/// A target that moves on a circle around a frame's position in the y-z plane, starting and ending at rest.
 fn circle(start: &Isometry3<f64>, radius: f64, period: f64, time: f64) -> (Isometry3<f64>, Twist) {
     let rate = std::f64::consts::TAU / period;
-    // it gathers speed over the first second
+    // accelerates over the first second
     let (phase, speed) = if time < 1.0 { (0.5 * time * time, time) } else { (time - 0.5, 1.0) };
     let (sin, cos) = (rate * phase).sin_cos();
     let place = Vector3::new(0.0, radius * sin, radius * (1.0 - cos));
@@ -60,8 +61,8 @@ fn circle(start: &Isometry3<f64>, radius: f64, period: f64, time: f64) -> (Isome
     (target, Twist { linear: velocity, angular: Vector3::zeros() })
 }
 
-/// Lets `frame` of a robot with a fixed base follow a target on a circle of 10 cm for `seconds`, at 1 kHz, from the posture `home`;
-/// the joints follow their velocities exactly.
+/// Lets `frame` of a robot with a fixed base follow a target on a circle of 10 cm for `seconds`, at 1 kHz,
+/// from the posture `home`; the joints follow their velocities exactly.
 ///
 /// ```
 /// use motorium_control::{TaskStack, run_stack};

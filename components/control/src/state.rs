@@ -1,4 +1,4 @@
-//! The robot as the tasks and limits of one tick see it.
+//! Robot state as used by the tasks and limits of one tick.
 
 use motorium_robots::{Kinematics, Model};
 

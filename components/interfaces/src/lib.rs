@@ -1,4 +1,4 @@
-//! Interfaces between motorium graphs and what is around them: `log.console`, `sensor.udp`.
+//! Interfaces between motorium graphs and their environment: `log.console`, `sensor.udp`.
 
 mod console;
 mod udp;
@@ -8,13 +8,13 @@ use motorium::worker::Kind;
 pub use console::{ConsoleLog, ConsoleLogConfig};
 pub use udp::{LocalUsers, UdpSensor, UdpSensorConfig};
 
-/// The kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_interfaces::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"log.console"));
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<ConsoleLog>(), Kind::of::<UdpSensor>()]

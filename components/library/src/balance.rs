@@ -3,23 +3,24 @@
 use crate::{BuildError, LibraryParts, MotionLibrary, Truncation};
 use motorium_algebra::left_singular;
 
-/// Rounds after which the weights hardly change.
+/// Number of rounds; the weights have converged by then.
 const ROUNDS: usize = 8;
-/// Of the median error: what keeps a movement that is met exactly from counting without bound.
+/// Lower bound of the error, relative to the median. Bounds the weight of a movement that is met exactly.
 const FLOOR: f64 = 0.1;
 
 impl MotionLibrary {
-    /// The same movements, with eigenforces of which the first `n` leave a small *mean* error, not a small mean square:
-    /// a few odd movements no longer bend them. From a library that was not truncated; as many are kept as `truncation`
-    /// says.
+    /// Returns a library of the same movements whose first `n` eigenforces minimise the *mean* error instead
+    /// of the mean square, so a few outliers do not bend them. The library must not be truncated; the result
+    /// keeps as many eigenforces as `truncation` specifies.
     ///
-    /// Iteratively reweighted: with the error `r_k` that `n` eigenforces leave of movement `k` in the metric of the
-    /// library, the next are those of the movements times `(r_k / median + 0.1)^(-1/2)`, which makes `sum r_k^2 c_k^2`
-    /// about `sum r_k`. A singular value is the norm of the weights of its eigenforce, as for any library; but weights
-    /// of one are not uncorrelated with those of another, so that splitting and merging such a library is approximate.
+    /// The method is iterative reweighting. With the error `r_k` that `n` eigenforces leave in movement `k`,
+    /// in the metric of the library, the next eigenforces are those of the movements scaled by `(r_k / median +
+    /// 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a singular value is the
+    /// norm of its eigenforce's weights. The weights of different eigenforces are correlated, however, so
+    /// splitting and merging such a library is approximate.
     ///
     /// # Errors
-    /// Movements that do not move.
+    /// All movements are at rest.
     pub fn balanced(&self, n: usize, truncation: Truncation) -> Result<Self, BuildError> {
         let LibraryParts { basis, weights, .. } = self.parts();
         let data = basis * weights;

@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::{Layout, Metric, MotionLibrary, SampledSpring, Truncation};
 
-/// Basis functions of forces, with the analysis that gives their weights: `w = analysis^T f`, `f = functions w`.
+/// Basis functions of forces, with the analysis that gives their weights: `w = analysis^T f`, `f = functions
+/// w`.
 #[derive(Clone, Debug)]
 pub struct Basis {
     functions: DMatrix<f64>,
@@ -19,13 +20,13 @@ impl Basis {
         Self { functions: first(library.eigenforces()), analysis: first(library.analysis()) }
     }
 
-    /// Eigenforces of each DoF by itself, `n / dofs` of each, from a library that was not truncated.
+    /// Returns the eigenforces of each DoF separately, `n / dofs` each, from a library that is not truncated.
     pub fn eigenforces_of_each(library: &MotionLibrary, n: usize) -> Self {
         let layout = library.layout();
         let blocks = (0..layout.dofs()).map(|dof| {
             let part = super::Part { name: layout.names()[dof].clone(), dofs: vec![dof] };
             let Ok(alone) = library.split(&part) else {
-                // A DoF at rest has no eigenforces: a constant force represents it.
+                // A DoF at rest has no eigenforces; a constant force represents it.
                 let steps = library.spring().forces();
                 return DMatrix::from_element(steps, 1, (steps as f64).sqrt().recip());
             };
@@ -34,8 +35,8 @@ impl Basis {
         Self::orthonormal(block_diagonal(&blocks.collect::<Vec<_>>()))
     }
 
-    /// The constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs` of them for each DoF,
-    /// made orthonormal on the samples.
+    /// The constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs` of them for
+    /// each DoF, made orthonormal on the samples.
     pub fn fourier(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let steps = spring.forces();
         let each = (n / layout.dofs()).clamp(1, steps);
@@ -52,9 +53,9 @@ impl Basis {
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
     }
 
-    /// The normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n / dofs` of them for
-    /// each DoF: centres at even times, each kernel worth 0.8 at the centre of its successor, `s` falling to 1 %.
-    /// Fitted by least squares.
+    /// The normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n / dofs` of
+    /// them for each DoF: centres at even times, each kernel worth 0.8 at the centre of its successor, `s`
+    /// falling to 1 %. Fitted by least squares.
     pub fn kernels(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let columns = kernel_functions(spring, (n / layout.dofs()).clamp(1, spring.forces()));
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
@@ -85,8 +86,8 @@ impl Basis {
     }
 }
 
-/// The normalised kernels of a discrete movement primitive over the steps of a spring, one a column: `s psi_i / sum
-/// psi_j`, centres at even times, each worth 0.8 at the centre of its successor, `s` falling to 1 %.
+/// The normalised kernels of a discrete movement primitive over the steps of a spring, one a column: `s psi_i
+/// / sum psi_j`, centres at even times, each worth 0.8 at the centre of its successor, `s` falling to 1 %.
 pub fn kernel_functions(spring: &SampledSpring, count: usize) -> DMatrix<f64> {
     let decay = -(0.01_f64.ln());
     let phase = |progress: f64| (-decay * progress).exp();
@@ -122,10 +123,11 @@ fn block_diagonal(blocks: &[DMatrix<f64>]) -> DMatrix<f64> {
 }
 
 impl MotionLibrary {
-    /// A library of the same movements in another metric, from the weights of a complete one.
+    /// Returns a library of the same movements in another metric, computed from the weights of a complete
+    /// library.
     ///
     /// # Errors
-    /// Movements that do not move.
+    /// All movements are at rest.
     pub fn in_metric(&self, metric: Metric, truncation: Truncation) -> Result<Self, super::BuildError> {
         let forces = self.eigenforces() * self.weights();
         let kind = (self.layout().clone(), *self.spring());
@@ -133,8 +135,8 @@ impl MotionLibrary {
     }
 }
 
-/// Relative error of forces (degrees of freedom one after the other) approximated by `count` radial kernels for each
-/// degree of freedom, in the least squares.
+/// Relative error of forces (degrees of freedom one after the other) approximated by `count` radial kernels
+/// for each degree of freedom, in the least squares.
 pub fn kernel_error(forces: &[f64], spring: &SampledSpring, count: usize) -> f64 {
     let steps = spring.forces();
     let q = kernel_functions(spring, count.min(steps)).qr().q();

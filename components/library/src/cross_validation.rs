@@ -1,4 +1,4 @@
-//! Errors and recognition rates of libraries on recordings they were not learned from, over several splits.
+//! Cross-validation of libraries: errors and recognition rates on held-out recordings, over several splits.
 
 use crate::statistics::mean_and_deviation;
 use crate::{
@@ -13,7 +13,7 @@ pub const POSITION: &str = "eigenforces, position";
 /// Names of the bases that are compared.
 pub const BASES: [&str; 5] = [FORCE, POSITION, BALANCED, "fourier", "kernels"];
 
-/// Eigenforces whose part of the variance is kept.
+/// Number of eigenforces whose share of the variance is reported.
 const EXPLAINED: usize = 10;
 
 /// Errors of one basis with one number of weights, one entry a split.
@@ -70,10 +70,10 @@ impl CrossValidation {
         self.eigenforces.len() + 2
     }
 
-    /// Learns from the recordings `seen` and measures on those `held` out.
+    /// Learns from the recordings `seen` and evaluates on the recordings `held`.
     ///
     /// # Errors
-    /// Recordings that no library is learned from.
+    /// No library can be learned from the recordings.
     pub fn add(
         &mut self,
         seen: &Recordings,
@@ -142,8 +142,8 @@ impl CrossValidation {
         (0..first).map(mean).collect()
     }
 
-    /// Recognition rates in the metrics of force and position by the `k`-th number of weights, means over the splits;
-    /// `None` without labels.
+    /// Recognition rates in the metrics of force and position by the `k`-th number of weights, means over the
+    /// splits; `None` without labels.
     pub fn recognition(&self, k: usize) -> Option<[f64; 2]> {
         if self.rates.is_empty() || k >= self.eigenforces.len() {
             return None;

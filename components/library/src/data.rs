@@ -15,7 +15,7 @@ pub enum DataError {
     /// No file.
     #[error("found no file, expected at least one")]
     NoFile,
-    /// Recordings whose degrees of freedom differ from those of the first.
+    /// A recording has other degrees of freedom than the first.
     #[error(
         "recording `{id}` of {path} has the degrees of freedom {found}, the first one {expected}: choose common ones by name"
     )]
@@ -32,7 +32,7 @@ pub enum DataError {
 }
 
 impl From<&Recording> for Trajectory {
-    /// Evenly spaced samples of a recording, as many as it has.
+    /// Evenly spaced samples of a recording, with the recording's number of samples.
     fn from(recording: &Recording) -> Self {
         Self {
             id: recording.id().to_string(),
@@ -44,7 +44,8 @@ impl From<&Recording> for Trajectory {
 }
 
 impl Recordings {
-    /// Reads the recordings of files and folders, in this order; see [`motorium_recordings`] for their formats.
+    /// Reads the recordings of files and folders, in this order; see [`motorium_recordings`] for their
+    /// formats.
     ///
     /// # Errors
     /// A file that cannot be read, or recordings of different degrees of freedom.

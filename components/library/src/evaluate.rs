@@ -1,4 +1,4 @@
-//! Errors of a basis on movements it was not learned from.
+//! Errors of a basis on held-out movements.
 
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -13,7 +13,7 @@ use crate::{
 pub struct Evaluation {
     /// Number of weights.
     pub n: usize,
-    /// Root mean square of the forces left out, over that of the forces.
+    /// Root mean square of the residual forces, relative to the forces.
     pub force: f64,
     /// Standard error of it over the movements.
     pub force_error: f64,
@@ -35,8 +35,8 @@ pub struct PathError {
 }
 
 impl PathError {
-    /// From one error for each movement.
-    pub fn of(mut errors: Vec<f64>) -> Self {
+    /// Computes the statistics from one error per movement.
+    pub fn from_errors(mut errors: Vec<f64>) -> Self {
         let n = errors.len().max(1) as f64;
         let mean = errors.iter().sum::<f64>() / n;
         let deviation = (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n).sqrt();
@@ -79,7 +79,7 @@ pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) 
         force,
         // the derivative of the root
         force_error: if force > 0.0 { 0.5 * error / force } else { 0.0 },
-        position: PathError::of(errors.into_iter().map(|error| error / spread).collect()),
+        position: PathError::from_errors(errors.into_iter().map(|error| error / spread).collect()),
     }
 }
 
@@ -104,7 +104,8 @@ fn mean_spread(recordings: &Recordings, spring: &SampledSpring) -> f64 {
     spreads.sum::<f64>() / recordings.trajectories.len().max(1) as f64
 }
 
-/// The part of labelled recordings whose nearest movement of the library, in the first `n` weights, has their label.
+/// The part of labelled recordings whose nearest movement of the library, in the first `n` weights, has their
+/// label.
 pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, n: usize) -> f64 {
     let mut recogniser = super::Recogniser::new(library, n);
     let mut right = 0;
@@ -121,8 +122,8 @@ pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, 
 /// Name of the eigenforces that are [balanced](MotionLibrary::balanced), in [`compare`].
 pub const BALANCED: &str = "eigenforces, balanced";
 
-/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A library in the metric
-/// of position is there twice, the second time balanced for each number.
+/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A library in
+/// the metric of position is there twice, the second time balanced for each number.
 pub fn compare(
     libraries: &[(&'static str, &MotionLibrary)],
     recordings: &Recordings,

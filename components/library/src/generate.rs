@@ -1,4 +1,4 @@
-//! Movements out of weights: at once, or step by step in a control loop.
+//! Generation of movements from weights: as a whole, or step by step in a control loop.
 
 use crate::{Frame, MotionLibrary, SampledSpring};
 use motorium_algebra::Simd;
@@ -33,7 +33,8 @@ impl Superposition {
         Some(mean)
     }
 
-    /// `self + part * (other - self)`: weights and frame alike, since the path is linear in all of them.
+    /// Returns `self + part * (other - self)`. Weights and frame are blended alike, since the path is linear
+    /// in both.
     #[must_use]
     pub fn blend(&self, other: &Self, part: f64) -> Self {
         let n = self.weights.len().max(other.weights.len());
@@ -42,7 +43,7 @@ impl Superposition {
         Self { weights: (0..n).map(mix).collect(), frame: self.frame.towards(&other.frame, part) }
     }
 
-    /// Moved to a new start (if given) as a whole, then to a new goal and duration (if given).
+    /// Translates the movement to a new start (if given), then sets a new goal and duration (if given).
     #[must_use]
     pub fn placed(mut self, start: Option<&[f64]>, goal: Option<&[f64]>, duration: Option<f64>) -> Self {
         if let Some(start) = start {
@@ -64,7 +65,7 @@ impl Superposition {
     }
 }
 
-/// A movement that cannot be started. What ran before goes on unchanged.
+/// The movement cannot be started. The current one continues unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
     /// More weights than eigenforces.
@@ -86,16 +87,16 @@ pub enum GenerateError {
     /// NaN or an infinite value.
     #[error("{0}, expected a finite number")]
     NotFinite(f64),
-    /// A duration that is not a positive time.
+    /// The duration is not a positive time.
     #[error("a duration of {0} s, expected a positive time")]
     Duration(f64),
 }
 
-/// Generates movements of a library in a control loop: starting, steering and stepping never allocate.
+/// Generates movements of a library in a control loop. Starting, steering and stepping never allocate.
 ///
-/// At the start the forces are superposed and the spring follows them to the end of the movement; then, without forces,
-/// for a quarter of the duration more, in which what is left of the velocity dies out. Between samples the path is a
-/// cubic with continuous velocity.
+/// The forces are superposed at the start, and the spring follows them to the end of the movement. It then
+/// settles without forces for another quarter of the duration, while the remaining velocity decays. Between
+/// samples the path is a cubic with continuous velocity.
 #[derive(Clone, Debug)]
 pub struct Generator {
     simd: Simd,
@@ -103,7 +104,7 @@ pub struct Generator {
     eigenforces: Vec<f64>,
     rank: usize,
     forces: Vec<f64>,
-    /// Samples of one DoF after the other, the settling included.
+    /// Samples including the settling phase, DoF by DoF.
     path: Vec<f64>,
     length: usize,
     duration: f64,
@@ -132,10 +133,10 @@ impl Generator {
         }
     }
 
-    /// Starts a movement: weights of the first eigenforces, in a frame.
+    /// Starts a movement from weights of the first eigenforces, in a frame.
     ///
     /// # Errors
-    /// Sizes that do not fit, or values that are not finite.
+    /// Sizes do not match, or a value is not finite.
     pub fn start(&mut self, weights: &[f64], frame: &Frame) -> Result<(), GenerateError> {
         let dofs = self.position.len();
         if weights.len() > self.rank {
@@ -162,10 +163,10 @@ impl Generator {
         Ok(())
     }
 
-    /// Goes to another goal from the next sample on; the forces stay as they are.
+    /// Changes the goal from the next sample; the forces stay unchanged.
     ///
     /// # Errors
-    /// Another number of DoFs, or values that are not finite.
+    /// The number of DoFs differs, or a value is not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), GenerateError> {
         if goal.len() != self.position.len() {
             return Err(GenerateError::Dofs { found: goal.len(), expected: self.position.len() });
@@ -198,7 +199,7 @@ impl Generator {
         &self.velocity
     }
 
-    /// Time since the start over the duration: 1 where the movement ends and settling begins.
+    /// Time since the start over the duration; 1 at the end of the movement, when settling starts.
     pub fn progress(&self) -> f64 {
         self.time / self.duration
     }
@@ -208,7 +209,7 @@ impl Generator {
         self.progress() >= self.settled() - 1e-12
     }
 
-    /// The progress at which it has settled.
+    /// Progress at the end of the settling phase.
     fn settled(&self) -> f64 {
         (self.length - 1) as f64 * self.spring.step()
     }

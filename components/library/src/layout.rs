@@ -24,7 +24,7 @@ pub enum LayoutError {
     #[error("no degree of freedom, expected at least one")]
     Empty,
     /// Two of one name.
-    #[error("two degrees of freedom are called `{0}`: give each a name of its own")]
+    #[error("two degrees of freedom are called `{0}`: give each a unique name")]
     Twice(String),
     /// A pattern that matches nothing.
     #[error("part `{part}`: no degree of freedom matches `{pattern}`; there are {known}")]
@@ -36,7 +36,7 @@ pub enum LayoutError {
         /// All names.
         known: String,
     },
-    /// A part that is not `name=pattern,...`.
+    /// The text is not of the form `name=pattern,...`.
     #[error("`{0}` is no part: expected NAME=PATTERN[,PATTERN...], such as arms=l_arm*,r_arm*")]
     Syntax(String),
 }
@@ -68,10 +68,10 @@ impl Layout {
         self.names.len()
     }
 
-    /// Reads a part written as `name=pattern,pattern`: a pattern is a name, or the beginning of names and a `*`.
+    /// Parses a part written as `name=pattern,pattern`. A pattern is a name, or a prefix followed by `*`.
     ///
     /// # Errors
-    /// Another form, or a pattern that matches no DoF.
+    /// The text has another form, or a pattern matches no DoF.
     pub fn part(&self, text: &str) -> Result<Part, LayoutError> {
         let (name, patterns) = text.split_once('=').ok_or_else(|| LayoutError::Syntax(text.to_string()))?;
         let mut dofs = Vec::new();

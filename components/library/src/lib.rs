@@ -1,31 +1,32 @@
-//! The dynamic motion library: movements as weights of a few eigenforces.
+//! Dynamic motion library: movements represented by weights of a few eigenforces.
 //!
-//! A movement that a spring follows ([`SampledSpring`]) is a vector of forces `f`, one for each sample of each degree of
-//! freedom (DoF). The forces of many movements, side by side, are a matrix `F = U S V^T`; its left singular vectors are
-//! the **eigenforces**, ordered by what they explain. A movement is then
+//! A movement is the response of a spring ([`SampledSpring`]) to a vector of forces `f`, one for each sample
+//! of each degree of freedom (DoF). The forces of many movements are the columns of a matrix `F = U S V^T`.
+//! Its left singular vectors are the **eigenforces**, ordered by explained variance. A movement is then
 //!
 //! | | |
 //! |---|---|
-//! | recognised | `w = U_n^T f`; the residual `\|f - U_n w\| / \|f\|` says how new it is, `w` what it is |
+//! | recognised | `w = U_n^T f`; the residual `\|f - U_n w\| / \|f\|` measures its novelty, `w` identifies it |
 //! | generated | `f = U_n w`, followed by the spring from any start, to any goal, in any duration |
-//! | blended | `w = sum a_k w_k`, with start and goal blended alike: everything is linear |
+//! | blended | `w = sum a_k w_k`, with start and goal blended alike, since the model is linear |
 //!
 //! - [`MotionLibrary`]: built from [`Recordings`], with a rank chosen by [`Truncation`], in a [`Metric`].
-//! - [`MotionLibrary::split`], [`merge_parts`], [`merge_independent`], [`merge_movements`]: parts of a body out of the whole, and back, without the
-//!   recordings.
-//! - [`RecursiveLibrary`]: one more movement, or a block of them, into an existing library.
-//! - [`Recogniser`], [`Generator`]: without allocation, for a control loop.
+//! - [`MotionLibrary::split`], [`merge_parts`], [`merge_independent`], [`merge_movements`]: splits a library
+//!   into parts of the body and merges parts, without the recordings.
+//! - [`RecursiveLibrary`]: adds a movement or a block of movements to an existing library.
+//! - [`Recogniser`], [`Generator`]: allocation-free recognition and generation for a control loop.
 //! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them,
 //!   [`CrossValidation`] over several splits.
-//! - [`file`]: the file format. [`Recordings::read`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
+//! - [`file`]: the file format. [`Recordings::read`]: recordings from JSON, JSONL and CSV. [`letters`]:
+//!   synthetic letters.
 //!
-//! **Metric.** The eigenforces of `F` leave the least *force* out. A part of the force that is left out at the beginning of a
-//! movement moves all of its path, one at the end hardly any: [`Metric::Position`] takes the singular vectors `u` of the
-//! responses `P = G F` instead, and `G^-1 u` for forces, which leaves the least *position* out.
+//! **Metric.** The eigenforces of `F` minimise the residual *force*. A residual force early in a movement
+//! shifts the whole path, one near the end hardly any of it. [`Metric::Position`] therefore uses the singular
+//! vectors `u` of the responses `P = G F`, with forces `G^-1 u`, which minimises the residual *position*.
 //!
-//! Source: Delhaisse, *Learning and control of humanoid robots* (PhD thesis, 2019), chapter 3 and appendix A: eigenforces,
-//! split and merge, recursive decomposition. The response-weighted metric and the exact sampled spring are our own.
-//! Nothing here knows the runtime.
+//! Source: Delhaisse, *Learning and control of humanoid robots* (PhD thesis, 2019), chapter 3 and appendix A:
+//! eigenforces, split and merge, recursive decomposition. The response-weighted metric and the exact sampled
+//! spring are additions of this crate. The crate does not depend on the runtime.
 
 mod balance;
 mod basis;

@@ -12,12 +12,12 @@ pub enum MergeError {
     /// Only one library, or none.
     #[error("{0} libraries, expected at least two")]
     TooFew(usize),
-    /// They were made with different springs.
+    /// The libraries use different springs.
     #[error(
         "library {0} has another spring, number of samples or interpolation than the first: build both with the same"
     )]
     Spring(usize),
-    /// They were made with different metrics.
+    /// The libraries use different metrics.
     #[error("library {index} has the metric {found}, the first {expected}: build both with the same")]
     Metric {
         /// Index of the library, counted from 1.
@@ -30,7 +30,7 @@ pub enum MergeError {
     /// Parts that share a name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// Libraries whose movements have no common library, such as those at rest.
+    /// The movements have no common library, for example because all are at rest.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// Other DoFs.
@@ -47,10 +47,10 @@ pub enum MergeError {
 
 /// A library of a body out of libraries of its parts.
 ///
-/// If all were built from the same movements (the same ids in the same order), their weights say how the parts moved
-/// together: with `C` their weights one below the other and `C = Q S R^T`, `diag(U_A, U_B, ...) Q` are exactly the
-/// eigenforces of the whole ("correlated", for complete libraries). Otherwise it is [`merge_independent`]. `truncation`
-/// chooses the rank of the result.
+/// If all were built from the same movements (the same ids in the same order), their weights say how the
+/// parts moved together: with `C` their weights one below the other and `C = Q S R^T`, `diag(U_A, U_B, ...)
+/// Q` are exactly the eigenforces of the whole ("correlated", for complete libraries). Otherwise it is
+/// [`merge_independent`]. `truncation` chooses the rank of the result.
 ///
 /// # Errors
 /// Fewer than two libraries, or libraries that do not fit each other.
@@ -78,13 +78,13 @@ pub fn merge_parts(
     assemble(first, layout, found, weights, entries)
 }
 
-/// A library of a body whose parts move independently of each other.
+/// Merges libraries of body parts that move independently of each other.
 ///
-/// The eigenforces of each part stand for themselves, ordered by their singular values. The movements are those of all
-/// parts, each with the other parts at rest.
+/// The eigenforces of all parts are kept and ordered by singular value. The movements of all parts are kept,
+/// each with the other parts at rest.
 ///
 /// # Errors
-/// Fewer than two libraries, or libraries that do not fit each other.
+/// Fewer than two libraries, or libraries that do not match.
 pub fn merge_independent(
     libraries: &[&MotionLibrary],
     truncation: Truncation,
@@ -113,13 +113,14 @@ fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
     basis
 }
 
-/// A library of the movements of several, all of the same DoFs.
+/// Merges the movements of several libraries of the same DoFs.
 ///
-/// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. Exact for complete libraries; with
-/// truncated ones, the leading eigenforces are hardly touched, the last ones miss what both had left out.
+/// `[F_1, F_2, ...]` has the left singular vectors of `[U_1 S_1, U_2 S_2, ...]`. The result is exact for
+/// complete libraries. With truncated ones, the leading eigenforces are nearly exact; the last ones lack the
+/// discarded components.
 ///
 /// # Errors
-/// Fewer than two libraries, or libraries that do not fit each other.
+/// Fewer than two libraries, or libraries that do not match.
 pub fn merge_movements(
     libraries: &[&MotionLibrary],
     truncation: Truncation,

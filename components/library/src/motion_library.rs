@@ -13,7 +13,7 @@ pub enum Metric {
     /// Force: the singular vectors of the forces themselves.
     #[default]
     Force,
-    /// Position: the singular vectors of the responses to the forces, and the forces that make them.
+    /// Position: uses the singular vectors of the responses to the forces, and the forces that produce them.
     Position,
 }
 
@@ -33,7 +33,7 @@ pub struct Entry {
     pub id: String,
     /// Its kind, if known.
     pub label: Option<String>,
-    /// Its start, goal, velocity and duration.
+    /// Start, goal, velocity and duration.
     pub frame: Frame,
 }
 
@@ -50,7 +50,7 @@ pub struct LibraryParts {
     pub basis: DMatrix<f64>,
     /// Singular value of each.
     pub singular: Vec<f64>,
-    /// All singular values of the data, as far as they are known.
+    /// All known singular values of the data.
     pub spectrum: Vec<f64>,
     /// Sum of the squares of the data: of the spectrum, if all of it is known.
     pub energy: f64,
@@ -60,7 +60,8 @@ pub struct LibraryParts {
     pub entries: Vec<Entry>,
 }
 
-/// Eigenforces, their singular values, and the movements they were found in as weights. Immutable.
+/// Eigenforces, their singular values, and the movements from which they were computed, as weights.
+/// Immutable.
 ///
 /// ```
 /// use motorium_library::letters::{Variation, letters};
@@ -102,7 +103,7 @@ pub enum BuildError {
     /// The spring is not.
     #[error(transparent)]
     Spring(#[from] SpringError),
-    /// A recording that does not fit.
+    /// A recording does not match the names.
     #[error("recording `{id}`: {found}")]
     Recording {
         /// Id of the recording.
@@ -113,7 +114,7 @@ pub enum BuildError {
     /// Recordings that do not move.
     #[error("all forces are zero: nothing moves in these recordings")]
     Still,
-    /// Degrees of freedom that do not move in any recording.
+    /// Some degrees of freedom are at rest in every recording.
     #[error(
         "{names}: at rest in all recordings, so that there are no eigenforces; expected a part that moves"
     )]
@@ -121,7 +122,7 @@ pub enum BuildError {
         /// Their names.
         names: String,
     },
-    /// Parts of a library that do not fit each other.
+    /// Parts of a library do not match each other.
     #[error("{what} is {found}, expected {expected}")]
     Shape {
         /// Name of the part.
@@ -137,7 +138,7 @@ impl MotionLibrary {
     /// Learns from recordings.
     ///
     /// # Errors
-    /// No recordings, values that are not finite, or recordings that do not fit their names.
+    /// There is no recording, a value is not finite, or a recording does not match the names.
     pub fn build(
         recordings: &Recordings,
         spring: SampledSpring,
@@ -190,10 +191,10 @@ impl MotionLibrary {
         })
     }
 
-    /// A library of parts made elsewhere.
+    /// Builds a library from existing parts.
     ///
     /// # Errors
-    /// Sizes that do not fit each other.
+    /// Sizes do not match.
     pub fn from_parts(parts: LibraryParts) -> Result<Self, BuildError> {
         let rows = parts.layout.dofs() * parts.spring.forces();
         let rank = parts.basis.ncols();
@@ -287,12 +288,12 @@ impl MotionLibrary {
         if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.analysis }
     }
 
-    /// The part of the variance that each eigenforce explains (in the metric), the largest first.
+    /// Share of the variance explained by each eigenforce (in the metric), largest first.
     pub fn explained(&self) -> Vec<f64> {
         self.parts.singular.iter().map(|s| s * s / self.parts.energy).collect()
     }
 
-    /// The parts of the variance that the first 1, 2, ... eigenforces explain together.
+    /// Cumulative share of the variance explained by the first 1, 2, ... eigenforces.
     pub fn explained_together(&self) -> Vec<f64> {
         let mut sum = 0.0;
         let add = |part: f64| {
@@ -325,7 +326,7 @@ impl MotionLibrary {
         weights
     }
 
-    /// Forces of weights; of the first eigenforces only, if there are fewer weights.
+    /// Returns the forces of a movement from its weights. Fewer weights use only the first eigenforces.
     pub fn forces(&self, weights: &[f64]) -> Vec<f64> {
         let mut forces = vec![0.0; self.rows()];
         let n = weights.len().min(self.rank());
@@ -334,7 +335,7 @@ impl MotionLibrary {
         forces
     }
 
-    /// The index of a movement by its id, or of the first with that label.
+    /// Returns the index of the movement with this id, or of the first with this label.
     pub fn find(&self, name: &str) -> Option<usize> {
         let entries = &self.parts.entries;
         entries
@@ -352,7 +353,7 @@ impl Metric {
         }
     }
 
-    /// The length of forces in this metric. `scratch` is as long as the forces.
+    /// Returns the norm of forces in this metric. `scratch` has the length of the forces.
     pub(super) fn norm(self, spring: &SampledSpring, forces: &[f64], scratch: &mut [f64]) -> f64 {
         scratch.copy_from_slice(forces);
         if self == Self::Position {

@@ -17,7 +17,7 @@ pub struct Frame {
     pub duration: f64,
 }
 
-/// A movement as forces: a frame, and `samples - 1` forces of each DoF, one DoF after the other.
+/// A movement as forces: a frame, and `samples - 1` forces per DoF, stored DoF by DoF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Movement {
     /// Its frame.
@@ -46,8 +46,8 @@ impl Frame {
 }
 
 impl Movement {
-    /// The forces that make the spring follow a recording. The goal is the last sample, the start velocity that between
-    /// the first two.
+    /// Computes the forces that make the spring follow a recording. The goal is the last sample; the start
+    /// velocity is the difference of the first two.
     pub fn of(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
         let path = trajectory.sampled(spring);
         let (forces_each, dofs) = (spring.forces(), path.ncols());

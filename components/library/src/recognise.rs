@@ -10,7 +10,8 @@ pub struct Recognised {
     pub weights: Vec<f64>,
     /// Residual of the eigenforces: `|f - U w| / |f|` in the metric of the library, 0 to 1.
     pub novelty: f64,
-    /// The nearest movement of the library in weights, and its distance relative to the length of the weights.
+    /// The nearest movement of the library in weights, and its distance relative to the length of the
+    /// weights.
     pub nearest: Option<(usize, f64)>,
 }
 
@@ -24,7 +25,7 @@ pub struct Recogniser {
     analysis: Vec<f64>,
     rows: usize,
     eigenforces: usize,
-    /// Weights of the library's movements, one after the other.
+    /// Weights of the library's movements, movement by movement.
     known: Vec<f64>,
     weights: Vec<f64>,
     scratch: Vec<f64>,
@@ -53,29 +54,30 @@ impl Recogniser {
         self.eigenforces
     }
 
-    /// Projects forces (as long as the library has rows): their weights.
+    /// Projects forces (length: rows of the library) and returns their weights.
     ///
     /// # Panics
-    /// When the forces are of another length.
+    /// If `forces` has another length.
     pub fn project(&mut self, forces: &[f64]) -> &[f64] {
         assert_eq!(forces.len(), self.rows, "as many forces as the library has rows");
         self.simd.project(&self.analysis, forces, &mut self.weights);
         &self.weights
     }
 
-    /// Projects forces; then what the eigenforces leave of them, `|f - U w| / |f|` in the metric of the library.
+    /// Projects forces and returns their novelty: the residual `|f - U w| / |f|` in the metric of the
+    /// library.
     pub fn novelty(&mut self, forces: &[f64]) -> f64 {
         self.project(forces);
         let all = self.metric.norm(&self.spring, forces, &mut self.scratch);
         if all <= 0.0 {
             return 0.0;
         }
-        // the basis is orthonormal: what is explained is the length of the weights
+        // the basis is orthonormal, so the explained part has the norm of the weights
         let explained = self.weights.iter().map(|w| w * w).sum::<f64>().sqrt() / all;
         (1.0 - explained * explained).max(0.0).sqrt()
     }
 
-    /// The movement of the library whose weights are nearest to those last projected, and the distance.
+    /// Movement of the library whose weights are nearest to the last projection, and the distance.
     pub fn nearest(&self) -> Option<(usize, f64)> {
         let distance =
             |known: &[f64]| known.iter().zip(&self.weights).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
@@ -92,7 +94,7 @@ impl Recogniser {
         &self.weights
     }
 
-    /// All at once, for a recording.
+    /// Projects a recording and returns weights, novelty and nearest movement.
     pub fn recognise(&mut self, trajectory: &Trajectory) -> Recognised {
         let movement = Movement::of(trajectory, &self.spring);
         let novelty = self.novelty(&movement.forces);

@@ -1,4 +1,4 @@
-//! One more movement into a library, without the recordings it was built from.
+//! Adding movements to a library without its original recordings.
 
 use nalgebra::DMatrix;
 
@@ -6,17 +6,20 @@ use crate::motion_library::check;
 use crate::{BuildError, Entry, LibraryParts, MotionLibrary, Movement, Trajectory};
 use motorium_algebra::{Simd, Wanted, eigen_of_rank_one_update, left_singular};
 
-/// A library that takes in movements one by one or in blocks.
+/// A library to which movements are added one by one or in blocks.
 ///
-/// With `p = U^T x`, `e = x - U p` and `rho = |e|`, the new matrix is `[U, e/rho] [[g S, p], [0, rho]] [...]^T`, and the
-/// left singular vectors of the small matrix are the eigenvectors of `diag(g^2 S^2, 0) + [p; rho] [p; rho]^T`: a secular
-/// equation. `g <= 1` forgets: what was seen `k` movements ago counts `g^k`. At most `capacity` eigenforces are kept;
-/// those near that edge are inexact, so keep about `2 n + 10` to use `n`. Cost `O(rows capacity^2)`.
+/// With `p = U^T x`, `e = x - U p` and `rho = |e|`, the new matrix is `[U, e/rho] [[g S, p], [0, rho]]
+/// [...]^T`, and the left singular vectors of the small matrix are the eigenvectors of `diag(g^2 S^2, 0) +
+/// [p; rho] [p; rho]^T`: a secular equation. `g <= 1` is a forgetting factor: a movement seen `k` movements
+/// ago has weight `g^k`. At most `capacity` eigenforces are kept. The last ones are inexact, so keep about `2
+/// n + 10` to use `n`. An update costs `O(rows capacity^2)`.
 ///
-/// Singular values below about 1e-7 of the largest are not resolved, since the equation holds their squares.
+/// Singular values below about 1e-7 of the largest are not resolved, because the equation contains their
+/// squares.
 ///
-/// Source: Brand, *Fast low-rank modifications of the thin singular value decomposition*, Linear Algebra and its
-/// Applications 415, 2006. The thesis's appendix A has the covariance form: [`RecursiveScatter`](super::RecursiveScatter).
+/// Source: Brand, *Fast low-rank modifications of the thin singular value decomposition*, Linear Algebra and
+/// its Applications 415, 2006. Appendix A of the thesis has the covariance form:
+/// [`RecursiveScatter`](super::RecursiveScatter).
 #[derive(Clone, Debug)]
 pub struct RecursiveLibrary {
     origin: MotionLibrary,
@@ -32,10 +35,11 @@ pub struct RecursiveLibrary {
 }
 
 impl RecursiveLibrary {
-    /// Goes on from a library, keeping at most `capacity` eigenforces; `forgetting` is `g`, from 0 (exclusive) to 1.
+    /// Continues from a library, keeping at most `capacity` eigenforces; `forgetting` is `g`, from 0
+    /// (exclusive) to 1.
     ///
     /// # Panics
-    /// When `forgetting` is outside its range.
+    /// If `forgetting` is out of range.
     pub fn new(library: MotionLibrary, capacity: usize, forgetting: f64) -> Self {
         assert!(forgetting > 0.0 && forgetting <= 1.0, "forgetting by {forgetting}, expected 0 to 1");
         let parts = library.parts();
@@ -48,10 +52,10 @@ impl RecursiveLibrary {
         Self { origin: library, capacity, forgetting, simd, basis, squares, energy, added, added_data }
     }
 
-    /// Takes in one movement as forces.
+    /// Adds one movement as forces.
     ///
     /// # Panics
-    /// When the forces are of another length than the library has rows.
+    /// If the length of the forces differs from the number of rows of the library.
     pub fn add_forces(&mut self, forces: &[f64]) {
         let rows = self.basis.nrows();
         let mut x = DMatrix::from_column_slice(rows, 1, forces);
@@ -59,13 +63,13 @@ impl RecursiveLibrary {
         self.add_data(x.as_slice());
     }
 
-    /// Takes in one column of data, already in the space of the metric.
+    /// Adds one column of data that is already in the space of the metric.
     fn add_data(&mut self, x: &[f64]) {
         let (rows, rank) = self.basis.shape();
         let mut rest = x.to_vec();
         let mut p = vec![0.0; rank];
         let mut correction = vec![0.0; rank];
-        // twice: the second time takes out what rounding left of the basis in the rest
+        // twice: the second pass removes the component along the basis that rounding left in the residual
         for _ in 0..2 {
             self.simd.project(self.basis.as_slice(), &rest, &mut correction);
             correction.iter_mut().for_each(|c| *c = -*c);
@@ -97,7 +101,7 @@ impl RecursiveLibrary {
         self.squares = update.values[dropped..].iter().map(|value| value.max(0.0)).collect();
     }
 
-    /// Takes in a block of movements as forces, one a column. With forgetting, the block counts as one moment.
+    /// Adds a block of movements as forces, one per column. Forgetting applies once per block.
     pub fn add_block(&mut self, forces: &DMatrix<f64>) {
         let mut data = forces.clone();
         self.origin.metric().into_space(self.origin.spring(), &mut data);
@@ -127,10 +131,10 @@ impl RecursiveLibrary {
         self.energy = self.forgetting * self.forgetting * self.energy + data.norm_squared();
     }
 
-    /// Takes in a recording, which becomes a movement of the library.
+    /// Adds a recording, which becomes a movement of the library.
     ///
     /// # Errors
-    /// A recording that does not fit the library.
+    /// The recording does not match the library.
     pub fn add(&mut self, trajectory: &Trajectory) -> Result<(), BuildError> {
         check(trajectory, self.origin.layout().dofs())?;
         let movement = Movement::of(trajectory, self.origin.spring());
@@ -146,7 +150,8 @@ impl RecursiveLibrary {
         self.squares.iter().rev().map(|s| s.sqrt()).collect()
     }
 
-    /// The library as it is now: the movements of the old one, as far as its eigenforces hold them, and those added.
+    /// Returns the current library: the old movements, as far as the eigenforces represent them, and the
+    /// added ones.
     pub fn into_library(self) -> MotionLibrary {
         let (rows, rank) = self.basis.shape();
         let basis = DMatrix::from_fn(rows, rank, |i, k| self.basis[(i, rank - 1 - k)]);

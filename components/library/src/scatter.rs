@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use motorium_algebra::{SymmetricEigen, symmetric_eigen};
 
-/// Mean and scatter of samples that come one by one.
+/// Recursive mean and scatter of samples.
 ///
 /// With `N` samples of mean `m` and scatter `S = sum (x - m)(x - m)^T`, one more sample `x` gives
 ///
@@ -12,7 +12,8 @@ use motorium_algebra::{SymmetricEigen, symmetric_eigen};
 /// m' = (N m + x) / (N + 1),    S' = S + N / (N + 1) (x - m)(x - m)^T
 /// ```
 ///
-/// Exact, in `O(d^2)` memory; components cost `O(d^3)`. [`RecursiveLibrary`](super::RecursiveLibrary) is the cheaper way.
+/// The result is exact and needs `O(d^2)` memory; principal components cost `O(d^3)`.
+/// [`RecursiveLibrary`](super::RecursiveLibrary) is cheaper.
 #[derive(Clone, Debug)]
 pub struct RecursiveScatter {
     samples: usize,
@@ -21,15 +22,15 @@ pub struct RecursiveScatter {
 }
 
 impl RecursiveScatter {
-    /// Without samples, of `dimensions` numbers each.
+    /// Creates an empty scatter of samples with `dimensions` entries.
     pub fn new(dimensions: usize) -> Self {
         Self { samples: 0, mean: DVector::zeros(dimensions), scatter: DMatrix::zeros(dimensions, dimensions) }
     }
 
-    /// Takes in a sample.
+    /// Adds a sample.
     ///
     /// # Panics
-    /// When it has another number of dimensions.
+    /// If the number of dimensions differs.
     pub fn add(&mut self, sample: &DVector<f64>) {
         let n = self.samples as f64;
         let away = sample - &self.mean;

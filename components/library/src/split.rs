@@ -7,16 +7,16 @@ use motorium_algebra::{Wanted, left_singular};
 use crate::{BuildError, Entry, Frame, LibraryParts, MotionLibrary, Part};
 
 impl MotionLibrary {
-    /// The library of some DoFs alone, without the recordings.
+    /// Returns the library of a subset of DoFs, without needing the recordings.
     ///
-    /// With `P` the rows of the part, `P F = P U S V^T`: the left singular vectors of `P U S` are those of the part's data,
-    /// and `V` drops out. If this library was truncated, so is its part: of what was left out nothing is known.
+    /// With `P` the rows of the part, `P F = P U S V^T`: the left singular vectors of `P U S` equal those of
+    /// the part's data, and `V` drops out. If this library is truncated, so is its part.
     ///
     /// # Errors
-    /// The part rests in all recordings, so that it has no eigenforces.
+    /// The part is at rest in all recordings and has no eigenforces.
     ///
     /// # Panics
-    /// When the part names a DoF the library does not have; [`Layout::part`](super::Layout::part) makes parts that fit.
+    /// If the part names an unknown DoF; [`Layout::part`](super::Layout::part) returns valid parts.
     pub fn split(&self, part: &Part) -> Result<Self, BuildError> {
         let (parts, forces) = (self.parts(), self.spring().forces());
         let rows: Vec<usize> = part.dofs.iter().flat_map(|dof| dof * forces..(dof + 1) * forces).collect();

@@ -1,4 +1,5 @@
-//! The spring of the movements, sampled: forces from a path and the path from the forces, exact inverses of each other.
+//! The spring of the movements, sampled: forces from a path and the path from the forces, exact inverses of
+//! each other.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,10 +11,11 @@ use serde::{Deserialize, Serialize};
 /// a_k = K (g - y_k) - D v_k + f_k,    v_{k+1} = v_k + h a_k,    y_{k+1} = y_k + h v_{k+1}
 /// ```
 ///
-/// is inverted without any error but rounding: `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`. A path of
-/// `T` samples and its start velocity `v_0` (in units per duration) make `T - 1` forces, and the forces make the path.
-/// The path is linear in start, velocity, goal and forces: `y = y_free + G f`, with `G` lower triangular and the same on
-/// each of its diagonals; [`respond`](Self::respond) multiplies by it and [`force_of`](Self::force_of) by its inverse.
+/// is inverted without any error but rounding: `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`.
+/// A path of `T` samples and its start velocity `v_0` (in units per duration) make `T - 1` forces, and the
+/// forces make the path. The path is linear in start, velocity, goal and forces: `y = y_free + G f`, with `G`
+/// lower triangular and the same on each of its diagonals; [`respond`](Self::respond) multiplies by it and
+/// [`force_of`](Self::force_of) by its inverse.
 ///
 /// Source: the transformation system of Ijspeert et al., Neural Computation 25, 2013, with `K = D^2 / 4`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,7 +28,7 @@ pub struct SampledSpring {
     interpolation: Interpolation,
 }
 
-/// The curve between the samples of a recording, on which a path is sampled anew.
+/// The curve between the samples of a recording on which a path is resampled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
@@ -38,16 +40,16 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// That of library files that do not name one.
+    /// The interpolation of library files that do not name one.
     pub(crate) fn of_old_files() -> Self {
         Self::Linear
     }
 }
 
-/// The damping used where nothing else is said: `D = 25`, `K = 156.25`.
+/// Default damping: `D = 25`, `K = 156.25`.
 pub const DAMPING: f64 = 25.0;
 
-/// A spring that its steps would make unstable.
+/// The steps are too wide for a stable spring.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "{samples} samples with a damping of {damping}: expected a positive damping and more than {least} samples, for stable steps"
@@ -72,7 +74,7 @@ impl SampledSpring {
         Ok(Self { stiffness: 0.25 * damping * damping, damping, samples, interpolation })
     }
 
-    /// The same, for paths that are sampled on another curve between the samples of a recording.
+    /// Returns the same spring for paths sampled on another curve between the samples of a recording.
     #[must_use]
     pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
         Self { interpolation, ..self }
@@ -103,7 +105,8 @@ impl SampledSpring {
         1.0 / (self.samples - 1) as f64
     }
 
-    /// The forces that make the spring follow `path` (`T` samples) from `velocity` (per duration) to `goal`.
+    /// Computes the forces that make the spring follow `path` (`T` samples) from `velocity` (per duration) to
+    /// `goal`.
     pub fn forces_of(&self, path: &[f64], velocity: f64, goal: f64, forces: &mut [f64]) {
         let h = self.step();
         let mut v = velocity;
@@ -133,7 +136,8 @@ impl SampledSpring {
         [y + h * v, v]
     }
 
-    /// In place, `f` to `G f`: what forces alone do to the samples 1 to `T - 1`, from rest at a goal of 0.
+    /// Maps `f` to `G f` in place: the response of samples 1 to `T - 1` to forces alone, from rest at a goal
+    /// of 0.
     pub fn respond(&self, forces: &mut [f64]) {
         let h = self.step();
         let (mut y, mut v) = (0.0, 0.0);
@@ -144,7 +148,7 @@ impl SampledSpring {
         }
     }
 
-    /// In place, `y` to `G^-1 y`: the forces of a response.
+    /// Maps `y` to `G^-1 y` in place: the forces of a response.
     pub fn force_of(&self, response: &mut [f64]) {
         let h = self.step();
         let (mut y, mut v) = (0.0, 0.0);
@@ -156,7 +160,7 @@ impl SampledSpring {
         }
     }
 
-    /// In place, `x` to `G^T x`: with it, `u . (G f) = (G^T u) . f`.
+    /// Maps `x` to `G^T x` in place, such that `u . (G f) = (G^T u) . f`.
     pub fn respond_transposed(&self, values: &mut [f64]) {
         // G is Toeplitz and lower triangular: its transpose is itself with time reversed.
         values.reverse();
@@ -170,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_goes_to_forces_and_back_to_rounding() {
+    fn path_survives_conversion_to_forces() {
         let spring = SampledSpring::new(200, DAMPING).unwrap();
         let path: Vec<f64> = (0..200).map(|k| (0.05 * f64::from(k)).sin() + 0.3).collect();
         let (mut forces, mut back) = (vec![0.0; 199], vec![0.0; 200]);
@@ -180,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn the_response_its_inverse_and_its_transpose_agree() {
+    fn response_inverse_and_transpose_agree() {
         let spring = SampledSpring::new(64, DAMPING).unwrap();
         let f: Vec<f64> = (0..63).map(|k| (0.3 * f64::from(k)).cos()).collect();
         let u: Vec<f64> = (0..63).map(|k| (0.17 * f64::from(k)).sin()).collect();
@@ -198,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_that_would_be_unstable_are_refused() {
+    fn unstable_steps_are_rejected() {
         let error = SampledSpring::new(20, 25.0).unwrap_err().to_string();
         assert!(error.contains("20 samples") && error.contains("more than 26"), "{error}");
         assert!(SampledSpring::new(200, f64::NAN).is_err());

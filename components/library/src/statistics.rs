@@ -19,7 +19,8 @@ pub fn proportion_error(rate: f64, count: usize) -> f64 {
     (rate * (1.0 - rate) / count.max(1) as f64).sqrt()
 }
 
-/// Ratio of the sums of `parts` and `wholes`, pair by pair, and its standard error to first order (the delta method).
+/// Ratio of the sums of `parts` and `wholes`, pair by pair, and its standard error to first order (the delta
+/// method).
 ///
 /// ```
 /// use motorium_library::statistics::ratio_and_error;
@@ -34,15 +35,15 @@ pub fn ratio_and_error(parts: &[f64], wholes: &[f64]) -> (f64, f64) {
     (ratio, (squares * n / (n - 1.0).max(1.0)).sqrt() / whole)
 }
 
-/// Standard errors of the shares of variance of `count` samples, whose principal components have the shares `shares`, the largest first and
-/// 1 in all: of each share, and of the first ones together.
+/// Standard errors of the shares of variance of `count` samples, whose principal components have the shares
+/// `shares`, the largest first and 1 in all: of each share, and of the first ones together.
 ///
 /// ```text
 /// var(sum of a set K of shares) = 2 / count ((1 - P)^2 sum_K p^2 + P^2 sum_others p^2),   P = sum_K p
 /// ```
 ///
-/// to first order in `1 / count`, for normal samples, whose eigenvalues are independent with the variance `2 lambda^2 / count` (Anderson,
-/// *Asymptotic theory for principal component analysis*, 1963).
+/// to first order in `1 / count`, for normal samples, whose eigenvalues are independent with the variance `2
+/// lambda^2 / count` (Anderson, *Asymptotic theory for principal component analysis*, 1963).
 pub fn share_errors(shares: &[f64], count: usize) -> Vec<(f64, f64)> {
     let all: f64 = shares.iter().map(|share| share * share).sum();
     let error = |sum: f64, squares: f64| {
@@ -58,8 +59,8 @@ pub fn share_errors(shares: &[f64], count: usize) -> Vec<(f64, f64)> {
     shares.iter().map(of).collect()
 }
 
-/// A mean and its error in words, to two digits of the error: `0.3004 +- 0.0041`. An error of 0, as of a single value, is
-/// left out, and four digits of the mean stand.
+/// A mean and its error in words, to two digits of the error: `0.3004 +- 0.0041`. An error of 0, as of a
+/// single value, is left out, and four digits of the mean stand.
 ///
 /// ```
 /// use motorium_library::statistics::with_error;
@@ -87,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_statistics_of_a_few_numbers_are_those_computed_by_hand() {
+    fn statistics_match_hand_computed_values() {
         let (mean, deviation) = mean_and_deviation(&[2.0, 4.0, 4.0, 6.0]);
         assert_eq!(mean, 4.0);
         assert!((deviation - (8.0_f64 / 3.0).sqrt()).abs() < 1e-15);
@@ -101,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_shares_of_variance_are_the_spread_over_samples_drawn_anew() {
+    fn variance_share_errors_match_resampling() {
         // three independent normal numbers of the variances 4, 2, 1
         let (deviations, count, trials) = ([2.0, 2.0_f64.sqrt(), 1.0], 400, 400);
         let mut state = 7_u64;

@@ -1,4 +1,4 @@
-//! Paths of a movement as it is made, and their distances from the movement of the library.
+//! Traces of executed movements, and their deviations from the library's movements.
 
 use crate::MotionLibrary;
 use crate::generate::Superposition;
@@ -6,7 +6,7 @@ use crate::generate::Superposition;
 /// Most samples of a [`Trace`].
 const SAMPLES: usize = 1000;
 
-/// Samples of a movement: its generated path and, where it is known, its measured one. Only construction allocates.
+/// Samples of a movement: the generated path and, if known, the measured one. Only construction allocates.
 #[derive(Clone, Debug)]
 pub struct Trace {
     commanded: Vec<f64>,
@@ -17,7 +17,8 @@ pub struct Trace {
     steps: usize,
 }
 
-/// Root mean square distances of the paths of a movement, in units of the library; `None` where a path is unknown.
+/// Root mean square distances of the paths of a movement, in units of the library; `None` where a path is
+/// unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceErrors {
     /// The generated path from that by all eigenforces.
@@ -29,8 +30,8 @@ pub struct TraceErrors {
 }
 
 impl Trace {
-    /// An empty trace of `dofs` degrees of freedom with room for a movement of `steps` steps, of which it keeps at most
-    /// about 1000 samples.
+    /// Creates an empty trace of `dofs` degrees of freedom for a movement of `steps` steps. At most about
+    /// 1000 samples are kept.
     pub fn new(dofs: usize, steps: usize) -> Self {
         let every = steps.div_ceil(SAMPLES).max(1);
         let capacity = (steps / every + 2) * dofs;
@@ -58,7 +59,8 @@ impl Trace {
         }
     }
 
-    /// Distances from the path that all eigenforces make of a movement of the library, at the same parts of its duration.
+    /// Distances from the path that all eigenforces make of a movement of the library, at the same parts of
+    /// its duration.
     pub fn errors(&self, library: &MotionLibrary, entry: usize) -> TraceErrors {
         let count = self.commanded.len() / self.dofs.max(1);
         if count < 2 {
@@ -108,7 +110,7 @@ mod tests {
     use crate::{DAMPING, Metric, SampledSpring, Truncation};
 
     #[test]
-    fn a_path_moved_aside_is_as_far_off_as_it_was_moved() {
+    fn shifted_path_deviates_by_the_shift() {
         let spring = SampledSpring::new(60, DAMPING).unwrap();
         let letters = letters(1, Variation::default(), 1);
         let library = MotionLibrary::build(&letters, spring, Metric::Position, Truncation::All).unwrap();
@@ -127,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_movement_keeps_evenly_spaced_samples_in_the_memory_it_was_given() {
+    fn long_movement_is_decimated_evenly() {
         let mut trace = Trace::new(1, 5000);
         let memory = trace.commanded.capacity();
         (0..20_000).for_each(|k| trace.add(&[f64::from(k)], None));

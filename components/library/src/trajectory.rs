@@ -1,4 +1,4 @@
-//! Recorded movements, before they are forces.
+//! Recorded movements before their conversion to forces.
 
 use nalgebra::DMatrix;
 use rand::SeedableRng as _;
@@ -30,7 +30,7 @@ pub struct Recordings {
 }
 
 impl Trajectory {
-    /// The path of a spring's samples: as many evenly spaced ones as it has, on the curve that it interpolates by.
+    /// Returns the path at the spring's samples: evenly spaced, on the spring's interpolation curve.
     pub fn sampled(&self, spring: &SampledSpring) -> DMatrix<f64> {
         match spring.interpolation() {
             Interpolation::Spline if self.positions.nrows() > 2 => self.splined(spring.samples()).positions,
@@ -50,16 +50,17 @@ impl Trajectory {
         })
     }
 
-    /// In `samples` evenly spaced samples of the natural cubic spline through its own. Forces are second differences: those
-    /// of straight pieces between samples have a spike at every sample, those of a spline have not. What is in as many
-    /// samples already stays as it is.
+    /// Resamples the natural cubic spline through the samples at `samples` evenly spaced points. Forces are
+    /// second differences: piecewise linear paths give a spike at every sample, splines do not. A recording
+    /// that already has `samples` samples stays unchanged.
     #[must_use]
     pub fn splined(&self, samples: usize) -> Self {
         let (rows, columns) = self.positions.shape();
         if rows < 3 || rows == samples {
             return self.clone();
         }
-        // second derivatives per squared sample, 0 at the ends: m[k-1] + 4 m[k] + m[k+1] = 6 (y[k-1] - 2 y[k] + y[k+1])
+        // second derivatives per squared sample, 0 at the ends: m[k-1] + 4 m[k] + m[k+1] = 6 (y[k-1] - 2 y[k] +
+        // y[k+1])
         let mut curvature = DMatrix::<f64>::zeros(rows, columns);
         let mut pivots = vec![0.0; rows];
         for k in 1..rows - 1 {
@@ -88,10 +89,10 @@ impl Trajectory {
         Self { positions, ..self.clone() }
     }
 
-    /// Smoothed by a Gaussian of standard deviation `sigma` samples, forwards and backwards alike (no phase shift).
+    /// Smooths with a symmetric Gaussian of standard deviation `sigma` samples, without a phase shift.
     ///
-    /// Forces are second differences and amplify noise: a measured recording is smoothed before it becomes forces. At the
-    /// ends the recording goes on point-symmetrically, so the first and last sample stay.
+    /// Forces are second differences and amplify noise: a measured recording is smoothed before it becomes
+    /// forces. The recording is extended point-symmetrically at both ends, so the first and last sample stay.
     #[must_use]
     pub fn smoothed(&self, sigma: f64) -> Self {
         if sigma <= 0.0 {
@@ -126,8 +127,8 @@ impl Trajectory {
 }
 
 impl Recordings {
-    /// Cut into windows of `length` samples, one every `stride`; windows in which a sample leaps by more than `leap` are
-    /// dropped. Each keeps the label, and gets the number of its first sample added to its id.
+    /// Cut into windows of `length` samples, one every `stride`; windows in which a sample leaps by more than
+    /// `leap` are dropped. Each keeps the label, and gets the number of its first sample added to its id.
     #[must_use]
     pub fn windows(&self, length: usize, stride: usize, leap: f64) -> Self {
         let mut trajectories = Vec::new();
@@ -153,8 +154,8 @@ impl Recordings {
         Self { names: self.names.clone(), trajectories }
     }
 
-    /// Two sets, at random: the part `share` of all movements (at least one, if there are two), and the rest. The same seed
-    /// makes the same sets.
+    /// Splits at random into a set with the fraction `share` of all movements (at least one, if there are
+    /// two) and the rest. Equal seeds give equal sets.
     pub fn split(&self, share: f64, seed: u64) -> (Self, Self) {
         let mut order: Vec<&Trajectory> = self.trajectories.iter().collect();
         order.shuffle(&mut Pcg64::seed_from_u64(seed));
@@ -167,7 +168,7 @@ impl Recordings {
         (set(first), set(rest))
     }
 
-    /// Two sets: every `k`-th movement of each label (in their order) is held out into the second.
+    /// Splits off every `k`-th movement of each label (in order) into the second set.
     pub fn hold_out(&self, every: usize) -> (Self, Self) {
         let mut counts = std::collections::BTreeMap::<Option<&str>, usize>::new();
         let (mut seen, mut held) = (Vec::new(), Vec::new());
@@ -199,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_split_at_random_loses_and_doubles_nothing_and_its_seed_repeats_it() {
+    fn random_split_is_a_reproducible_partition() {
         let trajectories = (0..20).map(|k| Trajectory { id: k.to_string(), ..line(4) }).collect();
         let set = Recordings { names: vec!["a".into(), "b".into()], trajectories };
         let ids = |set: &Recordings| set.trajectories.iter().map(|t| t.id.clone()).collect::<Vec<_>>();
@@ -212,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spline_passes_through_its_samples_and_near_the_curve_between_them() {
+    fn spline_interpolates_samples_and_approximates_the_curve() {
         let wave = |t: f64| (3.0 * t).sin();
         let positions = DMatrix::from_fn(31, 1, |k, _| wave(k as f64 * 0.1));
         let few = Trajectory { id: "wave".into(), label: None, duration: 3.0, positions };
@@ -230,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spring_samples_a_recording_on_the_curve_that_it_names() {
+    fn spring_samples_with_its_own_interpolation() {
         let wave = |t: f64| (3.0 * t).sin();
         let positions = DMatrix::from_fn(31, 1, |k, _| wave(k as f64 * 0.1));
         let few = Trajectory { id: "wave".into(), label: None, duration: 3.0, positions };
@@ -242,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_leap_drops_its_window_and_holding_out_keeps_the_share_of_each_label() {
+    fn discontinuity_drops_a_window_and_holdout_keeps_shares() {
         let mut jumping = line(40);
         jumping.positions[(25, 0)] += 10.0;
         let set = Recordings { names: vec!["a".into(), "b".into()], trajectories: vec![jumping] };

@@ -12,7 +12,7 @@ pub enum Truncation {
     /// The fewest that leave at most this part of the root mean square of the forces (of the responses, in
     /// [`Metric::Position`](super::Metric::Position)): 0.05 keeps all but 5 %.
     Error(f64),
-    /// As many as fit into a number of bytes: `8 (rows + 1)` for each.
+    /// As many as fit into a number of bytes, `8 (rows + 1)` each.
     Bytes(usize),
 }
 

@@ -30,7 +30,7 @@ impl JointProperties {
     /// The properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
     ///
     /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint it
-    /// follows, and narrows its range to where its own limits hold. Its spring acts there with `multiplier^2` times its stiffness.
+    /// follows. Its spring acts there with `multiplier^2` times its stiffness.
     pub fn of(model: &Model, armature: f64) -> Vec<Self> {
         let mut joints: Vec<Self> = (0..model.joint_count())
             .map(|index| Self {
@@ -57,15 +57,6 @@ impl JointProperties {
                 let rest = (joint.dynamics.rest - offset) / multiplier;
                 own.rest = (own.stiffness * own.rest + stiffness * rest) / (own.stiffness + stiffness);
                 own.stiffness += stiffness;
-            }
-            if multiplier != 0.0 {
-                let ends = [joint.limits.lower, joint.limits.upper].map(|end| (end - offset) / multiplier);
-                let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-                // A range that would leave the master no motion is ignored: some files limit a follower to a point.
-                if low.max(own.lower) <= high.min(own.upper) {
-                    own.lower = own.lower.max(low);
-                    own.upper = own.upper.min(high);
-                }
             }
         }
         joints

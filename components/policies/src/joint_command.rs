@@ -38,6 +38,32 @@ pub(crate) fn earth() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
+/// Names of the ports through which the joints of one robot are read and commanded.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct JointPorts {
+    state: String,
+    command: String,
+}
+
+impl JointPorts {
+    /// The ports of a component that works on one robot.
+    pub(crate) fn of_one_robot() -> Self {
+        Self { state: "joint_state".to_string(), command: "joint_command".to_string() }
+    }
+
+    /// The ports of one robot of several.
+    pub(crate) fn of_robot(name: &str) -> Self {
+        Self { state: format!("state_{name}"), command: format!("command_{name}") }
+    }
+
+    /// Declares the ports.
+    pub(crate) fn declare(&self, declare: &mut Declare) {
+        declare.input::<JointState>(&self.state, "measured joint state of the robot");
+        declare
+            .output::<JointCommand>(&self.command, "setpoints, feed-forward efforts and gains of all joints");
+    }
+}
+
 /// The model of the robot of a component, its gains and the joints that a policy moves.
 #[derive(Debug)]
 pub(crate) struct CommandedJoints {
@@ -119,13 +145,14 @@ impl CommandedJoints {
         Ok(Self { model, gains, gravity: Vector3::from(gravity), joints: found, passive })
     }
 
-    /// Declares the ports and parameters of the joint command writer.
+    /// Declares the ports and parameters of the joint command writer of one robot.
     pub(crate) fn declare(declare: &mut Declare) {
-        declare.input::<JointState>("joint_state", "measured joint state of the robot");
-        declare.output::<JointCommand>(
-            "joint_command",
-            "setpoints, feed-forward efforts and gains of all joints",
-        );
+        JointPorts::of_one_robot().declare(declare);
+        Self::declare_scales(declare);
+    }
+
+    /// Declares the parameters that all joint command writers of a component share.
+    pub(crate) fn declare_scales(declare: &mut Declare) {
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of the stiffness of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of the damping of all joints");
     }
@@ -157,17 +184,28 @@ pub(crate) struct JointCommandWriter {
 }
 
 impl JointCommandWriter {
+    /// The writer of a component that works on one robot.
     pub(crate) fn new(
         driven: CommandedJoints,
         config: &JointCommandConfig,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
+        Self::with_ports(driven, config, &JointPorts::of_one_robot(), setup)
+    }
+
+    /// The writer with ports of any names.
+    pub(crate) fn with_ports(
+        driven: CommandedJoints,
+        config: &JointCommandConfig,
+        ports: &JointPorts,
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
         let zeros = vec![0.0; driven.model.joint_count()];
         Ok(Self {
             configuration: driven.model.neutral(),
             gravity: vec![0.0; driven.model.nv()],
-            state: setup.input("joint_state")?,
-            command: setup.output("joint_command")?,
+            state: setup.input(&ports.state)?,
+            command: setup.named_output(&ports.command)?,
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
             dynamics: config.gravity_compensation.then(|| Dynamics::new(&driven.model)),
@@ -221,6 +259,12 @@ impl JointCommandWriter {
         for (position, joint) in positions.iter_mut().zip(&self.driven.joints) {
             *position = position.max(model.lower()[*joint]).min(model.upper()[*joint]);
         }
+    }
+
+    /// Velocity limits of the joints that are moved, rad/s or m/s; infinite where the model states none.
+    pub(crate) fn velocity_limits(&self) -> impl Iterator<Item = f64> {
+        let limits = self.driven.model.velocity_limit();
+        self.driven.joints.iter().map(move |joint| limits[*joint])
     }
 
     /// Commands the setpoints (and their rates, per second) of the joints that are moved.

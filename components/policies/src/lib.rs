@@ -1,15 +1,18 @@
-//! Policies: components that make a robot move by movement primitives, motion libraries and pattern generators.
+//! Policies: components that make a robot move by movement primitives, motion libraries, latent spaces and
+//! pattern generators.
 //!
 //! | module | component | moves |
 //! |---|---|---|
 //! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through a sequence of poses, by dynamic movement primitives |
+//! | [`latent`] | `policy.latent`, [`LatentPolicy`] | joints of several robots, after a human, by a shared latent space |
 //! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector in a plane, or joints, by a motion library |
 //! | [`promp`] | `policy.promp`, [`ProMpPolicy`] | joints, by a probabilistic movement primitive |
 //! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
 //! | [`trajectory`] | `policy.trajectory`, [`TrajectoryPolicy`], and `policy.home`, [`HomePolicy`] | joints through waypoints, within limits |
 //! | [`waypoints`] | `policy.waypoints`, [`WaypointsPolicy`] | a base on wheels through poses in the plane |
 //!
-//! The models themselves are plain libraries without the runtime: `motorium_primitives` and `motorium_library`.
+//! The models themselves are plain libraries without the runtime: `motorium_primitives`, `motorium_library`
+//! and `motorium_models`.
 //!
 //! A program that hosts them registers their kinds, as the command does. Their ports can be asked for without running
 //! anything:
@@ -29,6 +32,7 @@
 pub mod cpg;
 pub mod dmp;
 mod joint_command;
+pub mod latent;
 pub mod library;
 pub mod promp;
 mod robot;
@@ -41,6 +45,7 @@ use motorium::worker::Kind;
 pub use cpg::CpgPolicy;
 pub use dmp::DmpPolicy;
 pub use joint_command::JointCommandConfig;
+pub use latent::LatentPolicy;
 pub use library::LibraryPolicy;
 pub use promp::ProMpPolicy;
 pub use trajectory::{HomePolicy, TrajectoryPolicy};
@@ -54,11 +59,12 @@ pub use waypoints::WaypointsPolicy;
 /// ```
 // Not inlined, as `Kind::of` asks for.
 #[inline(never)]
-pub fn kinds() -> [Kind; 7] {
+pub fn kinds() -> [Kind; 8] {
     [
         Kind::of::<CpgPolicy>(),
         Kind::of::<DmpPolicy>(),
         Kind::of::<ProMpPolicy>(),
+        Kind::of::<LatentPolicy>(),
         Kind::of::<LibraryPolicy>(),
         Kind::of::<WaypointsPolicy>(),
         Kind::of::<TrajectoryPolicy>(),

@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 
 /// Fits, rolls out and prints; returns the position at the end.
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
-    // a demonstration of 1.5 s: 200 positions of two dimensions, m, that begin and end at rest
+    // a demonstration of 1.5 s: 200 positions [m] in two dimensions, at rest at both ends
     let positions = DMatrix::from_fn(200, 2, |k, d| {
         let p = k as f64 / 199.0;
         let s = p * p * p * (10.0 - 15.0 * p + 6.0 * p * p);
@@ -35,7 +35,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     }
     let off = dmp.position().iter().zip(goal).map(|(y, g)| (y - g).abs()).fold(0.0, f64::max);
     if off > 1e-3 {
-        return Err(format!("it ended {off} m from its goal").into());
+        return Err(format!("the movement ended {off} m from its goal").into());
     }
     Ok(())
 }

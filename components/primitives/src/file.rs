@@ -11,7 +11,7 @@ use crate::mean::MeanMovement;
 use crate::promp::{ProMp, ProMpMean};
 use crate::regression::PolynomialMovement;
 
-/// Content of a file of a primitive: JSON, one object.
+/// Content of a primitive file: one JSON object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PrimitiveFile {
@@ -19,13 +19,13 @@ pub struct PrimitiveFile {
     pub version: u32,
     /// Name of every dimension.
     pub names: Vec<String>,
-    /// Seconds that the demonstration took; of a rhythm, its period.
+    /// Duration of the demonstration, or period of a rhythm, s.
     pub duration: f64,
-    /// Start of the demonstration, one number a dimension.
+    /// Start of the demonstration, one entry per dimension.
     pub start: Vec<f64>,
     /// Velocity there, per second.
     pub start_velocity: Vec<f64>,
-    /// End of the demonstration; of a rhythm, its centre.
+    /// End of the demonstration, or centre of a rhythm.
     pub goal: Vec<f64>,
     /// Velocity there, per second.
     pub final_velocity: Vec<f64>,
@@ -33,7 +33,7 @@ pub struct PrimitiveFile {
     pub primitive: Primitive,
 }
 
-/// The kinds that files hold.
+/// Kinds of primitives in files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Primitive {
@@ -72,12 +72,13 @@ impl Primitive {
         }
     }
 
-    /// The mean of a primitive over the phase, to be followed; `None` for one that is a differential equation.
+    /// Returns the mean of the primitive over the phase; `None` for primitives that are differential
+    /// equations.
     pub fn mean(&self) -> Option<Box<dyn MeanMovement + Send>> {
         match self {
             Self::Discrete(_) | Self::Rhythmic(_) => None,
             Self::Probabilistic(promp) => Some(Box::new(ProMpMean::from(promp.clone()))),
-            // It was factored when it was made.
+            // Factorised at construction.
             Self::Kernelised(movement) => Some(Box::new(movement.running().ok()?)),
             Self::Polynomial(movement) => Some(Box::new(movement.clone())),
         }
@@ -101,12 +102,12 @@ pub enum PrimitiveFileError {
         /// The file.
         path: PathBuf,
     },
-    /// A primitive that cannot be read.
+    /// The primitive does not parse.
     #[error("{}: {source}", path.display())]
     Text {
         /// The file.
         path: PathBuf,
-        /// Syntax error with its place.
+        /// Syntax error with its position.
         source: serde_json::Error,
     },
     /// Another version.
@@ -117,7 +118,7 @@ pub enum PrimitiveFileError {
         /// The version found.
         found: u32,
     },
-    /// Lists of different lengths, or numbers that cannot be.
+    /// Lists differ in length, or a number is invalid.
     #[error("{}: {message}", path.display())]
     Content {
         /// The file.
@@ -128,11 +129,11 @@ pub enum PrimitiveFileError {
 }
 
 impl PrimitiveFile {
-    /// The version of the layout that this program writes and reads.
+    /// Version of the layout that this program reads and writes.
     pub const VERSION: u32 = 1;
 
-    /// A discrete primitive with the mean start, goal, velocities and duration of its demonstrations, of which there is at
-    /// least one.
+    /// Creates a discrete primitive with the mean start, goal, velocities and duration of at least one
+    /// demonstration.
     pub fn discrete(names: Vec<String>, demonstrations: &[Demonstration], model: DmpModel) -> Self {
         let count = demonstrations.len().max(1) as f64;
         let mean = |value: &dyn Fn(&Demonstration, usize) -> f64| -> Vec<f64> {
@@ -151,8 +152,8 @@ impl PrimitiveFile {
         }
     }
 
-    /// A rhythm of `period` s with the mean start and start velocity of the periods it was fitted to (samples x dimensions,
-    /// without the closing sample), of which there is at least one.
+    /// Creates a rhythm of `period` seconds with the mean start and start velocity of the periods it was
+    /// fitted to (at least one; samples x dimensions, without the closing sample).
     pub fn rhythmic(names: Vec<String>, period: f64, periods: &[DMatrix<f64>], model: RhythmicModel) -> Self {
         let count = periods.len().max(1) as f64;
         let mean = |value: &dyn Fn(&DMatrix<f64>, usize) -> f64| -> Vec<f64> {
@@ -160,7 +161,7 @@ impl PrimitiveFile {
                 .map(|d| periods.iter().map(|shown| value(shown, d)).sum::<f64>() / count)
                 .collect()
         };
-        // a central difference across the seam of the period
+        // central difference across the period boundary
         let slope = |shown: &DMatrix<f64>, d: usize| {
             let samples = shown.nrows();
             (shown[(1, d)] - shown[(samples - 1, d)]) * samples as f64 / (2.0 * period)
@@ -177,16 +178,16 @@ impl PrimitiveFile {
         }
     }
 
-    /// A probabilistic primitive with the start, goal and velocities of its mean.
+    /// Creates a probabilistic primitive with the start, goal and velocities of its mean.
     pub fn probabilistic(names: Vec<String>, promp: ProMp) -> Self {
         let mean = ProMpMean::from(promp.clone());
         Self::of_mean(names, mean, Primitive::Probabilistic(promp))
     }
 
-    /// A kernelised primitive with the start, goal and velocities of its mean.
+    /// Creates a kernelised primitive with the start, goal and velocities of its mean.
     ///
     /// # Errors
-    /// A matrix that is not positive definite.
+    /// A matrix is not positive definite.
     pub fn kernelised(names: Vec<String>, movement: KernelisedMovement) -> Result<Self, KmpError> {
         Ok(Self::of_mean(names, movement.running()?, Primitive::Kernelised(movement)))
     }
@@ -218,15 +219,15 @@ impl PrimitiveFile {
         }
     }
 
-    /// Reads a file and checks that it is whole.
+    /// Reads a file and checks its consistency.
     ///
     /// # Errors
-    /// The file cannot be read, is cut short or malformed, of another version, or contradicts itself.
+    /// The file cannot be read, is truncated or malformed, has another version, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, PrimitiveFileError> {
         let system = |source| PrimitiveFileError::System { path: path.into(), source };
-        // Neither a device nor a pipe, which may have no end.
+        // Devices and pipes are rejected: they may never end.
         if !std::fs::metadata(path).map_err(system)?.is_file() {
-            return Err(system(std::io::Error::other("it is no regular file")));
+            return Err(system(std::io::Error::other("not a regular file")));
         }
         let foreign = || PrimitiveFileError::Foreign { path: path.into() };
         let text = String::from_utf8(std::fs::read(path).map_err(system)?).map_err(|_| foreign())?;
@@ -263,10 +264,10 @@ impl PrimitiveFile {
         Ok(file)
     }
 
-    /// Writes a file: whole or not at all.
+    /// Writes the file atomically.
     ///
     /// # Errors
-    /// The system refused.
+    /// The system refuses the operation.
     pub fn write(&self, path: &Path) -> Result<(), PrimitiveFileError> {
         let text = serde_json::to_string(self)
             .map_err(|source| PrimitiveFileError::Text { path: path.into(), source })?;

@@ -1,4 +1,5 @@
-//! Models of movements: construct, start, step. Only construction allocates; nothing here knows the runtime.
+//! Models of movements: construct, start, step. Only construction allocates. The crate does not depend on the
+//! runtime.
 //!
 //! - [`dmp`]: dynamic movement primitives: discrete, rhythmic, with a final velocity, and for orientations.
 //! - [`promp`]: probabilistic movement primitives.
@@ -6,12 +7,12 @@
 //! - [`gmm`]: Gaussian mixtures and regression with them.
 //! - [`cpg`]: central pattern generators and gaits.
 //! - [`regression`]: linear and polynomial policies and movements.
-//! - [`mean`]: the mean of probabilistic, kernelised and polynomial movements while it runs.
-//! - [`reach`]: an end effector led through a sequence of poses by dynamic movement primitives.
+//! - [`mean`]: execution of the mean of probabilistic, kernelised and polynomial movements.
+//! - [`reach`]: motion of an end effector through a sequence of poses by dynamic movement primitives.
 //! - [`profile`]: motion from rest to rest within limits of velocity, acceleration and jerk.
-//! - [`route`]: a base led through poses in the plane.
-//! - [`rollout`]: movements of a primitive in evenly spaced samples.
-//! - [`file`]: primitives in files.
+//! - [`route`]: motion of a mobile base through planar poses.
+//! - [`rollout`]: evenly spaced samples of a primitive's movement.
+//! - [`file`]: storage of primitives in files.
 //!
 //! ```
 //! use std::time::Duration;

@@ -1,19 +1,20 @@
-//! The mean of a distribution over movements while it runs.
+//! Execution of the mean of a distribution over movements.
 
 use crate::ValueError;
 use crate::dmp::{Jet, Quintic};
 
-/// A movement over the phase (0 at the start, 1 at the end) of which the mean is known: [`ProMp`](crate::promp::ProMp),
-/// [`KernelisedMovement`](crate::kmp::KernelisedMovement), [`PolynomialMovement`](crate::regression::PolynomialMovement).
+/// A movement over the phase (0 at the start, 1 at the end) with a known mean:
+/// [`ProMp`](crate::promp::ProMp), [`KernelisedMovement`](crate::kmp::KernelisedMovement),
+/// [`PolynomialMovement`](crate::regression::PolynomialMovement).
 pub trait MeanMovement: std::fmt::Debug {
     /// Number of dimensions.
     fn dimensions(&self) -> usize;
 
-    /// Seconds that the movement takes.
+    /// Duration of the movement, s.
     fn duration(&self) -> f64;
 
-    /// Writes the mean at a phase from 0 to 1, and its derivative with respect to the phase, one number a dimension each.
-    /// Allocates nothing.
+    /// Writes the mean and its derivative with respect to the phase, at a phase from 0 to 1, one entry per
+    /// dimension. Does not allocate.
     fn mean_into(&mut self, phase: f64, position: &mut [f64], slope: &mut [f64]);
 }
 
@@ -33,9 +34,8 @@ impl<M: MeanMovement + ?Sized> MeanMovement for Box<M> {
 
 /// A follower of a mean in time. Only [`new`](Self::new) allocates.
 ///
-/// From where it is started, it goes over to the mean by a correction that dies out: the difference in position and
-/// velocity at the start fades over the first part of the movement on a quintic, so that there is no jump. To be exactly
-/// elsewhere later, condition the movement.
+/// The initial difference in position and velocity decays on a quintic over the first part of the movement,
+/// so the transition to the mean has no jump. To pass a given position later, condition the movement.
 ///
 /// ```
 /// use motorium_primitives::mean::MeanRunner;
@@ -64,11 +64,11 @@ pub struct MeanRunner<M> {
     velocity: Vec<f64>,
 }
 
-/// The part of the movement over which the difference at the start fades.
+/// Fraction of the movement over which the initial difference decays.
 const FADE: f64 = 0.3;
 
 impl<M: MeanMovement> MeanRunner<M> {
-    /// At the mean of its start.
+    /// Creates a follower at the start of the mean.
     pub fn new(movement: M) -> Self {
         let dimensions = movement.dimensions();
         let mut runner = Self {
@@ -89,15 +89,16 @@ impl<M: MeanMovement> MeanRunner<M> {
         &self.movement
     }
 
-    /// The movement it follows, to be exchanged for one of the same dimensions from the next start on.
+    /// Mutable access to the movement, which may be replaced by one of the same dimensions for the next
+    /// start.
     pub(crate) fn movement_mut(&mut self) -> &mut M {
         &mut self.movement
     }
 
-    /// Starts from a position with a velocity (per second), to be over after `duration` seconds.
+    /// Starts from a position with a velocity (per second) and lasts `duration` seconds.
     ///
     /// # Errors
-    /// Wrong lengths, numbers that are not finite, a duration that is no positive time.
+    /// A length is wrong, a number is not finite, or the duration is not positive.
     pub fn start(&mut self, position: &[f64], velocity: &[f64], duration: f64) -> Result<(), ValueError> {
         let expected = self.position.len();
         for (name, values) in [("the position", position), ("the velocity", velocity)] {
@@ -124,7 +125,7 @@ impl<M: MeanMovement> MeanRunner<M> {
         Ok(())
     }
 
-    /// Advances by `dt` seconds; past the end it stays at the end.
+    /// Advances by `dt` seconds; the state is constant after the end.
     pub fn step(&mut self, dt: f64) {
         if dt > 0.0 {
             self.elapsed += dt;
@@ -147,7 +148,7 @@ impl<M: MeanMovement> MeanRunner<M> {
         self.elapsed / self.duration
     }
 
-    /// True after the duration of the movement.
+    /// Returns `true` after the duration of the movement.
     pub fn is_over(&self) -> bool {
         // sums of periods are rounded
         self.progress() >= 1.0 - 1e-9

@@ -1,12 +1,12 @@
-//! Places that a distribution over movements is conditioned on.
+//! Positions that a distribution over movements is conditioned on.
 
 use crate::mean::MeanMovement;
 use crate::rollout::{Override, RolloutError, ViaPoint, places};
 
-/// Most deviations by which a mean misses a place that it passes.
+/// Maximum error of the mean at a conditioned position, in standard deviations.
 const MISSED: f64 = 3.0;
 
-/// Checks that a mean passes the places that it was conditioned on.
+/// Checks that a mean passes the positions it was conditioned on.
 pub(crate) fn met(mean: &mut impl MeanMovement, overrides: &Override) -> Result<(), RolloutError> {
     let (mut reached, mut slope) = (vec![0.0; mean.dimensions()], vec![0.0; mean.dimensions()]);
     for ViaPoint { phase, position, deviation } in places(overrides) {

@@ -1,4 +1,4 @@
-//! Movements of a primitive from start to end, in evenly spaced samples.
+//! Evenly spaced samples of a primitive's movement from start to end.
 //!
 //! ```
 //! use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings};
@@ -32,14 +32,14 @@ use crate::mean::MeanMovement;
 use crate::promp::{ProMp, ProMpError, ProMpMean};
 use crate::regression::PolynomialMovement;
 
-/// Values that replace those of the demonstration; `None` keeps the latter.
+/// Values that replace those of the demonstration; `None` keeps the demonstrated value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Override {
     /// Start, one number a dimension.
     pub start: Option<Vec<f64>>,
-    /// Goal of a movement, or centre of a rhythm; one number a dimension.
+    /// Goal of a movement or centre of a rhythm, one entry per dimension.
     pub goal: Option<Vec<f64>>,
-    /// Velocity at the goal, per second, one number a dimension; of the variant `final_velocity` only.
+    /// Velocity at the goal, per second, one entry per dimension; for the variant `final_velocity` only.
     pub final_velocity: Option<Vec<f64>>,
     /// Duration of a movement, or period of a rhythm, s.
     pub duration: Option<f64>,
@@ -73,7 +73,7 @@ pub struct Trajectory {
     pub position: Vec<Vec<f64>>,
     /// Velocities per second, samples x dimensions.
     pub velocity: Vec<Vec<f64>>,
-    /// Standard deviations of the positions, samples x dimensions; of a probabilistic primitive only.
+    /// Standard deviations of the positions, samples x dimensions; for probabilistic primitives only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deviation: Option<Vec<Vec<f64>>>,
 }
@@ -81,29 +81,30 @@ pub struct Trajectory {
 /// An error of [`roll_out`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RolloutError {
-    /// An override that the kind of primitive does not have.
+    /// The kind of primitive does not support the override.
     #[error("a {kind} primitive has {has}: no {lacks}")]
     Override {
         /// Kind of the primitive.
         kind: &'static str,
         /// Overrides that it has.
         has: &'static str,
-        /// Overrides that it has not.
+        /// Unsupported overrides.
         lacks: &'static str,
     },
-    /// A discrete or rhythmic primitive that cannot start so.
+    /// The discrete or rhythmic primitive cannot start.
     #[error(transparent)]
     Move(#[from] MoveError),
-    /// A probabilistic primitive that cannot be conditioned so.
+    /// The probabilistic primitive cannot be conditioned.
     #[error(transparent)]
     ProMp(#[from] ProMpError),
-    /// A kernelised primitive that cannot be conditioned so.
+    /// The kernelised primitive cannot be conditioned.
     #[error(transparent)]
     Kmp(#[from] KmpError),
-    /// A place that the distribution cannot pass, because its demonstrations do not vary enough or other places contradict it.
+    /// The distribution cannot pass a position, because the demonstrations do not vary enough or other
+    /// positions contradict it.
     #[error(
         "at phase {phase}, dimension {dimension}, the movement passes {reached:.4}, expected {wanted} within three times the deviation {deviation}: the demonstrations \
-         do not vary enough there, or other places contradict it; move the place, or give it a larger deviation (`--via P:X:DEVIATION`)"
+         do not vary enough there, or other via points contradict it; move the via point, or give it a larger deviation (`--via P:X:DEVIATION`)"
     )]
     Unmet {
         /// Phase of the place.
@@ -117,15 +118,15 @@ pub enum RolloutError {
         /// Its standard deviation.
         deviation: f64,
     },
-    /// A number of samples out of its range.
+    /// The number of samples is out of range.
     #[error(transparent)]
     Value(#[from] ValueError),
 }
 
-/// Longest step of discrete and rhythmic primitives, s; shorter where samples are closer.
+/// Longest integration step of discrete and rhythmic primitives, s; shorter if samples are closer.
 const STEP: f64 = 1e-3;
 
-/// Steps in the duration of a movement, or the period of a rhythm, that are enough: beyond 100 s steps are longer.
+/// Sufficient number of steps per movement or period: above 100 s the steps become longer than `STEP`.
 const STEPS: f64 = 1e5;
 
 /// Most steps of a trajectory.
@@ -134,10 +135,10 @@ const MAX_STEPS: f64 = 1e9;
 /// Most samples of a trajectory.
 pub const MAX_SAMPLES: f64 = 1e7;
 
-/// Runs a primitive and takes a sample every `interval` seconds.
+/// Runs a primitive and samples it every `interval` seconds.
 ///
 /// # Errors
-/// Overrides that the primitive does not have, or that are out of their range; more than [`MAX_SAMPLES`] samples.
+/// An override is unsupported or out of range, or there are more than [`MAX_SAMPLES`] samples.
 pub fn roll_out(
     file: &PrimitiveFile,
     overrides: &Override,
@@ -152,13 +153,13 @@ pub fn roll_out(
     }
 }
 
-/// Runs a primitive as each of its demonstrations was shown: from its start (and to its goal, if it is discrete), in its
-/// duration, one sample for each of the demonstration's.
+/// Reproduces each demonstration: from its start (and to its goal, if the primitive is discrete), with its
+/// duration and number of samples.
 ///
-/// `demonstrations` are durations (s) with positions (samples x dimensions); of a rhythm, one period each.
+/// `demonstrations` are durations (s) with positions (samples x dimensions); for a rhythm, one period each.
 ///
 /// # Errors
-/// As [`roll_out`].
+/// Same as [`roll_out`].
 pub fn reproduce(
     file: &PrimitiveFile,
     demonstrations: &[(f64, DMatrix<f64>)],
@@ -241,7 +242,7 @@ fn rhythmic(
     stepped(file, [duration, interval, period], &mut dmp, state, |dmp, dt| dmp.step(dt))
 }
 
-/// Samples of a primitive that steps; `scale` is the time of its movement or of its period, s.
+/// Samples a primitive that is integrated; `scale` is the duration of its movement or its period, s.
 fn stepped<T>(
     file: &PrimitiveFile,
     [duration, interval, scale]: [f64; 3],
@@ -270,7 +271,7 @@ fn stepped<T>(
     Ok(trajectory)
 }
 
-/// Standard deviation with which a probabilistic primitive passes a start or goal that is given.
+/// Standard deviation at an overridden start or goal of a probabilistic primitive.
 const END_DEVIATION: f64 = 1e-4;
 
 fn probabilistic(
@@ -326,7 +327,7 @@ fn polynomial(
     followed(file, movement.clone(), None, overrides, interval)
 }
 
-/// Refuses what a distribution over movements cannot be conditioned on.
+/// Rejects overrides that cannot condition a distribution over movements.
 fn conditions(kind: &'static str, overrides: &Override) -> Result<(), RolloutError> {
     let Override { final_velocity, periods, amplitude, .. } = overrides;
     if final_velocity.is_none() && periods.is_none() && amplitude.is_none() {
@@ -336,7 +337,7 @@ fn conditions(kind: &'static str, overrides: &Override) -> Result<(), RolloutErr
     Err(RolloutError::Override { kind, has, lacks: "final velocity, periods or amplitude" })
 }
 
-/// The places to pass: start, goal, via points.
+/// Positions to pass: start, goal, via points.
 pub(crate) fn places(overrides: &Override) -> impl Iterator<Item = ViaPoint> {
     let ends =
         [(0.0, &overrides.start), (1.0, &overrides.goal)].into_iter().filter_map(|(phase, position)| {
@@ -348,7 +349,7 @@ pub(crate) fn places(overrides: &Override) -> impl Iterator<Item = ViaPoint> {
 /// Variances of the dimensions at a phase.
 type Variance<'a> = &'a dyn Fn(f64) -> Result<DVector<f64>, KmpError>;
 
-/// Samples of a mean.
+/// Samples a mean.
 fn followed(
     file: &PrimitiveFile,
     mut mean: impl MeanMovement,

@@ -1,9 +1,9 @@
-//! Numbers, vectors and matrices that will not do: what the errors of all models share.
+//! Invalid numbers, vectors and matrices: errors shared by all models.
 
-/// An error of a value: out of its range, of the wrong size, or not finite.
+/// A value is out of range, has the wrong size, or is not finite.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ValueError {
-    /// A number is outside the range in which the equations hold.
+    /// A number is outside the valid range of the equations.
     #[error("{name} = {value}: expected {expected}")]
     OutOfRange {
         /// The quantity.

@@ -112,6 +112,20 @@ pub enum RecordingError {
         /// The number expected, in words.
         expected: &'static str,
     },
+    /// An unknown joint of a skeleton.
+    #[error("the skeleton has no joint `{name}`; there are {known}")]
+    NoJoint {
+        /// The name asked for.
+        name: String,
+        /// The names of the skeleton.
+        known: String,
+    },
+    /// A limb between two joints in one place.
+    #[error("the limb `{name}` has no length, expected two joints apart from each other")]
+    NoLength {
+        /// Name of the limb.
+        name: String,
+    },
     /// Too few samples.
     #[error("found {found} samples, expected at least {expected}")]
     TooShort {

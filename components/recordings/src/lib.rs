@@ -26,6 +26,9 @@
 //!
 //! **Velocities.** A column `NAME_velocity` beside a column `NAME` is the velocity of that channel, and no channel itself.
 //!
+//! **Motion capture.** [`Skeleton`] reads skeletons and motions in the formats Acclaim (`.asf` and `.amc`) and Biovision (`.bvh`),
+//! and computes the directions of limbs; [`retarget`](mod@retarget) finds the joint positions of a robot whose limbs point there.
+//!
 //! Every number is finite: NaN and infinite values are refused with their place.
 //!
 //! ```
@@ -38,6 +41,8 @@
 //! # Ok::<(), motorium_recordings::RecordingError>(())
 //! ```
 
+mod acclaim;
+mod bvh;
 mod continuous;
 mod csv;
 mod error;
@@ -46,12 +51,15 @@ mod file;
 mod json;
 mod names;
 mod read;
+pub mod retarget;
+mod skeleton;
 mod time;
 
 pub use continuous::Removed;
 pub use error::{Place, RecordingError};
 pub use file::read_bounded;
 pub use read::{Selection, is_recording, read, read_all, read_text};
+pub use skeleton::{Limb, Skeleton, Trunk};
 
 use nalgebra::DMatrix;
 

@@ -7,10 +7,10 @@ use nalgebra::{Unit, Vector3};
 use crate::channel::SettingError;
 use crate::pinhole::Pinhole;
 
-/// Pixels of one hue: those whose levels point in the direction of a colour, however bright they are.
+/// A hue: selects pixels whose levels point in the direction of a colour, at any brightness.
 ///
-/// Under white light the levels of a matt surface are its colour times a number, so that neither light nor shadow changes the angle
-/// between them and the colour.
+/// Under white light the levels of a matt surface are its colour times a scalar. Light and shadow therefore
+/// do not change the angle between levels and colour.
 ///
 /// ```
 /// use motorium_sensors::blob::Hue;
@@ -30,8 +30,8 @@ pub struct Hue {
 }
 
 impl Hue {
-    /// The hue of a colour: pixels whose levels differ from its direction by at most `tolerance` \[rad\], and of which the brightest
-    /// channel has at least the level `least`, 0 to 255.
+    /// The hue of a colour: pixels whose levels differ from its direction by at most `tolerance` \[rad\], and
+    /// of which the brightest channel has at least the level `least`, 0 to 255.
     ///
     /// # Errors
     /// [`SettingError`]: black, or a number out of its range.
@@ -59,23 +59,23 @@ impl Hue {
     }
 }
 
-/// The pixels of one hue in a picture, taken together.
+/// A set of pixels of one hue in an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Blob {
     /// Their number.
     pub pixels: u32,
-    /// Direction of their middle, in the axes of the camera: the mean of their directions by solid angle, which for a sphere is
-    /// that of its centre.
+    /// Direction of the centre, in the axes of the camera: the mean direction weighted by solid angle. For a
+    /// sphere it points at its centre.
     pub direction: Unit<Vector3<f64>>,
-    /// Solid angle that they fill \[sr\].
+    /// Solid angle covered by the pixels \[sr\].
     pub solid_angle: f64,
-    /// True if one of them lies on the edge of the picture: the thing may go on beyond it.
+    /// `true` if a pixel is at the edge of the image; the object may extend beyond it.
     pub on_edge: bool,
 }
 
 impl Blob {
-    /// The pixels of a hue in a picture of red, green and blue; `None` if there are fewer than `least`. `stride` is the number of
-    /// bytes of a row. Rows that the picture does not have count as empty.
+    /// Finds the pixels of a hue in an RGB image; `None` if there are fewer than `least`. `stride` is the
+    /// number of bytes per row. Missing rows count as empty.
     ///
     /// ```
     /// use motorium_sensors::{blob::{Blob, Hue}, pinhole::Pinhole};
@@ -90,7 +90,7 @@ impl Blob {
     pub fn find(hue: &Hue, camera: &Pinhole, picture: &[u8], stride: usize, least: u32) -> Option<Self> {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let (mut pixels, mut sum, mut solid_angle, mut on_edge) = (0, Vector3::zeros(), 0.0, false);
-        // of a pixel on the optical axis
+        // solid angle of a pixel on the optical axis
         let unit = 1.0 / (camera.focal_length[0] * camera.focal_length[1]);
         for (row, line) in picture.chunks(stride.max(1)).enumerate().take(height) {
             for (column, pixel) in line.chunks_exact(3).enumerate().take(width) {
@@ -112,18 +112,19 @@ impl Blob {
         Some(Self { pixels, direction: Unit::new_normalize(sum), solid_angle, on_edge })
     }
 
-    /// Distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle: `radius / sin a` with
-    /// `solid_angle = 2 pi (1 - cos a)`.
+    /// Distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle: `radius / sin
+    /// a` with `solid_angle = 2 pi (1 - cos a)`.
     pub fn distance_of_sphere(&self, radius: f64) -> f64 {
         let cos = (1.0 - self.solid_angle / TAU).max(0.0);
         radius / (1.0 - cos * cos).sqrt()
     }
 }
 
-/// A fixed-gain filter of the position and the velocity of a point that moves evenly (alpha-beta filter, critically damped).
+/// A fixed-gain filter of the position and the velocity of a point that moves evenly (alpha-beta filter,
+/// critically damped).
 ///
-/// With `s` the smoothing and `r` the error of the predicted position, a measurement after a time `dt` adds `(1 - s^2) r` to the
-/// position and `(1 - s)^2 r / dt` to the velocity.
+/// With `s` the smoothing and `r` the error of the predicted position, a measurement after a time `dt` adds
+/// `(1 - s^2) r` to the position and `(1 - s)^2 r / dt` to the velocity.
 ///
 /// ```
 /// use motorium_sensors::blob::PointFilter;
@@ -144,12 +145,13 @@ pub struct PointFilter {
 }
 
 impl PointFilter {
-    /// A filter that has seen nothing. `smoothing` from 0, which takes each measurement as it is, to below 1.
+    /// Creates an empty filter. `smoothing` is 0 (no filtering) to below 1.
     pub fn new(smoothing: f64) -> Self {
         Self { smoothing, state: None }
     }
 
-    /// Takes in a measured position \[m\] of a time \[ns\]. After more than `longest` \[s\] without one it begins anew, at rest.
+    /// Adds a position \[m\] measured at a time \[ns\]. After a gap of more than `longest` \[s\] the filter
+    /// restarts at rest.
     pub fn correct(&mut self, time_ns: u64, measured: &Vector3<f64>, longest: f64) {
         let since = self.state.map(|(last, ..)| time_ns.saturating_sub(last) as f64 * 1e-9);
         let predicted = self.predict(time_ns).zip(since.filter(|dt| *dt > 0.0 && *dt <= longest));
@@ -163,10 +165,10 @@ impl PointFilter {
         });
     }
 
-    /// Position \[m\] and velocity \[m/s\] at a time \[ns\]; `None` before the first measurement.
+    /// Predicts position \[m\] and velocity \[m/s\] at a time \[ns\]; `None` before the first measurement.
     pub fn predict(&self, time_ns: u64) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let (last, position, velocity) = self.state?;
-        // of times that are many and near to each other
+        // the difference is small, although the times are large
         let dt = time_ns.wrapping_sub(last) as i64 as f64 * 1e-9;
         Some((position + velocity * dt, velocity))
     }

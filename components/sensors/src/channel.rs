@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::noise::Noise;
 
-/// The errors of a sensor of one quantity, the same for each of its axes, in the unit of the quantity. The default is an ideal
-/// sensor.
+/// The errors of a sensor of one quantity, the same for each of its axes, in the unit of the quantity. The
+/// default is an ideal sensor.
 ///
 /// ```text
 /// y = clamp(resolution * round(((1 + s) x + b(t) + n) / resolution), -range, range)
 /// ```
 ///
-/// with noise `n` of deviation `noise` in each reading; a scale error `s` and a bias `b(0)` that are drawn once, with the
-/// deviations `scale_error` and `bias`; and a bias that walks, `db = bias_walk sqrt(dt) n`.
+/// with noise `n` of deviation `noise` in each reading; a scale error `s` and a bias `b(0)` that are drawn
+/// once, with the deviations `scale_error` and `bias`; and a bias that walks, `db = bias_walk sqrt(dt) n`.
 ///
 /// ```toml
 /// noise     = 0.02
@@ -25,8 +25,8 @@ use crate::noise::Noise;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ErrorModel {
-    /// Standard deviation of each reading. A data sheet's density is to be multiplied by the square root of the rate. Default
-    /// 0.
+    /// Standard deviation of each reading. Equals a data sheet's noise density multiplied by the square root
+    /// of the rate. Default 0.
     #[schemars(range(min = 0.0))]
     pub noise: f64,
     /// Standard deviation of the bias at the start. Default 0.
@@ -46,7 +46,7 @@ pub struct ErrorModel {
     pub range: Option<f64>,
 }
 
-/// Settings of a sensor that describe none.
+/// A sensor setting is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{setting} = {value}: expected {expected}")]
 pub struct SettingError {
@@ -65,7 +65,7 @@ impl SettingError {
     }
 }
 
-/// Settings of the way of readings, common to all sensors.
+/// Timing of readings, common to all sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Timing {
     /// Time from sampling until the reading is available.
@@ -116,8 +116,8 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// A sensor with `axes` axes. `name` is that of the setting in errors. `seed` and `number` choose the noise: each channel of
-    /// a seed has its own.
+    /// Creates a sensor with `axes` axes. `name` is the name of the setting in errors. `seed` and `number`
+    /// select the noise, which is independent for each channel of a seed.
     ///
     /// # Errors
     /// [`SettingError`]: a number that is negative or not finite.
@@ -132,8 +132,8 @@ impl Channel {
         Self::of(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
     }
 
-    /// A sensor each of whose axes has errors of its own. `streams` are the numbers of the noises of a seed that bias, scale,
-    /// readings and walk are drawn from.
+    /// A sensor each of whose axes has errors of its own. `streams` are the numbers of the noises of a seed
+    /// that bias, scale, readings and walk are drawn from.
     ///
     /// # Errors
     /// [`SettingError`]: a number that is negative or not finite.
@@ -179,10 +179,10 @@ impl Channel {
         Ok(Self { noise: Noise::new(seed, noise), walk: Noise::new(seed, walk), bias, scale, errors })
     }
 
-    /// Makes the truth, one number for each axis, the reading of a sensor whose last reading lies `dt` \[s\] back.
+    /// Converts the true values, one per axis, to a reading. `dt` \[s\] is the time since the last reading.
     ///
     /// # Panics
-    /// On another number of axes.
+    /// If the number of axes differs.
     pub fn measure(&mut self, dt: f64, values: &mut [f64]) {
         assert_eq!(values.len(), self.bias.len(), "axes of the channel");
         let errors = std::mem::take(&mut self.errors);
@@ -212,7 +212,7 @@ impl Channel {
         }
     }
 
-    /// The bias of each axis, as it stands.
+    /// Current bias of each axis.
     pub fn bias(&self) -> &[f64] {
         &self.bias
     }

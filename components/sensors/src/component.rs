@@ -28,9 +28,10 @@ pub use robot::Mount;
 
 /// A component that publishes the readings of the joint sensors of a robot.
 ///
-/// It samples each joint state once, at the tick at which it first sees it, and publishes each reading once, at the
-/// first tick at which its latency is over, with the source time of the state that it was taken from. When the joint state stops coming, so do the readings. A velocity is
-/// differentiated by the run's time of the state, which does not jitter with the time of its publication.
+/// Each joint state is sampled once, at the first tick that sees it. The reading is published once, at the
+/// first tick after its latency, with the source time of the sampled state. When joint states stop arriving,
+/// so do readings. Velocities are differentiated over the run time of the states, which does not jitter with
+/// their publication.
 #[derive(Debug)]
 pub struct JointEncoder {
     state: Input<JointState>,
@@ -56,7 +57,7 @@ impl Component for JointEncoder {
             ConfigError::new("the component names no robot, and needs its joints")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
-        // without a known period, one that allows any latency
+        // without a known period, any latency is allowed
         let longest = config.randomise.longest(config.latency);
         let period = declare.period().unwrap_or(longest.into());
         let draw = SensorDraw { latency: longest, ..config.randomise.draw(0, config.latency) };
@@ -122,7 +123,7 @@ impl Component for JointEncoder {
         measured.position_mut().copy_from_slice(reading.position);
         measured.velocity_mut().copy_from_slice(reading.velocity);
         measured.effort_mut().copy_from_slice(reading.effort);
-        // A reading is as old as the state that it was taken from, with its latency.
+        // A reading's age counts from its state, and so includes the latency.
         measured.publish_from(reading.source)?;
         self.published += 1;
         Ok(())
@@ -160,7 +161,7 @@ fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
     }
     .load()
     .map_err(|error| ConfigError::new(error.to_string()))?;
-    // a joint state holds no pose of a floating base, but the rotors that fly it
+    // a joint state holds no pose of a floating base, but its rotors
     let rotors = loaded.profile.map_or(0, |profile| profile.rotors.len());
     let joints = loaded.model.joint_count() + rotors;
     if joints > MAX_JOINTS {
@@ -183,13 +184,13 @@ fn build(
         .map_err(|error| ConfigError::key(error.setting(), error.to_string()))
 }
 
-/// The kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_sensors::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"sensor.joint_encoder"));
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> Vec<Kind> {
     vec![

@@ -4,7 +4,8 @@ use crate::channel::{Channel, ErrorModel, SettingError};
 
 /// The contact sensors of a robot's feet: a force with errors, and a switch with hysteresis behind it.
 ///
-/// A foot is in contact from the reading in which its force reaches `on` to the one in which it falls below `off`.
+/// A foot is in contact from the reading in which its force reaches `on` to the one in which it falls below
+/// `off`.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;
@@ -43,7 +44,7 @@ impl ContactModel {
             return Err(SettingError::new("on", on, "a force of at least 0 N"));
         }
         if !(0.0..=on).contains(&off) {
-            return Err(SettingError::new("off", off, "a force from 0 N to that of `on`"));
+            return Err(SettingError::new("off", off, "a force from 0 N to `on`"));
         }
         Ok(Self { force: Channel::new("force", force, feet, seed, 0)?, on, off, contacts: vec![false; feet] })
     }

@@ -1,16 +1,17 @@
-//! Readings held back until their latency is over.
+//! Delay of readings by their latency.
 
-/// A delay line on time stamps: a frame of numbers taken at `t` can be read from `t + latency` on, to the nanosecond.
+/// A delay line on time stamps. A frame of values taken at `t` becomes readable at `t + latency`, to the
+/// nanosecond.
 ///
-/// Frames that become due between two reads are passed over: the newest due one is read. Memory for all frames on their
-/// way is taken at construction.
+/// If several frames become due between two reads, only the newest is read. Memory for all frames in flight
+/// is allocated at construction.
 #[derive(Clone, Debug)]
 pub struct DelayLine {
     latency: u64,
     width: usize,
     /// Ring of frames, oldest first from `head`; the oldest is the one that was last read, once one was.
     times: Vec<u64>,
-    /// A number of the owner for each frame, handed back with it.
+    /// A caller-defined value per frame, returned with it.
     notes: Vec<u64>,
     values: Vec<f64>,
     head: usize,
@@ -19,12 +20,12 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// A line for frames of `width` numbers, taken no more often than every `shortest_period` nanoseconds.
+    /// Creates a line for frames of `width` values that arrive at least `shortest_period` nanoseconds apart.
     ///
-    /// Frames that come more often push out the oldest ones, which [`lost`](Self::lost) counts.
+    /// If frames arrive faster, the oldest ones are discarded and counted by [`lost`](Self::lost).
     pub fn new(latency_ns: u64, width: usize, shortest_period: u64) -> Self {
-        // The frame read last was due then, but not its successor: now, a period later, it is younger than the latency
-        // and two periods. It, the new one and all between them must fit.
+        // When the last frame was read, its successor was not yet due. One period later, the successor is
+        // less than the latency plus two periods old. It, the new frame and all in between must fit.
         let capacity = (latency_ns / shortest_period.max(1)) as usize + 3;
         Self {
             latency: latency_ns,
@@ -43,7 +44,7 @@ impl DelayLine {
         self.times.len()
     }
 
-    /// Frames that were pushed out before they were due, because they came more often than announced.
+    /// Number of frames discarded before they were due, because frames arrived faster than announced.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -53,13 +54,14 @@ impl DelayLine {
         self.count = 0;
     }
 
-    /// Takes in the frame of a time and returns the place to write it to. A time before that of the last frame means
-    /// that the clock began anew, and empties the line.
+    /// Adds the frame of a time and returns the slice to write it to. A time before the last frame means that
+    /// the clock restarted, and clears the line.
     pub fn push(&mut self, time: u64) -> &mut [f64] {
         self.push_noted(time, 0)
     }
 
-    /// As [`push`](Self::push), with a number that [`read_noted`](Self::read_noted) gives back, such as another time of the frame.
+    /// Like [`push`](Self::push), with a value that [`read_noted`](Self::read_noted) returns, such as another
+    /// time stamp of the frame.
     pub fn push_noted(&mut self, time: u64, note: u64) -> &mut [f64] {
         if self.count > 0 && time < self.times[self.slot(self.count - 1)] {
             self.clear();
@@ -75,12 +77,12 @@ impl DelayLine {
         &mut self.values[slot * self.width..(slot + 1) * self.width]
     }
 
-    /// The newest frame that is due at a time, with the time it was taken. Stays readable until the next one is due.
+    /// Returns the newest frame that is due, with its time. It stays readable until the next one is due.
     pub fn read(&mut self, now: u64) -> Option<(u64, &[f64])> {
         self.read_noted(now).map(|(time, _, values)| (time, values))
     }
 
-    /// As [`read`](Self::read), with the number that was noted with the frame; 0 if it was pushed without one.
+    /// Like [`read`](Self::read), and returns the note of the frame; 0 if it was pushed without one.
     pub fn read_noted(&mut self, now: u64) -> Option<(u64, u64, &[f64])> {
         while self.count > 1 && self.is_due(1, now) {
             self.drop_oldest();
@@ -111,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_is_due_at_its_latency_to_the_nanosecond() {
+    fn frame_is_due_at_its_latency_to_the_nanosecond() {
         let mut line = DelayLine::new(1500, 1, 1000);
         line.push(10_000)[0] = 7.0;
         assert_eq!(line.read(11_499), None);
@@ -150,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_faster_than_announced_push_out_the_oldest_and_are_counted() {
+    fn excess_frames_discard_the_oldest_and_are_counted() {
         let mut line = DelayLine::new(4000, 1, 1000);
         for time in 0..20 {
             line.push(time)[0] = time as f64;
@@ -160,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_begins_anew_empties_the_line() {
+    fn clock_restart_clears_the_line() {
         let mut line = DelayLine::new(100, 1, 1000);
         line.push(50_000)[0] = 1.0;
         line.push(10)[0] = 2.0;

@@ -1,4 +1,4 @@
-//! Places on the earth: geodetic coordinates on the WGS 84 ellipsoid, and a tangent plane there.
+//! Positions on the earth: geodetic coordinates on the WGS 84 ellipsoid, and a tangent plane there.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -39,8 +39,8 @@ impl Geodetic {
         Vector3::new(across * cos_l, across * sin_l, (radius * (1.0 - ECCENTRICITY) + self.altitude) * sin)
     }
 
-    /// The geodetic coordinates of a place in axes fixed to the earth \[m\], by Bowring's method (*Survey Review* 23, 1976):
-    /// exact to micrometres from the sea to satellites, after two rounds to rounding.
+    /// The geodetic coordinates of a place in axes fixed to the earth \[m\], by Bowring's method (*Survey
+    /// Review* 23, 1976): exact to micrometres from the sea to satellites, after two rounds to rounding.
     pub fn of_earth_fixed(place: &Vector3<f64>) -> Self {
         let minor = MAJOR * (1.0 - FLATTENING);
         let second = ECCENTRICITY / (1.0 - ECCENTRICITY);
@@ -55,7 +55,7 @@ impl Geodetic {
         }
         let (sin, cos) = latitude.sin_cos();
         let radius = MAJOR / (1.0 - ECCENTRICITY * sin * sin).sqrt();
-        // Of the two forms of the height the one that does not divide by almost nothing.
+        // Use the form of the height that avoids division by a small number.
         let altitude = across * cos + place.z * sin - radius * (1.0 - ECCENTRICITY * sin * sin);
         Self { latitude: latitude.to_degrees(), longitude: place.y.atan2(place.x).to_degrees(), altitude }
     }
@@ -119,9 +119,10 @@ mod tests {
         }
     }
 
-    /// Published lengths of a degree on WGS 84: 111,319.49 m along the equator, 110,574.39 m of the first of latitude.
+    /// Published lengths of a degree on WGS 84: 111,319.49 m along the equator, 110,574.39 m of the first of
+    /// latitude.
     #[test]
-    fn a_degree_is_as_long_as_on_maps() {
+    fn degree_lengths_match_maps() {
         let equator = Geodetic { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
         let plane = TangentPlane::at(&equator);
         let arc = |degrees: f64| plane.geodetic(&Vector3::new(degrees * 111_319.49, 0.0, 0.0)).longitude;

@@ -17,7 +17,7 @@ pub struct SensorMotion {
 /// One reading of an inertial measurement unit, in its axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuReading {
-    /// Specific force: acceleration minus that of free fall \[m/s2\].
+    /// Specific force: acceleration minus gravitational acceleration \[m/s2\].
     pub specific_force: Vector3<f64>,
     /// Angular velocity \[rad/s\].
     pub angular_velocity: Vector3<f64>,
@@ -25,15 +25,15 @@ pub struct ImuReading {
 
 /// An inertial measurement unit that integrates between its readings, as those with a digital output do.
 ///
-/// Between two samples at `t` and `t + dt`, with the orientation `R` and the velocity `v` of the sensor in the world and the
-/// acceleration of free fall `g`,
+/// Between two samples at `t` and `t + dt`, with the orientation `R` and the velocity `v` of the sensor in
+/// the world and the acceleration of free fall `g`,
 ///
 /// ```text
 /// omega = log(R(t)' R(t + dt)) / dt        f = R(t + dt/2)' ((v(t + dt) - v(t)) / dt - g)
 /// ```
 ///
-/// are the mean angular velocity and the mean specific force of the interval, in the axes of its middle; then come the
-/// errors of each. The first sample gives no reading.
+/// are the mean angular velocity and the mean specific force of the interval, in the axes of its middle; then
+/// come the errors of each. The first sample gives no reading.
 ///
 /// ```
 /// use motorium_sensors::channel::ErrorModel;
@@ -80,8 +80,8 @@ impl ImuModel {
         self.gravity = gravity;
     }
 
-    /// The reading of the interval since the last sample; `None` for the first one, and for one that does not lie after
-    /// the last: the motion then begins anew.
+    /// Returns the reading for the interval since the last sample. `None` for the first sample and for a time
+    /// that is not after the last one, which restarts the motion.
     pub fn sample(&mut self, time_ns: u64, motion: &SensorMotion) -> Option<ImuReading> {
         let (since, before) = self.last.replace((time_ns, *motion))?;
         let dt = time_ns.checked_sub(since).filter(|ns| *ns > 0)? as f64 * 1e-9;
@@ -95,7 +95,7 @@ impl ImuModel {
         Some(ImuReading { specific_force: force, angular_velocity: rate })
     }
 
-    /// The biases of gyroscope and accelerometer, as they stand.
+    /// Current biases of gyroscope and accelerometer.
     pub fn biases(&self) -> (Vector3<f64>, Vector3<f64>) {
         let bias = |channel: &Channel| Vector3::from_column_slice(channel.bias());
         (bias(&self.gyroscope), bias(&self.accelerometer))

@@ -3,22 +3,24 @@
 //! - [`encoder`]: the joint sensors of a robot.
 //! - [`imu`]: gyroscopes and accelerometers. [`contact`]: the contact sensors of feet.
 //! - [`channel`]: the errors of a measured quantity: noise, bias, scale, resolution, range.
-//! - [`loads`]: the wrenches with which links carry one another.
-//! - [`geodesy`]: places on the earth.
-//! - [`ranging`]: rays of sensors of distance, and the errors of what they read.
-//! - [`pinhole`]: cameras without distortion. [`rendering`]: the pictures that they take. [`blob`]: a thing of one colour in them.
-//! - [`randomise`]: parameters that are drawn anew for every episode.
-//! - [`delay`]: readings held back until their latency is over.
+//! - [`loads`]: wrenches between the links of a robot.
+//! - [`geodesy`]: positions on the earth.
+//! - [`ranging`]: rays of distance sensors, and their errors.
+//! - [`pinhole`]: cameras without distortion. [`rendering`]: camera images. [`blob`]: detection of a coloured
+//!   object in images.
+//! - [`randomise`]: parameters sampled for every episode.
+//! - [`delay`]: delay of readings by their latency.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
-//! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.joint_torque`, `sensor.force_torque`,
-//!   `sensor.imu`, `sensor.contact`, `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`,
-//!   `sensor.depth_camera`, `sensor.camera`.
-//! - [`component::blob`]: `estimator.blob`, the place of a thing of one colour.
+//! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.joint_torque`,
+//!   `sensor.force_torque`, `sensor.imu`, `sensor.contact`, `sensor.altimeter`, `sensor.magnetometer`,
+//!   `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`,
+//!   `sensor.camera`.
+//! - [`component::blob`]: `estimator.blob`, position of a coloured object.
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
-//! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
+//! - [`component::merge`]: `joint.merge`, joint state of a robot from several publishers.
 //!
-//! The models are plain libraries: of the runtime they use only its unit of time, and only construction allocates.
+//! The models use nothing of the runtime but its time unit, and only construction allocates.
 //!
 //! ```
 //! use std::time::Duration;

@@ -1,4 +1,4 @@
-//! The wrenches with which the links of a robot carry one another, from its motion.
+//! Wrenches between the links of a robot, computed from its motion.
 
 use motorium_robots::{FrameId, Inertia, Kinematics, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -47,19 +47,20 @@ impl From<OutsideForce> for OutsideWrench {
     }
 }
 
-/// The wrenches with which the links of a robot carry one another, as the means between two samples of its motion.
+/// Wrenches between the links of a robot, as means between two samples of its motion.
 ///
-/// A link and all that it carries have together the momentum `P`, the angular momentum `L` about the origin of the world and the
-/// mass `m` with the centre `c`. Between two samples at `t` and `t + dt` the joint that carries the link, a moving or a
-/// fixed one, must have exerted the mean wrench
+/// A link and everything it carries have the total momentum `P`, the angular momentum `L` about the origin of
+/// the world and the mass `m` with the centre `c`. Between two samples at `t` and `t + dt` the joint that
+/// carries the link, a moving or a fixed one, must have exerted the mean wrench
 ///
 /// ```text
 /// F = (P(t + dt) - P(t)) / dt - m g - sum f_i
 /// T = (L(t + dt) - L(t)) / dt - c(t + dt/2) x m g - sum r_i x f_i
 /// ```
 ///
-/// with the acceleration of free fall `g` and the forces `f_i` at the points `r_i` from outside. No acceleration is needed, and an
-/// impact between the samples counts in full. Masses are those of the model times a factor of each link.
+/// with the gravitational acceleration `g` and the external forces `f_i` at the points `r_i`. No joint
+/// acceleration is needed, and an impact between the samples is fully included. Masses are those of the model
+/// times a factor per link.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, load};
@@ -117,19 +118,20 @@ impl Loads {
         Self { wrenches: vec![WorldWrench::default(); links.len()], links, gravity, last: None }
     }
 
-    /// Sets the acceleration of free fall \[m/s2\] and, link by link of the model, the factor of its mass and its inertia.
+    /// Sets the acceleration of free fall \[m/s2\] and, link by link of the model, the factor of its mass and
+    /// its inertia.
     pub fn set_properties(&mut self, gravity: Vector3<f64>, factor: impl Fn(usize) -> f64) {
         self.gravity = gravity;
         self.links.iter_mut().enumerate().for_each(|(index, link)| link.factor = factor(index));
     }
 
-    /// Begins anew: the next sample is the first.
+    /// Restarts: the next sample is the first.
     pub fn forget(&mut self) {
         self.last = None;
     }
 
-    /// Takes in the motion at a time, and the mean forces from outside since the last sample. `false` for the first sample, and for one
-    /// that does not lie after the last: the motion then begins anew.
+    /// Adds the motion at a time and the mean external forces since the last sample. Returns `false` for the
+    /// first sample and for a time that is not after the last one, which restarts the motion.
     pub fn sample(
         &mut self,
         time_ns: u64,
@@ -140,7 +142,7 @@ impl Loads {
         self.sample_wrenches(time_ns, model, kinematics, outside.into_iter().map(OutsideWrench::from))
     }
 
-    /// As [`sample`](Self::sample), with mean wrenches from outside.
+    /// Like [`sample`](Self::sample), with mean external wrenches.
     pub fn sample_wrenches(
         &mut self,
         time_ns: u64,
@@ -150,7 +152,7 @@ impl Loads {
     ) -> bool {
         for (index, (link, frame)) in self.links.iter_mut().zip(model.frame_ids()).enumerate() {
             link.before = link.now;
-            // what stands in the world carries, and is not carried
+            // links fixed to the world carry others but are not carried
             if link.inertia.mass > 0.0 && !model.frames()[index].in_world {
                 link.now = link.motion(model, kinematics, frame);
             }
@@ -192,8 +194,8 @@ impl Loads {
         }
     }
 
-    /// The wrench that the joint above a link, moving or fixed, exerted on the link: the mean of the interval that the last sample
-    /// closed.
+    /// The wrench that the joint above a link, moving or fixed, exerted on the link: the mean of the interval
+    /// that the last sample closed.
     pub fn through(&self, link: FrameId) -> WorldWrench {
         self.wrenches[link.index()]
     }

@@ -9,8 +9,8 @@ pub(crate) const DROP_OUTS: u64 = 1 << 20;
 
 /// A source of standard normal numbers: the same seed and channel give the same sequence.
 ///
-/// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so that switching the
-/// noise of one quantity on or off leaves that of the others alone.
+/// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so switching
+/// the noise of one quantity on or off does not change the others.
 #[derive(Clone, Debug)]
 pub struct Noise {
     generator: Pcg64,
@@ -19,7 +19,8 @@ pub struct Noise {
 impl Noise {
     /// Channel `channel` of a seed.
     pub fn new(seed: u64, channel: u64) -> Self {
-        // a generator of seeds for each seed, and from it the seed of the channel: streams of one state correlate
+        // a generator of seeds for each seed, and from it the seed of the channel: streams of one state
+        // correlate
         let mut seeds = Pcg64::seed_from_u64(seed);
         seeds.advance(u128::from(channel) << 32);
         Self { generator: Pcg64::from_rng(&mut seeds) }

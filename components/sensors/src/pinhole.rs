@@ -2,7 +2,8 @@
 
 use nalgebra::{Unit, Vector3};
 
-/// A camera without distortion that looks along x: columns to the right, which is along -y, rows down, which is along -z.
+/// A camera without distortion that looks along x: columns to the right, which is along -y, rows down, which
+/// is along -z.
 ///
 /// Pixels are numbered from the middle of the top left one.
 ///
@@ -67,7 +68,8 @@ impl Pinhole {
         })
     }
 
-    /// The point of the picture at which a point in the axes of the camera \[m\] is seen; `None` behind the camera.
+    /// The point of the picture at which a point in the axes of the camera \[m\] is seen; `None` behind the
+    /// camera.
     pub fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
         if point.x <= 0.0 {
             return None;

@@ -1,4 +1,4 @@
-//! Parameters of a sensor that are drawn anew for every episode.
+//! Sensor parameters sampled for every episode.
 
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::channel::{ErrorModel, SettingError};
 use crate::noise::Noise;
 
-/// Ranges of the parameters of a sensor, drawn evenly and anew at the start of every episode from its seed.
+/// Ranges of sensor parameters, sampled uniformly from the seed at the start of every episode.
 ///
 /// ```toml
 /// noise   = [0.5, 2.0]
@@ -21,7 +21,7 @@ pub struct SensorRanges {
     pub noise: Option<[f64; 2]>,
     /// Factor of the deviations of biases and of errors of scale, from 0 to 100. Default: 1.
     pub bias: Option<[f64; 2]>,
-    /// Latency, in place of that of the sensor. Default: that.
+    /// Latency, replacing the sensor's latency. Default: the sensor's latency.
     pub latency: Option<[TimeSpan; 2]>,
 }
 
@@ -80,12 +80,13 @@ impl SensorRanges {
         }
     }
 
-    /// The longest latency that may be drawn, where `own` is that of the sensor.
+    /// Longest latency that can be sampled, where `own` is the sensor's latency.
     pub fn longest(&self, own: TimeSpan) -> TimeSpan {
         self.latency.map_or(own, |[_, longest]| longest)
     }
 
-    /// The draw of a seed, for a sensor with this latency of its own. Each parameter depends on the seed and its own range alone.
+    /// Samples the parameters for a seed and a sensor with the latency `own`. Each parameter depends only on
+    /// the seed and its own range.
     pub fn draw(&self, seed: u64, own: TimeSpan) -> SensorDraw {
         let share = |number: u64| Noise::new(seed, DRAWS + number).uniform();
         let factor = |range: Option<[f64; 2]>, number: u64| {
@@ -99,7 +100,7 @@ impl SensorRanges {
 }
 
 impl SensorDraw {
-    /// The draw that changes nothing, for a sensor with this latency.
+    /// Parameters that change nothing, for a sensor with this latency.
     pub fn none(latency: TimeSpan) -> Self {
         Self { noise: 1.0, bias: 1.0, latency }
     }

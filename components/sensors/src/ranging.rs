@@ -1,4 +1,4 @@
-//! Sensors of distance: the directions of their rays, and the errors of what they read.
+//! Distance sensors: ray directions and errors of the readings.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,11 +15,11 @@ const LOST: u64 = 1 << 21;
 pub struct RangeSettings {
     /// Errors of a distance, m.
     pub distance: ErrorModel,
-    /// The least distance that is measured, m. A nearer surface gives no return.
+    /// Minimum distance, m. A nearer surface gives no return.
     pub least: f64,
     /// The greatest distance that is measured, m.
     pub most: f64,
-    /// Share of the rays that have no return, 0 to 1.
+    /// Fraction of the rays without a return, 0 to 1.
     pub lost: f64,
 }
 
@@ -69,15 +69,16 @@ impl RangeModel {
         2.0 * self.settings.most
     }
 
-    /// Makes true distances, infinite where a ray meets nothing, the readings of a sensor whose last ones lie `dt` \[s\] back.
+    /// Converts true distances, infinite for rays without a hit, to readings. `dt` \[s\] is the time since
+    /// the last reading.
     ///
     /// # Panics
-    /// On another number of rays.
+    /// If the number of rays differs.
     pub fn measure(&mut self, dt: f64, distances: &mut [f64]) {
         self.channel.measure(dt, distances);
         let RangeSettings { least, most, lost, .. } = self.settings;
         for distance in distances {
-            // one draw a ray, so that the others stay as they are when the share changes
+            // one draw per ray, so that other draws do not change with the fraction
             let gone = lost > 0.0 && self.draws.uniform() < lost;
             if gone || !(least..=most).contains(distance) {
                 *distance = 2.0 * most;
@@ -99,8 +100,8 @@ pub fn direction(azimuth: f64, elevation: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(Vector3::new(across * azimuth.cos(), across * azimuth.sin(), up))
 }
 
-/// Azimuths of `count` rays, from right to left: over a field of view \[rad\] about x with a ray at each end, or over the whole
-/// turn, from behind, without one direction twice.
+/// Azimuths of `count` rays, from right to left: over a field of view \[rad\] about x with a ray at each end,
+/// or over the whole turn, from behind, without one direction twice.
 ///
 /// ```
 /// use motorium_sensors::ranging::azimuths;

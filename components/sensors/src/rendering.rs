@@ -1,4 +1,4 @@
-//! Pictures of a scene by rays: matt surfaces in the sun, with shadows, and the errors of a sensor that takes them.
+//! Ray-cast images of a scene: matt surfaces in sunlight, with shadows, and the errors of an image sensor.
 
 use std::sync::Arc;
 
@@ -56,9 +56,9 @@ pub struct Looks {
     pub light: Light,
 }
 
-/// Takes pictures: one ray a pixel through its middle, and one to the light from what it meets.
+/// Renders images with one ray through the centre of each pixel and one shadow ray from each hit.
 ///
-/// After construction nothing allocates.
+/// Only construction allocates.
 ///
 /// ```
 /// use motorium_robots::{ConvexShape, Light, RayScene, RayShape};
@@ -87,12 +87,12 @@ pub struct Renderer {
     hits: Vec<Option<RayHit>>,
     /// Rays to the light.
     feelers: Vec<Ray>,
-    /// For each of them its pixel, the share of the direct light by Lambert's law and the colour of the surface.
+    /// Per hit: pixel, fraction of direct light by Lambert's law, and colour of the surface.
     lit: Vec<(usize, f64, Colour)>,
 }
 
 impl Renderer {
-    /// A renderer of the pictures of a camera that sees as far as `range` \[m\].
+    /// Creates a renderer for a camera that sees as far as `range` \[m\].
     pub fn new(pinhole: Pinhole, range: f64) -> Self {
         let directions: Vec<_> = pinhole.directions().collect();
         let count = directions.len();
@@ -155,7 +155,7 @@ impl Renderer {
                 lit.push((index, share, colour));
             }
         }
-        // what the rays of the picture met is known: their places serve those to the light
+        // the hits are already evaluated, so their memory serves the shadow rays
         let shaded = &mut hits[..feelers.len()];
         if looks.light.shadows {
             scene.cast_all(feelers, *range, shaded);
@@ -173,8 +173,9 @@ impl Renderer {
 
 /// The errors of the pixels of a picture. The default is an ideal sensor, whose levels are rounded.
 ///
-/// A channel of level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with a standard normal `n` of
-/// its own: shot noise, by which the number of electrons varies as its square root, and the noise of the amplifier.
+/// A channel of level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with a
+/// standard normal `n` of its own: shot noise, by which the number of electrons varies as its square root,
+/// and the noise of the amplifier.
 ///
 /// ```toml
 /// full_well  = 10000.0
@@ -183,7 +184,7 @@ impl Renderer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PixelNoise {
-    /// Electrons of a pixel at level 255. Default: so many that there is no shot noise.
+    /// Electrons of a pixel at level 255. Default: no shot noise.
     pub full_well: Option<f64>,
     /// Standard deviation in the dark, levels. Default 0.
     #[schemars(range(min = 0.0))]
@@ -195,7 +196,7 @@ impl PixelNoise {
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let electrons = |well: f64| (well / (factor * factor)).max(1.0);
         Self {
-            // so many that there is no shot noise
+            // enough electrons that there is no shot noise
             full_well: self.full_well.filter(|_| factor > 0.0).map(|well| electrons(well).min(1e9)),
             read_noise: (factor * self.read_noise).min(255.0),
         }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-/// A delay of commands: what is sent at `t` acts from `t + delay` on, and stays until the next acts.
+/// A command delay: a command sent at `t` takes effect at `t + delay` and holds until the next one.
 ///
 /// ```
 /// use motorium_robots::Delay;
@@ -20,12 +20,13 @@ pub struct Delay<T> {
     delay_ns: u64,
     now_ns: u64,
     idle: T,
-    /// Commands under way with the time from which they act, oldest first; the first may act already.
+    /// Commands in flight with the time at which they take effect, oldest first; the first may already be
+    /// active.
     queue: VecDeque<(u64, T)>,
 }
 
 impl<T: Copy> Clone for Delay<T> {
-    /// The copy has the same room, so that it allocates as little.
+    /// The copy has the same capacity, so it allocates as rarely.
     fn clone(&self) -> Self {
         let mut queue = VecDeque::with_capacity(self.queue.capacity());
         queue.extend(&self.queue);
@@ -34,14 +35,16 @@ impl<T: Copy> Clone for Delay<T> {
 }
 
 impl<T: Copy> Delay<T> {
-    /// A delay \[s\]; until the first command arrives `idle` acts. There is room for steps of 0.1 ms and longer.
+    /// Creates a delay \[s\]; `idle` applies until the first command arrives. The capacity suffices for steps
+    /// of at least 0.1 ms.
     pub fn new(delay: f64, idle: T) -> Self {
         let delay_ns = nanoseconds(delay);
         let queue = VecDeque::with_capacity((delay_ns / 100_000) as usize + 3);
         Self { delay_ns, now_ns: 0, idle, queue }
     }
 
-    /// Sets the delay of what is sent from now on \[s\]. What arrives before something that was sent earlier overtakes it.
+    /// Sets the delay of commands sent from now on \[s\]. A command that arrives before an earlier one
+    /// overtakes it.
     pub fn set_delay(&mut self, delay: f64) {
         self.delay_ns = nanoseconds(delay);
         let room = (self.delay_ns / 100_000) as usize + 3;
@@ -57,13 +60,13 @@ impl<T: Copy> Delay<T> {
         arrived.last().map_or(self.idle, |(_, command)| *command)
     }
 
-    /// Sends `newest` now, and goes on by `dt` \[s\].
+    /// Sends `newest` now and advances by `dt` \[s\].
     pub fn advance(&mut self, newest: T, dt: f64) {
         if self.delay_ns == 0 {
             return;
         }
         let due = self.now_ns + self.delay_ns;
-        // After a longer delay: what would arrive later than this is overtaken.
+        // After a longer delay: commands that would arrive later are overtaken.
         while self.queue.back().is_some_and(|(other, _)| *other > due) {
             self.queue.pop_back();
         }
@@ -75,7 +78,7 @@ impl<T: Copy> Delay<T> {
         }
     }
 
-    /// Goes back to the start: nothing is under way.
+    /// Resets to the initial state, with no command in flight.
     pub fn reset(&mut self) {
         self.queue.clear();
         self.now_ns = 0;

@@ -1,19 +1,21 @@
-//! A drivetrain that gives way: series elasticity and backlash between the motor and the joint.
+//! A compliant drivetrain: series elasticity and backlash between motor and joint.
 
 use super::{Actuator, EffortLaw};
 
-/// A drivetrain: a motor with an inertia of its own that moves the joint by a spring and a damper, which a gap may part.
+/// A drivetrain: a motor with an inertia of its own that moves the joint by a spring and a damper, which a
+/// gap may part.
 ///
-/// With `backlash = 0` it is a series-elastic actuator; with a stiff spring and a gap, a gear with backlash (the dead-zone model of
-/// Nordin and Gutman 2002): within the gap neither side feels the other, at its ends the teeth push and never pull. All numbers are
-/// those at the joint, behind the gear: the inertia of a rotor times the square of the gear ratio.
+/// With `backlash = 0` it is a series-elastic actuator; with a stiff spring and a gap, a gear with backlash
+/// (the dead-zone model of Nordin and Gutman 2002): within the gap neither side feels the other, at its ends
+/// the teeth push and never pull. All numbers are those at the joint, behind the gear: the inertia of a rotor
+/// times the square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
     /// Inertia of the motor \[kg m2 or kg\].
     pub motor_inertia: f64,
     /// Stiffness of the spring \[Nm/rad or N/m\].
     pub stiffness: f64,
-    /// Damping beside the spring \[Nms/rad or Ns/m\].
+    /// Damping parallel to the spring \[Nms/rad or Ns/m\].
     pub damping: f64,
     /// Width of the gap, from one end to the other \[rad or m\].
     pub backlash: f64,
@@ -28,9 +30,11 @@ pub struct Motor {
     pub velocity: f64,
 }
 
-/// The command of a drive, at its motor: the effort `kp (position - theta) + kd (velocity - theta') + effort`.
+/// The command of a drive, at its motor: the effort `kp (position - theta) + kd (velocity - theta') +
+/// effort`.
 ///
-/// Beyond `velocity_limits` the highest effort in the direction of the motion falls by `braking` per unit of velocity.
+/// Beyond `velocity_limits` the highest effort in the direction of the motion falls by `braking` per unit of
+/// velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveCommand {
     /// Position setpoint \[rad or m\].
@@ -45,7 +49,7 @@ pub struct DriveCommand {
     pub kd: f64,
     /// Lowest and highest velocity without braking \[rad/s or m/s\].
     pub velocity_limits: [f64; 2],
-    /// Fall of the effort beyond them \[Nms/rad or Ns/m\]; 0: none.
+    /// Slope of the effort beyond them \[Nms/rad or Ns/m\]; 0 for none.
     pub braking: f64,
 }
 
@@ -57,7 +61,8 @@ impl DriveCommand {
     }
 }
 
-/// The effort on a joint in one step, `clamp(effort - slope * x, low, high)`, by the velocity `x` of the joint at its end.
+/// The effort on a joint in one step, `clamp(effort - slope * x, low, high)`, by the velocity `x` of the
+/// joint at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLaw {
     /// Effort on a joint that is at rest at the end \[Nm or N\].
@@ -92,7 +97,7 @@ struct Line {
     slope: f64,
 }
 
-/// A step of a motor: what changes its velocity but the load.
+/// A step of a motor: everything that changes its velocity except the load.
 struct MotorStep {
     /// Inertia over the length of the step.
     inertia: f64,
@@ -132,8 +137,9 @@ impl MotorStep {
         }
     }
 
-    /// The velocity at the end under a load `constant + slope * w`, and the line that the effort is on. The effort is a monotone
-    /// function of the velocity, made of lines by lesser and greater: so is its solution.
+    /// The velocity at the end under a load `constant + slope * w`, and the line that the effort is on. The
+    /// effort is a monotone function of the velocity, made of lines by lesser and greater: so is its
+    /// solution.
     fn solve(&self, (constant, slope): (f64, f64)) -> (f64, Line) {
         let root = |line: Line| {
             let push = self.inertia * self.velocity + line.constant - constant;
@@ -149,24 +155,25 @@ impl MotorStep {
 }
 
 impl Actuator {
-    /// Its drivetrain, where it has one that gives way.
+    /// The drivetrain, if it is compliant.
     pub fn drivetrain(&self) -> Option<&Drivetrain> {
         self.drivetrain.as_ref()
     }
 
-    /// Its motor, where that moves apart from the joint, from the first step on.
+    /// The motor, if it moves separately from the joint, from the first step.
     pub fn motor(&self) -> Option<Motor> {
         self.motor
     }
 
-    /// Puts the motor of a drivetrain that has not moved yet where the joint is: nothing is tense.
+    /// Places the motor of a drivetrain that has not moved yet at the joint, without tension.
     pub fn begin(&mut self, joint: Motor) {
         if self.drivetrain.is_some() && self.motor.is_none() {
             self.motor = Some(joint);
         }
     }
 
-    /// The effort on the joint in a step of `h` \[s\] that begins with the joint at `joint`; `None` where nothing gives way.
+    /// The effort on the joint in a step of `h` \[s\] that begins with the joint at `joint`; `None` for a
+    /// rigid drivetrain.
     ///
     /// ```
     /// use motorium_robots::{Actuator, ActuatorSettings, DriveCommand, Drivetrain, Motor};
@@ -193,7 +200,7 @@ impl Actuator {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let mut twist = motor.position - joint.position;
         if backlash > 0.0 {
-            // Where the gap will be if the sides do not meet decides whether they do.
+            // The sides meet if the gap would close without contact.
             let (free, _) = step.solve((0.0, 0.0));
             let end = twist + h * (free - joint.velocity);
             if end > half {
@@ -204,7 +211,8 @@ impl Actuator {
                 return Some(JointLaw::NOTHING);
             }
         }
-        // The load is `tension + give (w - x)` at the end of the step; the line of the effort is that at the velocity of now.
+        // The load is `tension + give (w - x)` at the end of the step; the line of the effort is that at the
+        // velocity of now.
         let (tension, give) = (stiffness * twist, stiffness * h + damping);
         let (_, line) = step.solve((tension - give * joint.velocity, give));
         let yielding = 1.0 / (step.inertia + line.slope);
@@ -213,7 +221,8 @@ impl Actuator {
         Some(JointLaw { effort: share * (tension + give * free), slope: share * give, low, high })
     }
 
-    /// Takes in the effort on the joint \[Nm or N\] of a step of `h` \[s\]: it is the load of the motor, which moves on.
+    /// Takes in the effort on the joint \[Nm or N\] of a step of `h` \[s\]: it is the load of the motor,
+    /// which moves on.
     pub fn apply_load(&mut self, command: &DriveCommand, load: f64, h: f64) {
         let (Some(drivetrain), Some(mut motor)) = (self.drivetrain, self.motor) else { return };
         let step = MotorStep::new(&drivetrain, &motor, command, (&self.law(motor.velocity, h), h));

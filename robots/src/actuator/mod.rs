@@ -1,4 +1,4 @@
-//! Models of actuators: what lies between the effort that a drive is asked for and the one that it gives.
+//! Actuator models: the stages between the effort commanded to a drive and the effort it delivers.
 //!
 //! Each stage is one equation with one state at most; [`Actuator`] composes them for a joint, in this order:
 //!
@@ -11,11 +11,11 @@
 //! drivetrain  motor_inertia theta'' = effort - load      load = dead_band(theta - q, backlash) stiffness + (theta' - q') damping
 //! ```
 //!
-//! In place of the law of the drive a network may say what effort is wanted: [`ActuatorNetwork`].
+//! A network may replace the law of the drive: [`ActuatorNetwork`].
 //!
-//! Lag and rate limit are discretised implicitly (backward Euler), so that a step of any length is stable, and so that a simulator
-//! can solve for an effort that depends on the state at the end of the step: [`Actuator::law`]. So is the drivetrain, whose motor has a
-//! coordinate of its own: [`Actuator::joint_law`].
+//! Lag and rate limit are discretised implicitly (backward Euler). Steps of any length are stable, and a
+//! simulator can solve for an effort that depends on the state at the end of the step: [`Actuator::law`]. The
+//! same holds for the drivetrain, whose motor has its own coordinate: [`Actuator::joint_law`].
 
 mod delay;
 mod drivetrain;
@@ -34,16 +34,16 @@ pub use table::{
 /// A torque-speed envelope: a motor at a limited voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Envelope {
-    /// Effort at standstill that the voltage would give \[Nm or N\]; the effort limit of the joint may lie below it.
+    /// Stall effort at the supply voltage \[Nm or N\]; the effort limit of the joint may be lower.
     pub stall_effort: f64,
-    /// Velocity at which no effort is left \[rad/s or m/s\].
+    /// Velocity at which the available effort is zero \[rad/s or m/s\].
     pub no_load_velocity: f64,
 }
 
-/// A winding that warms up: the effort limit falls to what can be given for ever.
+/// Heating of the winding: the effort limit falls to the continuous effort.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermal {
-    /// Effort that can be given for ever \[Nm or N\].
+    /// Continuous effort \[Nm or N\].
     pub continuous_effort: f64,
     /// Time constant of the winding \[s\].
     pub time_constant: f64,
@@ -52,11 +52,11 @@ pub struct Thermal {
 /// The settings of an actuator. The default is an ideal one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActuatorSettings {
-    /// Time from a command until it acts \[s\].
+    /// Delay of commands \[s\].
     pub delay: f64,
-    /// Torque-speed envelope; `None`: the effort limit alone.
+    /// Torque-speed envelope; `None` uses the effort limit only.
     pub envelope: Option<Envelope>,
-    /// Warming up; `None`: the effort limit can be given for ever.
+    /// Heating; with `None` the effort limit can be sustained indefinitely.
     pub thermal: Option<Thermal>,
     /// Time constant of the effort, a first-order lag \[s\].
     pub lag: f64,
@@ -64,7 +64,7 @@ pub struct ActuatorSettings {
     pub rate_limit: Option<f64>,
     /// Shaft and gear between motor and joint; `None`: rigid ones.
     pub drivetrain: Option<Drivetrain>,
-    /// Network that says what effort is wanted, in place of the law of the drive; `None`: that law.
+    /// Network that replaces the law of the drive, if any.
     pub network: Option<Arc<NetworkSettings>>,
 }
 
@@ -85,7 +85,7 @@ impl ActuatorSettings {
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`] with the first that cannot be.
+    /// [`ActuatorError`] with the first invalid value.
     pub fn check(&self) -> Result<(), ActuatorError> {
         let time = |setting, value: f64| {
             let expected = "a time from 0 to 10 s";
@@ -131,12 +131,13 @@ impl ActuatorSettings {
     }
 }
 
-/// The effort of one step: `clamp(share * wanted + carried, low, high)`, where `wanted` may depend on the state at its end.
+/// The effort of one step: `clamp(share * wanted + carried, low, high)`, where `wanted` may depend on the
+/// state at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffortLaw {
-    /// Share of the effort that is wanted, above 0 to 1.
+    /// Share of the desired effort, above 0, at most 1.
     pub share: f64,
-    /// The part that stays from before \[Nm or N\].
+    /// Contribution of the previous state \[Nm or N\].
     pub carried: f64,
     /// Lowest effort \[Nm or N\].
     pub low: f64,
@@ -169,7 +170,7 @@ pub struct Actuator {
     limit: f64,
     effort: f64,
     heat: f64,
-    /// Of a motor that moves apart from the joint; from the first step on.
+    /// State of a motor that moves separately from the joint, from the first step.
     motor: Option<Motor>,
 }
 
@@ -196,7 +197,7 @@ impl Actuator {
         })
     }
 
-    /// The effort that its motor gives \[Nm or N\].
+    /// Effort delivered by the motor \[Nm or N\].
     pub fn effort(&self) -> f64 {
         self.effort
     }
@@ -211,23 +212,23 @@ impl Actuator {
         self.limit = effort_limit.abs();
     }
 
-    /// Takes over other settings; effort, heat and motor stay as they are.
+    /// Replaces the settings; effort, temperature and motor state are kept.
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`]; nothing has changed then.
+    /// [`ActuatorError`]; the actuator is unchanged then.
     pub fn set_settings(&mut self, settings: &ActuatorSettings) -> Result<(), ActuatorError> {
         let Self { effort, heat, motor, limit, .. } = *self;
         *self = Self { effort, heat, motor, ..Self::new(settings, limit)? };
         Ok(())
     }
 
-    /// Takes over effort, heat and motor of another; effort limit and settings stay as they are.
+    /// Copies effort, temperature and motor state of another actuator; effort limit and settings are kept.
     pub fn resume(&mut self, other: &Self) {
         (self.effort, self.heat, self.motor) = (other.effort, other.heat, other.motor);
     }
 
-    /// Goes back to rest: no effort, cold, the motor where the joint will be.
+    /// Resets to rest: zero effort, cold, the motor at the joint.
     pub fn reset(&mut self) {
         (self.effort, self.heat, self.motor) = (0.0, 0.0, None);
     }
@@ -255,7 +256,7 @@ impl Actuator {
         }
     }
 
-    /// The law of a step of `h` \[s\] that begins at a velocity \[rad/s or m/s\].
+    /// Returns the law of a step of `h` \[s\] that starts at a velocity \[rad/s or m/s\].
     pub fn law(&self, velocity: f64, h: f64) -> EffortLaw {
         let (low, high) = self.available(velocity);
         let share = h / (self.lag + h);
@@ -278,8 +279,8 @@ impl Actuator {
         }
     }
 
-    /// A step of `h` \[s\] at a velocity \[rad/s or m/s\] in which the effort `wanted` \[Nm or N\] does not change: the effort that the
-    /// actuator gives.
+    /// Advances by a step of `h` \[s\] at a velocity \[rad/s or m/s\] with constant desired effort `wanted`
+    /// \[Nm or N\]; returns the delivered effort.
     pub fn step(&mut self, wanted: f64, velocity: f64, h: f64) -> f64 {
         let law = self.law(velocity, h);
         let effort = (law.share * wanted + law.carried).clamp(law.low, law.high);

@@ -1,4 +1,4 @@
-//! A learned actuator: a network from what a drive measured lately to the effort that its motor gives.
+//! A learned actuator: a network from recent measurements of a drive to the effort of its motor.
 
 use std::sync::Arc;
 
@@ -66,18 +66,18 @@ struct Layer {
     inputs: usize,
 }
 
-/// A network that is none of an actuator.
+/// The file is not an actuator network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkError {
     /// A file that cannot be read.
     #[error("{0}")]
     File(#[from] SafetensorsError),
-    /// A layer that does not fit.
+    /// A layer has the wrong shape.
     #[error("tensor \"{tensor}\" is {found}, expected {expected}")]
     Layer {
         /// The tensor.
         tensor: String,
-        /// Its shape, or that it is missing.
+        /// Shape found, or that the layer is missing.
         found: String,
         /// The shape expected.
         expected: String,
@@ -90,8 +90,9 @@ pub enum NetworkError {
 }
 
 impl NetworkWeights {
-    /// The layers of a safetensors file, with `inputs` numbers going in and one coming out: tensors `NAME.weight` (outputs by inputs)
-    /// and `NAME.bias`, in the order of the numbers in their names, as a `torch.nn.Sequential` of linear layers has them.
+    /// The layers of a safetensors file, with `inputs` numbers going in and one coming out: tensors
+    /// `NAME.weight` (outputs by inputs) and `NAME.bias`, in the order of the numbers in their names, as a
+    /// `torch.nn.Sequential` of linear layers has them.
     ///
     /// # Errors
     ///
@@ -135,7 +136,8 @@ impl NetworkWeights {
         self.layers.iter().map(|layer| layer.inputs).max().unwrap_or(0)
     }
 
-    /// The output for the inputs that stand at the beginning of `values`; both have room for the widest layer.
+    /// The output for the inputs that stand at the beginning of `values`; both have room for the widest
+    /// layer.
     fn output<'a>(&self, mut values: &'a mut [f64], mut next: &'a mut [f64]) -> f64 {
         for (index, Layer { weight, bias, inputs }) in self.layers.iter().enumerate() {
             let is_last = index + 1 == self.layers.len();
@@ -165,18 +167,18 @@ pub struct NetworkSettings {
     pub times: Vec<f64>,
     /// Order of the inputs.
     pub input_order: InputOrder,
-    /// Factor of position errors before they go in \[1/rad or 1/m\].
+    /// Scale of position errors at the input \[1/rad or 1/m\].
     pub position_scale: f64,
-    /// Factor of velocities before they go in \[s/rad or s/m\].
+    /// Scale of velocities at the input \[s/rad or s/m\].
     pub velocity_scale: f64,
     /// Effort of an output of one \[Nm or N\].
     pub effort_scale: f64,
 }
 
-/// A learned actuator network (Hwangbo et al. 2019): the effort of a motor by the position errors and velocities of its joint, now and
-/// at times before.
+/// A learned actuator network (Hwangbo et al. 2019): computes the effort of a motor from current and past
+/// position errors and velocities of its joint.
 ///
-/// Until there is a measurement of an age, the first stands in its place.
+/// Until a measurement of an age exists, the first one is used.
 #[derive(Clone, Debug)]
 pub struct ActuatorNetwork {
     settings: Arc<NetworkSettings>,
@@ -187,14 +189,15 @@ pub struct ActuatorNetwork {
 }
 
 impl ActuatorNetwork {
-    /// A network that has measured nothing yet.
+    /// Creates a network without measurements.
     pub fn new(settings: Arc<NetworkSettings>) -> Self {
         let width = settings.weights.widest().max(1);
         let past = settings.times.iter().map(|age| Delay::new(*age, None)).collect();
         Self { past, values: vec![0.0; width], next: vec![0.0; width], first: None, settings }
     }
 
-    /// The effort \[Nm or N\] for a position error \[rad or m\] and a velocity \[rad/s or m/s\] that are measured now.
+    /// The effort \[Nm or N\] for a position error \[rad or m\] and a velocity \[rad/s or m/s\] that are
+    /// measured now.
     pub fn effort(&mut self, error: f64, velocity: f64) -> f64 {
         let (settings, newest) = (&*self.settings, [error, velocity]);
         let first = self.first.unwrap_or(newest);
@@ -211,14 +214,14 @@ impl ActuatorNetwork {
         settings.effort_scale * settings.weights.output(&mut self.values, &mut self.next)
     }
 
-    /// Goes on by `dt` \[s\] after a measurement.
+    /// Advances by `dt` \[s\] after a measurement.
     pub fn advance(&mut self, error: f64, velocity: f64, dt: f64) {
         let newest = [error, velocity];
         self.first.get_or_insert(newest);
         self.past.iter_mut().for_each(|past| past.advance(Some(newest), dt));
     }
 
-    /// Goes back to the start: nothing is measured.
+    /// Resets to the initial state, without measurements.
     pub fn reset(&mut self) {
         self.first = None;
         self.past.iter_mut().for_each(Delay::reset);

@@ -1,4 +1,4 @@
-//! The `actuator` and `actuators` tables, as components that simulate drives read them.
+//! The `actuator` and `actuators` tables in the configuration of components that simulate drives.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,9 +15,9 @@ use crate::Model;
 /// Longest file of an actuator network, bytes: they have a few thousand weights.
 const LONGEST_NETWORK: u64 = 256 * 1024 * 1024;
 
-/// The stages between the effort that a drive is asked for and the one that acts on the joint. The default is an ideal actuator.
+/// Stages between the commanded effort and the effort on the joint. The default is an ideal actuator.
 ///
-/// `T` is a time, as the reader of the table writes times.
+/// `T` is the reader's type for times.
 ///
 /// ```toml
 /// delay      = "2 ms"
@@ -32,14 +32,14 @@ const LONGEST_NETWORK: u64 = 256 * 1024 * 1024;
 #[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de> + Default"))]
 #[schemars(rename = "ActuatorConfig")]
 pub struct ActuatorTable<T: Default> {
-    /// Time from a command until it acts. Default none.
+    /// Delay of commands. Default 0.
     #[serde(default)]
     pub delay: T,
     /// Torque-speed envelope. Default: the effort limit at every speed.
     pub envelope: Option<EnvelopeTable>,
     /// Warming up of the winding. Default: the effort limit can be given for ever.
     pub thermal: Option<ThermalTable<T>>,
-    /// Time constant of the effort, a first-order lag. Default none.
+    /// Time constant of the first-order lag of the effort. Default 0.
     #[serde(default)]
     pub lag: T,
     /// Largest rate of the effort, N m/s or N/s. Default: no end.
@@ -50,14 +50,15 @@ pub struct ActuatorTable<T: Default> {
     pub network: Option<NetworkTable<T>>,
 }
 
-/// The efforts of a motor at a limited voltage: from `stall_effort` at standstill they fall to none at `no_load_velocity`.
+/// The efforts of a motor at a limited voltage: from `stall_effort` at standstill they fall to none at
+/// `no_load_velocity`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "EnvelopeConfig")]
 pub struct EnvelopeTable {
-    /// Effort at standstill, N m or N; the effort limit of the joint holds besides it.
+    /// Stall effort, N m or N; the effort limit of the joint applies as well.
     pub stall_effort: f64,
-    /// Velocity at which no effort is left, rad/s or m/s.
+    /// Velocity at which the available effort is zero, rad/s or m/s.
     pub no_load_velocity: f64,
 }
 
@@ -66,14 +67,14 @@ pub struct EnvelopeTable {
 #[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
 #[schemars(rename = "ThermalConfig")]
 pub struct ThermalTable<T> {
-    /// Effort that can be given for ever, N m or N.
+    /// Continuous effort, N m or N.
     pub continuous_effort: f64,
     /// Time constant of the winding.
     pub time_constant: T,
 }
 
-/// A motor with an inertia of its own, and the spring, damper and gap between it and the joint, all as they are at the joint. The drive
-/// closes its loops on the motor.
+/// A motor with an inertia of its own, and the spring, damper and gap between it and the joint, all as they
+/// are at the joint. The drive closes its loops on the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "DrivetrainConfig")]
@@ -82,7 +83,7 @@ pub struct DrivetrainTable {
     pub motor_inertia: f64,
     /// Stiffness of the spring, N m/rad or N/m.
     pub stiffness: f64,
-    /// Damping beside the spring, N m s/rad or N s/m. Default 0.
+    /// Damping parallel to the spring, N m s/rad or N s/m. Default 0.
     #[serde(default)]
     pub damping: f64,
     /// Width of the gap of the gear, rad or m. Default 0: a series-elastic actuator.
@@ -90,13 +91,14 @@ pub struct DrivetrainTable {
     pub backlash: f64,
 }
 
-/// A multilayer perceptron in a safetensors file, from position errors and velocities, now and before, to the effort.
+/// A multilayer perceptron in a safetensors file, from position errors and velocities, now and before, to the
+/// effort.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
 #[schemars(rename = "NetworkConfig")]
 pub struct NetworkTable<T> {
-    /// The file; a relative path begins at the graph's folder. Its tensors `0.weight`, `0.bias`, `2.weight` and so on are those of a
-    /// `torch.nn.Sequential`.
+    /// Path of the file, relative to the graph's folder. Its tensors `0.weight`, `0.bias`, `2.weight` and so
+    /// on are from a `torch.nn.Sequential`.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Function between the layers. Default `softsign`.
@@ -108,10 +110,10 @@ pub struct NetworkTable<T> {
     /// Order of the inputs. Default: all position errors first.
     #[serde(default)]
     pub input_order: InputOrder,
-    /// Factor of position errors before they go in. Default 1.
+    /// Scale of position errors at the input. Default 1.
     #[serde(default = "one")]
     pub position_scale: f64,
-    /// Factor of velocities before they go in. Default 1.
+    /// Scale of velocities at the input. Default 1.
     #[serde(default = "one")]
     pub velocity_scale: f64,
     /// Effort of an output of one, N m or N. Default 1.
@@ -125,7 +127,7 @@ fn one() -> f64 {
 
 /// Ages of the measurements of Hwangbo et al. \[s\].
 const TIMES: [f64; 3] = [0.0, 0.01, 0.02];
-/// Measurements that a network may take in.
+/// Maximum number of measurement times of a network.
 const MOST_TIMES: usize = 64;
 
 /// A mistake in the tables of actuators.
@@ -151,7 +153,7 @@ impl ActuatorTableError {
 }
 
 impl<T: Copy + Default> ActuatorTable<T> {
-    /// The settings that a table at `key` describes; files are read from `folder`, `seconds` are those of a time.
+    /// Converts the table at `key` to settings; files are read from `folder`, `seconds` converts a time.
     ///
     /// # Errors
     ///
@@ -191,7 +193,8 @@ impl<T: Copy + Default> ActuatorTable<T> {
         settings.check().map(|()| settings).map_err(refused)
     }
 
-    /// The actuators of the joints of a model: `of_all`, and in its place those of single joints. Empty where all are ideal.
+    /// Returns the actuators of the joints of a model: `of_all`, overridden by those of single joints. Empty
+    /// if all are ideal.
     ///
     /// # Errors
     ///

@@ -1,4 +1,5 @@
-//! Inertias turned about and moved along one coordinate axis: a quarter of the arithmetic of a general placement.
+//! Inertias turned about and moved along one coordinate axis: a quarter of the arithmetic of a general
+//! placement.
 
 use super::{RigidInertia, S3, V3, fused};
 
@@ -39,7 +40,7 @@ impl RigidInertia {
         let (hx, hy) = turn.across::<FUSED>(h.x, h.y);
         let (xx, xy, yy) = turn.plane::<FUSED>(i.xx, i.xy, i.yy);
         let (xz, yz) = turn.across::<FUSED>(i.xz, i.yz);
-        // Of the parallel axis theorem: d (2 h + m d).
+        // Parallel axis theorem: d (2 h + m d).
         let hz = fused::<FUSED>(self.mass, lift, h.z);
         let steiner = lift * (h.z + hz);
         Self {
@@ -104,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn screws_about_z_and_x_are_what_the_general_placement_gives() {
+    fn screws_match_the_general_placement() {
         for angle in [0.0_f64, 0.4, -2.1, 3.0] {
             let (sin, cos) = angle.sin_cos();
             let turn = Turn::new(sin, cos);

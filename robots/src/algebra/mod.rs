@@ -1,5 +1,5 @@
-//! Small dense arithmetic for the inner loops: three-vectors, rotations, symmetric matrices and spatial vectors as
-//! plain numbers, so that a whole recursion compiles into straight-line code.
+//! Small dense arithmetic for the inner loops: three-vectors, rotations, symmetric matrices and spatial
+//! vectors as plain numbers, so that a whole recursion compiles into straight-line code.
 
 mod axial;
 mod spatial;

@@ -136,7 +136,7 @@ impl RigidInertia {
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - shift * (1.0 / self.mass)
     }
 
-    /// Momentum of a body moving with `motion`; the wrench that gives it the acceleration `motion`.
+    /// Momentum of a body with velocity `motion`, or the wrench that causes the acceleration `motion`.
     #[inline(always)]
     pub(crate) fn apply(&self, motion: Spatial) -> Spatial {
         Spatial {
@@ -155,8 +155,8 @@ impl AddAssign for RigidInertia {
     }
 }
 
-/// Inertia of a body whose outer joints are free to give way: a symmetric 6 x 6 matrix in blocks,
-/// `force = mass u + coupling w`, `moment = coupling' u + rotational w`.
+/// Articulated inertia: the inertia of a body whose outer joints are free to move: a symmetric 6 x 6 matrix
+/// in blocks, `force = mass u + coupling w`, `moment = coupling' u + rotational w`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ArticulatedInertia {
     pub(crate) mass: S3,
@@ -184,7 +184,8 @@ impl ArticulatedInertia {
         self.rotational += body.rotational;
     }
 
-    /// Adds `other - u u' / d`: what a joint hands down that gives way along the motion whose wrench is `u`.
+    /// Adds `other - u u' / d`: the inertia transmitted by a joint that is free along the motion with the
+    /// wrench `u`.
     #[inline(always)]
     pub(crate) fn add_yielding(&mut self, other: &Self, u: Spatial, inverse_d: f64) {
         let s = u * inverse_d;
@@ -210,7 +211,8 @@ impl ArticulatedInertia {
             };
     }
 
-    /// The motion that `wrench` causes, by Cholesky of the 6 x 6 matrix; `None` when it is singular.
+    /// Returns the motion caused by `wrench`, by Cholesky factorisation of the 6 x 6 matrix; `None` if it is
+    /// singular.
     pub(crate) fn solve(&self, wrench: Spatial) -> Option<Spatial> {
         let (m, r) = (self.mass.columns(), self.rotational.columns());
         let c = &self.coupling;

@@ -1,15 +1,15 @@
 //! Sine and cosine of many angles at once.
 //!
-//! Straight-line code without branches or table look-ups, so that the compiler computes several angles side by side.
-//! Reduction by three parts of pi/2 (Cody and Waite 1980), then Taylor polynomials on [-pi/4, pi/4] whose remainder is
-//! below half a unit in the last place.
+//! Straight-line code without branches or tables, which the compiler vectorises. Reduction by three parts of
+//! pi/2 (Cody and Waite 1980), then Taylor polynomials on [-pi/4, pi/4] whose remainder is below half a unit
+//! in the last place.
 
 use super::fused;
 
-/// pi/2 in three parts; the first two have 33 bits, so that whole multiples up to 2^20 are exact.
+/// pi/2 in three parts; the first two have 33 bits, so that integer multiples up to 2^20 are exact.
 const PI_2: [f64; 3] = [1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21];
 
-/// Adding this leaves a number rounded to an integer, which stands in the low bits.
+/// Adding this rounds a number to an integer in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// Beyond this angle the reduction is no longer exact.
@@ -39,7 +39,7 @@ pub(crate) fn sin_cos_abreast<const FUSED: bool>(
     if x.iter().all(|x| x.abs() <= FAR) {
         lanes::<FUSED>(x, sin, cos);
     } else {
-        // Also where an angle is not a number.
+        // Includes NaN angles.
         for i in 0..LANES {
             (sin[i], cos[i]) = x[i].sin_cos();
         }
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn sine_and_cosine_agree_with_the_standard_library_to_two_units_in_the_last_place_of_one() {
+    fn sine_and_cosine_match_std_within_two_ulps() {
         for step in 0..2_000_000 {
             let x = f64::from(step - 1_000_000) * 1e-4 * std::f64::consts::PI;
             for x in [x, x * 1e-3, x * 1e-9, x * 1e2] {

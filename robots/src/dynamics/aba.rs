@@ -1,7 +1,7 @@
 //! Articulated body algorithm (Featherstone 2008, table 7.1), in base coordinates.
 //!
-//! Velocity products and gravity go out with the velocities as an acceleration of their own; what comes back is then
-//! the response of a robot at rest, so that no articulated inertia has to be multiplied with a bias acceleration.
+//! Velocity products and gravity are propagated outward as an acceleration. The inward pass then computes the
+//! response of a robot at rest, which avoids products of articulated inertias and bias accelerations.
 
 use nalgebra::Vector3;
 
@@ -18,9 +18,9 @@ pub(super) struct Articulated {
     position: V3,
     joint: Spatial,
     velocity: Spatial,
-    /// Acceleration that velocity products and gravity alone would cause, then what the efforts add to it.
+    /// Acceleration caused by velocity products and gravity; later with the contribution of the efforts.
     acceleration: Spatial,
-    /// Wrench that the motion needs beyond what arrives.
+    /// Wrench required by the motion beyond the applied one.
     wrench: Spatial,
     inertia: ArticulatedInertia,
     /// Wrench along the joint's motion.
@@ -128,7 +128,7 @@ impl Dynamics {
         }
     }
 
-    /// Inward: articulated inertias and what each joint's effort leaves over.
+    /// Inward pass: articulated inertias and the residual of each joint's effort.
     #[inline(always)]
     fn gather(&mut self, flat: &FlatModel, tau: &[f64]) -> Result<(), SingularMassMatrix> {
         for (index, node) in flat.nodes.iter().enumerate().rev() {
@@ -136,7 +136,7 @@ impl Dynamics {
             let (parent, body) = (&mut outer[node.parent], &mut inner[0]);
             let yielding = body.inertia.apply(body.joint);
             let d = body.joint.dot(yielding) + node.armature;
-            // Cancellation leaves rounding noise where an exact result would be zero.
+            // Cancellation leaves rounding noise instead of an exact zero.
             if d.is_nan() || d <= 1e-14 * magnitude(body.joint, yielding) {
                 return Err(SingularMassMatrix { index: node.column });
             }

@@ -11,7 +11,7 @@ pub(crate) struct Composite {
     pub(crate) position: V3,
     /// Motion of the body for one unit of joint velocity.
     pub(crate) joint: Spatial,
-    /// Its inertia, then that of all it carries too.
+    /// Inertia of the body; later including everything it carries.
     pub(crate) inertia: RigidInertia,
 }
 
@@ -31,7 +31,7 @@ pub(crate) fn joint_motion(node: &Node, z: V3, p: V3) -> Spatial {
 }
 
 impl Dynamics {
-    /// Outward: poses, joint motions and each body's own inertia. The base stands at the identity.
+    /// Outward pass: poses, joint motions and inertias of the bodies. The base is at the identity.
     #[inline(always)]
     pub(super) fn sweep(&mut self, flat: &FlatModel) {
         self.composite[0].inertia = flat.base;

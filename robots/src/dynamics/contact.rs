@@ -21,10 +21,11 @@ pub enum ConstrainedError {
     },
 }
 
-/// Workspace for the forward dynamics of one [`Model`] under up to a fixed number of constraints. Nothing allocates
-/// after [`new`](Self::new).
+/// Workspace for the forward dynamics of one [`Model`] under up to a fixed number of constraints. Nothing
+/// allocates after [`new`](Self::new).
 ///
-/// Gauss's principle: of all accelerations with `J a + drift = 0`, the nearest to the free one in the metric of M:
+/// Gauss's principle: of all accelerations with `J a + drift = 0`, the nearest to the free one in the metric
+/// of M:
 ///
 /// ```text
 /// M a = tau - C v - g + J' lambda        (J M^-1 J' + damping 1) lambda = -(J a_free + drift)
@@ -32,7 +33,7 @@ pub enum ConstrainedError {
 #[derive(Clone, Debug)]
 pub struct ConstrainedDynamics {
     dynamics: Dynamics,
-    /// Rows J M^-1, as J' stands in memory.
+    /// Rows of J M^-1, stored like J'.
     reduced: DMatrix<f64>,
     /// J M^-1 J', then its Cholesky factor.
     delassus: DMatrix<f64>,
@@ -44,7 +45,7 @@ pub struct ConstrainedDynamics {
 pub struct Constraint<'a> {
     /// One row per constrained direction, nv columns.
     pub jacobian: &'a DMatrix<f64>,
-    /// `Jdot v`, and whatever correction of drift is wanted. One entry a row.
+    /// `Jdot v`, plus any drift correction. One entry per row.
     pub drift: &'a [f64],
     /// Compliance added to the diagonal \[1/kg\]; 0 for a rigid constraint, which must then not be redundant.
     pub damping: f64,
@@ -61,12 +62,12 @@ impl ConstrainedDynamics {
         }
     }
 
-    /// Acceleration `a_out` (nv) and constraint forces `lambda_out` (one a row, positive along its row of the
-    /// Jacobian).
+    /// Computes the acceleration `a_out` (nv) and the constraint forces `lambda_out` (one per row, positive
+    /// along its row of the Jacobian).
     ///
     /// # Errors
     ///
-    /// [`ConstrainedError`]; what is written is then unspecified.
+    /// [`ConstrainedError`]; the outputs are then unspecified.
     #[expect(clippy::too_many_arguments, reason = "the arguments of forward, and the constraint")]
     pub fn forward(
         &mut self,
@@ -113,7 +114,7 @@ impl ConstrainedDynamics {
         for j in 0..x.len() {
             let scale = l[(j, j)];
             let pivot = scale - (0..j).map(|k| l[(j, k)] * l[(j, k)]).sum::<f64>();
-            // Cancellation leaves rounding noise where an exact result would be zero.
+            // Cancellation leaves rounding noise instead of an exact zero.
             if pivot.is_nan() || pivot <= scale * 1e-12 {
                 return Err(ConstrainedError::Redundant { row: j });
             }

@@ -1,5 +1,5 @@
-//! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2): in frames on the joints' axes
-//! where bodies stand depth first and no joint follows another, else in base coordinates.
+//! Composite rigid body algorithm (Walker and Orin 1982; Featherstone 2008, table 6.2). Uses frames on the
+//! joint axes if bodies are ordered depth first without mimic joints, else base coordinates.
 
 use nalgebra::DMatrix;
 
@@ -33,8 +33,8 @@ impl Dynamics {
         turn_rotors(model.flat(), out);
     }
 
-    /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another are written:
-    /// pass a matrix of zeros once and the same one from then on.
+    /// Upper triangle of the mass matrix, diagonal included. Only entries of joints that carry one another
+    /// are written: pass a matrix of zeros once and the same one from then on.
     pub fn crba_upper(&mut self, model: &Model, q: &[f64], out: &mut DMatrix<f64>) {
         widest(BodiesMass::<false> { dynamics: self, model, q, out });
         turn_rotors(model.flat(), out);
@@ -64,7 +64,7 @@ impl Dynamics {
         }
         if BOTH {
             let mirrored = if flat.orderly { if flat.floating { 6 } else { 0 } } else { n };
-            // Column by column: what is written lies together.
+            // Column by column, so that writes are contiguous.
             for column in 1..mirrored {
                 for row in 0..column {
                     out[row * n + column] = out[column * n + row];
@@ -85,7 +85,7 @@ impl Dynamics {
             let (outer, inner) = self.composite.split_at_mut(index + 1);
             let body = &inner[0];
             outer[node.parent].inertia += body.inertia;
-            // The wrench that accelerates everything beyond the joint by one unit.
+            // Wrench for a unit acceleration of everything beyond the joint.
             let wrench = body.inertia.apply(body.joint);
             let column = &mut out[node.column * n..][..=node.column];
             column[node.column] = body.joint.dot(wrench);
@@ -131,7 +131,8 @@ impl Dynamics {
                 let other = &flat.nodes[ancestor - 1];
                 let entry = other.multiplier * outer[ancestor].joint.dot(wrench);
                 let (row, column) = (node.column.min(other.column), node.column.max(other.column));
-                // Twice on the diagonal when a mimic and its master share the column: both cross terms land there.
+                // Twice on the diagonal when a mimic and its master share the column: both cross terms land
+                // there.
                 out[column * n + row] += if row == column { 2.0 * entry } else { entry };
                 ancestor = other.parent;
             }

@@ -1,21 +1,22 @@
 //! The composite rigid body algorithm in frames on the joints' axes.
 //!
-//! No body has to be placed, a joint's wrench is a column of its composite's inertia, and a step to the parent is two
-//! screws about coordinate axes. But each wrench has to be carried down to the base step by step. All wrenches from
-//! beyond a body go through the same steps, so they are carried side by side, in blocks that fill the registers.
+//! No body has to be placed, a joint's wrench is a column of its composite's inertia, and a step to the
+//! parent is two screws about coordinate axes. But each wrench has to be carried down to the base step by
+//! step. All wrenches from beyond a body go through the same steps, so they are carried side by side, in
+//! blocks that fill the registers.
 
 use super::Dynamics;
 use crate::algebra::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_abreast};
 use crate::model::dh_frames::{DhBody, JointZeros, LinkTransform};
 use crate::model::flat::FlatModel;
 
-/// Wrenches side by side, by component: force x, y, z, moment x, y, z. All about the origin of the frame that the
-/// recursion has come down to.
+/// Wrenches side by side, by component: force x, y, z, moment x, y, z. All about the origin of the frame that
+/// the recursion has come down to.
 #[derive(Clone, Debug)]
 #[repr(align(32))]
 struct Block([[f64; LANES]; 6]);
 
-/// Place in the blocks of a body's wrench and of those of all it carries.
+/// Index of a body's wrench in its block, and of the wrenches of the bodies it carries.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     /// Of the body.
@@ -25,7 +26,7 @@ struct Place {
     end: usize,
 }
 
-/// The joints' positions as the steps need them, side by side.
+/// Joint positions in the layout of the steps.
 #[derive(Clone, Debug)]
 #[repr(align(32))]
 struct Posture {
@@ -66,7 +67,7 @@ impl CrbaWorkspace {
     }
 }
 
-/// Bodies in their order. A branch that begins beside another starts a block: a step then takes all lanes of its
+/// Bodies in order. A branch next to another starts a new block, so that a step processes all lanes of its
 /// blocks.
 fn places(flat: &FlatModel) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::with_capacity(flat.ends.len());
@@ -85,9 +86,9 @@ fn places(flat: &FlatModel) -> Vec<Place> {
 }
 
 impl Dynamics {
-    /// The mass matrix of a model without mimic joints whose bodies stand depth first, the base's own block apart: the
-    /// upper triangle, and its mirror image if `BOTH`. Leaves the inertia of the whole in the first slot of
-    /// `composite`.
+    /// Mass matrix of a model without mimic joints whose bodies are ordered depth first, except the base's
+    /// own block: the upper triangle, and the lower one if `BOTH`. The inertia of the whole robot is left in
+    /// the first slot of `composite`.
     #[inline(always)]
     pub(super) fn mass_in_dh_frames<const FUSED: bool, const BOTH: bool>(
         &mut self,
@@ -115,7 +116,7 @@ impl Dynamics {
             let blocks = &mut blocks[place.block..place.end];
             let Some(own) = blocks.first_mut() else { return };
             own.set(place.lane, unit_wrench(body, &inertia));
-            // Without mimic joints columns stand in the order of the bodies.
+            // Without mimic joints, columns are in the order of the bodies.
             let component = if body.prismatic { 2 } else { 5 };
             let column = first_column + index;
             let mut at = column * n + column;

@@ -1,9 +1,9 @@
 //! Analytical derivatives of inverse and forward dynamics.
 //!
-//! The formulas of Singh, Russell and Wensing, "Efficient Analytical Derivatives of Rigid-Body Dynamics Using Spatial
-//! Vector Algebra" (RA-L 2022), in base coordinates. Their Coriolis matrix `B` of a body turns a motion `w` into
-//! `sum m J' (w_angular x velocity)` over its points, so that twelve numbers hold it, for composites too: the linear
-//! momentum, and the moment's part as a 3 x 3 matrix.
+//! The formulas of Singh, Russell and Wensing, "Efficient Analytical Derivatives of Rigid-Body Dynamics Using
+//! Spatial Vector Algebra" (RA-L 2022), in base coordinates. Their Coriolis matrix `B` of a body turns a
+//! motion `w` into `sum m J' (w_angular x velocity)` over its points, so that twelve numbers hold it, for
+//! composites too: the linear momentum, and the moment's part as a 3 x 3 matrix.
 
 use nalgebra::{DMatrix, Vector3};
 
@@ -14,14 +14,15 @@ use crate::model::flat::FlatModel;
 
 /// Derivatives of a vector of efforts or accelerations, each nv x nv.
 ///
-/// Those by `q` are by a motion along the manifold: column `i` is the change for `integrate(q, e_i dt)`, per `dt`.
+/// Those by `q` are by a motion along the manifold: column `i` is the change for `integrate(q, e_i dt)`, per
+/// `dt`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
     /// By the configuration.
     pub q: DMatrix<f64>,
     /// By the velocity.
     pub v: DMatrix<f64>,
-    /// By the accelerations (inverse dynamics: `M`) or efforts (forward dynamics: `M^-1`).
+    /// With respect to accelerations (inverse dynamics: `M`) or efforts (forward dynamics: `M^-1`).
     pub input: DMatrix<f64>,
 }
 
@@ -85,7 +86,7 @@ impl Coriolis {
     }
 }
 
-/// Workspace of the derivatives for one body, beside its composite inertia.
+/// Derivative workspace of one body, in addition to its composite inertia.
 #[derive(Clone, Debug)]
 pub(super) struct BodyDerivatives {
     velocity: Spatial,
@@ -148,11 +149,12 @@ impl Dynamics {
         }
     }
 
-    /// Derivatives of [`forward`](Self::forward): of `a` by `q`, `v` and `tau`. Gives `a` too.
+    /// Computes the derivatives of [`forward`](Self::forward): of `a` with respect to `q`, `v` and `tau`.
+    /// Also returns `a`.
     ///
     /// # Errors
     ///
-    /// [`SingularMassMatrix`]; what is written is then unspecified.
+    /// [`SingularMassMatrix`]; the outputs are then unspecified.
     #[expect(clippy::too_many_arguments, reason = "the arguments of forward")]
     pub fn forward_derivatives(
         &mut self,
@@ -176,7 +178,7 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Outward: velocities, accelerations and what varies with them.
+    /// Outward pass: velocities, accelerations and their variations.
     #[inline(always)]
     fn vary(&mut self, flat: &FlatModel, q: &[f64], (v, a): (&[f64], &[f64]), gravity: Vector3<f64>) {
         let up = Spatial::new(flat.base_pose(q).0.tr_mul(-V3::from(gravity)), V3::ZERO);
@@ -210,7 +212,7 @@ impl Dynamics {
         }
     }
 
-    /// Entries that join the joint of body `index` with itself and those that carry it.
+    /// Entries that couple the joint of body `index` with itself and its carriers.
     #[inline(always)]
     fn differentiate(&self, flat: &FlatModel, index: usize, out: &mut Derivatives) {
         let node = &flat.nodes[index];
@@ -218,7 +220,7 @@ impl Dynamics {
         let joint = body.joint * node.multiplier;
         let n = flat.above.len();
         let (by_q, by_v, by_a) = (out.q.as_mut_slice(), out.v.as_mut_slice(), out.input.as_mut_slice());
-        // A joint's own motion does not change along itself: its rate is that with the parent, and counts twice.
+        // A joint's motion does not change along itself: its rate is relative to the parent and counts twice.
         let first = body_derivatives.first * node.multiplier;
         let weight = body.inertia.apply(joint);
         let spin = body_derivatives.coriolis.twice_transposed(joint);
@@ -255,7 +257,7 @@ impl Dynamics {
                 by_a[column * n + row] += a;
                 by_a[row * n + column] += a;
             }
-            // By the base's own motions: unit vectors, turning with the base's velocity.
+            // With respect to the base's motions: unit vectors that rotate with the base.
             let base = &self.body_derivatives[0];
             let by_turn = weight.linear.cross(base.second.linear);
             let rates = transposed_cross(base.velocity, weight);
@@ -287,7 +289,7 @@ impl Dynamics {
     }
 }
 
-/// `out = -mobility change`: what accelerations make up for a change of the efforts.
+/// `out = -mobility change`: accelerations that compensate a change of the efforts.
 struct Response<'a> {
     mobility: &'a DMatrix<f64>,
     change: &'a DMatrix<f64>,
@@ -323,7 +325,7 @@ impl Work for Response<'_> {
     }
 }
 
-/// `N` rows of one column. Joints that do not carry each other leave zeros in `change`, and cost nothing.
+/// `N` rows of one column. Joints that do not carry each other have zeros in `change` and are skipped.
 #[inline(always)]
 fn respond<const FUSED: bool, const N: usize>(mobility: &[f64], change: &[f64], row: usize, out: &mut [f64]) {
     let mut sum = [0.0; N];

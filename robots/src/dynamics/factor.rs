@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::Model;
 use crate::algebra::{Work, fused, widest};
 
-/// The mass matrix is not positive definite: some joint moves nothing that has inertia.
+/// The mass matrix is not positive definite: some joint moves nothing with inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the mass matrix is not positive definite at entry {index} of v: the links beyond that joint have no inertia; \
@@ -16,8 +16,8 @@ pub struct SingularMassMatrix {
     pub index: usize,
 }
 
-/// `M = L' D L` with L unit lower triangular: column `i` and row `j` of L meet only where joint `j` carries joint `i`,
-/// as in M itself.
+/// `M = L' D L` with L unit lower triangular: column `i` and row `j` of L meet only where joint `j` carries
+/// joint `i`, as in M itself.
 #[derive(Clone, Debug)]
 pub struct MassFactor {
     above: Vec<usize>,
@@ -50,7 +50,7 @@ impl MassFactor {
         let above = &*self.above;
         let m = self.factor.as_mut_slice();
         for k in (0..n).rev() {
-            // Columns right of k are done; what they took from column k is in it.
+            // Columns right of k are complete, and column k includes their updates.
             let pivot = m[k * n + k];
             if pivot.is_nan() || pivot <= mass[(k, k)] * 1e-14 {
                 return Err(SingularMassMatrix { index: k });
@@ -72,7 +72,8 @@ impl MassFactor {
                     }
                     j = above[j];
                 }
-                // Entries nearer the base still need the unscaled ones below them only as products: scale in place.
+                // Entries closer to the base need the unscaled ones below only in products, so scale in
+                // place.
                 column[i] = scale;
             }
         }
@@ -108,8 +109,8 @@ impl MassFactor {
         }
     }
 
-    /// Adds to `marked` (nv) the entries of v whose joints carry a marked one: where `M^-1` times a vector that is zero
-    /// but on marked entries begins.
+    /// Adds to `marked` (nv) the entries of v whose joints carry a marked one: the support of `M^-1` times a
+    /// vector that is nonzero on marked entries.
     pub fn mark_carriers(&self, marked: &mut [bool]) {
         assert_eq!(marked.len(), self.above.len(), "length of the marks");
         for k in (0..marked.len()).rev() {
@@ -117,10 +118,11 @@ impl MassFactor {
         }
     }
 
-    /// Half a solution of four right-hand sides at once: `y = D^-1/2 L'^-1 b`, so that `b1' M^-1 b2 = y1' y2`.
+    /// Half of the solution for four right-hand sides simultaneously: `y = D^-1/2 L'^-1 b`, so that `b1' M^-1
+    /// b2 = y1' y2`.
     ///
-    /// Row k of `y` holds entry k of each side. `support` lists the rows that are not zero, ascending, carriers
-    /// [included](Self::mark_carriers): of others nothing is read.
+    /// Row k of `y` holds entry k of each side. `support` lists the rows that are not zero, ascending,
+    /// carriers [included](Self::mark_carriers): other rows are not read.
     pub fn half_solve(&self, support: &[u32], y: &mut [[f64; 4]]) {
         let n = self.above.len();
         assert_eq!(y.len(), n, "length of the right-hand sides");
@@ -141,7 +143,8 @@ impl MassFactor {
         }
     }
 
-    /// The other half: `x = L^-1 D^-1/2 y` in place, so that `x = M^-1 b` for `y` of [`half_solve`](Self::half_solve).
+    /// The other half: `x = L^-1 D^-1/2 y` in place, so that `x = M^-1 b` for `y` of
+    /// [`half_solve`](Self::half_solve).
     pub fn finish_solve(&self, x: &mut [f64]) {
         let n = self.above.len();
         assert_eq!(x.len(), n, "length of the right-hand side");
@@ -203,8 +206,8 @@ impl MassFactor {
         assert_eq!(out.shape(), (n, n), "shape of the inverse");
         out.fill_with_identity();
         let (l, out) = (self.factor.as_slice(), out.as_mut_slice());
-        // As in `solve_right`, from the diagonal of each column down: above it the first pass leaves zeros, and the
-        // second what symmetry gives anyway.
+        // As in `solve_right`, from the diagonal of each column down: above it the first pass leaves zeros,
+        // and the second pass follows by symmetry.
         for k in (0..n).rev() {
             let (left, right) = out.split_at_mut(k * n);
             let mut i = k;
@@ -300,7 +303,7 @@ mod tests {
             Dynamics::new(model).crba(model, q.as_slice(), &mut mass);
             let mut factor = MassFactor::new(model);
             factor.factor(&mass).unwrap();
-            // The Jacobian of a point of the last body, by another way.
+            // Jacobian of a point of the last body, computed independently.
             let mut kinematics = Kinematics::new(model);
             kinematics.update(model, q.as_slice());
             let body = model.bodies().len() - 1;

@@ -8,8 +8,8 @@ use crate::{FrameId, Model};
 impl Dynamics {
     /// Forward dynamics: `a_out = M(q)^-1 (tau - C(q, v) v - g(q))` \[rad/s2 or m/s2\].
     ///
-    /// The articulated body algorithm, in O(nv); with mimic joints, whose loops it cannot see, the mass matrix and its
-    /// factor, in O(nv^3).
+    /// The articulated body algorithm, in O(nv); with mimic joints, whose loops it cannot see, the mass
+    /// matrix and its factor, in O(nv^3).
     ///
     /// # Errors
     ///
@@ -27,8 +27,8 @@ impl Dynamics {
         self.forward_external(model, q, v, tau, gravity, &[], a_out)
     }
 
-    /// [`forward`](Self::forward) of a robot on which outside wrenches act:
-    /// `a_out = M^-1 (tau - C v - g + sum J' f)`. Each acts at the origin of its frame and is given in its axes.
+    /// [`forward`](Self::forward) of a robot on which outside wrenches act: `a_out = M^-1 (tau - C v - g +
+    /// sum J' f)`. Each acts at the origin of its frame and is given in its axes.
     ///
     /// # Errors
     ///
@@ -75,13 +75,14 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Factors the mass matrix at `q`: solve with it as often as you like, until the next call that names `q`.
+    /// Factorises the mass matrix at `q`. The factor can be used for any number of solves until the next call
+    /// with a `q` argument.
     ///
     /// # Errors
     ///
     /// [`SingularMassMatrix`].
     pub fn factor_mass(&mut self, model: &Model, q: &[f64]) -> Result<&MassFactor, SingularMassMatrix> {
-        // The matrix leaves `self` for the call: an empty one takes its place and nothing is allocated.
+        // Move the matrix out of `self` for the call; the empty replacement does not allocate.
         let mut mass = std::mem::replace(&mut self.mass, DMatrix::zeros(0, 0));
         self.crba_upper(model, q, &mut mass);
         let factored = self.factor.factor(&mass);

@@ -1,8 +1,9 @@
 //! Inverse and forward dynamics (Featherstone, "Rigid Body Dynamics Algorithms", 2008).
 //!
-//! Two coordinate systems, each where it is cheaper. Newton-Euler runs in the bodies' own frames. Everything with
-//! composite or articulated inertias runs in *base coordinates*: the axes and the origin of the base, where adding the
-//! inertia of a child to that of its parent needs no transformation and where a floating base's own pose drops out.
+//! Two coordinate systems are used, each where it is cheaper. Newton-Euler runs in the bodies' frames.
+//! Algorithms with composite or articulated inertias run in *base coordinates*, the axes and origin of the
+//! base. There, adding the inertia of a child to its parent needs no transformation, and the pose of a
+//! floating base cancels.
 
 mod aba;
 mod base_sweep;
@@ -31,9 +32,10 @@ pub use regressor::PARAMETERS;
 
 /// Workspace for the dynamics of one [`Model`]. Nothing allocates after [`new`](Self::new).
 ///
-/// `q` is nq long; `v`, `a` and `tau` are nv long; methods panic on any other length. `gravity` is the acceleration of
-/// free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and limits play no part; rotors of
-/// drives count as an armature on the diagonal of the mass matrix, without gyroscopic effects.
+/// `q` is nq long; `v`, `a` and `tau` are nv long; methods panic on any other length. `gravity` is the
+/// acceleration of free fall in the world \[m/s2\], usually `(0, 0, -9.81)`. Joint damping, friction and
+/// limits play no part; rotors of drives count as an armature on the diagonal of the mass matrix, without
+/// gyroscopic effects.
 ///
 /// ```
 /// use motorium_robots::{Dynamics, load};
@@ -54,7 +56,7 @@ pub use regressor::PARAMETERS;
 #[derive(Clone, Debug)]
 pub struct Dynamics {
     positions: Positions,
-    /// Newton-Euler, one per body and the base before them.
+    /// Newton-Euler state, one per body, the base first.
     local: Vec<rnea::Local>,
     /// Recursions in base coordinates, likewise.
     composite: Vec<base_sweep::Composite>,

@@ -17,8 +17,8 @@ pub struct Momentum {
 }
 
 impl Dynamics {
-    /// Centroidal momentum matrix (6 x nv, linear rows first): `out * v` is the momentum of all that moves, about the
-    /// centre of mass, in world axes.
+    /// Centroidal momentum matrix (6 x nv, linear rows first): `out * v` is the momentum of all that moves,
+    /// about the centre of mass, in world axes.
     pub fn centroidal_map<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -70,8 +70,8 @@ impl Dynamics {
         sum
     }
 
-    /// Changes the velocity of a floating base, the first six entries of `v`, so that all that moves has this momentum. `false`, and nothing
-    /// has changed, for a fixed base or inertias that no motion of the base could have.
+    /// Changes the velocity of a floating base, the first six entries of `v`, so that the robot has this
+    /// momentum. Returns `false` without changes for a fixed base or a singular inertia.
     ///
     /// ```
     /// use std::path::Path;
@@ -93,7 +93,8 @@ impl Dynamics {
             return false;
         }
         let (axes, centre, sum) = widest(MomentumNow { dynamics: self, model, motion: (q, v) });
-        // The missing momentum, its angular part about the centre of mass. A motion of all as one rigid body adds it.
+        // The missing momentum, its angular part about the centre of mass. A motion of all as one rigid body
+        // adds it.
         let linear = axes.tr_mul(momentum.linear.into()) - sum.linear;
         let angular = axes.tr_mul(momentum.angular.into()) - (sum.angular - centre.cross(sum.linear));
         let total = &self.composite[0].inertia;
@@ -108,10 +109,10 @@ impl Dynamics {
         true
     }
 
-    /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`. With `a = 0`
-    /// it is the drift `Agdot v`.
+    /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`.
+    /// With `a = 0` it is the drift `Agdot v`.
     pub fn momentum_rate(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> Momentum {
-        // Without gravity, the wrench at the base is the rate of the momentum.
+        // Without gravity, the wrench at the base is the rate of change of the momentum.
         self.base_wrench(model, q, v, a);
         let (axes, centre) = self.compose(model, q);
         about(&axes, centre, self.local[0].wrench).into()
@@ -137,7 +138,8 @@ impl Dynamics {
         -V3::from(gravity).dot(position * inertia.mass + axes * inertia.moment)
     }
 
-    /// Composite inertias of all bodies. Gives the base's axes in the world and the centre of mass in base coordinates.
+    /// Composite inertias of all bodies. Gives the base's axes in the world and the centre of mass in base
+    /// coordinates.
     #[inline(always)]
     fn compose(&mut self, model: &Model, q: &[f64]) -> (M3, V3) {
         self.set_positions(model, q);

@@ -1,4 +1,5 @@
-//! The inertial-parameter regressor: efforts are linear in the masses, first moments and inertias of the bodies.
+//! The inertial-parameter regressor: efforts are linear in the masses, first moments and inertias of the
+//! bodies.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -6,13 +7,13 @@ use super::Dynamics;
 use crate::Model;
 use crate::algebra::{M3, Spatial, V3};
 
-/// Parameters of one body: mass, mass times centre of mass (x, y, z), then the inertia about the origin of the body
-/// frame as xx, xy, yy, xz, yz, zz (Pinocchio's order), all in the axes of the body frame.
+/// Parameters of one body: mass, mass times centre of mass (x, y, z), then the inertia about the origin of
+/// the body frame as xx, xy, yy, xz, yz, zz (Pinocchio's order), all in the axes of the body frame.
 pub const PARAMETERS: usize = 10;
 
 impl Model {
-    /// The inertial parameters, ten per body, in the order of [`bodies`](Self::bodies); those of a floating base before
-    /// them.
+    /// Inertial parameters, ten per body, in the order of [`bodies`](Self::bodies); a floating base comes
+    /// first.
     pub fn inertial_parameters(&self) -> DVector<f64> {
         let base = self.base().floating.then_some(&self.base().inertia);
         let all = base.into_iter().chain(self.bodies().iter().map(|body| &body.inertia));
@@ -43,9 +44,8 @@ impl Model {
 }
 
 impl Dynamics {
-    /// Regressor of inverse dynamics (nv x [`Model::parameter_count`]):
-    /// `rnea(q, v, a) = out * model.inertial_parameters()`, plus armature times acceleration for joints with a rotor
-    /// inertia.
+    /// Regressor of inverse dynamics (nv x [`Model::parameter_count`]): `rnea(q, v, a) = out *
+    /// model.inertial_parameters()`, plus armature times acceleration for joints with a rotor inertia.
     #[expect(clippy::too_many_arguments, reason = "the arguments of rnea")]
     pub fn regressor(
         &mut self,
@@ -63,7 +63,7 @@ impl Dynamics {
         out.fill(0.0);
         let mut column = 0;
         for slot in usize::from(!flat.floating)..=flat.nodes.len() {
-            // From the node frame to the body frame; the base has only one.
+            // From the node frame to the body frame; the base has one frame only.
             let align = slot.checked_sub(1).map_or(M3::IDENTITY, |body| flat.align[body]);
             let (acceleration, w, dw) = self.local[slot].motion();
             let motion = (align * acceleration, align * w, align * dw);
@@ -89,8 +89,8 @@ impl Dynamics {
     }
 }
 
-/// The wrench that each parameter needs on its own, for a body whose origin accelerates (classically) and that turns
-/// with `w`, in its axes.
+/// Wrench per unit of each parameter, for a body whose origin has the (classical) acceleration and that
+/// rotates with `w`, in its axes.
 fn wrenches((acceleration, w, dw): (V3, V3, V3)) -> [Spatial; PARAMETERS] {
     let unit = [M3::IDENTITY.x, M3::IDENTITY.y, M3::IDENTITY.z];
     let moment = |h: V3| Spatial::new(dw.cross(h) + w.cross(w.cross(h)), h.cross(acceleration));

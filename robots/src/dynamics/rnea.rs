@@ -49,8 +49,8 @@ impl Local {
 }
 
 impl Dynamics {
-    /// Inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the first six are the
-    /// wrench that would have to act on the base from outside, at its origin and in its axes.
+    /// Inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the first six
+    /// are the wrench that would have to act on the base from outside, at its origin and in its axes.
     #[expect(clippy::too_many_arguments, reason = "the textbook signature: model, q, v, a, gravity, tau")]
     pub fn rnea(
         &mut self,
@@ -110,7 +110,8 @@ impl Dynamics {
         self.outward::<true>(flat, v, a);
     }
 
-    /// Leaves in slot 0 the wrench that moves the whole robot, gravity apart, about the base's origin in its axes.
+    /// Leaves in slot 0 the wrench that moves the whole robot, gravity apart, about the base's origin in its
+    /// axes.
     pub(super) fn base_wrench(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
         let mut tau = std::mem::take(&mut self.scratch);
         tau.resize(model.nv(), 0.0);
@@ -118,13 +119,13 @@ impl Dynamics {
         self.scratch = tau;
     }
 
-    /// Bias forces: `out = C(q, v) v + g(q)` \[Nm or N\], what [`rnea`](Self::rnea) gives for `a = 0`.
+    /// Bias forces `out = C(q, v) v + g(q)` \[Nm or N\]: [`rnea`](Self::rnea) for `a = 0`.
     pub fn bias(&mut self, model: &Model, q: &[f64], v: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         assert_eq!(v.len(), model.nv(), "length of v");
         widest(Bias { dynamics: self, model, motion: (q, v), gravity, out });
     }
 
-    /// Gravity torques: `out = g(q)` \[Nm or N\], the efforts that hold the robot still at `q`.
+    /// Gravity torques `out = g(q)` \[Nm or N\]: the efforts that hold the robot at rest at `q`.
     pub fn gravity(&mut self, model: &Model, q: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         self.set_positions(model, q);
         let flat = model.flat();
@@ -272,7 +273,7 @@ fn point_acceleration(w: V3, dw: V3) -> M3 {
     }
 }
 
-/// The wrench about the origin that gives a body its motion: Newton's and Euler's equations.
+/// Wrench about the origin for the motion of a body, by the Newton-Euler equations.
 #[inline(always)]
 fn net_wrench(inertia: &crate::algebra::RigidInertia, body: &Local) -> Spatial {
     let spin = inertia.rotational * body.angular;

@@ -11,15 +11,16 @@ const WIDEST: f64 = 0.3;
 const FINEST: f64 = 1e-3;
 const MOST_STEPS: usize = 60;
 
-/// A capsule that holds all `points` and little else: where it is, its axis along z, and its [`Geometry::Capsule`].
+/// Fits a tight capsule around `points`: returns its pose, with the axis along z, and its
+/// [`Geometry::Capsule`].
 ///
-/// The axis is the one of least volume that a local search from each principal axis of the points finds; the radius is
-/// that of the smallest circle around the points seen along it. `None` without points.
+/// The axis is the one of smallest volume found by a local search from each principal axis of the points. The
+/// radius is that of the smallest circle around the points seen along the axis. `None` without points.
 pub fn fit_capsule(points: &[Vector3<f64>]) -> Option<(Isometry3<f64>, Geometry)> {
     if points.is_empty() {
         return None;
     }
-    // In an order without system: the search for circles is then linear (Welzl 1991).
+    // In shuffled order, for which the smallest-circle search is linear (Welzl 1991).
     let mut points = points.to_vec();
     let mut seed = 1_u64;
     for last in (1..points.len()).rev() {
@@ -59,9 +60,9 @@ impl Fit {
         let other = axis.cross(&across);
         let seen: Vec<_> = points.iter().map(|point| [point.dot(&across), point.dot(&other)]).collect();
         let (centre, _) = smallest_circle(&seen);
-        // Found within rounding; the radius is to hold every point.
+        // The circle is accurate to rounding; the radius must contain every point.
         let radius = seen.iter().map(|p| (p[0] - centre[0]).hypot(p[1] - centre[1])).fold(0.0, f64::max);
-        // Where the caps have to begin at the latest so that each point is inside.
+        // Limits of the cap positions such that each point is inside.
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for (point, seen) in points.iter().zip(&seen) {
             let off = (seen[0] - centre[0]).powi(2) + (seen[1] - centre[1]).powi(2);
@@ -76,11 +77,11 @@ impl Fit {
     }
 }
 
-/// Tilts the axis for as long as that makes the capsule smaller.
+/// Tilts the axis while that reduces the volume.
 fn improve(points: &[Vector3<f64>], axis: Unit<Vector3<f64>>) -> Fit {
     let mut best = Fit::along(points, axis);
     let mut step = WIDEST;
-    // Points on a line have volumes of rounding noise only, which could shrink for long.
+    // Collinear points have volumes of rounding noise, which could decrease for a long time.
     for _ in 0..MOST_STEPS {
         if step < FINEST {
             break;
@@ -132,7 +133,7 @@ fn through(p: [f64; 2], q: [f64; 2], r: [f64; 2]) -> ([f64; 2], f64) {
     let (bx, by, cx, cy) = (q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]);
     let double = 2.0 * (bx * cy - by * cx);
     if double == 0.0 {
-        // On a line: the two farthest apart.
+        // Collinear: the two farthest apart.
         let pairs = [around(p, q), around(p, r), around(q, r)];
         return pairs.into_iter().fold(pairs[0], |a, b| if b.1 > a.1 { b } else { a });
     }

@@ -1,9 +1,9 @@
-//! Penetration depth of two convex cores: the expanding polytope algorithm (van den Bergen 2001) in memory of
-//! fixed size.
+//! Penetration depth of two convex cores by the expanding polytope algorithm (van den Bergen 2001) in fixed
+//! memory.
 //!
-//! The differences between points of the first core and points of the second make up a convex set that holds the
-//! origin where the cores overlap. A polytope inside of it grows at the face nearest to the origin until that face
-//! lies on the set's boundary: it is then the shortest way out.
+//! The differences between points of the first core and points of the second form a convex set that contains
+//! the origin if the cores overlap. A polytope inside it grows at the face nearest to the origin until that
+//! face is on the set's boundary. It then gives the shortest separation.
 
 use parry3d_f64::query::gjk::CsoPoint;
 
@@ -12,14 +12,14 @@ use crate::algebra::V3;
 
 /// Corners at most: each turn of the search adds one.
 const CORNERS: usize = 128;
-/// A closed surface of triangles with that many corners has no more faces (Euler).
+/// Maximum number of faces of a closed triangle surface with this number of corners (Euler).
 const FACES: usize = 2 * CORNERS;
 
-/// A face this near to the boundary \[m\] is on it: what rounding leaves.
+/// Distance at which a face counts as on the boundary \[m\], within rounding.
 const ON_BOUNDARY: f64 = 2e-14;
-/// A search that gains nothing any more this near to it \[m\] has come to where rounding rules.
+/// Distance below which a search without progress is limited by rounding \[m\].
 const STALLED: f64 = 1e-11;
-/// A corner this little below a face's plane \[m\] lies in it.
+/// Depth below a face's plane at which a corner counts as in the plane \[m\].
 const IN_PLANE: f64 = 1e-13;
 /// Thinner than this \[m\] a set is flat.
 const FLAT: f64 = 1e-10;
@@ -46,21 +46,21 @@ impl Corner {
 #[derive(Clone, Copy)]
 struct Face {
     corners: [usize; 3],
-    /// Across the edges that begin at the corners.
+    /// Neighbours across the edges that start at the corners.
     neighbours: [usize; 3],
     /// Part of the surface; else its place is free.
     alive: bool,
     normal: V3,
-    /// Of its plane from the origin, along the normal.
+    /// Distance of its plane from the origin, along the normal.
     distance: f64,
 }
 
-/// The polytope. Nothing allocates after [`new`](Self::new).
+/// The polytope. Only [`new`](Self::new) allocates.
 pub(super) struct Polytope {
     corners: Vec<Corner>,
     faces: Vec<Face>,
     free: Vec<usize>,
-    /// Faces around what a corner sees, with their edges on it, in order.
+    /// Edges of the faces around the visible region, in order.
     horizon: Vec<(usize, usize)>,
 }
 
@@ -74,11 +74,11 @@ impl Polytope {
         }
     }
 
-    /// For two cores that overlap the deepest point of each in the other and the direction from the first to the
-    /// second in which they part soonest. `None` where all differences lie on one line.
+    /// For two overlapping cores, returns the deepest point of each in the other, and the direction from the
+    /// first to the second along which they separate soonest. `None` if all differences are collinear.
     pub(super) fn search(&mut self, pair: &[Placed<'_>; 2]) -> Option<(V3, V3, V3)> {
         self.begin(pair)?;
-        // The way out is no longer than the best proven so far.
+        // The separation is no longer than the best one proven so far.
         let (mut best, mut least) = (self.faces[self.nearest()?], f64::INFINITY);
         loop {
             let nearest = self.nearest()?;
@@ -97,7 +97,7 @@ impl Polytope {
         }
     }
 
-    /// A tetrahedron, or both sides of a triangle when there is no more to be had.
+    /// Starts with a tetrahedron, or both sides of a triangle if there is no fourth point.
     fn begin(&mut self, pair: &[Placed<'_>; 2]) -> Option<()> {
         self.corners.clear();
         self.faces.clear();
@@ -143,12 +143,12 @@ impl Polytope {
         Some(())
     }
 
-    /// Index at which it is kept.
+    /// Returns the index of the new face.
     fn add_face(&mut self, corners: [usize; 3], neighbours: [usize; 3]) -> usize {
         let [a, b, c] = corners.map(|corner| self.corners[corner].at);
         let normal = (b - a).cross(c - a);
         let length = normal.dot(normal).sqrt();
-        // A face without area neither is the nearest nor is ever seen.
+        // A degenerate face is neither the nearest nor ever visible.
         let (normal, distance) = if length > f64::MIN_POSITIVE {
             let normal = normal * (1.0 / length);
             (normal, normal.dot(a))
@@ -173,8 +173,8 @@ impl Polytope {
         alive.min_by(|(_, a), (_, b)| a.distance.total_cmp(&b.distance)).map(|(index, _)| index)
     }
 
-    /// Takes `corner` in: `face`, and all around it that the corner sees, give way to faces from the edge of that
-    /// region to the corner. `false`, and nothing is grown, when there is no room or rounding has torn the region.
+    /// Adds `corner`: replaces `face` and all faces visible from it by faces from the horizon to the corner.
+    /// Returns `false` without growing if memory is exhausted or rounding has torn the region.
     fn grow(&mut self, face: usize, corner: Corner) -> bool {
         if self.corners.len() == CORNERS {
             return false;
@@ -185,7 +185,7 @@ impl Polytope {
             self.find_horizon(corner.at, face, edge);
         }
         let count = self.horizon.len();
-        // From corner to corner around the region; what it covered is free.
+        // From corner to corner around the region; the covered faces are free.
         let edge = |index: usize| {
             let (face, edge) = self.horizon[index % count];
             let corners = self.faces[face].corners;
@@ -218,17 +218,17 @@ impl Polytope {
         true
     }
 
-    /// Across an edge of a face that is seen: goes on over faces that are, notes the edge of one that is not.
+    /// Crosses an edge of a visible face: continues over visible faces, records the edge of an invisible one.
     fn find_horizon(&mut self, from: V3, face: usize, edge: usize) {
         let Face { corners, neighbours, .. } = self.faces[face];
         let (place, begin) = (neighbours[edge], corners[(edge + 1) % 3]);
         let neighbour = &mut self.faces[place];
-        // The same edge there runs the other way.
+        // The same edge has the opposite direction there.
         let Some(back) = neighbour.corners.iter().position(|&corner| corner == begin) else { return };
         if !neighbour.alive {
             return;
         }
-        // What lies in its plane is seen too: a corner beyond an edge would give a face without area.
+        // Coplanar faces count as visible: a corner beyond an edge would give a degenerate face.
         if neighbour.normal.dot(from) - neighbour.distance < -IN_PLANE {
             self.horizon.push((place, back));
             return;
@@ -238,8 +238,9 @@ impl Polytope {
         self.find_horizon(from, place, (back + 2) % 3);
     }
 
-    /// The points that make up the foot of the origin on the boundary. A facet of the set is made of several faces,
-    /// some of them slivers whose planes say little: the face that comes nearest to the foot has it.
+    /// Returns the points that correspond to the projection of the origin on the boundary. A facet of the set
+    /// consists of several faces, some of them slivers with inaccurate planes; the face nearest to the
+    /// projection is used.
     fn witness(&self, foot: V3) -> (V3, V3) {
         let (mut nearest, mut found) = (f64::INFINITY, (V3::ZERO, V3::ZERO));
         for face in self.faces.iter().filter(|face| face.alive) {
@@ -258,8 +259,8 @@ impl Polytope {
     }
 }
 
-/// Barycentric coordinates of the point of a triangle nearest to `point`, by its Voronoi regions (Ericson 2005, section
-/// 5.1.5).
+/// Barycentric coordinates of the point of a triangle nearest to `point`, by its Voronoi regions (Ericson
+/// 2005, section 5.1.5).
 fn nearest_shares(point: V3, [a, b, c]: [V3; 3]) -> [f64; 3] {
     let (ab, ac) = (b - a, c - a);
     let slopes = |corner: V3| (ab.dot(point - corner), ac.dot(point - corner));

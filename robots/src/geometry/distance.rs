@@ -19,17 +19,17 @@ pub struct Proximity {
     pub pair: usize,
     /// Signed distance \[m\]: the gap, or minus the depth.
     pub distance: f64,
-    /// The point of each that is nearest to (or deepest in) the other \[m, world\].
+    /// Point of each solid nearest to (or deepest in) the other \[m, world\].
     pub points: [Point3<f64>; 2],
     /// From the first to the second, world axes: `distance == normal . (points[1] - points[0])`.
     pub normal: Unit<Vector3<f64>>,
-    /// True where the search for the nearest points failed: then `distance` is only a lower bound, that of the bounding spheres or no number,
-    /// and points and normal are those of the spheres.
+    /// `true` if the search for the nearest points failed. `distance` is then only a lower bound, from the
+    /// bounding spheres or NaN, and points and normal belong to the spheres.
     pub is_bound: bool,
 }
 
-/// Workspace for the distances of one [`CollisionModel`]. Nothing allocates after [`new`](Self::new); pairs with a
-/// [`MeshMode::Surface`](super::MeshMode) may.
+/// Workspace for the distances of one [`CollisionModel`]. Only [`new`](Self::new) allocates, except for pairs
+/// with a [`MeshMode::Surface`](super::MeshMode).
 pub struct Collisions {
     pub(super) rotations: Vec<M3>,
     pub(super) positions: Vec<V3>,
@@ -44,8 +44,8 @@ pub struct Collisions {
 }
 
 impl Collisions {
-    /// A workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update), obstacles stand
-    /// where they were added.
+    /// Creates a workspace for `model`. Solids of the robot are placed by the first [`update`](Self::update);
+    /// obstacles are at their initial poses.
     pub fn new(model: &CollisionModel) -> Self {
         Self {
             rotations: model.solids.iter().map(|solid| solid.rotation).collect(),
@@ -59,18 +59,18 @@ impl Collisions {
         }
     }
 
-    /// Places the robot's solids as `kinematics` stands. Its last update must have been one of all bodies. Of several
-    /// robots it places the first.
+    /// Places the robot's solids according to `kinematics`, whose last update must have covered all bodies.
+    /// With several robots it places the first.
     pub fn update(&mut self, model: &CollisionModel, kinematics: &Kinematics) {
         self.update_robot(model, 0, kinematics);
     }
 
-    /// Moves the obstacle of solid `index`: `pose` places it in the world, instead of the placement it was added with.
+    /// Moves the obstacle of solid `index`: `pose` replaces its initial placement in the world.
     ///
-    /// Panics when `index` is not an obstacle's.
+    /// Panics if `index` is not an obstacle.
     pub fn move_obstacle(&mut self, model: &CollisionModel, index: usize, pose: &Isometry3<f64>) {
         assert!(model.is_obstacle(index), "solid {index} belongs to the robot");
-        // A hull stands about its middle, a fitted capsule about its own: what the file's frame is to that stays.
+        // A hull is centred on itself, a fitted capsule likewise; their offset from the file's frame is kept.
         let solid = &model.solids[index];
         let original = &model.obstacle_frames[index - model.robot_solids];
         let (r, p) = (nalgebra::Matrix3::from(solid.rotation), Vector3::from(solid.position));
@@ -80,8 +80,8 @@ impl Collisions {
         self.positions[index] = (pose * inverse * Point3::from(p)).coords.into();
     }
 
-    /// Places solid `index`, of the robot or an obstacle, instead of [`update`](Self::update): `pose` is that of its
-    /// [placement](CollisionModel::placement) in the world.
+    /// Places solid `index`, of the robot or an obstacle, instead of [`update`](Self::update). `pose` is the
+    /// pose of its [placement](CollisionModel::placement) in the world.
     pub fn set_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         self.rotations[index] = pose.rotation.to_rotation_matrix().into_inner().into();
         self.positions[index] = pose.translation.vector.into();
@@ -98,18 +98,19 @@ impl Collisions {
         self.positions[index].into()
     }
 
-    /// Resets the search directions of the last distances, so that the next depend on the poses alone.
+    /// Resets the search directions of the last distances, so that the next ones depend on the poses only.
     pub fn forget(&mut self) {
         self.hints.fill(V3::ZERO);
         self.last = 0;
     }
 
-    /// The search directions of the last distances, one per pair: what the next depend on besides the poses.
+    /// Search directions of the last distances, one per pair; besides the poses, the next distances depend on
+    /// them.
     pub fn hints(&self) -> Vec<[f64; 3]> {
         self.hints.iter().map(|hint| hint.array()).collect()
     }
 
-    /// Goes back to earlier [search directions](Self::hints).
+    /// Restores earlier [search directions](Self::hints).
     pub fn set_hints(&mut self, hints: &[[f64; 3]]) {
         assert_eq!(hints.len(), self.hints.len(), "one direction per pair");
         for (hint, given) in self.hints.iter_mut().zip(hints) {
@@ -117,18 +118,18 @@ impl Collisions {
         }
     }
 
-    /// Distance of pair `pair`, or `None` when it is certainly above `range` \[m\].
+    /// Returns the distance of pair `pair`, or `None` if it is certainly above `range` \[m\].
     pub fn distance_within(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         self.measure(model, pair, range)
     }
 
     /// Distance of one pair.
     pub fn distance(&mut self, model: &CollisionModel, pair: usize) -> Proximity {
-        // Nothing is farther than that; only surfaces can fail to answer.
+        // No distance exceeds this range; only surfaces can fail.
         self.measure(model, pair, f64::MAX).unwrap_or_else(|| self.bound(model, pair))
     }
 
-    /// All pairs nearer than `range` \[m\], in the order of the pairs. What is farther costs next to nothing.
+    /// Returns all pairs closer than `range` \[m\], in order. Distant pairs are cheap.
     pub fn within(&mut self, model: &CollisionModel, range: f64) -> &[Proximity] {
         self.near.clear();
         for pair in 0..model.pairs.len() {
@@ -146,12 +147,13 @@ impl Collisions {
         &self.near
     }
 
-    /// The pair that is nearest, or deepest in each other; `None` when no pair is checked.
+    /// Returns the nearest, or deepest, pair; `None` if no pair is checked.
     pub fn nearest(&mut self, model: &CollisionModel) -> Option<Proximity> {
         if model.pairs.is_empty() {
             return None;
         }
-        // That of the last time is likely near still, and rules out most others by their bounding spheres.
+        // The previous nearest pair is probably still near, and excludes most others by their bounding
+        // spheres.
         let mut best = self.distance(model, self.last);
         for pair in 0..model.pairs.len() {
             if pair != best.pair
@@ -172,7 +174,7 @@ impl Collisions {
         })
     }
 
-    /// Distance of a pair unless it is certainly above `range`.
+    /// Returns the distance of a pair unless it is certainly above `range`.
     fn measure(&mut self, model: &CollisionModel, pair: usize, range: f64) -> Option<Proximity> {
         let [a, b] = model.pairs[pair];
         let (first, second) = (&model.solids[a], &model.solids[b]);

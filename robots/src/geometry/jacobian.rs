@@ -8,11 +8,11 @@ use crate::algebra::V3;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {
-    /// Slope of a distance: `row . v` is the rate at which `proximity.distance` grows \[m/s\] while the robot moves
-    /// with `v` and obstacles stand still. `row` is nv long; it is overwritten.
+    /// Gradient of a distance: `row . v` is the rate of change of `proximity.distance` \[m/s\] for a robot
+    /// velocity `v` and fixed obstacles. `row` is nv long; it is overwritten.
     ///
-    /// `kinematics` must stand where the distance was measured. The slope is exact wherever the nearest points are
-    /// unique; between parallel faces or edges it is that of the points found.
+    /// `kinematics` must be at the configuration of the distance. The gradient is exact where the nearest
+    /// points are unique; between parallel faces or edges it is the gradient at the found points.
     pub fn distance_jacobian(
         &self,
         model: &Model,
@@ -31,10 +31,10 @@ impl CollisionModel {
         }
     }
 
-    /// [`distance_jacobian`](Self::distance_jacobian) of several: one row each. Rows of `out` beyond them are not
-    /// touched.
+    /// [`distance_jacobian`](Self::distance_jacobian) for several distances: one row each. Further rows of
+    /// `out` are unchanged.
     ///
-    /// Panics when `out` has fewer rows than there are proximities, or not nv columns.
+    /// Panics if `out` has too few rows, or not nv columns.
     pub fn distance_jacobians(
         &self,
         model: &Model,

@@ -1,13 +1,13 @@
 //! Collision geometry: signed distances between the links of a robot, and to obstacles.
 //!
-//! [`CollisionModel`] prepares the shapes of a [`Model`](crate::Model) once: meshes become convex hulls, capsules or
-//! stay surfaces, pairs that cannot or may not collide are left out. [`Collisions`] is the workspace of its
-//! queries: distances with their witness points, and their Jacobians.
+//! [`CollisionModel`] prepares the shapes of a [`Model`](crate::Model) once: meshes become convex hulls or
+//! capsules or stay surfaces, and pairs that cannot or may not collide are excluded. [`Collisions`] is the
+//! workspace of its queries: distances with their witness points, and their Jacobians.
 //!
 //! A [`RayScene`] finds the first surface along a line: for sensors and simulators.
 //!
-//! Distances are signed: positive is the gap \[m\], negative the depth, the shortest way out. Points and normals are
-//! in world axes; normals point from the first solid of a pair to the second.
+//! Distances are signed: positive is the gap \[m\], negative the penetration depth. Points and normals are in
+//! world axes; normals point from the first solid of a pair to the second.
 
 mod capsule;
 mod depth;

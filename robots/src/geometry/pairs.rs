@@ -17,21 +17,23 @@ use crate::{Geometry, Model, Shape};
 pub struct CollisionOptions {
     /// The collision shape that replaces meshes.
     pub meshes: MeshMode,
-    /// Check links joined by a joint against each other too. Their shapes overlap at the joint in nearly all files.
+    /// Check links joined by a joint against each other too. Their shapes overlap at the joint in nearly all
+    /// files.
     pub adjacent: bool,
-    /// Check links that hang on the same link by a joint each, such as two fingers, against each other. Default true.
+    /// Checks links attached to the same link by a joint each, such as two fingers, against each other.
+    /// Default true.
     pub siblings: bool,
     /// Check links of the robot against each other at all. Default true.
     pub self_collision: bool,
     /// Rules of an SRDF file.
     pub srdf: Srdf,
-    /// Leave out shapes that cannot be used, such as meshes that are nowhere, and rules for links that do not exist,
-    /// instead of refusing the robot. [`CollisionModel::left_out`] names them.
+    /// Skips unusable shapes, such as missing meshes, and rules for unknown links, instead of rejecting the
+    /// robot. [`CollisionModel::left_out`] lists them.
     pub leave_out_defects: bool,
 }
 
 impl Default for CollisionOptions {
-    /// Convex hulls of up to 500 corners, nothing between links that a joint joins, no rules, no defects.
+    /// Convex hulls of up to 500 corners; no checks between links connected by a joint, no rules, no defects.
     fn default() -> Self {
         Self {
             meshes: MeshMode::default(),
@@ -47,7 +49,7 @@ impl Default for CollisionOptions {
 /// The frame that a solid is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attachment {
-    /// The world: obstacles, and links that do not move.
+    /// The world: obstacles and immovable links.
     World,
     /// The base of the robot.
     Base,
@@ -55,7 +57,7 @@ pub enum Attachment {
     Body(usize),
 }
 
-/// A collision model that cannot be made.
+/// The collision model cannot be created.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CollisionError {
     /// A shape that cannot be used.
@@ -66,7 +68,7 @@ pub enum CollisionError {
         /// The defect of its shape.
         problem: SolidProblem,
     },
-    /// A rule for a link that the robot does not have.
+    /// A rule refers to an unknown link.
     #[error("robot \"{robot}\" has no link \"{link}\" for the collision rule{}", suggestion(.nearest.as_deref()))]
     UnknownLink {
         /// The robot.
@@ -109,8 +111,8 @@ impl std::fmt::Debug for CollisionModel {
 impl CollisionModel {
     /// Prepares the shapes of `model`. Reads its mesh files.
     ///
-    /// Never checked: solids fixed to the same body, and those of two bodies joined by a joint (bodies without shapes
-    /// in between do not count), unless the options ask for these.
+    /// Solids fixed to the same body are never checked. Solids of two bodies connected by a joint (ignoring
+    /// bodies without shapes in between) are checked only if the options request it.
     ///
     /// # Errors
     ///
@@ -221,13 +223,13 @@ impl CollisionModel {
         }
     }
 
-    /// Adds an obstacle that stands in the world, checked against every link of the robot, those fixed to the world
-    /// excepted, and against every [free object](Self::add_free_object). Returns the index of its solid, for
+    /// Adds an obstacle in the world, checked against every link of the robot except links fixed to the
+    /// world, and against every [free object](Self::add_free_object). Returns the index of its solid, for
     /// [`Collisions::move_obstacle`](super::Collisions::move_obstacle).
     ///
     /// # Errors
     ///
-    /// [`CollisionError::Solid`]: a shape that cannot be used.
+    /// [`CollisionError::Solid`]: the shape is unusable.
     pub fn add_obstacle(
         &mut self,
         name: &str,
@@ -239,11 +241,11 @@ impl CollisionModel {
         Ok(self.add(solid, placement, false))
     }
 
-    /// Adds an object that moves freely: an obstacle that is checked against every solid there is.
+    /// Adds an object that moves freely: an obstacle that is checked against every solid.
     ///
     /// # Errors
     ///
-    /// [`CollisionError::Solid`]: a shape that cannot be used.
+    /// [`CollisionError::Solid`]: the shape is unusable.
     pub fn add_free_object(
         &mut self,
         name: &str,
@@ -279,7 +281,7 @@ impl CollisionModel {
         index
     }
 
-    /// Keeps only the pairs of solids for which `keep` is true.
+    /// Keeps only the pairs of solids for which `keep` returns `true`.
     pub fn retain_pairs(&mut self, keep: impl FnMut(&[usize; 2]) -> bool) {
         self.pairs.retain(keep);
     }
@@ -310,8 +312,8 @@ impl CollisionModel {
         self.solids[index].kind
     }
 
-    /// The frame that solid `index` is fixed to, of its own [robot](Self::robot). The base of a robot that stands fixed in the world is
-    /// [`Attachment::Base`], too.
+    /// Frame to which solid `index` is fixed, of its [robot](Self::robot). A base fixed in the world is also
+    /// [`Attachment::Base`].
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {
             FlatModel::WORLD => Attachment::World,
@@ -325,8 +327,8 @@ impl CollisionModel {
         self.solids[index].placement
     }
 
-    /// Shape of solid `index`, about the origin of its [placement](Self::placement). A [surface](MeshMode::Surface)
-    /// has that of its convex hull.
+    /// Shape of solid `index`, relative to its [placement](Self::placement). A [surface](MeshMode::Surface)
+    /// returns its convex hull.
     pub fn convex_shape(&self, index: usize) -> ConvexShape {
         self.solids[index].convex_shape()
     }
@@ -341,7 +343,7 @@ impl CollisionModel {
         self.pairs[index].map(|solid| self.link(solid))
     }
 
-    /// Shapes and rules left out because they cannot be used.
+    /// Shapes and rules that were skipped because they are unusable.
     pub fn left_out(&self) -> &[CollisionError] {
         &self.left_out
     }
@@ -367,7 +369,7 @@ fn obstacle(
         .map_err(|problem| CollisionError::Solid { link: name.to_owned(), problem })
 }
 
-/// For every slot the next one towards the base that has a shape.
+/// For every slot, the next slot with a shape towards the base.
 fn carriers(model: &Model, slots: &[usize]) -> Vec<usize> {
     let nodes = &model.flat().nodes;
     let mut carriers = vec![0; nodes.len() + 1];

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector2;
 
-/// The corners of the convex hull of points, counter-clockwise, in `corners`: two for points in one line, one for a single point. `at`
-/// places a point in the plane; `points` are put in order. Within the capacity of twice as many corners as points, and two, nothing
-/// allocates. (Andrew, *Another efficient algorithm for convex hulls in two dimensions*, 1979.)
+/// The corners of the convex hull of points, counter-clockwise, in `corners`: two for points in one line, one
+/// for a single point. `at` places a point in the plane; `points` are put in order. Within the capacity of
+/// twice as many corners as points, and two, nothing allocates. (Andrew, *Another efficient algorithm for
+/// convex hulls in two dimensions*, 1979.)
 ///
 /// ```
 /// use motorium_robots::convex_corners;
@@ -43,7 +44,7 @@ pub fn convex_corners<P: Copy>(points: &mut [P], at: impl Fn(&P) -> Vector2<f64>
     }
 }
 
-/// Cuts off what is on the right of the edge from `a` to `b` of a convex polygon of `corners` (Sutherland and Hodgman 1974).
+/// Clips the part right of the edge from `a` to `b` from a convex polygon (Sutherland and Hodgman 1974).
 pub(super) fn clip(
     corners: &[Vector2<f64>],
     [a, b]: [Vector2<f64>; 2],
@@ -68,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_points_and_points_in_a_line_have_as_many_corners_as_they_need() {
+    fn degenerate_point_sets_have_minimal_hulls() {
         let corners_of = |points: &[(f64, f64)]| {
             let mut points: Vec<_> = points.iter().map(|(x, y)| Vector2::new(*x, *y)).collect();
             let mut corners = Vec::new();
@@ -83,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_cut_across_a_corner_has_five_corners_and_the_area_that_is_left() {
+    fn clipped_square_has_five_corners() {
         let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vector2::new(x, y));
         let mut kept = Vec::new();
         clip(&square, [Vector2::new(1.0, 0.5), Vector2::new(0.5, 1.0)], 1e-15, &mut kept);

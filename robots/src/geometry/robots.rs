@@ -8,8 +8,8 @@ use crate::model::flat::FlatModel;
 use crate::{Kinematics, Model};
 
 impl CollisionModel {
-    /// Adds another robot, which has a base of its own. `options` and their rules are about its own links; each of
-    /// these is also checked against every link of the robots before it, unless both stand fixed in the world beside
+    /// Adds another robot with its own base. `options` and their rules concern its own links. Each link is
+    /// also checked against every link of the previous robots, unless both are fixed in the world next to
     /// floating bases. Returns its index.
     ///
     /// ```
@@ -51,7 +51,7 @@ impl CollisionModel {
         Ok(self.robots.len() - 1)
     }
 
-    /// Index of the robot that solid `index` belongs to; `None` for an obstacle.
+    /// Index of the robot of solid `index`; `None` for an obstacle.
     pub fn robot(&self, index: usize) -> Option<usize> {
         (index < self.robot_solids).then(|| self.robots.partition_point(|first| *first <= index) - 1)
     }
@@ -63,7 +63,7 @@ impl CollisionModel {
 }
 
 impl Collisions {
-    /// Places the solids of one of several robots as its `kinematics` stands.
+    /// Places the solids of one of several robots according to its `kinematics`.
     pub fn update_robot(&mut self, model: &CollisionModel, robot: usize, kinematics: &Kinematics) {
         for index in model.solids_of(robot) {
             let (rotation, position) = kinematics.slot_pose(model.slots[index]);

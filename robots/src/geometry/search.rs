@@ -1,5 +1,5 @@
-//! Searches for the nearest points of two cores: Gilbert, Johnson and Keerthi's algorithm (parry's) with restarts, the
-//! expanding polytope where they overlap, and a closed form for segments.
+//! Searches for the nearest points of two cores: Gilbert, Johnson and Keerthi's algorithm (parry's) with
+//! restarts, the expanding polytope where they overlap, and a closed form for segments.
 
 use super::depth::Polytope;
 use super::support::{Placed, v3, vector};
@@ -9,20 +9,21 @@ use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_point
 /// Closer than this \[m\] the direction from one point to the other is noise.
 pub(super) const TOUCHING: f64 = 1e-9;
 
-/// A distance this near to what a separating plane proves is good \[m\], and how often a search may start again for it.
+/// Gap between a distance and its proven lower bound that is acceptable \[m\], and the maximum number of
+/// restarts.
 const SETTLED: f64 = 1e-9;
 const AGAIN: usize = 4;
 
-/// Projections from one core to the other and back, at most.
+/// Maximum number of alternating projections between the cores.
 const ALTERNATIONS: usize = 30;
 
 /// The result of a search.
 pub(super) enum Search {
     /// Points of both cores and the normal from the first to the second.
     Found(V3, V3, V3),
-    /// They are farther apart than the range.
+    /// The distance exceeds the range.
     Farther,
-    /// It does not settle, from wherever it starts.
+    /// The search does not converge from any start.
     Lost,
 }
 
@@ -55,7 +56,7 @@ pub(super) fn search(
                     .search(pair)
                     .map_or(Search::Lost, |(p, q, normal)| Search::Found(p, q, normal));
             }
-            // Also returned where the search gives up: only a gap along the direction proves it.
+            // Also returned if the search gives up: only a gap along the direction is a proof.
             GJKResult::NoIntersection(along) => {
                 if -along.dot(CsoPoint::from_shapes(&still, first, second, along).point) > range {
                     return Search::Farther;
@@ -67,13 +68,14 @@ pub(super) fn search(
     Search::Lost
 }
 
-/// Continues a search that stopped early: on round cores the simplex becomes so small that its rounding stops the search
-/// some micrometres short. A plane square to the direction found shows it; a restart without the old corners goes on.
+/// Continues a search that stopped early. On round cores the simplex shrinks until rounding stops the search
+/// some micrometres short. A plane normal to the direction detects this; a restart without the old corners
+/// continues.
 fn settle(simplex: &mut VoronoiSimplex, pair: &[Placed<'_>; 2], found: (V3, V3, f64)) -> Search {
     let still = parry3d_f64::math::Pose::IDENTITY;
     let [first, second] = pair;
     let (mut p, mut q, mut gap) = found;
-    // From one to the other and back comes ever nearer (Cheney and Goldstein 1959).
+    // Alternating projections converge (Cheney and Goldstein 1959).
     for _ in 0..ALTERNATIONS {
         let Some(a) = first.project(q) else { break };
         let Some(b) = second.project(a) else { break };
@@ -109,7 +111,8 @@ fn settle(simplex: &mut VoronoiSimplex, pair: &[Placed<'_>; 2], found: (V3, V3, 
     Search::Found(p, q, (q - p) * (1.0 / gap))
 }
 
-/// Nearest points of two segments along the z axes of their frames, or of points (Ericson 2005, section 5.1.9).
+/// Nearest points of two segments along the z axes of their frames, or of points (Ericson 2005, section
+/// 5.1.9).
 pub(super) fn lines([first, second]: &[Placed<'_>; 2], half: f64, other: f64) -> (V3, V3, V3) {
     let (u, v) = (first.rotation.z, second.rotation.z);
     let r = first.position - second.position;
@@ -131,7 +134,7 @@ pub(super) fn lines([first, second]: &[Placed<'_>; 2], half: f64, other: f64) ->
     if gap > 1e-12 {
         return (p, q, way * (1.0 / gap));
     }
-    // They cross: out along what is square to both.
+    // The segments cross: separate along their common normal.
     let mut normal = u.cross(v);
     if normal.dot(normal) < 1e-12 {
         let least = if u.x.abs() < 0.6 { V3::new(1.0, 0.0, 0.0) } else { V3::new(0.0, 1.0, 0.0) };

@@ -1,4 +1,4 @@
-//! Convex shapes as physics engines see them.
+//! Convex shapes for physics engines.
 
 use nalgebra::Vector3;
 
@@ -66,7 +66,8 @@ impl ConvexShape {
         }
     }
 
-    /// The planes of the faces of a hull: the outward normal, and the height along it \[m\]. None of other shapes, or without volume.
+    /// Planes of the faces of a hull: outward normal and offset \[m\]. Empty for other shapes and hulls
+    /// without volume.
     pub fn faces(&self) -> Vec<(Vector3<f64>, f64)> {
         let Self::Hull { points } = self else { return Vec::new() };
         let planes = super::rays::planes(points).unwrap_or_default();
@@ -100,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_outermost_points_of_a_box_are_its_corners() {
+    fn extreme_points_of_a_box_are_its_corners() {
         let mut points = vec![Vector3::zeros(), Vector3::new(0.05, 0.0, 0.0)];
         for corner in 0..8_u32 {
             let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };

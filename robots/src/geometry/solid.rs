@@ -16,18 +16,18 @@ use crate::{Geometry, Shape};
 /// The collision shape that replaces a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshMode {
-    /// Its convex hull, or a capsule around it where the hull has more corners than this.
+    /// Convex hull, or a capsule around it if the hull has more corners than this.
     Hull {
         /// Most corners of a hull.
         most_corners: usize,
     },
     /// A capsule around it: the cheapest, and smooth.
     Capsule,
-    /// The convex hull of its 26 outermost points, towards the faces, edges and corners of a cube: coarse, and a little
-    /// smaller than the mesh. For contact points, of which a robot needs few.
+    /// The convex hull of its 26 outermost points, towards the faces, edges and corners of a cube: coarse,
+    /// and a little smaller than the mesh. For contact points, of which a robot needs few.
     Outermost,
-    /// Its triangles as they are: exact and slow. They have no inside: where surfaces cross the distance is minus the
-    /// depth of the deepest triangle.
+    /// Unmodified triangles: exact and slow. Surfaces have no inside; where they intersect the distance is
+    /// minus the depth of the deepest triangle.
     Surface,
 }
 
@@ -81,7 +81,7 @@ pub enum SolidProblem {
         /// The error of parry.
         why: String,
     },
-    /// A size that is not positive.
+    /// The size is not positive.
     #[error("its {what} is {value}, which must be above 0")]
     Size {
         /// Name of the size.
@@ -91,26 +91,26 @@ pub enum SolidProblem {
     },
 }
 
-/// A solid in the frame of what it is fixed to.
+/// A solid in the frame to which it is fixed.
 #[derive(Clone)]
 pub(super) struct Solid {
     pub(super) link: String,
     pub(super) kind: SolidKind,
     pub(super) core: Core,
     pub(super) radius: f64,
-    /// In the frame of the link's body, the base or the world.
+    /// Pose in the frame of the link's body, the base or the world.
     pub(super) placement: Isometry3<f64>,
-    /// The same in the frame the algorithms count in: that of the body's node.
+    /// The same pose in the frame of the algorithms, that of the body's node.
     pub(super) rotation: M3,
     pub(super) position: V3,
-    /// Of the sphere around it, about `position`.
+    /// Radius of the bounding sphere about `position`.
     pub(super) reach: f64,
-    /// As parry has it, in the same frame: when surfaces take part.
+    /// Shape for parry in the same frame, for pairs with surfaces.
     pub(super) shape: Option<SharedShape>,
 }
 
 impl Solid {
-    /// Reads and prepares one shape; `within` places the body frame in that of its node.
+    /// Reads and prepares one shape; `within` is the pose of the body frame in its node's frame.
     pub(super) fn new(shape: &Shape, within: &Isometry3<f64>, mode: MeshMode) -> Result<Self, SolidProblem> {
         let placement = (within, shape.placement);
         let link = &shape.link;
@@ -189,7 +189,7 @@ impl Solid {
                     return Self::fitted(link, placement, &corners);
                 }
                 let kind = SolidKind::Hull { corners: hull.len() };
-                // About the middle, so that the sphere around it is small.
+                // Centred, so that the bounding sphere is small.
                 let (low, high) = bounds(hull.iter().map(|&point| v3(point)));
                 let middle = (low + high) * 0.5;
                 let hull: Vec<_> = hull.into_iter().map(|point| v3(point) - middle).collect();
@@ -269,7 +269,7 @@ impl Solid {
         matches!(self.kind, SolidKind::Surface { .. })
     }
 
-    /// Makes the solid known to parry as well, for pairs with a surface.
+    /// Creates the parry shape for pairs with a surface.
     pub(super) fn share(&mut self) {
         if self.shape.is_some() {
             return;
@@ -280,7 +280,7 @@ impl Solid {
             Core::Segment(half) => SharedShape::capsule(vector(z * -*half), vector(z * *half), self.radius),
             Core::Box(half) => SharedShape::cuboid(half.x, half.y, half.z),
             Core::Cylinder(radius, half) => {
-                // Parry's cylinder stands along y: turned about x it stands along z.
+                // Parry's cylinder is along y: rotate about x to align it with z.
                 let turn = UnitQuaternion::from_axis_angle(
                     &nalgebra::Unit::new_unchecked(Vector3::from(x)),
                     std::f64::consts::FRAC_PI_2,
@@ -308,7 +308,7 @@ fn bounds(points: impl Iterator<Item = V3>) -> (V3, V3) {
     })
 }
 
-/// A pose as parry writes it.
+/// Converts a pose to parry's type.
 pub(super) fn pose(rotation: &M3, position: V3) -> parry3d_f64::math::Pose {
     let matrix = nalgebra::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from(*rotation));
     let turn = UnitQuaternion::from_rotation_matrix(&matrix).coords;

@@ -1,7 +1,8 @@
-//! Convex shapes as GJK sees them: a core and a radius around it.
+//! Convex shapes for GJK: a core and a radius around it.
 //!
-//! A sphere is a point with a radius, a capsule a segment with one. As long as the cores stay apart, the signed
-//! distance of two shapes is that of their cores less the radii: exact, smooth, and without a search for the depth.
+//! A sphere is a point with a radius, a capsule a segment with one. While the cores are separate, the signed
+//! distance of two shapes is the distance of their cores minus the radii: exact, smooth, and without a depth
+//! search.
 
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::shape::SupportMap;
@@ -21,7 +22,7 @@ pub(super) enum Core {
     Cylinder(f64, f64),
     /// The convex hull of points.
     Hull(Cloud),
-    /// All below z = 0. It has no support points: its distances are found in closed form.
+    /// All points below z = 0. It has no support points; its distances are computed in closed form.
     HalfSpace,
 }
 
@@ -47,7 +48,7 @@ impl Core {
         }
     }
 
-    /// The point of the set nearest to `point`; `None` for a hull, where that takes a search.
+    /// Returns the point of the set nearest to `point`; `None` for a hull, which requires a search.
     #[inline(always)]
     pub(super) fn project(&self, point: V3) -> Option<V3> {
         Some(match self {
@@ -90,7 +91,7 @@ impl Core {
     }
 }
 
-/// Points by coordinate, so that all are compared at once.
+/// Points by coordinate, for vectorised comparison.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Cloud {
     x: Vec<f64>,
@@ -105,7 +106,7 @@ const WIDE: usize = 8;
 
 impl Cloud {
     pub(super) fn new(points: &[V3]) -> Self {
-        // Filled up with copies of the last, which change nothing.
+        // Padded with copies of the last point, which have no effect.
         let count = points.len().next_multiple_of(WIDE);
         let at = |index: usize| points[index.min(points.len() - 1)];
         Self {

@@ -15,7 +15,7 @@ pub(super) type Bounds = (V3, V3);
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BoxTree {
     nodes: Vec<Node>,
-    /// Numbers of the boxes, those of a leaf next to one another.
+    /// Indices of the boxes; those of a leaf are adjacent.
     order: Vec<u32>,
 }
 
@@ -24,7 +24,7 @@ struct Node {
     bounds: Bounds,
     /// First of its boxes in the order.
     first: u32,
-    /// How many, of a leaf; 0 for a node, whose halves are the next node and `second`.
+    /// Number of boxes of a leaf; 0 for a node, whose halves are the next node and `second`.
     count: u32,
     second: u32,
 }
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_visit_finds_the_boxes_that_a_search_one_by_one_finds() {
+    fn visit_matches_a_linear_search() {
         let mut state = 7_u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -1,4 +1,4 @@
-//! Surfaces of triangles, as contacts and rays meet them.
+//! Triangle surfaces for contacts and rays.
 
 use std::collections::HashMap;
 
@@ -16,7 +16,8 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Per side, the first from the first corner to the second: how far its neighbour there rises above its plane \[m\], 0 where it does not.
+    /// Per side, the first from the first to the second corner: height by which the neighbour rises above
+    /// this plane \[m\]; 0 otherwise.
     pub valley: [f64; 3],
 }
 
@@ -25,13 +26,14 @@ pub struct SurfaceTriangle {
 pub struct SurfaceEdge {
     /// Ends \[m\].
     pub ends: [Point3<f64>; 2],
-    /// Outward unit normals of the triangles at both sides. At a rim, that of its triangle, and the direction in the plane of this away from it.
+    /// Outward unit normals of both adjacent triangles. At a rim: the triangle's normal, and the direction
+    /// away from it in its plane.
     pub normals: [Vector3<f64>; 2],
 }
 
-/// The surface of a mesh. What lies in front of its triangles is outside.
+/// Surface of a mesh. The front of its triangles is outside.
 ///
-/// Sides between triangles of one plane, and in valleys, are no [edges](SurfaceEdge): nothing catches on them.
+/// Sides between coplanar triangles, and in valleys, are not [edges](SurfaceEdge): nothing catches on them.
 ///
 /// ```
 /// use motorium_robots::{TriangleMesh, TriangleSurface};
@@ -53,7 +55,7 @@ pub struct TriangleSurface {
     reach: f64,
 }
 
-/// Sine of the angle between two triangles below which they lie in one plane.
+/// Sine of the angle between two triangles below which they count as coplanar.
 const FLAT: f64 = 1e-3;
 
 /// Triangles smaller than this have no normal \[m2\].
@@ -135,7 +137,7 @@ impl TriangleSurface {
         Self { triangles, edges, tree, edge_tree, reach }
     }
 
-    /// Radius of the sphere about the origin that holds it \[m\].
+    /// Radius of the bounding sphere about the origin \[m\].
     pub fn reach(&self) -> f64 {
         self.reach
     }
@@ -145,7 +147,7 @@ impl TriangleSurface {
         &self.triangles
     }
 
-    /// The corners of the box along the axes that holds it \[m\].
+    /// Corners of the axis-aligned bounding box \[m\].
     pub fn corners(&self) -> Vec<Vector3<f64>> {
         let Some((low, high)) = self.tree.bounds() else { return Vec::new() };
         let pick =
@@ -160,7 +162,8 @@ impl TriangleSurface {
         (0..8).map(corner).collect()
     }
 
-    /// Passes the triangles whose boxes share a point with that from `low` to `high` \[m\] to `visit`, with their numbers.
+    /// Passes the triangles whose boxes share a point with that from `low` to `high` \[m\] to `visit`, with
+    /// their numbers.
     pub fn visit(
         &self,
         low: &Point3<f64>,
@@ -171,7 +174,8 @@ impl TriangleSurface {
         self.tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.triangles[index]));
     }
 
-    /// Passes the edges whose boxes may share a point with that from `low` to `high` \[m\] to `visit`, with their numbers.
+    /// Calls `visit` with the edges, and their indices, whose boxes may intersect the box from `low` to
+    /// `high` \[m\].
     pub fn visit_edges(
         &self,
         low: &Point3<f64>,
@@ -182,7 +186,8 @@ impl TriangleSurface {
         self.edge_tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.edges[index]));
     }
 
-    /// Distance along a ray to the first triangle within `range`, and its normal, turned towards the origin of the ray.
+    /// Distance along a ray to the first triangle within `range`, and its normal, turned towards the origin
+    /// of the ray.
     pub(super) fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
         let inverse = V3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
         let nearest = core::cell::Cell::new(range);
@@ -222,8 +227,8 @@ impl SurfaceTriangle {
         Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))
     }
 
-    /// True where `point` stands over the triangle, or beyond a side of it in a valley: no farther than `slack` \[m\] and than the neighbour
-    /// rises there, since what is farther may have passed over the neighbour.
+    /// Returns `true` if `point` is over the triangle, or beyond a side in a valley by no more than `slack`
+    /// \[m\] and the rise of the neighbour; farther points may have passed over the neighbour.
     pub fn is_below(&self, point: &Point3<f64>, slack: f64) -> bool {
         (0..3).all(|side| {
             let (start, end) = (self.corners[side], self.corners[(side + 1) % 3]);
@@ -247,7 +252,7 @@ impl SurfaceEdge {
         }
         let across = across / length;
         let least = self.normals[0].dot(&self.normals[1]) - 1e-6;
-        // Between the two by both angles: nearer to each than they are to one another.
+        // Between both by angle: closer to each than they are to one another.
         across.dot(&self.normals[0]) >= least && across.dot(&self.normals[1]) >= least
     }
 }

@@ -1,4 +1,4 @@
-//! The points of two solids that take turns at being the nearest, as the solids turn.
+//! Candidate nearest points of two solids that rotate.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -11,7 +11,7 @@ use super::solid::Solid;
 use super::support::{Core, Placed};
 use crate::algebra::{M3, V3};
 
-/// Angle of a turn after which another point may be the nearest \[rad\].
+/// Rotation after which another point may be the nearest \[rad\].
 const TILT: f64 = 0.05;
 /// Directions of turns.
 const TURNS: [(f64, f64); 8] = [
@@ -24,7 +24,7 @@ const TURNS: [(f64, f64); 8] = [
     (0.0, -1.0),
     (FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
 ];
-/// Areas \[m2\] that are rounding, and lengths \[m\] within which points are the same.
+/// Areas \[m2\] below rounding, and lengths \[m\] within which points coincide.
 const NO_AREA: f64 = 1e-13;
 const SAME: f64 = 1e-6;
 
@@ -41,7 +41,7 @@ pub(super) struct WitnessRoom {
     points: Vec<Seen>,
     /// Corners of the part of each solid that is near.
     corners: [Vec<Seen>; 2],
-    /// Corners of the area in which these parts are opposite one another.
+    /// Corners of the region in which these parts are opposite each other.
     overlap: Vec<Vector2<f64>>,
     clipped: Vec<Vector2<f64>>,
 }
@@ -73,7 +73,7 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    /// The corners of what is farthest outward, or would be after a turn by [`TILT`].
+    /// Corners of the outermost part, at this pose or after a rotation by [`TILT`].
     fn near(&self, points: &mut Vec<Seen>, corners: &mut Vec<Seen>) {
         let placed = Placed { core: &self.solid.core, rotation: self.rotation, position: self.position };
         let [x, y] = self.axes;
@@ -89,7 +89,8 @@ impl View<'_> {
         flatten(corners);
     }
 
-    /// The point of the solid at a place within the corners: on one of the triangles between two corners and the nearest point.
+    /// The point of the solid at a place within the corners: on one of the triangles between two corners and
+    /// the nearest point.
     fn at(&self, place: Vector2<f64>, corners: &[Seen]) -> V3 {
         let [x, y] = self.axes;
         if self.solid.is_half_space() {
@@ -119,15 +120,18 @@ impl Collisions {
     /// Largest number of [witnesses](Self::witnesses) of a pair.
     pub const MOST_WITNESSES: usize = 12;
 
-    /// Appends the witnesses of a pair to `found`: pairs of opposite points, at most `most` and
-    /// [`MOST_WITNESSES`](Self::MOST_WITNESSES), any of which may be the nearest one after a small turn of a solid, besides `nearest` itself, which was measured at these poses. Each has the
-    /// normal of `nearest` and, as its distance, the gap along it, which is no smaller than that of `nearest`.
+    /// Appends the witnesses of a pair to `found`, at most `most` and
+    /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). Witnesses are pairs of opposite points, any of which may
+    /// become the nearest after a small rotation. `nearest`, measured at these poses, is not included. Each
+    /// has the normal of `nearest` and, as its distance, the gap along it, which is no smaller than that of
+    /// `nearest`.
     ///
-    /// Between a flat side and an edge or another side the nearest points jump from corner to corner as the solids turn, and the
-    /// [slope](CollisionModel::distance_jacobian) of the ones says nothing of the others. The witnesses are the corners of the area in
-    /// which the solids lie opposite one another: points that are farthest along the normal, or along one tilted by 0.05 rad. Spheres, and
-    /// [surfaces](super::MeshMode::Surface), have none, nor has a pair of which only a [bound](Proximity::is_bound) is known. Of more than
-    /// `most` those are kept that the area needs most.
+    /// Between a flat face and an edge or another face, the nearest points jump from corner to corner as the
+    /// solids rotate, and the [gradient](CollisionModel::distance_jacobian) at one does not cover the others.
+    /// The witnesses are the corners of the overlap region: points farthest along the normal, or along a
+    /// normal tilted by 0.05 rad. Spheres, and [surfaces](super::MeshMode::Surface), have none, nor does a
+    /// pair with only a known [bound](Proximity::is_bound). If there are more than `most`, those that
+    /// contribute most to the region are kept.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, Collisions, Geometry, MeshMode, load};
@@ -162,7 +166,7 @@ impl Collisions {
         let Self { rotations, positions, room, .. } = self;
         let WitnessRoom { points, corners, overlap, clipped } = room;
         let normal = V3::from(nearest.normal.into_inner());
-        // places on the rim of a cylinder stay where they are as the other solid turns
+        // points on the rim of a cylinder stay in place as the other solid rotates
         let round = pair.into_iter().find(|solid| matches!(model.solids[*solid].core, Core::Cylinder(..)));
         let axes = square_to(normal, &rotations[round.unwrap_or(pair[0])]);
         let view = |side: usize, outward: V3| View {
@@ -199,7 +203,7 @@ impl Collisions {
     }
 }
 
-/// Leaves the ends of a polygon that is as good as a line.
+/// Keeps only the ends of a nearly degenerate polygon.
 fn flatten(corners: &mut Vec<Seen>) {
     let farthest = |from: Vector2<f64>| {
         let distance = |seen: &&Seen| (seen.place - from).norm_squared();
@@ -214,7 +218,7 @@ fn flatten(corners: &mut Vec<Seen>) {
     }
 }
 
-/// The corners of the area that two convex polygons have in common, each of which may be a line.
+/// Corners of the intersection of two convex polygons, each of which may be degenerate.
 fn intersect(
     [first, second]: &[Vec<Seen>; 2],
     overlap: &mut Vec<Vector2<f64>>,
@@ -243,7 +247,8 @@ fn intersect(
     }
 }
 
-/// Leaves the corners that are places of their own, away from the nearest point; of more than are wanted, those that the area needs most.
+/// Keeps the corners away from the nearest point; if there are too many, those that contribute most to the
+/// region.
 fn keep_corners(overlap: &mut Vec<Vector2<f64>>, most: usize) {
     let mut kept = 0;
     for index in 0..overlap.len() {
@@ -266,7 +271,7 @@ fn keep_corners(overlap: &mut Vec<Vector2<f64>>, most: usize) {
     }
 }
 
-/// Two axes square to a direction of length 1 and to one another, along an axis of a solid.
+/// Two orthonormal axes normal to a unit direction, aligned with an axis of a solid.
 fn square_to(normal: V3, solid: &M3) -> [V3; 2] {
     let along = if solid.x.dot(normal).abs() < 0.8 { solid.x } else { solid.y };
     let x = along - normal * along.dot(normal);

@@ -14,13 +14,13 @@ pub struct CentreOfMass {
     pub position: Vector3<f64>,
     /// Its velocity \[m/s\].
     pub velocity: Vector3<f64>,
-    /// Its acceleration \[m/s2\]; the drift `Jdot v` after [`Kinematics::update_with_velocity`].
+    /// Acceleration \[m/s2\]; the drift `Jdot v` after [`Kinematics::update_with_velocity`].
     pub acceleration: Vector3<f64>,
 }
 
 impl Kinematics {
-    /// The centre of mass, moving as the last update says. Links fixed to the world do not count. Not a number for a
-    /// robot without mass.
+    /// Returns the centre of mass with the motion of the last update. Links fixed to the world are ignored.
+    /// NaN for a robot without mass.
     pub fn centre_of_mass(&self, model: &Model) -> CentreOfMass {
         let flat = model.flat();
         let (mut mass, mut position, mut velocity, mut acceleration) = (0.0, V3::ZERO, V3::ZERO, V3::ZERO);
@@ -71,9 +71,9 @@ impl Kinematics {
         }
     }
 
-    /// Columns of the joints where each joint has its own, in one sweep from the leaves to the base: a column holds the
-    /// first moment of mass of what its body carries until the body itself is reached. Gives the moment of the whole
-    /// robot.
+    /// Fills the columns of joints with individual columns in one pass from the leaves to the base. A column
+    /// contains the first moment of mass of its body's subtree until the body is reached. Returns the moment
+    /// of the whole robot.
     fn fill_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         flat: &FlatModel,
@@ -100,7 +100,8 @@ impl Kinematics {
         whole
     }
 
-    /// The same where several joints share a column: each body adds to the columns of all joints that carry it.
+    /// The same if several joints share a column: each body contributes to the columns of all joints that
+    /// carry it.
     fn couple_columns<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         flat: &FlatModel,

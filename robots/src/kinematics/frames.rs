@@ -20,8 +20,8 @@ impl Kinematics {
         isometry(&(body.rotation * self.align[index].transpose()), body.position)
     }
 
-    /// Velocity of the origin of body `index` of [`Model::bodies`], or of the base (`None`), and its angular velocity,
-    /// in world axes. Zero after [`update`](Self::update).
+    /// Velocity of the origin of body `index` of [`Model::bodies`], or of the base (`None`), and its angular
+    /// velocity, in world axes. Zero after [`update`](Self::update).
     pub fn body_velocity(&self, index: Option<usize>) -> Twist {
         let body = &self.bodies[index.map_or(0, |index| index + 1)];
         Twist { linear: body.linear.into(), angular: body.angular.into() }
@@ -32,8 +32,8 @@ impl Kinematics {
         self.bodies[index.map_or(0, |index| index + 1)].position.into()
     }
 
-    /// Velocity of `frame`'s origin and its angular velocity, in world axes ([`Reference::LocalWorldAligned`]).
-    /// Zero after [`update`](Self::update).
+    /// Velocity of `frame`'s origin and its angular velocity, in world axes
+    /// ([`Reference::LocalWorldAligned`]). Zero after [`update`](Self::update).
     pub fn velocity(&self, model: &Model, frame: FrameId) -> Twist {
         self.velocity_in(model, frame, Reference::LocalWorldAligned)
     }
@@ -47,10 +47,11 @@ impl Kinematics {
         express(reference, &(body.rotation, placement.rotation), body.position + arm, (linear, body.angular))
     }
 
-    /// Classical acceleration of `frame`'s origin and its angular acceleration, in world axes:
-    /// `J a + Jdot v` of the local-world-aligned Jacobian.
+    /// Classical acceleration of `frame`'s origin and its angular acceleration, in world axes: `J a + Jdot v`
+    /// of the local-world-aligned Jacobian.
     ///
-    /// After [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
+    /// After [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot
+    /// v`.
     pub fn acceleration(&self, model: &Model, frame: FrameId) -> Twist {
         let placement = &model.flat().frame_placements[frame.index()];
         let body = self.carrier(placement);
@@ -62,8 +63,8 @@ impl Kinematics {
 
     /// Time derivative of [`velocity_in`](Self::velocity_in): `J a + Jdot v` of the Jacobian in `reference`.
     ///
-    /// In [`Reference::LocalWorldAligned`] that is the classical [`acceleration`](Self::acceleration), in the others
-    /// the spatial one, which lacks the `w x v` of the origin's own motion. After
+    /// In [`Reference::LocalWorldAligned`] that is the classical [`acceleration`](Self::acceleration), in the
+    /// others the spatial one, which lacks the `w x v` of the origin's own motion. After
     /// [`update_with_velocity`](Self::update_with_velocity) `a` is zero, and this is the drift `Jdot v`.
     pub fn acceleration_in(&self, model: &Model, frame: FrameId, reference: Reference) -> Twist {
         let classical = self.acceleration(model, frame);

@@ -10,8 +10,8 @@ use crate::{FrameId, Model, Reference};
 impl Kinematics {
     /// Jacobian of `frame` (6 x nv, linear rows first): `jacobian * v` is its velocity in `reference`.
     ///
-    /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the frame are
-    /// zero.
+    /// `out` may be any 6 x nv matrix or view; it is overwritten. Columns of joints that do not move the
+    /// frame are zero.
     pub fn jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &self,
         model: &Model,
@@ -44,8 +44,8 @@ impl Kinematics {
         }
     }
 
-    /// The Jacobian of `frame` at `q` (nq) as [`jacobian`](Self::jacobian) gives it after an update, but at the cost of
-    /// the bodies that carry `frame` alone. What the last update said of any frame may no longer hold.
+    /// Returns the Jacobian of `frame` at `q` (nq), as [`jacobian`](Self::jacobian) after an update, at the
+    /// cost of the bodies that carry `frame`. Results of the last update become invalid.
     pub fn jacobian_at<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -62,7 +62,7 @@ impl Kinematics {
         }
     }
 
-    /// From the frame down to the base, in the frame's own axes: nothing has to be placed in the world.
+    /// From the frame to the base, in the frame's axes, without world poses.
     fn local_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
         &mut self,
         model: &Model,
@@ -111,8 +111,8 @@ impl Kinematics {
         }
     }
 
-    /// Places the bodies that carry `frame` at `q` (nq): its [`pose`](Self::pose) and [`jacobian`](Self::jacobian) are
-    /// then valid, those of frames on other bodies and all velocities are what they were.
+    /// Updates the bodies that carry `frame` at `q` (nq). Its [`pose`](Self::pose) and
+    /// [`jacobian`](Self::jacobian) are then valid; frames on other bodies and all velocities are unchanged.
     pub fn place_carriers(&mut self, model: &Model, q: &[f64], frame: FrameId) {
         self.check(model, q);
         let flat = model.flat();
@@ -134,8 +134,8 @@ impl Kinematics {
         }
     }
 
-    /// Velocity of `frame` relative to that of `base`, seen from `base`: the Jacobian of its pose in `base`'s frame
-    /// (6 x nv, linear rows first), with the point at `frame`'s origin and the axes of `base`.
+    /// Jacobian of the pose of `frame` in `base` (6 x nv, linear rows first), at the origin of `frame` in the
+    /// axes of `base`: its velocity as seen from `base`.
     ///
     /// `scratch` is another 6 x nv matrix.
     pub fn relative_jacobian<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(
@@ -159,8 +159,8 @@ impl Kinematics {
         }
     }
 
-    /// Adds to `out` (nv rows) how fast a point fixed to body `body` (`None`: the base), now at `point` in the world
-    /// \[m\], moves along each of `axes` per unit of each velocity, times `sign`.
+    /// Adds to `out` (nv rows) how fast a point fixed to body `body` (`None`: the base), now at `point` in
+    /// the world \[m\], moves along each of `axes` per unit of each velocity, times `sign`.
     pub fn add_point_jacobian(
         &self,
         model: &Model,
@@ -195,8 +195,8 @@ impl Kinematics {
         }
     }
 
-    /// Adds to `row` (nv) how fast a point fixed to `slot`, now at `point` in the world, moves along `direction` per
-    /// unit of each velocity.
+    /// Adds to `row` (nv) how fast a point fixed to `slot`, now at `point` in the world, moves along
+    /// `direction` per unit of each velocity.
     pub(crate) fn add_point_slope(
         &self,
         model: &Model,
@@ -245,8 +245,7 @@ pub(super) fn column(prismatic: bool, body: &BodyState, point: V3) -> (V3, V3) {
     if prismatic { (axis, V3::ZERO) } else { (axis.cross(point - body.position), axis) }
 }
 
-/// All six rows to zero, entry after entry: nalgebra's own way of filling goes through an iterator that cannot be
-/// widened.
+/// Clears all six rows entry by entry; nalgebra's `fill` uses an iterator that is not vectorised.
 #[inline(always)]
 fn clear<R: Dim, C: Dim, S: StorageMut<f64, R, C>>(out: &mut Matrix<f64, R, C, S>) {
     for column in 0..out.ncols() {

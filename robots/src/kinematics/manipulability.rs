@@ -7,7 +7,8 @@ use super::jacobian::column;
 use crate::algebra::V3;
 use crate::{FrameId, Model};
 
-/// The motions of a frame that count, in world axes: velocity along x, y, z, then angular velocity about x, y, z.
+/// The motions of a frame that count, in world axes: velocity along x, y, z, then angular velocity about x,
+/// y, z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TaskRows(pub [bool; 6]);
 
@@ -16,21 +17,22 @@ impl TaskRows {
     pub const POSITION: Self = Self([true, true, true, false, false, false]);
     /// The angular velocity.
     pub const ORIENTATION: Self = Self([false, false, false, true, true, true]);
-    /// All six. Metres and radians are then weighed alike.
+    /// All six directions. Metres and radians then have equal weights.
     pub const POSE: Self = Self([true; 6]);
 }
 
 impl Kinematics {
     /// Manipulability of `frame` by the joints: `sqrt(det(J J'))` of the rows that count. Zero in a singular
-    /// configuration, and always where fewer joints move the frame than there are rows. A floating base does not count:
-    /// with it everything could be reached.
+    /// configuration, and always where fewer joints move the frame than there are rows. A floating base does
+    /// not count: with it everything could be reached.
     pub fn manipulability(&self, model: &Model, frame: FrameId, rows: TaskRows) -> f64 {
-        // Of a square root of rounding noise only the digits above it are true.
+        // The square root of rounding noise is only accurate to half the digits.
         self.gram(model, frame, rows).determinant().max(0.0).sqrt()
     }
 
-    /// Slope of the [`manipulability`](Self::manipulability) by the configuration: `out` (nv) times a velocity is its
-    /// rate. Gives the manipulability too. In a singular configuration there is no slope; `out` is then zero.
+    /// Gradient of the [`manipulability`](Self::manipulability): `out` (nv) times a velocity is its rate.
+    /// Also returns the manipulability. In a singular configuration the gradient is undefined and `out` is
+    /// zero.
     pub fn manipulability_gradient(
         &self,
         model: &Model,
@@ -45,8 +47,8 @@ impl Kinematics {
         let Some(factor) = gram.cholesky() else { return measure };
         let flat = model.flat();
         let Some((chain, point)) = self.movers(model, frame) else { return measure };
-        // d sqrt(det A) = sqrt(det A) / 2 tr(A^-1 dA), with A = J J': sqrt(det A) sum of (A^-1 J_j) . dJ_j over the
-        // columns.
+        // d sqrt(det A) = sqrt(det A) / 2 tr(A^-1 dA), with A = J J': sqrt(det A) sum of (A^-1 J_j) . dJ_j
+        // over the columns.
         for (place, &slot) in chain.iter().enumerate() {
             let node = &flat.nodes[slot - 1];
             let weight = factor.solve(&self.masked_column(model, chain, node.column, point, rows));
@@ -68,7 +70,7 @@ impl Kinematics {
         measure
     }
 
-    /// `J J'` of the rows that count; ones on the diagonal for the others, which leave the determinant alone.
+    /// `J J'` of the selected rows; ones on the diagonal for the others, which do not affect the determinant.
     fn gram(&self, model: &Model, frame: FrameId, rows: TaskRows) -> Matrix6<f64> {
         let mut gram = Matrix6::zeros();
         for (row, counts) in rows.0.into_iter().enumerate() {
@@ -77,7 +79,7 @@ impl Kinematics {
         let flat = model.flat();
         if let Some((chain, point)) = self.movers(model, frame) {
             for (place, &slot) in chain.iter().enumerate() {
-                // Once for each column of v, where its first joint comes.
+                // Once per column of v, at its first joint.
                 let at = flat.nodes[slot - 1].column;
                 if chain[..place].iter().any(|&earlier| flat.nodes[earlier - 1].column == at) {
                     continue;
@@ -89,7 +91,7 @@ impl Kinematics {
         gram
     }
 
-    /// The slots that move `frame`, and where its origin is.
+    /// Slots that move `frame`, and the position of its origin.
     fn movers<'m>(&self, model: &'m Model, frame: FrameId) -> Option<(&'m [usize], V3)> {
         let flat = model.flat();
         let slot = flat.frame_placements[frame.index()].slot;
@@ -97,7 +99,7 @@ impl Kinematics {
         Some((flat.chain(body), self.placement(model, frame).1))
     }
 
-    /// Column `at` of the Jacobian: the sum of all joints that share it.
+    /// Column `at` of the Jacobian: the sum over all joints that share it.
     fn masked_column(
         &self,
         model: &Model,

@@ -35,10 +35,10 @@ impl BodyState {
     };
 }
 
-/// Workspace for the kinematics of one [`Model`]. Nothing allocates after [`new`](Self::new).
+/// Workspace for the kinematics of one [`Model`]. Only [`new`](Self::new) allocates.
 ///
-/// Call one of the updates before the other methods. Methods panic on slices and matrices of another size than the model's, and on a
-/// model with another number of bodies.
+/// Call one of the updates before the other methods. Methods panic if slices, matrices or the number of
+/// bodies do not match the model.
 ///
 /// ```
 /// use motorium_robots::{Kinematics, Reference, load};
@@ -64,12 +64,12 @@ pub struct Kinematics {
     bodies: Vec<BodyState>,
     /// Node frames in their body frames.
     align: Vec<M3>,
-    /// A frame of the world beside a floating base.
+    /// A frame of the world next to a floating base.
     world: BodyState,
 }
 
 impl Kinematics {
-    /// A workspace for `model`. Poses are valid after the first update only.
+    /// Creates a workspace for `model`. Poses are valid after the first update.
     pub fn new(model: &Model) -> Self {
         let slots = model.bodies().len() + 1;
         Self {
@@ -89,8 +89,8 @@ impl Kinematics {
         }
     }
 
-    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become those at `a = 0`: the
-    /// drift `Jdot v` of every frame.
+    /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become those at `a =
+    /// 0`: the drift `Jdot v` of every frame.
     pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
         widest(Moving { kinematics: self, model, motion: (q, v) });
     }

@@ -1,11 +1,13 @@
-//! The scalar functions of the angle `t` in exponentials and Jacobians, each by its power series below [`SEAM`].
+//! The scalar functions of the angle `t` in exponentials and Jacobians, each by its power series below
+//! [`SEAM`].
 
-/// Angle \[rad\] below which the series are used: there a closed form loses up to two digits, twelve terms lose none.
+/// Angle \[rad\] below which the series are used: there a closed form loses up to two digits, while twelve
+/// terms lose none.
 const SEAM: f64 = 1.5;
 
 const TERMS: usize = 12;
 
-/// `sum (-1)^k z^k / (2k + first)!`, times `k + 1` each where `weighted`.
+/// `sum (-1)^k z^k / (2k + first)!`, each term multiplied by `k + 1` if `weighted`.
 const fn series(first: u32, weighted: bool) -> [f64; TERMS] {
     let mut coefficients = [0.0; TERMS];
     let (mut k, mut sign) = (0, 1.0);

@@ -13,8 +13,8 @@ pub fn exp(xi: &Vector6<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(translation), so3::exp(&phi))
 }
 
-/// The twist that carries the identity to `motion` in one unit of time, with the least rotation: at most pi; at exactly
-/// half a turn one of the two opposite rotations is chosen.
+/// The twist that carries the identity to `motion` in one unit of time, with the least rotation: at most pi;
+/// at exactly half a turn one of the two opposite rotations is chosen.
 pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     let phi = so3::log(&motion.rotation);
     let t = motion.translation.vector;
@@ -23,8 +23,8 @@ pub fn log(motion: &Isometry3<f64>) -> Vector6<f64> {
     stack(&rho, &phi)
 }
 
-/// The derivative of [`log`]: `d/dt log(M) = log_jacobian(M) * twist`, where `twist` is the body velocity of `M`,
-/// `M^-1 dM/dt`. The inverse of the right Jacobian at `log(M)`.
+/// The derivative of [`log`]: `d/dt log(M) = log_jacobian(M) * twist`, where `twist` is the body velocity of
+/// `M`, `M^-1 dM/dt`. The inverse of the right Jacobian at `log(M)`.
 pub fn log_jacobian(motion: &Isometry3<f64>) -> Matrix6<f64> {
     right_jacobian_inverse(&log(motion))
 }
@@ -35,7 +35,7 @@ pub fn left_jacobian(xi: &Vector6<f64>) -> Matrix6<f64> {
     triangular(&so3::left_jacobian(&phi), &coupling(&rho, &phi))
 }
 
-/// The inverse of the left Jacobian, for rotations short of 2 pi, where that is singular.
+/// The inverse of the left Jacobian, for rotations below 2 pi, where it is singular.
 pub fn left_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
     let (rho, phi) = split(xi);
     let rotation = so3::left_jacobian_inverse(&phi);
@@ -52,8 +52,8 @@ pub fn right_jacobian_inverse(xi: &Vector6<f64>) -> Matrix6<f64> {
     left_jacobian_inverse(&-xi)
 }
 
-/// The adjoint of `motion`: it maps the body velocity of a frame to its velocity in the axes and at the origin of the
-/// frame that `motion` is given in.
+/// The adjoint of `motion`: it maps the body velocity of a frame to its velocity in the axes and at the
+/// origin of the frame that `motion` is given in.
 pub fn adjoint(motion: &Isometry3<f64>) -> Matrix6<f64> {
     let rotation = motion.rotation.to_rotation_matrix().into_inner();
     triangular(&rotation, &(motion.translation.vector.cross_matrix() * rotation))

@@ -13,8 +13,8 @@ pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(Quaternion::from_parts(cos, phi * factor))
 }
 
-/// The rotation vector of least length, at most pi. `q` and `-q` have the same; at exactly half a turn one of the two
-/// opposite vectors is chosen.
+/// The rotation vector of least length, at most pi. `q` and `-q` have the same; at exactly half a turn one of
+/// the two opposite vectors is chosen.
 pub fn log(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     let sign = if rotation.w < 0.0 { -1.0 } else { 1.0 };
     let (real, imaginary) = (rotation.w * sign, rotation.imag() * sign);
@@ -24,14 +24,15 @@ pub fn log(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     imaginary * factor
 }
 
-/// The left Jacobian `1 + a [phi] + b [phi]^2`, `a = (1 - cos t) / t^2`, `b = (t - sin t) / t^3`, `t = |phi|`.
+/// The left Jacobian `1 + a [phi] + b [phi]^2`, `a = (1 - cos t) / t^2`, `b = (t - sin t) / t^3`, `t =
+/// |phi|`.
 pub fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     let (a, b) = coefficients::left(phi.norm());
     let cross = phi.cross_matrix();
     Matrix3::identity() + cross * a + cross * cross * b
 }
 
-/// The inverse of the left Jacobian, for `|phi|` short of 2 pi, where that is singular.
+/// The inverse of the left Jacobian, for `|phi|` below 2 pi, where it is singular.
 pub fn left_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     let cross = phi.cross_matrix();
     Matrix3::identity() - cross * 0.5 + cross * cross * coefficients::left_inverse(phi.norm())
@@ -47,10 +48,11 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian_inverse(&-phi)
 }
 
-/// The rotation of least angle that takes `from` to `to`. Of opposite vectors, and of those that differ from opposite
-/// ones by rounding alone, a half turn about some axis square to `from`.
+/// The rotation of least angle that takes `from` to `to`. Of opposite vectors, and of those that differ from
+/// opposite ones by rounding alone, a half turn about some axis square to `from`.
 ///
-/// Accurate to rounding at every angle: half the sine and half the cosine are lengths of the sum and the difference.
+/// Accurate to rounding at every angle: half the sine and half the cosine are lengths of the sum and the
+/// difference.
 pub fn least_rotation(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     let (from, to) = (from.into_inner(), to.into_inner());
     let (sum, difference) = (from + to, from - to);
@@ -62,7 +64,7 @@ pub fn least_rotation(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> Uni
         }
         axis = from.cross(&Vector3::ith(from.iamin(), 1.0));
     }
-    // Exactly square to the longer of the two, so that `from` comes to lie on `to` where their product is all but zero.
+    // Exactly normal to the longer vector, so that `from` maps to `to` even if they are nearly opposite.
     let longer = if cosine > sine { sum } else { difference };
     axis = axis.normalize();
     axis -= longer * (axis.dot(&longer) / longer.norm_squared());

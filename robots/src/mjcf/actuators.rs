@@ -1,4 +1,5 @@
-//! `<actuator>`: armature, damping, gains and limits of the drives of joints; and `<tendon>`, whose forces are not read.
+//! `<actuator>`: armature, damping, gains and limits of the drives of joints; and `<tendon>`, whose forces
+//! are not read.
 
 use roxmltree::Node;
 
@@ -10,7 +11,7 @@ use super::gains::Gains;
 use super::schema::{ACTUATOR, ACTUATORS, TENDON};
 use crate::Body;
 
-/// Adds what the actuators of a section add to the joints that they drive, and the gains of those that hold positions.
+/// Adds the effects of a section's actuators to the driven joints, and the gains of position actuators.
 pub(super) fn read_actuators<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
@@ -57,14 +58,14 @@ pub(super) fn read_actuators<'a, 'i>(
             let reason = "joints are commanded directly; it holds no position that gains could be read of";
             attributes.ignored(node, format!("<{tag}> of <actuator>"), reason);
         }
-        // Beside a drive that holds a position a motor only adds.
+        // In addition to a position drive, a motor only adds effort.
         let known = drives.by_body.entry(body).or_default();
         *known = drive.or(*known);
     }
     Ok(())
 }
 
-/// Takes over the range of forces of a drive where it is narrower than the limit of its joint.
+/// Applies a drive's force range if it is narrower than the joint's limit.
 fn limit(actuator: &Element<'_, '_, '_>, gear: f64, effort: &mut f64) -> Result<(), MjcfError> {
     let limited = match actuator.get("forcelimited") {
         Some("false") => false,
@@ -78,8 +79,8 @@ fn limit(actuator: &Element<'_, '_, '_>, gear: f64, effort: &mut f64) -> Result<
     Ok(())
 }
 
-/// Gains of an actuator whose force is proportional to the distance from its control; `None` for another. The joint feels
-/// them times the square of the gear.
+/// Returns the gains of an actuator whose force is proportional to the distance from its control; `None` for
+/// others. At the joint they are multiplied by the square of the gear.
 fn position_drive(
     actuator: &Element<'_, '_, '_>,
     tag: &str,

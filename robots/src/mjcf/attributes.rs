@@ -11,21 +11,21 @@ use crate::lines::Lines;
 use crate::nearest::nearest;
 use crate::{ModelWarning, Position};
 
-/// The class of elements that name none.
+/// Class of elements without an explicit one.
 pub(super) const MAIN: &str = "main";
 
 /// The key of the elements of a class, in place of an attribute: an element without attributes counts, too.
 const ELEMENT: &str = "";
 
-/// A value and the element that gives it.
+/// A value and the element that provides it.
 #[derive(Clone, Copy)]
 struct Given<'a, 'i> {
     value: &'a str,
     node: Node<'a, 'i>,
 }
 
-/// The values of each attribute, the parent's before the child's: a short list of numbers leaves the rest of the one
-/// before.
+/// The values of each attribute, the parent's before the child's: a short list of numbers leaves the rest of
+/// the one before.
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
 /// The lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
@@ -46,7 +46,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         Ok(attributes)
     }
 
-    /// Reads a class, which begins as its parent, and the classes in it.
+    /// Reads a class, which inherits from its parent, and its nested classes.
     fn read_class(&mut self, node: Node<'a, 'i>, parent: Option<&str>) -> Result<(), MjcfError> {
         let name = match (node.attribute("class"), parent) {
             (None, None) => MAIN,
@@ -86,7 +86,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         Ok(())
     }
 
-    /// The attribute of an element itself that turns it.
+    /// Returns the orientation attribute of an element itself.
     fn orientation(&self, node: Node<'a, 'i>) -> Result<Option<(&'static str, Given<'a, 'i>)>, MjcfError> {
         let mut ways = POSE[1..].iter().filter_map(|way| Some((*way, node.attribute(*way)?)));
         let first = ways.next();
@@ -107,7 +107,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         }
     }
 
-    /// The class of an element: the one it names, or that of the bodies around it.
+    /// Returns the class of an element: its own, or that of the surrounding bodies.
     fn class_of(&self, node: Node<'a, 'i>, around: &'a str) -> Result<&'a str, MjcfError> {
         let class = node.attribute("class").unwrap_or(around);
         self.known_class(node, class).map(|()| class)
@@ -135,7 +135,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         Ok(Element { attributes: self, node, defaults, schema })
     }
 
-    /// An element with its defaults, whose attributes are all among those of `schema` and none of them refused.
+    /// Returns an element with its defaults, after checking all attributes against `schema`.
     pub(super) fn element<'b>(
         &'b self,
         node: Node<'a, 'i>,
@@ -145,7 +145,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.unchecked(node, around, schema)?.checked()
     }
 
-    /// Warns that something is ignored; once for each kind of thing, with a count.
+    /// Warns that something is ignored; once per kind, with a count.
     pub(super) fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
         let mut warnings = self.warnings.borrow_mut();
         for warning in warnings.iter_mut() {
@@ -186,7 +186,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.lines.position(node.range().start)
     }
 
-    /// Numbers separated by spaces, as many as `count` has.
+    /// Parses numbers separated by spaces, with the given count.
     pub(super) fn parse(
         &self,
         node: Node<'_, '_>,
@@ -237,7 +237,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(self)
     }
 
-    /// Warns that an attribute, given at `node`, is ignored.
+    /// Warns that an attribute of `node` is ignored.
     fn ignored(&self, node: Node<'_, '_>, name: &str, reason: &'static str) {
         let element = self.node.tag_name().name();
         self.attributes.ignored(node, format!("{name} of <{element}>"), reason);
@@ -254,12 +254,13 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         own.or_else(|| self.defaults?.get(name)?.last().copied())
     }
 
-    /// The value that the element or its class gives.
+    /// Returns the value from the element or its class.
     pub(super) fn get(&self, name: &str) -> Option<&'a str> {
         self.explicit(name).map(|given| given.value)
     }
 
-    /// The one attribute that turns the element, its value and the element that gives it: its own before its class's.
+    /// Returns the one orientation attribute, its value and its element; the element's own takes precedence
+    /// over its class.
     pub(super) fn orientation(&self) -> Result<Option<(&'static str, &'a str, Node<'a, 'i>)>, MjcfError> {
         let found = match self.attributes.orientation(self.node)? {
             Some(own) => Some(own),
@@ -288,7 +289,8 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
     }
 
-    /// At most `N` numbers in place of as many of those of the class, of its parent, and of `default`.
+    /// Returns `N` numbers, of which the first ones come from the element, then from its class, its parents,
+    /// and `default`.
     pub(super) fn first_numbers<const N: usize>(
         &self,
         name: &str,
@@ -304,13 +306,15 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(numbers)
     }
 
-    /// The elements that set the attributes: those of the class and of its parents, in order, then the element itself.
+    /// Elements that set the attributes: those of the class and of its parents, in order, then the element
+    /// itself.
     pub(super) fn elements(&self) -> impl Iterator<Item = Node<'a, 'i>> {
         let class = self.defaults.and_then(|defaults| defaults.get(ELEMENT)).map_or(&[][..], Vec::as_slice);
         class.iter().map(|given| given.node).chain([self.node])
     }
 
-    /// The numbers that one of the [`elements`](Self::elements) sets, at most `most`; none without the attribute.
+    /// Returns the numbers set by one of the [`elements`](Self::elements), at most `most`; empty without the
+    /// attribute.
     pub(super) fn own_numbers(
         &self,
         node: Node<'_, '_>,
@@ -321,7 +325,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         value.map_or(Ok(Vec::new()), |value| self.attributes.parse(node, name, value, 1..=most))
     }
 
-    /// Refuses an attribute that the element or its class gives.
+    /// Rejects an attribute set by the element or its class.
     pub(super) fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
         let given = self.explicit(name).unwrap_or(Given { value: "", node: self.node });
         self.attributes.refused(given.node, name, given.value, reason)

@@ -21,11 +21,11 @@ pub(super) const DEEPEST: usize = 150;
 /// The context of an element.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
-    /// Body they belong to; `None` for the world or a floating base.
+    /// Carrying body; `None` for the world or a floating base.
     pub(super) carrier: Option<usize>,
     /// The element belongs to the world.
     pub(super) world: bool,
-    /// The frame of the element around them, in that body's.
+    /// Frame of the surrounding element in that body.
     pub(super) within: Isometry3<f64>,
     /// The default class.
     pub(super) class: &'a str,
@@ -46,9 +46,9 @@ pub(super) struct Tree<'b, 'a, 'i> {
     pub(super) masks: Masks,
     /// Colours of the shapes of each link, in their order.
     pub(super) colours: BTreeMap<String, Vec<Option<Colour>>>,
-    /// Mass of bodies that do not move, where `settotalmass` asks for it \[kg\].
+    /// Mass of immovable bodies, required by `settotalmass` \[kg\].
     pub(super) static_mass: f64,
-    /// Sites, which become frames where no body has their name.
+    /// Sites, which become frames if no body has their name.
     sites: Vec<(Node<'a, 'i>, Frame)>,
 }
 
@@ -87,7 +87,8 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         self.geoms.attributes
     }
 
-    /// Reads what is in a body, a frame or the world; gives the inertia of its geoms, in the frame of the carrier.
+    /// Reads the contents of a body, a frame or the world; returns the inertia of its geoms in the carrier's
+    /// frame.
     pub(super) fn contents(
         &mut self,
         node: Node<'a, 'i>,
@@ -254,7 +255,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         self.attributes().error(node, MjcfProblem::Other(problem.to_owned()))
     }
 
-    /// Makes the body of a free joint the base; elements around it belong to the world.
+    /// Makes the body of a free joint the base; surrounding elements belong to the world.
     fn float(
         &mut self,
         node: Node<'a, 'i>,
@@ -277,7 +278,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         Ok(())
     }
 
-    /// Two bodies, two joints or two sites of one name are an error; a site with the name of a body is left out.
+    /// Duplicate names of bodies, joints or sites are errors; a site with the name of a body is skipped.
     pub(super) fn check_names(
         &mut self,
         attributes: &Attributes<'a, 'i>,

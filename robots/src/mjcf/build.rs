@@ -20,7 +20,7 @@ use crate::{Base, Body, Coordinate, Dynamics, Frame, LinkColours, Model, Positio
 /// Sections without effect on a model.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
-/// A document, or the error of text that is no XML.
+/// Parses a document, or returns the XML error.
 pub(super) fn parsed<'i>(
     document: Result<Document<'i>, roxmltree::Error>,
 ) -> Result<Document<'i>, MjcfError> {
@@ -102,12 +102,14 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     let shapes = base.shapes.iter().chain(bodies.iter().flat_map(|body| &body.shapes));
     geoms.warn_of_missing_meshes(shapes, &mut warnings);
     let model = Model::new(name, base, bodies, frames);
+    crate::urdf::warn_of_model(&model, &mut warnings);
     let profile = drives::profile(&model, &references, keyframes, &drives);
     Ok(MjcfRobot { model, warnings, exclusions, profile, colours: LinkColours::of_shapes(colours) })
 }
 
-/// Gives joints with a `springdamper` the damping for its time constant and the stiffness for its damping ratio, from the inertia that
-/// each feels in the pose of the file, all joints free. An error is the joint's element: the mass matrix is singular.
+/// Gives joints with a `springdamper` the damping for its time constant and the stiffness for its damping
+/// ratio, from the inertia that each feels in the pose of the file, all joints free. An error is the joint's
+/// element: the mass matrix is singular.
 fn damp<'a, 'i>(
     name: &str,
     base: &Base,
@@ -135,7 +137,8 @@ fn damp<'a, 'i>(
     Ok(())
 }
 
-/// Independent joints count 0, 1, 2 ... in the order of the bodies; mimics name their master by its body until here.
+/// Independent joints count 0, 1, 2 ... in the order of the bodies; mimics name their master by its body
+/// until here.
 fn number_joints(bodies: &mut [Body]) {
     let mut next = 0;
     let columns: Vec<usize> = bodies
@@ -155,7 +158,7 @@ fn number_joints(bodies: &mut [Body]) {
 }
 
 impl Tree<'_, '_, '_> {
-    /// Scales all inertias so that the bodies, static ones included, have the mass `total` together.
+    /// Scales all inertias such that the bodies, including static ones, have the total mass `total`.
     fn scale_to(&mut self, total: f64) {
         let inertias = || self.bodies.iter().map(|body| &body.inertia).chain([&self.base.inertia]);
         let scale = total / (self.static_mass + inertias().map(|inertia| inertia.mass).sum::<f64>());

@@ -8,7 +8,7 @@ use roxmltree::Node;
 use super::attributes::Attributes;
 use super::error::{MjcfError, MjcfProblem};
 
-/// The bodies whose inertia comes from their geoms.
+/// Bodies whose inertia is computed from their geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FromGeoms {
     Never,
@@ -20,18 +20,18 @@ pub(super) enum FromGeoms {
 pub(super) struct Compiler {
     /// Radians per unit of angle.
     pub(super) angle: f64,
-    /// Axes of `euler`, capital for those of the world.
+    /// Axes of `euler`; upper case for world axes.
     pub(super) sequence: [char; 3],
     pub(super) auto_limits: bool,
     pub(super) from_geoms: FromGeoms,
-    /// Groups of the geoms that give their body its inertia.
+    /// Groups of the geoms used for inertias.
     pub(super) groups: RangeInclusive<f64>,
     /// Base frames of free bodies without children move to their centre of mass.
     pub(super) align_free: bool,
     pub(super) mesh_folder: PathBuf,
     /// Mesh files are named without their folder.
     pub(super) strip_path: bool,
-    /// Mass of all bodies together, static ones included, if the file sets it \[kg\].
+    /// Total mass of all bodies, including static ones, if set by the file \[kg\].
     pub(super) total_mass: Option<f64>,
 }
 
@@ -100,7 +100,7 @@ impl Compiler {
                         let range = attributes.parse(node, name, value, 2..=2)?;
                         compiler.groups = range[0]..=range[1];
                     }
-                    // Of meshes' inertia, which is refused; of looks, speed and what MuJoCo writes.
+                    // Concerns mesh inertia, which is rejected, appearance, speed or MuJoCo's output.
                     (
                         "balanceinertia" | "fitaabb" | "texturedir" | "discardvisual" | "usethread"
                         | "fusestatic" | "exactmeshinertia" | "convexhull" | "saveinertial" | "savecompiled"

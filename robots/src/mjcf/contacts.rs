@@ -1,4 +1,5 @@
-//! Contacts of the geoms of a world: surfaces, and the pairs that `contype` and `conaffinity` keep from touching.
+//! Contacts of the geoms of a world: surfaces, and the pairs that `contype` and `conaffinity` keep from
+//! touching.
 
 use roxmltree::Node;
 
@@ -32,7 +33,7 @@ pub(super) fn surface(geom: &Element<'_, '_, '_>) -> Result<Object, MjcfError> {
 struct Masked<'a, 'i> {
     geom: Node<'a, 'i>,
     masks: [i32; 2],
-    /// The body with the free joint that moves it; `None` for a fixed geom.
+    /// Body with the free joint that moves it; `None` for a fixed geom.
     moved_by: Option<Node<'a, 'i>>,
 }
 
@@ -47,7 +48,7 @@ impl<'a, 'i> Contacts<'a, 'i> {
     ///
     /// # Errors
     ///
-    /// An earlier geom that may move against it never touches it: in a world all objects touch.
+    /// An earlier geom that may move relative to it never touches it; in a world all objects touch.
     pub(super) fn add(
         &mut self,
         attributes: &Attributes<'a, 'i>,

@@ -1,4 +1,4 @@
-//! Actuators that hold positions, as gains; and the profile of a file from these and from its keyframes.
+//! Position actuators as gains, and the profile of a file from these and its keyframes.
 
 use std::collections::BTreeMap;
 
@@ -13,20 +13,20 @@ use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, PerJoint, Profile};
 pub(super) struct PositionDrive {
     pub(super) kp: f64,
     pub(super) kd: f64,
-    /// In place of `kd`: the ratio to critical damping, for the inertia of the joint in the pose of the file.
+    /// Alternative to `kd`: the damping ratio, for the inertia of the joint in the pose of the file.
     pub(super) damping_ratio: f64,
 }
 
 /// The drives of a file, by the body that the joint moves.
 #[derive(Default)]
 pub(super) struct Drives {
-    /// `None` for an actuator that holds no position: a motor, a muscle.
+    /// `None` for an actuator that is not a position drive, such as a motor or a muscle.
     pub(super) by_body: BTreeMap<usize, Option<PositionDrive>>,
-    /// Something drives joints that are not known one by one: tendons, sites.
+    /// `true` if unidentified joints are driven, by tendons or sites.
     pub(super) others: bool,
 }
 
-/// The profile of a file; `None` where it has neither a pose nor a drive that holds positions.
+/// Returns the profile of a file; `None` without a pose or a position drive.
 pub(super) fn profile(
     model: &Model,
     references: &[f64],
@@ -43,7 +43,7 @@ pub(super) fn profile(
     for Keyframe { name, base, positions } in keyframes {
         let joints = pick(&positions);
         let limits = model.lower().iter().zip(model.upper().iter());
-        // A pose that the joints do not reach is none to go to.
+        // An unreachable pose is ignored.
         if joints.iter().zip(limits).any(|(q, (low, high))| *q < low - 1e-9 || *q > high + 1e-9) {
             continue;
         }

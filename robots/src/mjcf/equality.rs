@@ -1,4 +1,4 @@
-//! `<equality><joint>`: one joint that follows another.
+//! `<equality><joint>`: one joint follows another.
 
 use roxmltree::Node;
 
@@ -8,7 +8,7 @@ use super::schema::EQUALITY;
 use crate::nearest::nearest;
 use crate::{Body, Coordinate, MimicMode};
 
-/// Makes mimic joints of first-order couplings. Until joints are numbered `of` is the index of a body.
+/// Converts first-order couplings to mimic joints. `of` is a body index until joints are numbered.
 pub(super) fn couple<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,

@@ -36,13 +36,13 @@ pub enum MjcfProblem {
     /// Another root element.
     #[error("the root element is <{0}>, expected <mujoco>")]
     Root(String),
-    /// An element that is not read.
+    /// The element is not supported.
     #[error(
         "<{0}> is not among the MJCF read here; let MuJoCo write the file out (mj_saveLastXML) \
          or use a URDF of the robot"
     )]
     Element(String),
-    /// An attribute that is not read.
+    /// The attribute is not supported.
     #[error("{attribute}=\"{value}\" of <{element}> is not among the MJCF read here{}", because(.reason))]
     Attribute {
         /// Element at fault.
@@ -74,7 +74,7 @@ pub enum MjcfProblem {
         /// The numbers it must have.
         expected: String,
     },
-    /// A reference to a name that does not exist.
+    /// A reference to an unknown name.
     #[error("<{element}> names the {what} \"{name}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     Unknown {
         /// Element at fault.

@@ -38,7 +38,7 @@ impl Weight {
     ) -> Result<Self, MjcfError> {
         match (inertia, geometry) {
             (Ok(inertia), _) => Ok(Self::Mass(inertia.mass)),
-            // Solid meshes have one here, unlike those of robots.
+            // Unlike meshes of robots, solid meshes have an inertia here.
             (Err(_), Geometry::Mesh { .. }) => match read.numbers::<1>("mass")? {
                 Some([mass]) => Ok(Self::Mass(mass)),
                 None => Ok(Self::Density(read.number("density", WATER)?)),
@@ -48,7 +48,7 @@ impl Weight {
     }
 }
 
-/// The object that a body is, which stands at `within` in the world.
+/// Returns the object of a body with the pose `within` in the world.
 pub(super) fn object<'a, 'i>(
     world: &World,
     attributes: &Attributes<'a, 'i>,

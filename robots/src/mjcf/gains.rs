@@ -5,10 +5,11 @@ use roxmltree::Node;
 use super::attributes::Element;
 use super::error::MjcfError;
 
-/// `force = gain * control + bias[0] + bias[1] * length + bias[2] * velocity`, for a fixed gain and an affine bias.
+/// `force = gain * control + bias[0] + bias[1] * length + bias[2] * velocity`, for a fixed gain and an affine
+/// bias.
 ///
-/// MuJoCo has one actuator default for each class: each element of `<default>` and then the actuator itself writes into it what it sets,
-/// as the general actuator that it stands for.
+/// MuJoCo has one actuator default per class. Each element of `<default>`, and then the actuator itself, sets
+/// its values there in the form of a general actuator.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gains {
     pub(super) gain: f64,

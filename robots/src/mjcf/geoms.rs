@@ -1,4 +1,4 @@
-//! Geoms: shapes, and the inertia they give their body.
+//! Geoms: shapes, and their contribution to inertias.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -16,16 +16,17 @@ use super::schema::GEOM;
 use crate::nearest::nearest;
 use crate::{Colour, Geometry, Inertia, ModelWarning, Shape, ShapeSource, TriangleMesh};
 
-/// Sides and thickness of the box that stands for an infinite plane of the world \[m\].
+/// Side length and thickness of the box that represents an infinite plane of the world \[m\].
 const PLANE: [f64; 2] = [100.0, 1.0];
 
-/// Density where the file gives none \[kg/m3\].
+/// Default density \[kg/m3\].
 pub(super) const WATER: f64 = 1000.0;
 
 /// The last group that MuJoCo's viewer shows unasked.
 const LAST_SEEN: f64 = 2.0;
 
-/// Red, green, blue and opacity of a geom that states none. One that states just this has the colour of its material.
+/// Default red, green, blue and opacity of a geom. A geom with exactly this colour uses the colour of its
+/// material.
 const GREY: [f64; 4] = [0.5, 0.5, 0.5, 1.0];
 
 const SHELL: &str = "shells are not read; give the body an <inertial>";
@@ -34,12 +35,12 @@ const SHELL: &str = "shells are not read; give the body an <inertial>";
 pub(super) struct MeshAsset {
     pub(super) uri: String,
     pub(super) path: Option<PathBuf>,
-    /// Where its file was looked for.
+    /// Folder searched for its file.
     pub(super) folder: PathBuf,
     /// A mesh that the file itself has.
     pub(super) inline: Option<Arc<TriangleMesh>>,
     pub(super) scale: Vector3<f64>,
-    /// The refusal of an `inertia` that is not that of the solid, for when it is needed.
+    /// Deferred error of an unsupported `inertia` attribute, reported if needed.
     pub(super) not_solid: Option<MjcfError>,
 }
 
@@ -49,13 +50,13 @@ pub(super) struct Geom {
     pub(super) geometry: Geometry,
     /// `contype` and `conaffinity`.
     pub(super) masks: [i32; 2],
-    /// It is among the shapes of the model.
+    /// `true` if it is among the shapes of the model.
     pub(super) kept: bool,
-    /// The colour that it or its material states.
+    /// Colour stated by it or its material.
     pub(super) colour: Option<Colour>,
     /// MuJoCo's viewer shows it unasked.
     pub(super) is_seen: bool,
-    /// In the frame that the geom is placed in; an error where it is not known, for when it is needed.
+    /// Inertia in the frame of the geom, or a deferred error.
     pub(super) inertia: Result<Inertia, MjcfError>,
 }
 
@@ -64,7 +65,7 @@ pub(super) struct Geoms<'b, 'a, 'i> {
     pub(super) compiler: &'b Compiler,
     pub(super) shapes: ShapeSource,
     pub(super) meshes: HashMap<&'a str, MeshAsset>,
-    /// Red, green, blue and opacity of the materials; `None` for one that has a texture alone.
+    /// Red, green, blue and opacity of the materials; `None` for texture-only materials.
     pub(super) materials: HashMap<&'a str, Option<[f64; 4]>>,
 }
 
@@ -141,7 +142,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         Ok(Geom { placement, geometry, masks, kept, colour, is_seen, inertia })
     }
 
-    /// The colour that a geom or its material states, and whether MuJoCo's viewer shows it unasked.
+    /// Returns the colour of a geom or its material, and whether MuJoCo's viewer shows it by default.
     pub(super) fn look(&self, geom: &Element<'_, 'a, 'i>) -> Result<(Option<Colour>, bool), MjcfError> {
         let rgba = self.rgba(geom)?;
         let is_opaque = rgba.is_none_or(|[_, _, _, opacity]| opacity > 0.0);
@@ -215,7 +216,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         }
     }
 
-    /// Refuses a geom whose inertia is not that of a solid.
+    /// Rejects a geom whose inertia is not that of a solid.
     pub(super) fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
         if geom.flag("shellinertia", false)? {
             return Err(geom.refused("shellinertia", SHELL));
@@ -258,7 +259,7 @@ fn solid(geometry: &Geometry) -> Option<(f64, Vector3<f64>)> {
             let (tube, caps) = (PI * r * r * h, 4.0 / 3.0 * PI * r.powi(3));
             let volume = tube + caps;
             let (tube, caps) = (tube / volume, caps / volume);
-            // Two half spheres, each with its centre 3/8 r beyond the end of the tube.
+            // Two half spheres, each with its centre of mass 3/8 r beyond the end of the tube.
             let across =
                 tube * (3.0 * r * r + h * h) / 12.0 + caps * (0.4 * r * r + 0.25 * h * h + 0.375 * r * h);
             (volume, Vector3::new(across, across, tube * 0.5 * r * r + caps * 0.4 * r * r))

@@ -19,8 +19,8 @@ const MOST: usize = 250_000;
 
 /// The solids below the height fields of a file, by their names.
 ///
-/// Heights are scaled so that the lowest is 0 and the highest the third number of `size`, as in MuJoCo; the cell of four heights is cut
-/// along the same diagonal.
+/// Heights are scaled so that the lowest is 0 and the highest the third number of `size`, as in MuJoCo; the
+/// cell of four heights is cut along the same diagonal.
 pub(super) fn read<'a, 'i>(
     root: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
@@ -85,7 +85,7 @@ fn heights(
                     .parse(asset.node, "elevation", text, all..=all)
                     .map_err(|_| number(asset, "elevation", &format!("{all} numbers, nrow times ncol")))?,
             };
-            // Written as on a map: the row of the greatest y comes first.
+            // Written like a map: the row of the largest y comes first.
             ([rows, columns], heights.chunks(columns).rev().flatten().copied().collect())
         }
     };
@@ -98,7 +98,7 @@ fn heights(
     Ok((grid, heights))
 }
 
-/// The number of heights of a grid, where a field holds as many.
+/// Checks the number of heights of a grid against the maximum.
 fn within_most(asset: &Element<'_, '_, '_>, [rows, columns]: [usize; 2]) -> Result<usize, MjcfError> {
     rows.checked_mul(columns).filter(|all| *all <= MOST).ok_or_else(|| {
         asset.fault(format!(
@@ -107,7 +107,8 @@ fn within_most(asset: &Element<'_, '_, '_>, [rows, columns]: [usize; 2]) -> Resu
     })
 }
 
-/// A PNG file, its top row that of the greatest y, or a binary file: two `i32`, rows and columns, and `f32` heights from the least y up.
+/// Reads a PNG file, whose top row has the largest y, or a binary file: two `i32`, rows and columns, and
+/// `f32` heights from the smallest y.
 fn of_file(path: &Path) -> Result<([usize; 2], Vec<f64>), String> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
         let picture = Picture::read(path)?;

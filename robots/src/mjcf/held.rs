@@ -11,12 +11,12 @@ use super::schema::HELD;
 use crate::nearest::nearest;
 use crate::{Connection, ConnectionKind};
 
-/// The place of a body of the file in the world that is made of it.
+/// Placement of a body of the file in the resulting world.
 #[derive(Clone, Debug)]
 pub(super) struct Held {
-    /// Its object, or `world` where it does not move.
+    /// Its object, or `world` if it does not move.
     pub(super) object: String,
-    /// The frame of the body in that of the object.
+    /// Frame of the body relative to the object.
     pub(super) frame: Isometry3<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! `<include>`: files that stand in the place of the element that names them.
+//! `<include>`: files that replace the element that names them.
 
 use std::path::{Path, PathBuf};
 
@@ -12,17 +12,17 @@ use crate::{ModelWarning, Position};
 /// Longest file that is included, bytes.
 const LONGEST: u64 = 16 * 1024 * 1024;
 
-/// A text with what it includes, and where each part of it comes from.
+/// A text with its included files, and the origin of each part.
 pub(super) struct Expanded {
     pub(super) text: String,
-    /// The file and the others, in the order in which they are included.
+    /// The main file and its included files, in order.
     files: Vec<(Option<PathBuf>, String)>,
     /// Start in `text`, file, start in that.
     parts: Vec<(usize, usize, usize)>,
 }
 
-/// Puts the content of the root element of each included file in the place of its `<include>`. Paths are relative to the
-/// folder of the main file, and no file is included twice, as in MuJoCo.
+/// Puts the content of the root element of each included file in the place of its `<include>`. Paths are
+/// relative to the folder of the main file, and no file is included twice, as in MuJoCo.
 pub(super) fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
     let mut expanded = Expanded {
         text: String::with_capacity(text.len()),
@@ -34,7 +34,7 @@ pub(super) fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfEr
 }
 
 impl Expanded {
-    /// Appends a file: the main one whole, of an included one what is within its root element.
+    /// Appends a file: the main one completely, of an included one the content of its root element.
     fn append(&mut self, index: usize) -> Result<(), MjcfError> {
         let text = self.files[index].1.clone();
         let options = ParsingOptions { allow_dtd: true, ..Default::default() };
@@ -101,7 +101,7 @@ impl Expanded {
         }
     }
 
-    /// The file and the place in it of a place in the expanded text.
+    /// Maps a position in the expanded text to a file and a position in it.
     fn origin(&self, at: Position) -> (Option<&Path>, Position) {
         let line = self.text.split_inclusive('\n').take(at.line as usize - 1).map(str::len).sum::<usize>();
         let column =
@@ -113,7 +113,7 @@ impl Expanded {
         (path.as_deref(), Lines::new(text).position((from + offset - start).min(text.len())))
     }
 
-    /// The error with its place in the file that is at fault.
+    /// Returns the error with its position in the file where it occurred.
     pub(super) fn located(&self, error: MjcfError) -> MjcfError {
         if error.file.is_some() {
             return error;
@@ -122,7 +122,7 @@ impl Expanded {
         MjcfError { file: file.map(Path::to_owned), at, ..error }
     }
 
-    /// The warning with its place in the file it is about, which is named where it is not the main one.
+    /// Returns the warning with its position in its file, which is named unless it is the main file.
     pub(super) fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
         let ModelWarning::Ignored { what, at, count, reason } = warning else { return warning };
         let (file, at) = self.origin(at);

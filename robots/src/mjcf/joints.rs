@@ -23,7 +23,7 @@ pub(super) struct SpringDamper<'a, 'i> {
 const SPRINGS: &str = "a free base has no spring here";
 
 impl<'a, 'i> Tree<'_, 'a, 'i> {
-    /// Reads a hinge or a slide whose anchor stands at `placement` in the frame of the parent body.
+    /// Reads a hinge or slide joint whose anchor is at `placement` in the frame of the parent body.
     pub(super) fn joint(
         &mut self,
         joint: &Element<'_, 'a, 'i>,
@@ -101,7 +101,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             safety: None,
             coordinate: Coordinate::Independent(0),
         };
-        // The file shows the body where its joint stands at `ref`.
+        // The file shows the body with its joint at `ref`.
         built.placement = built.pose(-reference);
         self.references.push(reference);
         Ok(built)
@@ -132,7 +132,8 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         }
     }
 
-    /// Refuses what a floating base cannot have. Limits, axis and anchor of a free joint have no effect in MuJoCo.
+    /// Rejects attributes that a floating base cannot have. Limits, axis and anchor of a free joint have no
+    /// effect in MuJoCo.
     pub(super) fn check_free(
         &self,
         body: Node<'a, 'i>,

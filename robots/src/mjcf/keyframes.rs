@@ -32,7 +32,7 @@ pub(super) fn read_keyframes<'a, 'i>(
         if keyframes.iter().any(|other| other.name == name) {
             return Err(attributes.error(node, MjcfProblem::Duplicate { what: "key", name }));
         }
-        // Without positions it is the pose of the file.
+        // Without positions it equals the pose of the file.
         let Some(value) = node.attribute("qpos") else { continue };
         let own = if base.floating { 7 } else { 0 };
         let count = own + bodies.len();

@@ -1,4 +1,4 @@
-//! Colours of the objects of a world, as geoms state them.
+//! Colours of the objects of a world, from their geoms.
 
 use std::collections::BTreeMap;
 
@@ -12,9 +12,9 @@ pub(super) struct Looks(Vec<Stated>);
 
 /// A geom and its colour.
 struct Stated {
-    /// The body that it belongs to; `None` in the world itself.
+    /// Body of the geom; `None` in the world itself.
     body: Option<NodeId>,
-    /// The object that it is a shape of; `None` for a geom that touches nothing, which is no shape of a world.
+    /// Object of the geom; `None` for a non-colliding geom, which is not a shape of a world.
     object: Option<String>,
     /// The colour, if the geom or its material states one.
     colour: Option<Colour>,
@@ -23,7 +23,7 @@ struct Stated {
 }
 
 impl Looks {
-    /// Notes a geom: the object that it is a shape of, its colour, and whether viewers show it.
+    /// Records a geom: its object, its colour, and whether viewers show it.
     pub(super) fn add(
         &mut self,
         node: Node<'_, '_>,
@@ -40,15 +40,15 @@ impl Looks {
         self.0.len()
     }
 
-    /// Gives the shapes among the geoms from `first` on the name of their object.
+    /// Assigns the object name to shapes among the geoms from index `first`.
     pub(super) fn rename(&mut self, first: usize, object: &str) {
         for stated in self.0.iter_mut().skip(first).filter(|stated| stated.object.is_some()) {
             stated.object = Some(object.to_owned());
         }
     }
 
-    /// The colours of objects: of each that of its first shape that is seen, else of the first geom of the same bodies that is seen
-    /// and touches nothing, else of a shape that is hidden. An object of which none of these states a colour has none.
+    /// Returns the colours of objects: of the first visible shape, else of the first visible non-colliding
+    /// geom of the same bodies, else of a hidden shape. Objects without a stated colour have none.
     pub(super) fn colours<'n>(&self, objects: impl Iterator<Item = &'n str>) -> BTreeMap<String, Colour> {
         let of = |name: &str| {
             let own = || self.0.iter().filter(|stated| stated.object.as_deref() == Some(name));

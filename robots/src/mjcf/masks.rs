@@ -21,7 +21,7 @@ impl Masks {
         }
     }
 
-    /// Excludes the pairs of bodies no shapes of which can collide.
+    /// Excludes pairs of bodies whose shapes cannot collide.
     pub(super) fn exclude(&self, attributes: &Attributes<'_, '_>, root: Node<'_, '_>, exclusions: &mut Srdf) {
         let bodies: Vec<_> = self.by_body.iter().collect();
         for (index, (second, theirs)) in bodies.iter().enumerate() {

@@ -1,8 +1,9 @@
-//! A reader of MuJoCo's format, MJCF, into a [`Model`].
+//! Reader for MuJoCo's format, MJCF, that creates a [`Model`].
 //!
-//! A file is read as MuJoCo reads it, or refused with line and column. The tables of `schema` say what becomes of every
-//! attribute: it is read, has no effect on a model, is ignored with a [`ModelWarning::Ignored`] (springs, actuators,
-//! tendons), or is refused where its value has an effect. `docs/src/mjcf.md` lists all of it.
+//! A file is interpreted as in MuJoCo, or rejected with line and column. The tables of `schema` classify
+//! every attribute: it is read, has no effect on a model, is ignored with a [`ModelWarning::Ignored`]
+//! (springs, actuators, tendons), or is rejected if its value has an effect. `docs/src/mjcf.md` lists all of
+//! them.
 //!
 //! Not read: replicas and attachments. MuJoCo itself writes a file without them (`mj_saveLastXML`).
 
@@ -42,28 +43,28 @@ use crate::{LinkColours, LoadOptions, Model, ModelWarning, Profile, Srdf};
 pub struct MjcfRobot {
     /// The robot. Joints stand in MuJoCo's order.
     pub model: Model,
-    /// Defects that did not keep it from loading, and what is ignored.
+    /// Defects that did not prevent loading, and ignored elements.
     pub warnings: Vec<ModelWarning>,
-    /// The pairs of bodies that `<contact><exclude>` names or that `contype` and `conaffinity` rule out, as rules for a
+    /// Pairs of bodies excluded by `<contact><exclude>` or by `contype` and `conaffinity`, as rules for a
     /// [`CollisionModel`](crate::CollisionModel).
     pub exclusions: Srdf,
-    /// Poses from its keyframes, and gains and joints without a drive from its actuators; `None` where it has neither
-    /// keyframes nor actuators that hold positions.
+    /// Poses from keyframes, and gains and undriven joints from actuators; `None` without keyframes and
+    /// position actuators.
     pub profile: Option<Profile>,
-    /// Colours of the shapes of the model, as its geoms (`rgba`) or their materials state them.
+    /// Colours of the model's shapes, from its geoms (`rgba`) or their materials.
     pub colours: LinkColours,
 }
 
-/// Parses MJCF `text`. `file` is where it came from: for messages, and to find meshes beside it.
+/// Parses MJCF `text`. `file` is its path, for messages and to find meshes next to it.
 ///
-/// A body has the frame and the name it has in MuJoCo; a body with several joints becomes a chain of massless bodies
-/// `NAME/JOINT`, the last of which is the body. Geoms that collide with nothing (`contype` and `conaffinity` zero) are
-/// no collision shapes, but count in the inertia. The base floats when the one body that moves in the world has a free
-/// joint.
+/// A body has the frame and the name it has in MuJoCo; a body with several joints becomes a chain of massless
+/// bodies `NAME/JOINT`, the last of which is the body. Geoms that collide with nothing (`contype` and
+/// `conaffinity` zero) are not collision shapes but contribute to the inertia. The base floats when the one
+/// body that moves in the world has a free joint.
 ///
 /// # Errors
 ///
-/// [`MjcfError`], with the place in the text.
+/// [`MjcfError`], with the position in the text.
 pub fn parse_mjcf(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
     let expanded = include::expand(text, file)?;
     let mut robot = build::build(&expanded.text, file, options).map_err(|error| expanded.located(error))?;

@@ -1,4 +1,4 @@
-//! Positions and the five ways to write an orientation.
+//! Positions and the five representations of an orientation.
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -60,9 +60,9 @@ fn rotation(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<UnitQu
     })
 }
 
-/// Middle, orientation and half the length of something drawn between two points; `None` without `fromto`.
+/// Returns midpoint, orientation and half length of a shape between two points; `None` without `fromto`.
 ///
-/// Its z axis points from the second point to the first, as MuJoCo has it.
+/// Its z axis points from the second point to the first, as in MuJoCo.
 pub(super) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3<f64>, f64)>, MjcfError> {
     let Some([ax, ay, az, bx, by, bz]) = element.numbers::<6>("fromto")? else { return Ok(None) };
     if element.numbers::<3>("pos")?.is_some_and(|position| position != [0.0; 3]) {
@@ -74,8 +74,8 @@ pub(super) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3
     Ok(Some((placement, 0.5 * (from - to).norm())))
 }
 
-/// The least rotation from z to `axis`. As in MuJoCo it is the identity for axes within 1e-7 rad of z, and the half
-/// turn about x for axes within 1e-7 rad of -z.
+/// The least rotation from z to `axis`. As in MuJoCo it is the identity for axes within 1e-7 rad of z, and
+/// the half turn about x for axes within 1e-7 rad of -z.
 fn along(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     match (axis.x.hypot(axis.y) <= 1e-7, axis.z > 0.0) {
         (true, true) => UnitQuaternion::identity(),

@@ -1,24 +1,24 @@
-//! The attributes of each element, and what becomes of them.
+//! Classification of the attributes of each element.
 //!
-//! An attribute that no table names is refused wherever it stands, in an element or in a `<default>` class. A refused
-//! attribute is refused where its value has an effect: `shellinertia="false"` is accepted.
+//! An attribute that is not in a table is rejected, in an element or a `<default>` class. A rejected
+//! attribute is an error only if its value has an effect: `shellinertia="false"` is accepted.
 
 /// Treatment of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
     /// It is read.
     Read,
-    /// No quantity of a model depends on it: names, looks, solver and contact parameters, user data.
+    /// No effect on a model: names, appearance, solver and contact parameters, user data.
     NoEffect,
-    /// It changes the motion in MuJoCo by something no model contains: a warning says so, with this reason.
+    /// Changes the motion in MuJoCo by something that models do not contain: a warning with this reason.
     Ignored(&'static str),
-    /// It changes what is read: refused, with this reason.
+    /// Changes the result of reading: an error with this reason.
     Refused(&'static str),
 }
 
 /// Attributes of an element, grouped by their treatment.
 pub(super) struct Schema {
-    /// The element of `<default>` that gives its defaults, if any.
+    /// Element of `<default>` that provides its defaults, if any.
     pub(super) kind: &'static str,
     groups: &'static [(Use, &'static [&'static str])],
 }
@@ -28,14 +28,14 @@ impl Schema {
         self.groups.iter().any(|(_, names)| names.contains(&attribute))
     }
 
-    /// Attributes that are ignored or refused where they have an effect.
+    /// Attributes that are ignored, or rejected if they have an effect.
     pub(super) fn exceptions(&self) -> impl Iterator<Item = (Use, &'static str)> {
         let groups =
             self.groups.iter().filter(|(treatment, _)| !matches!(treatment, Use::Read | Use::NoEffect));
         groups.flat_map(|(treatment, names)| names.iter().map(|name| (*treatment, *name)))
     }
 
-    /// The table of an element of `<default>`; `Err` for an element that cannot stand there.
+    /// Returns the table of an element of `<default>`; `Err` for an element that is not allowed there.
     pub(super) fn of_default(element: &str) -> Result<Option<&'static Self>, ()> {
         Ok(Some(match element {
             "joint" => &JOINT,
@@ -59,7 +59,7 @@ pub(super) fn is_off(value: &str) -> bool {
     value.split_whitespace().all(off)
 }
 
-/// Attributes that place an element; those after the first turn it.
+/// Attributes that place an element; those after the first rotate it.
 pub(super) const POSE: [&str; 6] = ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"];
 
 /// Elements of `<actuator>`.
@@ -107,7 +107,7 @@ pub(super) const JOINT: Schema = Schema {
         (Use::Read, &["actuatorfrcrange", "actuatorfrclimited"]),
         (Use::Read, &["damping", "frictionloss", "armature"]),
         (Use::Read, &["stiffness", "springdamper", "springref", "springyield"]),
-        // Of soft limits, and of a gravity compensation that is refused.
+        // Concerns soft limits, or gravity compensation, which is rejected.
         (Use::NoEffect, &["margin", "actuatorgravcomp"]),
         (Use::NoEffect, &["solreflimit", "solimplimit", "solreffriction", "solimpfriction", "group", "user"]),
     ],
@@ -124,7 +124,7 @@ pub(super) const GEOM: Schema = Schema {
         // Looks, of which viewers ask.
         (Use::Read, &["rgba", "material"]),
         (Use::NoEffect, &["castshadow", "user", "fluidcoef"]),
-        // Of primitives fitted to meshes and of height fields, which are refused.
+        // Concerns primitives fitted to meshes and height fields, which are rejected.
         (Use::NoEffect, &["fitscale", "hfield"]),
         (Use::Ignored(CONTACT), &["adhesion", "surfacevel"]),
         (Use::Ignored("no fluid acts on a robot here"), &["fluidshape"]),
@@ -145,7 +145,8 @@ pub(super) const MESH: Schema = Schema {
     groups: &[
         (Use::Read, &["name", "class", "file", "scale", "vertex", "face"]),
         (Use::NoEffect, &["normal", "texcoord"]),
-        // The inertia of a mesh is refused where a robot needs it, and where an object does and it is not that of the solid.
+        // Mesh inertia is rejected if a robot needs it, or if an object needs it and it is not that of the
+        // solid.
         (Use::Read, &["inertia"]),
         (Use::NoEffect, &["smoothnormal", "maxhullvert", "content_type", "material"]),
         (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),

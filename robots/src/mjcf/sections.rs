@@ -1,4 +1,4 @@
-//! The sections beside the tree of bodies: options, meshes, and pairs that do not collide.
+//! Sections other than the body tree: options, meshes, and excluded pairs.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Worlds from MJCF: gravity, planes, height fields, fixed geoms, free bodies, and what holds these together.
+//! Worlds from MJCF: gravity, planes, height fields, fixed geoms, free bodies, and connections.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -34,7 +34,7 @@ pub struct MjcfWorld {
     pub world: World,
     /// True where the file states gravity.
     pub states_gravity: bool,
-    /// Warnings of elements that are left out, each with its place in the text.
+    /// Warnings of skipped elements, each with its position in the text.
     pub warnings: Vec<ModelWarning>,
 }
 
@@ -47,17 +47,18 @@ const GROUND: &str = "ground";
 /// Sections of robots.
 const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
-/// Reads MJCF `text` as a world. `file` is where it came from: for messages, and to find meshes beside it.
+/// Reads MJCF `text` as a world. `file` is its path, for messages and to find meshes next to it.
 ///
-/// Geoms of bodies that do not move become fixed objects, height fields among them, a level plane without ends the ground, a body with a
-/// free joint an object that moves: of one shape or of several, with the masses that its geoms have there. Meshes touch by their convex
-/// hull, as in MuJoCo, height fields by their triangles. Objects have the colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies with other
-/// joints, and what else a world does not hold, are refused with their place. Geoms that touch nothing and have no mass are left out with
-/// a warning.
+/// Geoms of immovable bodies, including height fields, become fixed objects, and an infinite level plane the
+/// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
+/// geoms. Meshes touch by their convex hull, as in MuJoCo, height fields by their triangles. Objects have the
+/// colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies with other joints,
+/// and other elements that a world cannot contain, are rejected with their position. Non-colliding geoms
+/// without mass are skipped with a warning.
 ///
 /// # Errors
 ///
-/// [`MjcfError`], with the place in the text.
+/// [`MjcfError`], with the position in the text.
 ///
 /// ```
 /// let text = r#"<mujoco>
@@ -174,7 +175,7 @@ struct Reader<'b, 'a, 'i> {
     bodies: HashMap<String, Held>,
     /// The geoms of the free body that is being read.
     free: Vec<FreeGeom<'a, 'i>>,
-    /// The bodies that it consists of, with their poses in the world.
+    /// Its bodies with their poses in the world.
     within: Vec<(String, Isometry3<f64>)>,
     looks: Looks,
     contacts: Contacts<'a, 'i>,
@@ -269,7 +270,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Ok(())
     }
 
-    /// Adds what a geom stands for.
+    /// Adds the object or ground of a geom.
     fn geom(&mut self, node: Node<'a, 'i>, place: &Place<'a>) -> Result<(), MjcfError> {
         let attributes = self.geoms.attributes;
         let read = attributes.element(node, place.class, &GEOM)?;
@@ -313,7 +314,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                     "a second level plane without ends: a world has one ground; give the plane a size",
                 ));
             }
-            // The plane is the top of the box that stands for it.
+            // The plane is the top of the box that represents it.
             let Geometry::Box { size } = geometry else { return Ok(()) };
             let height = pose.translation.z + 0.5 * size.z;
             self.looks.add(node, Some(GROUND), colour, is_seen);
@@ -356,7 +357,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Ok(())
     }
 
-    /// Adds an object that does not move, called as the geom, else as its body.
+    /// Adds a fixed object, named after the geom, else its body.
     fn fixed(
         &mut self,
         node: Node<'a, 'i>,

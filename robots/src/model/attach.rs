@@ -1,4 +1,4 @@
-//! One model on another: tools, payloads, several robots in one world.
+//! Attaching models to models: tools, payloads, several robots in one world.
 
 use std::collections::HashSet;
 
@@ -13,7 +13,7 @@ pub struct Placed<'a> {
     pub model: &'a Model,
     /// Prefix of its links' and joints' names in the world, such as `left/`.
     pub prefix: &'a str,
-    /// Its root frame in the world.
+    /// Pose of its root frame in the world.
     pub placement: Isometry3<f64>,
 }
 
@@ -23,12 +23,12 @@ pub enum AttachError {
     /// The tool has a floating base.
     #[error("\"{0}\" has a floating base and cannot be attached to anything; load it with its base fixed")]
     Floating(String),
-    /// A link that stands in the world beside a floating base.
+    /// The link is fixed in the world next to a floating base.
     #[error(
         "frame \"{0}\" stands in the world beside a floating base: nothing that moves can be attached to it"
     )]
     InWorld(String),
-    /// A name that would be there twice.
+    /// A name would be duplicated.
     #[error("both have a {what} named \"{name}\"; give another prefix")]
     Name {
         /// `link` or `joint`.
@@ -39,8 +39,9 @@ pub enum AttachError {
 }
 
 impl Model {
-    /// The robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` puts the tool's root frame there.
-    /// The tool's links and joints are called `prefix` and their names; its joints stand last in `q` and `v`.
+    /// The robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` puts the tool's root
+    /// frame there. The tool's links and joints are called `prefix` and their names; its joints stand last in
+    /// `q` and `v`.
     ///
     /// # Errors
     ///
@@ -102,8 +103,8 @@ impl Model {
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 
-    /// The robot with `prefix` before the names of all its links and joints, such as `left/`: one of several that may be
-    /// of one kind.
+    /// Returns the robot with `prefix` before the names of all links and joints, such as `left/`, to
+    /// distinguish several robots of one kind.
     ///
     /// ```
     /// let robot = motorium_robots::load("pendulum", std::path::Path::new("."))?.model;
@@ -126,8 +127,8 @@ impl Model {
         Self::new(self.name.clone(), base, bodies.collect(), frames.collect())
     }
 
-    /// The robot carrying something: `inertia` and `shapes`, both in the axes and about the origin of `frame`. It has a
-    /// frame called `name` there.
+    /// The robot carrying something: `inertia` and `shapes`, both in the axes and about the origin of
+    /// `frame`. It has a frame called `name` there.
     ///
     /// # Errors
     ///
@@ -153,8 +154,8 @@ impl Model {
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
 
-    /// Several robots in one world, as one model: `q` and `v` are theirs one after the other. The first frame is
-    /// `world`.
+    /// Several robots in one world, as one model: `q` and `v` are theirs one after the other. The first frame
+    /// is `world`.
     ///
     /// # Errors
     ///
@@ -167,8 +168,8 @@ impl Model {
         Ok(world)
     }
 
-    /// The robot with its base elsewhere: `pose` is that of its root frame in the world. A base that floats starts there
-    /// in the neutral configuration; all that is fixed to the world moves with a fixed one.
+    /// Returns the robot with its root frame at `pose` in the world. A floating base starts there in the
+    /// neutral configuration; with a fixed base, all frames fixed to the world move as well.
     ///
     /// ```
     /// use motorium_robots::{Kinematics, load};

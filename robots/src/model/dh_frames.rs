@@ -1,9 +1,10 @@
-//! Denavit-Hartenberg frames of the model: on its joints' axes and the common normals between them (Denavit and
-//! Hartenberg 1955, in the modified form of Craig 1986): from a body to its parent it takes a screw about z and one
-//! about x, where a general placement would take three times the arithmetic.
+//! Denavit-Hartenberg frames of the model: on its joints' axes and the common normals between them (Denavit
+//! and Hartenberg 1955, in the modified form of Craig 1986): the transform from a body to its parent is a
+//! screw about z and one about x, a third of the arithmetic of a general placement.
 //!
-//! A body's frame may turn about and slide along its joint's axis freely; that freedom is spent on the child that
-//! carries most. Its other children, and children of a floating base whose frame is given, keep a general placement.
+//! A body's frame may rotate about and slide along its joint's axis. This freedom is used for the child with
+//! the largest subtree. Its other children, and children of a floating base, whose frame is given, keep a
+//! general placement.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
@@ -16,7 +17,8 @@ const SKEW: f64 = 0.05;
 /// Rounding of angles and lengths of about one.
 const ROUNDING: f64 = 1e-14;
 
-/// The constant part of the way from a body's axis to its parent's, after the turn about and the lift along its own.
+/// Constant part of the transform from a body's axis to its parent's, after the rotation about and
+/// translation along its own.
 #[derive(Clone, Debug)]
 pub(crate) enum LinkTransform {
     /// Along the common normal.
@@ -31,15 +33,15 @@ pub(crate) struct DhBody {
     /// Place of the parent: 0 is the base, body `i` is `i + 1`.
     pub(crate) parent: usize,
     pub(crate) prismatic: bool,
-    /// Some child does not come right after it.
+    /// `true` if some child does not immediately follow it.
     pub(crate) forks: bool,
     pub(crate) transform: LinkTransform,
     /// About the frame's origin.
     pub(crate) inertia: RigidInertia,
 }
 
-/// Joint angle and lift of each position: angle = turning * q, turned further by `sin`, `cos`; lift = sliding * q +
-/// lift.
+/// Joint angle and lift of each position: angle = turning * q, turned further by `sin`, `cos`; lift = sliding *
+/// q + lift.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointZeros {
     pub(crate) turning: [f64; LANES],
@@ -56,7 +58,7 @@ pub(crate) struct DhFrames {
     pub(crate) zeros: Vec<JointZeros>,
 }
 
-/// Turn about and slide along z that takes a node frame to the body's frame here.
+/// Rotation about and translation along z from a node frame to the body's frame here.
 #[derive(Clone, Copy)]
 struct Along {
     sin: f64,
@@ -74,7 +76,7 @@ impl Along {
 }
 
 impl DhFrames {
-    /// Of bodies that stand parents first.
+    /// Computes the frames of bodies ordered parents first.
     pub(crate) fn new(nodes: &[Node]) -> Self {
         let mut along = vec![Along::NONE; nodes.len()];
         let mut normals: Vec<Option<(Turn, f64, Along)>> = vec![None; nodes.len()];
@@ -133,7 +135,7 @@ impl DhFrames {
     }
 }
 
-/// For every body the child that carries most bodies.
+/// For every body, the child with the largest subtree.
 fn heaviest_children(nodes: &[Node]) -> Vec<Option<usize>> {
     let mut carried = vec![1_usize; nodes.len()];
     let mut heaviest: Vec<Option<usize>> = vec![None; nodes.len()];
@@ -148,8 +150,9 @@ fn heaviest_children(nodes: &[Node]) -> Vec<Option<usize>> {
     heaviest
 }
 
-/// Turn and slide of the parent's frame along its axis, turn about and shift along the common normal, and what is
-/// left to turn about and lift along the node's axis; `None` where the normal cannot be told exactly.
+/// Rotation and translation of the parent's frame along its axis, rotation about and shift along the common
+/// normal, and the remaining rotation and translation along the node's axis; `None` if the normal is
+/// ill-defined.
 fn common_normal(node: &Node) -> Option<(Along, Turn, f64, Along)> {
     let way = placement(node);
     let rotation = way.rotation.into_inner();
@@ -158,7 +161,8 @@ fn common_normal(node: &Node) -> Option<(Along, Turn, f64, Along)> {
     let across = Vector3::new(-axis.y, axis.x, 0.0);
     let sine = across.norm();
     let (normal, slide) = if sine >= SKEW {
-        // The foot on the parent's axis: offset + t axis - s z is along the normal; both dotted with z and the axis.
+        // The foot on the parent's axis: offset + t axis - s z is along the normal; both dotted with z and
+        // the axis.
         let (with_z, with_axis) = (offset.z, offset.dot(&axis));
         (across / sine, (with_z - axis.z * with_axis) / (sine * sine))
     } else if sine <= ROUNDING {

@@ -1,7 +1,7 @@
 //! The model flattened for the inner loops: one plain record a body, parents first, nothing to look up.
 //!
-//! Every joint turns about or slides along the z axis of its *node frame*: the body frame, turned once at construction.
-//! With the joint at zero the node frame is the body frame times `align`.
+//! Every joint turns about or slides along the z axis of its *node frame*: the body frame, turned once at
+//! construction. With the joint at zero the node frame is the body frame times `align`.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -9,7 +9,7 @@ use super::dh_frames::DhFrames;
 use super::{Base, Body, Frame, Inertia, JointKind};
 use crate::algebra::{LANES, M3, RigidInertia, S3, V3, sin_cos};
 
-/// One body and the joint above it, in the form the recursions use.
+/// One body and the joint above it, in the form used by the recursions.
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
     /// Node frame at joint position zero, in the parent's node frame.
@@ -27,7 +27,7 @@ pub(crate) struct Node {
     pub(crate) place: usize,
     pub(crate) multiplier: f64,
     pub(crate) offset: f64,
-    /// Rotor inertia as the column of `v` feels it.
+    /// Rotor inertia as seen by the column of `v`.
     pub(crate) armature: f64,
 }
 
@@ -54,23 +54,25 @@ pub(crate) struct FlatModel {
     pub(crate) geared: bool,
     /// Some joint follows another: columns of `v` belong to several joints.
     pub(crate) coupled: bool,
-    /// Bodies stand depth first and each has a column of `v` of its own.
+    /// `true` if bodies are ordered depth first and each has its own column of `v`.
     pub(crate) orderly: bool,
     /// The same bodies in frames on their axes.
     pub(crate) dh_frames: DhFrames,
-    /// For every column of `v` the next one towards the base, itself at the root: the sparsity of the mass matrix.
+    /// For every column of `v`, the next one towards the base; itself at the root. The sparsity of the mass
+    /// matrix.
     pub(crate) above: Vec<usize>,
     /// Slots from the base's child to the body itself, for every body: `chains[starts[i]..starts[i + 1]]`.
     chains: Vec<usize>,
     starts: Vec<usize>,
-    /// Mass of each body and all it carries \[kg\], the base first.
+    /// Mass of each body and its subtree \[kg\], the base first.
     pub(crate) carried_masses: Vec<f64>,
-    /// For each body, the end of its subtree: with bodies depth first, body `i` carries the bodies up to `ends[i]`.
+    /// End of each body's subtree: with bodies in depth-first order, body `i` carries the bodies up to
+    /// `ends[i]`.
     pub(crate) ends: Vec<usize>,
 }
 
 impl FlatModel {
-    /// The slot of frames that stand still beside a floating base.
+    /// Slot of frames fixed in the world next to a floating base.
     pub(crate) const WORLD: usize = usize::MAX;
 
     pub(crate) fn new(bodies: &[Body], frames: &[Frame], base: &Base, nv: usize) -> Self {
@@ -228,10 +230,12 @@ pub(crate) fn quaternion(q: &[f64]) -> M3 {
     }
 }
 
-/// A rotation whose z column is the unit vector `axis`: the plain permutation or half turn where the axis is a
-/// coordinate axis, elsewhere the basis of Duff et al. (Building an orthonormal basis, revisited, JCGT 6(1), 2017).
+/// A rotation whose z column is the unit vector `axis`: the plain permutation or half turn where the axis is
+/// a coordinate axis, elsewhere the basis of Duff et al. (Building an orthonormal basis, revisited, JCGT
+/// 6(1), 2017).
 ///
-/// Each entry is accurate to rounding for every axis: no angle is computed, and the divisor is never smaller than one.
+/// Each entry is accurate to rounding for every axis: no angle is computed, and the divisor is never smaller
+/// than one.
 fn turn_z_to(axis: &Vector3<f64>) -> Matrix3<f64> {
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
     let columns = if *axis == z {
@@ -268,7 +272,7 @@ fn rigid(inertia: &Inertia, align: &Matrix3<f64>) -> RigidInertia {
     }
 }
 
-/// Mass of the base and of each body, with all that it carries.
+/// Mass of the base and of each body, including subtrees.
 fn carried_masses(nodes: &[Node], base: f64) -> Vec<f64> {
     let mut masses: Vec<f64> =
         std::iter::once(base).chain(nodes.iter().map(|node| node.inertia.mass)).collect();
@@ -278,7 +282,7 @@ fn carried_masses(nodes: &[Node], base: f64) -> Vec<f64> {
     masses
 }
 
-/// The end of each body's own range of bodies; `None` when some body stands outside that of its parent.
+/// End of each body's range of bodies; `None` if a body is outside its parent's range.
 fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
     let mut ends: Vec<usize> = (1..=nodes.len()).collect();
     for (index, node) in nodes.iter().enumerate().rev() {
@@ -286,7 +290,7 @@ fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
             ends[parent] = ends[parent].max(ends[index]);
         }
     }
-    // Depth first, every body comes right after its parent's range so far.
+    // In depth-first order, every body immediately follows its parent's range so far.
     let mut open: Vec<usize> = Vec::new();
     for (index, node) in nodes.iter().enumerate() {
         while open.last().is_some_and(|&last| ends[last] <= index) {
@@ -300,7 +304,7 @@ fn ends(nodes: &[Node]) -> Option<Vec<usize>> {
     Some(ends)
 }
 
-/// The next column to the left that a column of the factored mass matrix meets; itself if there is none.
+/// The next column to the left coupled to a column of the factored mass matrix; itself if there is none.
 fn columns_above(nodes: &[Node], floating: bool, coupled: bool, nv: usize) -> Vec<usize> {
     if coupled {
         return chains(nodes, floating, nv);
@@ -316,8 +320,8 @@ fn columns_above(nodes: &[Node], floating: bool, coupled: bool, nv: usize) -> Ve
     above
 }
 
-/// Coupled joints can fill the matrix, but not between trees that only the fixed base joins: a chain of the columns of
-/// each tree.
+/// Coupled joints can fill the matrix, but not between trees connected only by the fixed base: a chain of the
+/// columns of each tree.
 fn chains(nodes: &[Node], floating: bool, nv: usize) -> Vec<usize> {
     let whole = || (0..nv).map(|column| column.saturating_sub(1)).collect();
     if floating {

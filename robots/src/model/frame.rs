@@ -5,7 +5,7 @@ use nalgebra::Isometry3;
 use super::Inertia;
 use crate::nearest::suggestion;
 
-/// Index of a frame in [`Model::frames`](crate::Model::frames). Look it up once, outside the loop.
+/// Index of a frame in [`Model::frames`](crate::Model::frames). Look it up once, outside loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct FrameId(pub(crate) usize);
 
@@ -21,13 +21,13 @@ impl FrameId {
 pub struct Frame {
     /// Link name.
     pub name: String,
-    /// Body it is fixed to; `None` for the base.
+    /// Body to which it is fixed; `None` for the base.
     pub body: Option<usize>,
     /// Fixed to the world though the base floats: a link above a `floating` joint.
     pub in_world: bool,
-    /// The frame in the body frame; in that of the base, or the world's.
+    /// Pose in the body frame, or in the base's or the world's.
     pub placement: Isometry3<f64>,
-    /// The link that carries it by a joint, moving or fixed, by its index among the frames; `None` for a root.
+    /// Parent link, connected by a joint of any type, as an index among the frames; `None` for a root.
     pub parent: Option<usize>,
     /// Inertia of this link alone, in its frame.
     pub inertia: Inertia,

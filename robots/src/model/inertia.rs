@@ -35,7 +35,7 @@ impl Inertia {
         Self { mass: self.mass * factor, com: self.com, rotational: self.rotational * factor }
     }
 
-    /// Two bodies welded together, both in the same frame.
+    /// Combines two bodies welded together, both in the same frame.
     pub fn merged(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         if mass == 0.0 {

@@ -1,4 +1,5 @@
-//! Joints as the algorithms see them: fixed ones are gone, mimics know their master.
+//! Joints in the form used by the algorithms: fixed joints are removed, and mimic joints refer to their
+//! master.
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -13,7 +14,7 @@ pub enum JointKind {
     Prismatic,
 }
 
-/// Limits of one joint, each infinite where the file gives none. Units: rad or m, rad/s or m/s, Nm or N.
+/// Limits of one joint, infinite if missing from the file. Units: rad or m, rad/s or m/s, Nm or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Lowest position.
@@ -36,7 +37,7 @@ impl Limits {
     };
 }
 
-/// Passive forces in the joint, for simulators. No quantity of this crate contains them.
+/// Passive joint forces, for simulators. No quantity of this crate includes them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointDynamics {
     /// Viscous damping \[Nms/rad or Ns/m\].
@@ -45,11 +46,12 @@ pub struct JointDynamics {
     pub friction: f64,
     /// Stiffness of a spring in the joint \[Nm/rad or N/m\], 0 without one.
     pub stiffness: f64,
-    /// Position at which that spring is relaxed \[rad or m\].
+    /// Rest position of the spring \[rad or m\].
     pub rest: f64,
 }
 
-/// The drive behind a joint, where the file says. Only its [`armature`](Self::armature) plays a part in the dynamics.
+/// The drive of a joint, if the file describes it. Only its [`armature`](Self::armature) affects the
+/// dynamics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
     /// Turns of the motor per turn of the joint (or radians of it per metre).
@@ -74,8 +76,8 @@ impl Default for Drive {
     }
 }
 
-/// Limits that a safe controller keeps, inside those of the joint (URDF's `<safety_controller>`). For controllers: no
-/// quantity of this crate contains them.
+/// Limits for a safe controller, inside the joint's limits (URDF's `<safety_controller>`). No quantity of
+/// this crate includes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {
     /// Position from which on the allowed speed shrinks \[rad or m\].
@@ -88,25 +90,25 @@ pub struct SafetyController {
     pub k_velocity: f64,
 }
 
-/// The source of a joint's position: a coordinate of its own, or another joint.
+/// Source of a joint's position: its own coordinate, or another joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coordinate {
-    /// Its own entry among the joints' part of `q` ([`Model::joints_of_q`](crate::Model::joints_of_q)).
+    /// Index in the joints' part of `q` ([`Model::joints_of_q`](crate::Model::joints_of_q)).
     Independent(usize),
-    /// It follows another joint: position = `multiplier * q[of] + offset`. Chains of mimics are already resolved.
+    /// Follows another joint: position = `multiplier * q[of] + offset`. Chains of mimic joints are resolved.
     Mimic {
         /// Index among the independent joints of the one it follows.
         of: usize,
         /// Ratio of the two positions.
         multiplier: f64,
-        /// Position when the master stands at zero \[rad or m\].
+        /// Position with the master at zero \[rad or m\].
         offset: f64,
     },
 }
 
 impl Coordinate {
-    /// Index of the independent joint that moves it. On a fixed base that is its index in `q` and `v`; on a floating
-    /// one add 7 and 6.
+    /// Index of the independent joint that moves it. On a fixed base that is its index in `q` and `v`; on a
+    /// floating one add 7 and 6.
     pub fn index(&self) -> usize {
         match *self {
             Self::Independent(index) => index,
@@ -147,13 +149,14 @@ pub struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// The body frame at joint position zero, in the parent body's frame; fixed joints between are folded in.
     pub placement: Isometry3<f64>,
-    /// Limits of this joint itself, mimic or not.
+    /// Limits of this joint itself, mimic or not. [`Model::lower`](crate::Model::lower) and its siblings respect its
+    /// followers' limits, too.
     pub limits: Limits,
     /// Damping and friction.
     pub dynamics: JointDynamics,
     /// Reduction and rotor of its drive.
     pub drive: Drive,
-    /// Limits for controllers, where the file gives them.
+    /// Limits for controllers, if given in the file.
     pub safety: Option<SafetyController>,
     /// Source of its position.
     pub coordinate: Coordinate,

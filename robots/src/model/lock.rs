@@ -1,4 +1,4 @@
-//! Reduced models: joints held where they are, their bodies welded to what carries them.
+//! Reduced models: joints locked at positions, their bodies welded to their carriers.
 
 use nalgebra::Isometry3;
 
@@ -8,7 +8,7 @@ use crate::nearest::{nearest, suggestion};
 /// Joints that cannot be locked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LockError {
-    /// No independent joint has this name.
+    /// There is no independent joint with this name.
     #[error("robot \"{robot}\" has no independent joint \"{joint}\" to lock{}", suggestion(.nearest.as_deref()))]
     UnknownJoint {
         /// The robot.
@@ -18,7 +18,7 @@ pub enum LockError {
         /// The joint most likely meant.
         nearest: Option<String>,
     },
-    /// A position that is not a number.
+    /// The position is not a number.
     #[error("joint \"{joint}\" cannot be locked at {position}")]
     Position {
         /// The joint.
@@ -29,9 +29,9 @@ pub enum LockError {
 }
 
 impl Model {
-    /// The robot with some joints locked at positions \[rad or m\]: they leave `q` and `v`, joints that mimic them
-    /// stand still too, and their bodies' inertias, shapes and frames belong to the bodies that carry them. Limits do
-    /// not bind the positions. The other joints keep their order.
+    /// Returns the robot with some joints locked at positions \[rad or m\]. Locked joints are removed from
+    /// `q` and `v`, and their mimic joints are locked as well. Inertias, shapes and frames of their bodies
+    /// move to the carrying bodies. Positions may exceed limits. The other joints keep their order.
     ///
     /// # Errors
     ///
@@ -60,7 +60,7 @@ impl Model {
 
         let mut base = self.base.clone();
         let mut bodies: Vec<Body> = Vec::new();
-        // Where each body went: into which body, and its old frame there.
+        // For each body: its new body, and its old frame there.
         let mut places: Vec<(Option<usize>, Isometry3<f64>)> = Vec::with_capacity(self.bodies.len());
         for body in &self.bodies {
             let (carrier, within) =

@@ -3,6 +3,7 @@
 mod attach;
 pub(crate) mod dh_frames;
 pub(crate) mod flat;
+pub(crate) mod followers;
 mod frame;
 mod inertia;
 mod joint;
@@ -43,9 +44,9 @@ pub struct Body {
 /// The root of the tree: every link fixed to the root link, merged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
-    /// It moves freely: six entries of `v`, seven of `q`, before those of the joints.
+    /// `true` for a floating base: six entries of `v` and seven of `q`, before the joints.
     pub floating: bool,
-    /// Pose in the world of the neutral configuration, where the file gives one.
+    /// World pose in the neutral configuration, if given in the file.
     pub neutral: Isometry3<f64>,
     /// Inertia in the frame of the base's first link. Plays no part when the base is fixed.
     pub inertia: Inertia,
@@ -84,7 +85,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Bodies must stand parents first and their independent coordinates must count 0, 1, 2 ... in that order.
+    /// Bodies must be ordered parents first, with independent coordinates numbered 0, 1, 2 ... in that order.
     pub(crate) fn new(name: String, base: Base, bodies: Vec<Body>, frames: Vec<Frame>) -> Self {
         let mut joint_bodies = Vec::new();
         for (index, body) in bodies.iter().enumerate() {
@@ -94,12 +95,8 @@ impl Model {
                 joint_bodies.push(index);
             }
         }
-        let limit = |pick: fn(&Limits) -> f64| {
-            DVector::from_iterator(
-                joint_bodies.len(),
-                joint_bodies.iter().map(|&index| pick(&bodies[index].joint.limits)),
-            )
-        };
+        let common = followers::common_limits(&bodies, &joint_bodies);
+        let limit = |pick: fn(&Limits) -> f64| DVector::from_iterator(common.len(), common.iter().map(pick));
         Self {
             joint_names: joint_bodies.iter().map(|&index| bodies[index].joint.name.clone()).collect(),
             lower: limit(|limits| limits.lower),
@@ -145,7 +142,8 @@ impl Model {
         &self.base
     }
 
-    /// The joints' part of a configuration: all of it on a fixed base, what follows the base's pose on a floating one.
+    /// Returns the joints' part of a configuration: all of it for a fixed base, the part after the base's
+    /// pose for a floating one.
     pub fn joints_of_q<'a>(&self, q: &'a [f64]) -> &'a [f64] {
         &q[if self.base.floating { 7 } else { 0 }..]
     }
@@ -160,9 +158,21 @@ impl Model {
         self.flat.coupled
     }
 
-    /// Mass of all that moves \[kg\]: the base only if it floats.
+    /// Moving mass \[kg\]: includes the base only if it floats. See [`total_mass`](Self::total_mass).
     pub fn mass(&self) -> f64 {
         self.flat.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
+    }
+
+    /// Mass of all links \[kg\], those fixed to the world too.
+    ///
+    /// ```
+    /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
+    /// let fixed = panda.frames()[0].inertia.mass;
+    /// assert!(fixed > 0.0 && (panda.total_mass() - panda.mass() - fixed).abs() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn total_mass(&self) -> f64 {
+        self.frames.iter().map(|frame| frame.inertia.mass).sum()
     }
 
     /// True if a link has a collision shape.
@@ -170,7 +180,8 @@ impl Model {
         !self.base.shapes.is_empty() || self.bodies.iter().any(|body| !body.shapes.is_empty())
     }
 
-    /// Names of the independent joints, in the order of `q` and `v` (after the floating base, if there is one).
+    /// Names of the independent joints, in the order of `q` and `v` (after the floating base, if there is
+    /// one).
     pub fn joint_names(&self) -> &[String] {
         &self.joint_names
     }
@@ -218,7 +229,7 @@ impl Model {
         })
     }
 
-    /// The frames of a link and of all that it carries, over fixed joints and moving ones, parents before children.
+    /// Returns the frames of a link and its subtree, across fixed and moving joints, parents first.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
@@ -236,22 +247,23 @@ impl Model {
         (0..self.frames.len()).filter(|index| carried[*index]).map(FrameId).collect()
     }
 
-    /// Lowest positions \[rad or m\], one per independent joint, -inf where there is no limit.
+    /// Lower position limits \[rad or m\], one per independent joint, -inf without a limit. The limits of followers
+    /// narrow this limit, the upper one and the velocity limit.
     pub fn lower(&self) -> &DVector<f64> {
         &self.lower
     }
 
-    /// Highest positions \[rad or m\], one per independent joint, +inf where there is no limit.
+    /// Upper position limits \[rad or m\], one per independent joint, +inf without a limit.
     pub fn upper(&self) -> &DVector<f64> {
         &self.upper
     }
 
-    /// Largest speeds \[rad/s or m/s\], one per independent joint, +inf where there is no limit.
+    /// Velocity limits \[rad/s or m/s\], one per independent joint, +inf without a limit.
     pub fn velocity_limit(&self) -> &DVector<f64> {
         &self.velocity_limit
     }
 
-    /// Largest efforts \[Nm or N\], one per independent joint, +inf where there is no limit.
+    /// Effort limits \[Nm or N\], one per independent joint, +inf without a limit.
     pub fn effort_limit(&self) -> &DVector<f64> {
         &self.effort_limit
     }

@@ -9,16 +9,16 @@ use super::{Geometry, Inertia, JointKind, Model, Shape};
 #[error("a robot cannot be scaled by {0}; give a number above 0")]
 pub struct ScaleError(pub f64);
 
-/// Factors of the physical properties of a body and of the joint that moves it. The default changes nothing.
+/// Factors of the physical properties of a body and its joint. The default changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyFactors {
-    /// Of its mass and of its rotational inertia: the same shape of another density.
+    /// Factor of mass and rotational inertia: the same shape with another density.
     pub mass: f64,
-    /// Of the viscous damping of its joint.
+    /// Factor of the viscous damping of its joint.
     pub damping: f64,
-    /// Of the Coulomb friction of its joint.
+    /// Factor of the Coulomb friction of its joint.
     pub friction: f64,
-    /// Of the largest effort of its joint.
+    /// Factor of the effort limit of its joint.
     pub effort_limit: f64,
 }
 
@@ -37,8 +37,9 @@ impl BodyFactors {
 }
 
 impl Model {
-    /// The same robot with other masses, joint friction and efforts: `base` is the factor of the mass of the base, `bodies`
-    /// has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and ranges of motion stay.
+    /// The same robot with other masses, joint friction and efforts: `base` is the factor of the mass of the
+    /// base, `bodies` has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and
+    /// ranges of motion stay.
     ///
     /// ```
     /// use motorium_robots::BodyFactors;
@@ -66,7 +67,7 @@ impl Model {
             body.joint.dynamics.damping *= factors.damping;
             body.joint.dynamics.friction *= factors.friction;
             let effort = &mut body.joint.limits.effort;
-            // an unlimited effort times nothing is no number
+            // infinity times zero would be NaN
             *effort = if factors.effort_limit == 0.0 { 0.0 } else { *effort * factors.effort_limit };
         }
         for frame in &mut frames {
@@ -75,9 +76,9 @@ impl Model {
         Self::new(self.name.clone(), new_base, new_bodies, frames)
     }
 
-    /// The robot `scale` times as large, of the same material: lengths times `scale`, masses times its third power,
-    /// rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths too; efforts,
-    /// speeds of rotation, damping, friction and stiffness, and rotors stay as they are.
+    /// The robot `scale` times as large, of the same material: lengths times `scale`, masses times its third
+    /// power, rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths
+    /// too; efforts, speeds of rotation, damping, friction and stiffness, and rotors stay as they are.
     ///
     /// # Errors
     ///
@@ -159,8 +160,8 @@ impl Model {
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 
-    /// The robot with lower limits of velocity where `limits` \[rad/s or m/s\], one for each independent joint, are below
-    /// its own.
+    /// The robot with lower limits of velocity where `limits` \[rad/s or m/s\], one for each independent
+    /// joint, are below its own.
     ///
     /// ```
     /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;

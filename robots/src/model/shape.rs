@@ -19,7 +19,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The same shape in the frame in which its own has this `pose`.
+    /// Returns the shape relative to the frame in which its own frame has this `pose`.
     pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
         Self { placement: pose * self.placement, ..self.clone() }
     }
@@ -52,13 +52,13 @@ pub enum Geometry {
         /// Length of the cylinder, without the caps.
         length: f64,
     },
-    /// A mesh: a file, recorded and not read, or one that the robot's file itself has.
+    /// A mesh: an unread file, or a mesh contained in the robot's file.
     Mesh {
-        /// The file name as the robot's file gives it; of a mesh without a file its name.
+        /// File name as in the robot's file; for a mesh without a file, its name.
         uri: String,
         /// The file, if it was found.
         path: Option<PathBuf>,
-        /// The mesh itself, where it has no file.
+        /// The mesh itself, if it has no file.
         inline: Option<Arc<TriangleMesh>>,
         /// Scale along x, y and z.
         scale: Vector3<f64>,

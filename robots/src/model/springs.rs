@@ -29,8 +29,8 @@ pub enum SpringError {
 }
 
 impl Model {
-    /// The robot with springs in these joints, in place of those that they have: the name of the joint, the stiffness
-    /// \[Nm/rad or N/m\], and the position at which the spring is relaxed \[rad or m\].
+    /// The robot with springs in these joints, in place of those that they have: the name of the joint, the
+    /// stiffness \[Nm/rad or N/m\], and the position at which the spring is relaxed \[rad or m\].
     ///
     /// ```
     /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;

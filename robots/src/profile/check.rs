@@ -94,11 +94,11 @@ impl Profile {
         Err(ProfileError::Length { what: what.to_owned(), found, expected })
     }
 
-    /// Checks that every joint and frame named here belongs to `model`, and every joint of `model` is named.
+    /// Checks that every named joint and frame exists in `model`, and that every joint of `model` is named.
     ///
     /// # Errors
     ///
-    /// [`ProfileError`] names the first that does not fit.
+    /// [`ProfileError`] describes the first mismatch.
     pub fn check(&self, model: &Model) -> Result<(), ProfileError> {
         let known = |what: &str, joints: &[String]| {
             joints.iter().find(|joint| model.joint_index(joint).is_none()).map_or(Ok(()), |joint| {

@@ -1,4 +1,4 @@
-//! A first profile of a robot, from what its file says: to be read and edited by its owner.
+//! A draft profile of a robot, derived from its file, for its owner to review and edit.
 
 use std::fmt::Write as _;
 
@@ -7,11 +7,11 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::home::{draft_home, tip_joints};
 use crate::{Dynamics, JointKind, Loaded, Model};
 
-/// Deflection at which a drive gives its full effort, rad or m: 0.2 rad for a joint that turns.
+/// Deflection at which a drive reaches its full effort, rad or m: 0.2 rad for a revolute joint.
 const FULL_EFFORT_AT: [f64; 2] = [0.2, 0.02];
 /// Largest sag under the robot's own weight without feed-forward, rad or m.
 const LARGEST_SAG: [f64; 2] = [0.05, 0.005];
-/// Highest angular frequency of a drive, 1/s: steps of 1 ms still follow it.
+/// Maximum angular frequency of a drive, 1/s, that steps of 1 ms can follow.
 const HIGHEST_FREQUENCY: f64 = 250.0;
 /// Lowest one, of a drive without a limit of effort, 1/s.
 const LOWEST_FREQUENCY: f64 = 30.0;
@@ -19,15 +19,15 @@ const LOWEST_FREQUENCY: f64 = 30.0;
 const MODERATE_SPEED: [f64; 2] = [2.0, 0.25];
 /// Shortest time from rest to full speed, s.
 const SHORTEST_RISE: f64 = 0.1;
-/// Part of the effort that is left beside the weight which may accelerate the joint.
+/// Fraction of the effort remaining beyond the weight that may accelerate the joint.
 const ACCELERATING_PART: f64 = 0.5;
 /// Width of a line, in characters.
 const WIDTH: usize = 100;
 
-/// A first profile of `robot`, as a TOML text with comments: it can be used as it is.
+/// Returns a draft profile of `robot` as a TOML text with comments, ready to use.
 ///
-/// Its home pose lies inside the limits; gains, velocities and accelerations follow from inertias at home and the limits of
-/// the robot's file.
+/// The home pose is inside the limits; gains, velocities and accelerations follow from inertias at home and
+/// the limits of the robot's file.
 ///
 /// ```
 /// # use std::path::Path;

@@ -3,10 +3,10 @@
 use crate::UnknownFrame;
 use crate::nearest::suggestion_or_list;
 
-/// A profile that does not fit the question or the model.
+/// The profile does not match the request or the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
-    /// Not TOML, or not of this form.
+    /// The text is not TOML or not of the expected form.
     #[error("{0}")]
     Toml(#[from] toml::de::Error),
     /// An array of the wrong length.
@@ -29,7 +29,7 @@ pub enum ProfileError {
         /// The names of all poses.
         known: Vec<String>,
     },
-    /// No end effector has this name.
+    /// There is no end effector with this name.
     #[error("no end effector is named \"{name}\"{}", suggestion_or_list(.nearest.as_deref(), .known))]
     UnknownEndEffector {
         /// The name asked for.
@@ -84,7 +84,7 @@ pub enum ProfileError {
         /// The missing key.
         key: &'static str,
     },
-    /// A pose of the base of a robot whose base does not move.
+    /// The pose of a fixed base.
     #[error(
         "`base_poses` places a base that is fixed to the world; write base = \"floating\", or leave it out"
     )]

@@ -14,15 +14,16 @@ const TRIED: [f64; 4] = [
     core::f64::consts::FRAC_PI_2,
     -core::f64::consts::FRAC_PI_2,
 ];
-/// A posture this much better than another is worth one more joint that is bent.
+/// Minimum improvement that justifies bending one more joint.
 const WORTH: f64 = 1.2;
 /// The manipulability up to which a posture is singular: rounding.
 const SINGULAR: f64 = 1e-9;
 /// The most joints that are bent.
 const MOST_BENT: usize = 4;
 
-/// A home posture: all joints at zero, or at the middle of their range where zero is near its end or outside. The joints of
-/// an arm are bent as far as it takes to leave singular postures behind. True with it where that succeeded.
+/// Drafts a home posture: all joints at zero, or at the middle of their range if zero is near its end or
+/// outside. The joints of an arm are bent far enough to avoid singular postures. Also returns `true` if that
+/// succeeded.
 pub(super) fn draft_home(model: &Model) -> (DVector<f64>, bool) {
     let mut home = DVector::from_fn(model.joint_count(), |index, _| neutral(model, index));
     let Some(tip) = model.tip().filter(|_| !model.base().floating) else { return (home, false) };
@@ -50,7 +51,7 @@ pub(super) fn draft_home(model: &Model) -> (DVector<f64>, bool) {
         let singles = bends.iter().map(std::slice::from_ref);
         let mut found = best_of(&mut check, model, &home, best, singles);
         if found.is_none() && best <= SINGULAR {
-            // Straight in the elbow and in the wrist at once: no joint alone leaves such a posture.
+            // Elbow and wrist are straight at once: no single joint leaves such a posture.
             let pairs: Vec<[(usize, f64); 2]> = bends
                 .iter()
                 .enumerate()
@@ -67,7 +68,7 @@ pub(super) fn draft_home(model: &Model) -> (DVector<f64>, bool) {
     (home, best > SINGULAR)
 }
 
-/// The bends that make the posture best, with its measure, if that is worth it.
+/// Returns the best bends and their measure, if worthwhile.
 fn best_of<'a>(
     check: &mut Check,
     model: &Model,
@@ -88,7 +89,7 @@ fn best_of<'a>(
     better
 }
 
-/// Joints that move the tip, from the base on, and those beyond it: of its fingers.
+/// Joints that move the tip, starting at the base, and those beyond it (its fingers).
 pub(crate) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
     let body = model.frames()[tip.index()].body;
     let parents = |mut body: Option<usize>| {
@@ -137,7 +138,7 @@ struct Check {
     tip: FrameId,
     rows: TaskRows,
     kinematics: Kinematics,
-    /// `None` where the shapes of the robot cannot be used.
+    /// `None` if the robot's shapes are unusable.
     collisions: Option<(CollisionModel, Collisions)>,
 }
 
@@ -150,7 +151,7 @@ impl Check {
         Self { tip, rows, kinematics: Kinematics::new(model), collisions }
     }
 
-    /// Manipulability of the tip; none where the robot touches itself, or reaches below its base.
+    /// Manipulability of the tip; `None` if the robot is in self-collision or reaches below its base.
     fn measure(&mut self, model: &Model, joints: &DVector<f64>) -> f64 {
         self.kinematics.update(model, &configuration(model, joints.as_slice()));
         if let Some((model, state)) = &mut self.collisions {

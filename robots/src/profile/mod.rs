@@ -1,4 +1,5 @@
-//! The profile of a robot: poses, end effectors, feet and gains, which a URDF does not have. One TOML file beside it.
+//! The profile of a robot: poses, end effectors, feet and gains, which a URDF lacks. One TOML file next to
+//! it.
 
 mod check;
 mod draft;
@@ -20,7 +21,8 @@ use crate::configuration::write_pose;
 use crate::nearest::nearest;
 use crate::{Model, PerJoint};
 
-/// Poses, end effectors, feet and gains of one robot. Arrays follow `joints`; one number stands for all joints.
+/// Poses, end effectors, feet and gains of one robot. Arrays are in the order of `joints`; a single number
+/// applies to all joints.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
@@ -28,7 +30,7 @@ pub struct Profile {
     pub title: String,
     /// Sources of the numbers.
     pub sources: Vec<String>,
-    /// Base of the robot unless the options of loading say otherwise. Default: as the URDF.
+    /// Base of the robot, unless the load options override it. Default: as in the URDF.
     #[serde(default)]
     pub base: BaseKind,
     /// Independent joints, in the order of every array below.
@@ -57,7 +59,7 @@ pub struct Profile {
     /// Default gains of a joint impedance loop.
     #[serde(default)]
     pub(crate) gains: Option<GainArrays>,
-    /// Limits that a URDF does not have.
+    /// Limits that a URDF lacks.
     #[serde(default)]
     limits: LimitArrays,
 }
@@ -65,7 +67,7 @@ pub struct Profile {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LimitArrays {
-    /// Largest speed of each joint \[rad/s or m/s\], below that of its file; `inf` for that of the file.
+    /// Velocity limit of each joint \[rad/s or m/s\], below that of its file; `inf` keeps the file's limit.
     velocity: Option<PerJoint>,
     /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
     acceleration: Option<PerJoint>,
@@ -80,7 +82,8 @@ pub(crate) struct GainArrays {
     pub(crate) kd: PerJoint,
 }
 
-/// Gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the order of `q`.
+/// Gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the order of
+/// `q`.
 ///
 /// Both are zero for a passive joint, `kp` is for one driven by speed, such as a wheel.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,12 +115,12 @@ impl Profile {
         }
     }
 
-    /// Parses the TOML text and checks that it is consistent in itself.
+    /// Parses the TOML text and checks its consistency.
     ///
     /// # Errors
     ///
-    /// [`ProfileError`] on bad TOML, unknown keys, arrays of the wrong length, a home pose that does not exist, values
-    /// that cannot be.
+    /// [`ProfileError`] on invalid TOML, unknown keys, arrays of the wrong length, an unknown home pose, or
+    /// invalid values.
     pub fn parse(text: &str) -> Result<Self, ProfileError> {
         let mut profile: Self = toml::from_str(text)?;
         profile.spread();
@@ -125,7 +128,7 @@ impl Profile {
         Ok(profile)
     }
 
-    /// Makes lists of the single numbers that stand for all joints.
+    /// Expands single numbers to lists.
     fn spread(&mut self) {
         let joints = self.joints.len();
         let LimitArrays { velocity, acceleration, effort_rate } = &mut self.limits;
@@ -160,7 +163,8 @@ impl Profile {
         self.pose(model, &self.home)
     }
 
-    /// The joints' part of the pose `name`, in the order of the model's joints: all of `q` when the base is fixed.
+    /// The joints' part of the pose `name`, in the order of the model's joints: all of `q` when the base is
+    /// fixed.
     ///
     /// # Errors
     ///
@@ -169,12 +173,12 @@ impl Profile {
         self.arrange(model, self.find_pose(name)?)
     }
 
-    /// The configuration `q` (nq) of the pose `name`. A floating base stands where `base_poses` puts it, or where it is
-    /// in the model's neutral configuration.
+    /// Returns the configuration `q` (nq) of the pose `name`. A floating base is at its pose in `base_poses`,
+    /// or in the model's neutral configuration.
     ///
     /// # Errors
     ///
-    /// As [`pose`](Self::pose).
+    /// Same as [`pose`](Self::pose).
     pub fn configuration(&self, model: &Model, name: &str) -> Result<DVector<f64>, ProfileError> {
         let joints = self.pose(model, name)?;
         let mut q = DVector::from_vec(model.neutral());
@@ -196,7 +200,8 @@ impl Profile {
         Ok(Gains { kp: self.arrange(model, gains.kp.values())?, kd: self.arrange(model, gains.kd.values())? })
     }
 
-    /// The acceleration limits \[rad/s2 or m/s2\], in the order of the model's joints; infinite where none is given.
+    /// The acceleration limits \[rad/s2 or m/s2\], in the order of the model's joints; infinite without a
+    /// limit.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?;
@@ -207,23 +212,23 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    /// [`ProfileError::MissingJoint`] if the model has other joints.
     pub fn acceleration_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.arrange_limits(model, &self.limits.acceleration)
     }
 
-    /// The velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite where none is given. A robot that
-    /// is loaded with its profile keeps the smaller one of these and those of its file.
+    /// The velocity limits \[rad/s or m/s\], in the order of the model's joints; infinite without a limit. A
+    /// robot loaded with its profile uses the smaller of these and its file's limits.
     ///
     /// # Errors
     ///
-    /// [`ProfileError::MissingJoint`] when the model has other joints.
+    /// [`ProfileError::MissingJoint`] if the model has other joints.
     pub fn velocity_limit(&self, model: &Model) -> Result<DVector<f64>, ProfileError> {
         self.arrange_limits(model, &self.limits.velocity)
     }
 
-    /// The limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the model's joints; infinite
-    /// where none is given.
+    /// The limits of the drives' rate of change of effort \[Nm/s or N/s\], in the order of the model's
+    /// joints; infinite where none is given.
     ///
     /// # Errors
     ///

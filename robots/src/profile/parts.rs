@@ -1,4 +1,4 @@
-//! The parts of a profile: what stands on the ground, works on the world, drives.
+//! Parts of a profile: base, end effectors, feet, wheels and rotors.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use serde::Deserialize;
@@ -7,7 +7,7 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BaseKind {
-    /// Its root link is fixed to the world, unless the URDF says otherwise.
+    /// Root link fixed to the world, unless the URDF specifies otherwise.
     #[default]
     Fixed,
     /// Its root link moves freely.
@@ -39,7 +39,7 @@ impl BasePose {
     }
 }
 
-/// A place on the robot that works on the world.
+/// A frame with which the robot acts on its environment.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EndEffector {
@@ -52,21 +52,21 @@ pub struct EndEffector {
     pub fingers: Vec<String>,
 }
 
-/// A place the robot stands on: a point, a ball or a flat sole.
+/// A contact on which the robot stands: a point, a ball or a flat sole.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foot {
-    /// Link whose frame touches the ground, with its origin unless there is a radius.
+    /// Link whose frame touches the ground, at its origin unless there is a radius.
     pub frame: String,
     /// Joints that place it.
     #[serde(default)]
     pub joints: Vec<String>,
-    /// Of a ball or wheel about the frame's origin \[m\]. It touches the ground this far below.
+    /// Radius of a ball or wheel about the frame's origin \[m\]. It touches the ground this far below.
     pub radius: Option<f64>,
     /// Sides along the frame's x and y of a flat sole centred on its origin \[m\].
     pub sole: Option<[f64; 2]>,
-    /// Coefficient of friction of its surface, for simulators: 0 for a ball that rolls in a socket. Without it that of the
-    /// robot.
+    /// Coefficient of friction of its surface, for simulators; 0 for a ball that rolls in a socket. Default:
+    /// the robot's friction.
     pub friction: Option<f64>,
 }
 
@@ -74,7 +74,7 @@ pub struct Foot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Steering {
-    /// Two wheels, or two rows of wheels, at speeds of their own.
+    /// Two wheels, or two rows of wheels, with independent speeds.
     Differential,
     /// Steered front wheels that aim at one centre on the rear axle's line.
     Ackermann,
@@ -102,7 +102,7 @@ impl Steering {
 pub struct MobileBase {
     /// Kind of steering.
     pub drive: Steering,
-    /// Link that stands for the base: x ahead, z up.
+    /// Link that represents the base: x ahead, z up.
     pub frame: String,
     /// Joints that are the base's pose in the world, where the model has such: x, y, yaw.
     #[serde(default)]
@@ -125,9 +125,9 @@ pub struct MobileBase {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Spin {
-    /// Its drag turns the robot counterclockwise.
+    /// Drag turns the robot counterclockwise.
     Clockwise,
-    /// Its drag turns the robot clockwise.
+    /// Drag turns the robot clockwise.
     Counterclockwise,
 }
 
@@ -135,7 +135,7 @@ pub enum Spin {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rotor {
-    /// Link whose frame it pulls at.
+    /// Link at whose frame the thrust acts.
     pub frame: String,
     /// Sense of rotation.
     pub spin: Spin,

@@ -7,11 +7,11 @@ use crate::algebra::V3;
 /// Rays are followed over terrain this far \[m\].
 const FARTHEST: f64 = 1e4;
 
-/// The way of a ray through the squares of a grid.
+/// Traversal of a grid by a ray.
 struct Walk {
     square: [i64; 2],
     step: [i64; 2],
-    /// Distances at which the next square along each axis begins.
+    /// Distances at which the next cell along each axis starts.
     next: [f64; 2],
     /// Distance between two of these.
     every: [f64; 2],
@@ -20,7 +20,7 @@ struct Walk {
 }
 
 impl Walk {
-    /// From `from` to `end` \[m\] along a ray; origin and direction in sides of a square.
+    /// Traverses from `from` to `end` \[m\] along a ray; origin and direction are in cell widths.
     fn new(origin: [f64; 2], direction: [f64; 2], from: f64, end: f64) -> Self {
         let (mut square, mut step) = ([0; 2], [0; 2]);
         let (mut next, mut every) = ([f64::INFINITY; 2], [f64::INFINITY; 2]);
@@ -39,7 +39,7 @@ impl Walk {
 }
 
 impl Iterator for Walk {
-    /// A square, and the distances at which the ray enters and leaves it.
+    /// A cell, and the distances at which the ray enters and leaves it.
     type Item = ([i64; 2], f64, f64);
 
     #[inline(always)]
@@ -58,7 +58,7 @@ impl Iterator for Walk {
 }
 
 impl HeightField {
-    /// Distance along a ray to the surface, and the normal there; `None` from below.
+    /// Returns the distance along a ray to the surface, and the normal there; `None` from below.
     pub(crate) fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
         // The part of the ray between the highest and the lowest point.
         let (mut from, mut end) = (0.0_f64, range.min(FARTHEST));

@@ -27,10 +27,10 @@ const FUNCTIONS: &str = "sin, cos, tan, exp, log, sqrt, abs, floor, min, max";
 const DEEPEST: usize = 64;
 
 impl Expression {
-    /// Reads an expression.
+    /// Parses an expression.
     ///
     /// # Errors
-    /// The column, from 1 on, what stands there and what was expected.
+    /// The column, from 1, with the text found and the expectation.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let mut reader = Reader { text, at: 0, depth: 0 };
         let expression = reader.sum()?;
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_is_shown_with_its_column() {
+    fn syntax_error_is_reported_with_its_column() {
         for (text, expected) in [
             ("1 +", "column 4: found the end, expected a number"),
             ("0.1 * sni(x)", "column 7: found `sni`, expected x, y, pi or one of sin"),

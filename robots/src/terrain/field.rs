@@ -1,4 +1,4 @@
-//! Height fields: surfaces over a grid, as rays and contacts meet them.
+//! Height fields: surfaces over a grid, for rays and contacts.
 
 use nalgebra::{Point3, Vector3};
 
@@ -7,9 +7,10 @@ use crate::algebra::V3;
 /// Cells along a side of the blocks whose highest point is known.
 pub(super) const BLOCK: i64 = 8;
 
-/// A surface of two triangles a cell over a grid of heights, solid below.
+/// A surface of two triangles per cell over a grid of heights, solid below.
 ///
-/// Beyond the grid it goes on as at the nearest edge. Cells are split from their corner of least x and y to the opposite one.
+/// Beyond the grid it continues as at the nearest edge. Cells are split from the corner of smallest x and y
+/// to the opposite one.
 ///
 /// ```
 /// use motorium_robots::HeightField;
@@ -41,17 +42,17 @@ pub struct HeightField {
 pub struct NearTriangle {
     /// The same number for the same triangle.
     pub index: u32,
-    /// Its point nearest to the given one \[m\].
+    /// Point of the surface nearest to the given one \[m\].
     pub nearest: Point3<f64>,
     /// Its upward unit normal.
     pub normal: Vector3<f64>,
 }
 
-/// A cell as its corners see it: the height at the first, and the slopes of both triangles per cell.
+/// A cell: the height of its first corner, and the slopes of both triangles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     pub(super) height: f64,
-    /// Of the triangle at the end of x, then of that at the end of y: along x, along y.
+    /// Slopes along x and y of the triangle at the end of x, then of the one at the end of y.
     pub(super) slopes: [(f64, f64); 2],
     pub(super) top: f64,
 }
@@ -60,8 +61,8 @@ impl HeightField {
     /// A field of `count` heights along x and y, `spacing` \[m\] apart, from the corner `origin` \[m\] on.
     ///
     /// # Panics
-    /// With fewer than two heights along an axis, more than 2^31 in all, a spacing that is not positive, or a height that is
-    /// not finite.
+    /// With fewer than two heights along an axis, more than 2^31 in all, a spacing that is not positive, or a
+    /// height that is not finite.
     pub fn new(
         origin: [f64; 2],
         spacing: f64,
@@ -104,7 +105,7 @@ impl HeightField {
         self.spacing
     }
 
-    /// Height of a corner of the grid; beyond the grid that of the nearest.
+    /// Height of a grid corner; beyond the grid, of the nearest corner.
     #[inline(always)]
     pub(super) fn at(&self, i: i64, j: i64) -> f64 {
         let i = i.clamp(0, self.count[0] as i64 - 1) as usize;
@@ -159,7 +160,7 @@ impl HeightField {
         normal * (1.0 / normal.dot(normal).sqrt())
     }
 
-    /// The highest point of the blocks within `reach` \[m\] of a place along x and y: nothing is higher there.
+    /// Returns an upper bound of the height within `reach` \[m\] of a position along x and y.
     pub fn highest_near(&self, x: f64, y: f64, reach: f64) -> f64 {
         let block = self.spacing * BLOCK as f64;
         let index = |place: f64, axis: usize| ((place - self.origin[axis]) / block).floor() as i64;
@@ -196,7 +197,7 @@ impl HeightField {
                     let nearest = nearest_on_triangle(p, [first, other, last]);
                     let out = p - nearest;
                     if out.dot(out) <= reach * reach {
-                        // wraps far beyond the grid, where numbers are equal at most by chance
+                        // wraps far beyond the grid, where equal numbers are coincidental
                         let number = i.wrapping_mul(1 << 15).wrapping_add(j).wrapping_mul(2) + half as i64;
                         visit(NearTriangle {
                             index: number as u32,
@@ -209,8 +210,8 @@ impl HeightField {
         }
     }
 
-    /// Passes the corners of the grid within `reach` \[m\] along x and y that rise above the line of their neighbours along an
-    /// axis to `visit`, each with a number of its own: where a flat body touches first.
+    /// Passes the corners of the grid within `reach` \[m\] along x and y that rise above the line of their
+    /// neighbours along an axis to `visit`, each with a number of its own: where a flat body touches first.
     pub fn visit_peaks(&self, x: f64, y: f64, reach: f64, visit: &mut dyn FnMut(u32, Point3<f64>)) {
         let (u, v) = self.in_cells(x, y);
         let wide = reach / self.spacing;

@@ -23,7 +23,7 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
-    /// Reads a file; the error says what was found and what was expected.
+    /// Reads a file; the error states what was found and expected.
     pub(crate) fn read(path: &Path) -> Result<Self, String> {
         let bytes = read_bounded(path, LONGEST).map_err(|error| error.to_string())?;
         Self::decode(&bytes)
@@ -41,7 +41,7 @@ impl Picture {
                 b"IEND" => break,
                 _ => {}
             }
-            // behind the data stands its checksum; that of the pixels is checked below
+            // a checksum follows the data; that of the pixels is checked below
             rest = after.get(4..).ok_or("the file ends within a chunk")?;
         }
         let Header { size, bytes_per_pixel } = header.ok_or("no header (IHDR)")?;
@@ -76,8 +76,9 @@ impl Picture {
         &self.grey
     }
 
-    /// The grey at a place from 0, left, to 1, right, and from 0, top, to 1, bottom, as the four pixels around it have it: the middles
-    /// of the outermost pixels lie on the edges. Beyond them it stays as there.
+    /// Returns the grey value at a position from 0 (left) to 1 (right) and from 0 (top) to 1 (bottom),
+    /// interpolated from the four surrounding pixels. The centres of the outermost pixels are on the edges;
+    /// beyond them the value is constant.
     pub(super) fn at(&self, right: f64, down: f64) -> f64 {
         let [width, height] = self.size;
         let part = |share: f64, count: usize| {
@@ -143,7 +144,7 @@ fn unfilter(filter: u8, width: usize, above: &[u8], row: &mut [u8]) -> Result<()
     Ok(())
 }
 
-/// Of left, above and the corner between them that which is nearest to left plus above less the corner.
+/// Paeth predictor: of left, above and corner, the value nearest to left plus above minus corner.
 fn paeth(a: u8, b: u8, c: u8) -> u8 {
     let guess = i16::from(a) + i16::from(b) - i16::from(c);
     let [to_a, to_b, to_c] = [a, b, c].map(|value| (guess - i16::from(value)).abs());

@@ -9,31 +9,31 @@ use super::TerrainError;
 use super::expression::Expression;
 use super::image::Picture;
 
-/// A layer of a terrain. `direction` is an angle from x towards y (rad), default 0; `from` the distance from the origin
-/// along it where the layer begins (m), default 0.
+/// A layer of a terrain. `direction` is an angle from x towards y (rad), default 0; `from` the distance from
+/// the origin along it where the layer begins (m), default 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum TerrainLayer {
     /// A height by an equation.
     Equation {
-        /// Height (m) of `x` and `y` (m): numbers, `+ - * / ^`, brackets, `pi`, and sin, cos, tan, exp, log, sqrt, abs, floor,
-        /// min, max.
+        /// Height (m) of `x` and `y` (m): numbers, `+ - * / ^`, brackets, `pi`, and sin, cos, tan, exp, log,
+        /// sqrt, abs, floor, min, max.
         height: String,
     },
-    /// A picture whose grey is the height: a PNG file, grey, of 8 or 16 bits.
+    /// An image whose grey value is the height: a greyscale PNG file of 8 or 16 bits.
     ///
-    /// Seen from above, x goes to the right in the picture and y up. The outermost pixels lie on the edges of its `size`; between
-    /// pixels the height is interpolated, beyond them it goes on as at the edge.
+    /// Seen from above, x points to the right in the image and y up. The outermost pixels are on the edges of
+    /// `size`; between pixels the height is interpolated, and beyond them it continues as at the edge.
     Image {
         /// The file; a relative path begins at the folder of the graph.
         #[schemars(extend("format" = "path"))]
         file: String,
         /// Heights of black and of white (m).
         height: [f64; 2],
-        /// Length along x and y that it covers (m). Default: that of the terrain.
+        /// Length along x and y covered by the image (m). Default: the terrain's size.
         #[serde(default)]
         size: Option<[f64; 2]>,
-        /// Its middle along x and y (m). Default: that of the terrain.
+        /// Centre along x and y (m). Default: the terrain's centre.
         #[serde(default)]
         centre: Option<[f64; 2]>,
     },
@@ -41,12 +41,12 @@ pub enum TerrainLayer {
     DiamondSquare {
         /// Largest height of either sign (m).
         height: f64,
-        /// Share by which the random part shrinks from one level to the next, half as long: from 0, smooth, to 1, rough.
-        /// Default 0.5.
+        /// Share by which the random part shrinks from one level to the next, half as long: from 0, smooth,
+        /// to 1, rough. Default 0.5.
         #[serde(default = "half")]
         roughness: f64,
     },
-    /// A slope that begins along a line.
+    /// A slope that starts at a line.
     Slope {
         /// Angle of the slope (rad); negative goes down.
         angle: f64,
@@ -56,7 +56,7 @@ pub enum TerrainLayer {
         /// See above.
         #[serde(default)]
         from: f64,
-        /// Length in the plane after which it is level again (m). Default: it goes on.
+        /// Horizontal length after which the ground is level again (m). Default: unlimited.
         #[serde(default)]
         length: Option<f64>,
     },
@@ -88,7 +88,7 @@ pub enum TerrainLayer {
     Gaps {
         /// Width of a gap (m).
         width: f64,
-        /// Distance from the begin of a gap to that of the next (m).
+        /// Distance between the starts of consecutive gaps (m).
         every: f64,
         /// Depth (m).
         depth: f64,
@@ -221,10 +221,10 @@ impl TerrainLayer {
     }
 }
 
-/// Heights that stones may cover in all, those that lie beneath several counted for each: what bounds the time it takes.
+/// Maximum number of heights covered by stones, counting overlaps, which bounds the generation time.
 const MOST_OF_STONES: f64 = 1e7;
 
-/// Heights that the stones of a layer cover at most, those beneath several counted for each.
+/// Maximum number of heights covered by the stones of a layer, counting overlaps.
 fn heights_of_stones((_, spacing, count): Grid, size: f64, per_square_metre: f64) -> f64 {
     let stones: f64 =
         count.iter().map(|count| spacing * (count - 1) as f64).product::<f64>() * per_square_metre;
@@ -232,7 +232,7 @@ fn heights_of_stones((_, spacing, count): Grid, size: f64, per_square_metre: f64
     stones * each
 }
 
-/// Adds caps of paraboloids at random places; of two that overlap the higher counts.
+/// Adds paraboloid caps at random positions; where two overlap the higher one applies.
 fn stones(
     (corner, spacing, count): Grid,
     (height, size, per_square_metre): (f64, f64, f64),
@@ -274,7 +274,7 @@ fn diamond_square(count: [usize; 2], roughness: f64, seed: u64) -> (usize, Vec<f
     let (mut step, mut scale) = (cells, roughness);
     while step > 1 {
         let half = step / 2;
-        // the middles of squares, then those of their sides
+        // centres of squares, then midpoints of their sides
         for i in (half..side).step_by(step) {
             for j in (half..side).step_by(step) {
                 let corner = |a: usize, b: usize| surface[a * side + b];
@@ -316,7 +316,7 @@ fn uniform(seed: u64, number: u64) -> f64 {
     (mixed(seed.wrapping_add(mixed(number))) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// All bits of a number mixed: SplitMix64 (Steele, Lea, Flood 2014).
+/// Mixes all bits of a number: SplitMix64 (Steele, Lea, Flood 2014).
 pub(super) fn mixed(number: u64) -> u64 {
     let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

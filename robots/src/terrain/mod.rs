@@ -1,4 +1,4 @@
-//! Terrain: the description of an uneven ground, and the height field that it makes.
+//! Terrain: description of uneven ground, and the resulting height field.
 
 mod cast;
 mod expression;
@@ -27,9 +27,9 @@ const FARTHEST: f64 = 1e6;
 /// Width of the band about the level part over which the terrain rises to its height \[m\].
 const BAND: f64 = 0.3;
 
-/// An uneven ground instead of a plane: the sum of its layers, above z = 0.
+/// Uneven ground instead of a plane: the sum of its layers, above z = 0.
 ///
-/// Beyond its size it goes on as at its edge.
+/// Beyond its size it continues as at its edge.
 ///
 /// ```
 /// use motorium_robots::Terrain;
@@ -55,17 +55,17 @@ const BAND: f64 = 0.3;
 pub struct Terrain {
     /// Length along x and y (m).
     pub size: [f64; 2],
-    /// Its middle along x and y (m). Default: the origin.
+    /// Centre along x and y (m). Default: the origin.
     #[serde(default)]
     pub centre: [f64; 2],
-    /// Distance of two heights that are side by side (m). Default 0.05. What is steeper than it allows, such as the front of a
-    /// step, becomes a slope of this length.
+    /// Distance between adjacent heights (m). Default 0.05. Steeper features, such as the front of a step,
+    /// become slopes of this length.
     #[serde(default = "default_spacing")]
     pub spacing: f64,
     /// Radius about the origin of the world within which it is level, at z = 0 (m). Default 0.
     #[serde(default)]
     pub flat: f64,
-    /// Seed of what is drawn. Default 0.
+    /// Seed of random layers. Default 0.
     #[serde(default)]
     pub seed: u64,
     /// Factor of all heights. Default 1.
@@ -78,7 +78,8 @@ pub struct Terrain {
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_combine: Option<FrictionCombine>,
-    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force. Default 0.
+    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force.
+    /// Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
@@ -86,11 +87,11 @@ pub struct Terrain {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
-    /// Share of the approach speed kept after an impact, from 0 to 1. Default 0.
+    /// Fraction of the approach speed kept after an impact, from 0 to 1. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     #[serde(default)]
     pub soft: Option<Softness>,
     /// The layers, whose heights are added.
@@ -109,7 +110,7 @@ fn default_friction() -> f64 {
     0.8
 }
 
-/// A terrain that cannot be made.
+/// The terrain cannot be generated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TerrainError {
     /// A number outside its range.
@@ -150,7 +151,7 @@ pub enum TerrainError {
         /// Heights possible.
         most: f64,
     },
-    /// A height that is not finite.
+    /// A height is not finite.
     #[error("the height at x = {x}, y = {y} is {height}, expected a finite number")]
     Height {
         /// Place.
@@ -169,7 +170,7 @@ impl TerrainError {
 }
 
 impl Terrain {
-    /// Lets the relative paths of its pictures begin at a folder.
+    /// Resolves relative paths of its images from a folder.
     pub fn locate(&mut self, folder: &Path) {
         for layer in &mut self.layers {
             if let TerrainLayer::Image { file, .. } = layer {
@@ -178,7 +179,7 @@ impl Terrain {
         }
     }
 
-    /// Checks all that needs no picture: its numbers, and its other layers over a single cell.
+    /// Checks everything that needs no image: its numbers, and its other layers over a single cell.
     pub(crate) fn check_numbers(&self) -> Result<(), TerrainError> {
         self.cells()?;
         let grid = (self.centre, self.spacing, [2; 2]);
@@ -190,7 +191,7 @@ impl Terrain {
         Ok(())
     }
 
-    /// Numbers of cells along x and y, after all its own numbers have been checked.
+    /// Number of cells along x and y, after all other numbers have been checked.
     fn cells(&self) -> Result<[f64; 2], TerrainError> {
         let positive = |key: &str, value: f64| {
             let good = value.is_finite() && value > 0.0;
@@ -246,7 +247,8 @@ impl Terrain {
         Ok(cells)
     }
 
-    /// The height field of the terrain, the same for the same description and the same pictures, which are read from their files.
+    /// The height field of the terrain, the same for the same description and the same pictures, which are
+    /// read from their files.
     ///
     /// # Errors
     /// [`TerrainError`].

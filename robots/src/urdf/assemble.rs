@@ -10,7 +10,7 @@ use super::mimic::{self, Follow};
 use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
-use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission};
+use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission, warn_of_model};
 use crate::load::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
@@ -59,11 +59,13 @@ pub(crate) fn assemble(
     assembly.warnings.extend(survey.warnings.iter().cloned());
     transmission::warn_of_unknown_joints(&robot, &survey, &mut assembly.warnings);
     inertia::warn_of_massless_ends(&assembly.bodies, &mut assembly.warnings);
-    let Assembly { bodies, frames, base, warnings, .. } = assembly;
-    Ok(UrdfRobot { model: Model::new(robot.name.clone(), base, bodies, frames), warnings })
+    let Assembly { bodies, frames, base, mut warnings, .. } = assembly;
+    let model = Model::new(robot.name.clone(), base, bodies, frames);
+    warn_of_model(&model, &mut warnings);
+    Ok(UrdfRobot { model, warnings })
 }
 
-/// For every joint of the file the first of its entries among the independent joints, where it has one.
+/// For every joint of the file, the first of its entries among the independent joints, if any.
 fn columns(robot: &Robot, structure: &Structure, follows: &[Option<Follow>]) -> Vec<Option<usize>> {
     let mut columns = vec![None; robot.joints.len()];
     let mut next = 0;
@@ -88,11 +90,11 @@ struct Assembly<'a> {
     file: Option<&'a Path>,
     packages: &'a PackagePath,
     shapes: ShapeSource,
-    /// Body and placement in it, for every link added so far.
+    /// Body and pose in it of every link added so far.
     places: Vec<Option<(Option<usize>, Isometry3<f64>)>>,
-    /// For every link the one that carries it.
+    /// Carrying link of every link.
     parents: Vec<Option<usize>>,
-    /// For every link added so far its frame.
+    /// Frame of every link added so far.
     of_links: Vec<Option<usize>>,
     bodies: Vec<Body>,
     frames: Vec<Frame>,
@@ -146,7 +148,7 @@ impl Assembly<'_> {
         self.add_link(edge.child, Some(self.bodies.len() - 1), Isometry3::identity())
     }
 
-    /// The root's floating joint: its child becomes the base, what stands above it belongs to the world.
+    /// Floating joint of the root: its child becomes the base, links above it belong to the world.
     fn add_floating(
         &mut self,
         edge: &Edge,

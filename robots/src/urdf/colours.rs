@@ -8,7 +8,8 @@ fn elements<'a, 'b>(node: Node<'a, 'b>, name: &'static str) -> impl Iterator<Ite
     node.children().filter(move |child| child.has_tag_name(name))
 }
 
-/// The colours of each link's visuals, in their order; red, green, blue from 0 to 1. None of a text that is no XML.
+/// Returns the colours of each link's visuals, in order; red, green, blue from 0 to 1. Empty for text that is
+/// not XML.
 pub(crate) fn visual_colours(text: &str) -> BTreeMap<String, Vec<Option<[f64; 3]>>> {
     let Ok(document) = Document::parse(text) else { return BTreeMap::new() };
     let robot = document.root_element();

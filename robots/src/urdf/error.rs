@@ -14,7 +14,7 @@ pub struct Position {
     pub column: u32,
 }
 
-/// A URDF file that cannot become a model, and where.
+/// A URDF error with its position.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct UrdfError {
     /// The file, when the text came from one.
@@ -83,7 +83,7 @@ pub enum UrdfProblem {
         /// The repeated part.
         child: &'static str,
     },
-    /// An attribute that is not the numbers it should be.
+    /// The attribute does not contain the expected numbers.
     #[error("{attribute}=\"{value}\" of <{element}>: expected {}", numbers(*.expected))]
     Number {
         /// Element at fault.
@@ -92,10 +92,10 @@ pub enum UrdfProblem {
         attribute: &'static str,
         /// Its value.
         value: String,
-        /// Count of numbers it should hold.
+        /// Expected number of values.
         expected: usize,
     },
-    /// A joint type that does not exist.
+    /// The joint type does not exist.
     #[error("joint \"{joint}\" has the unknown type \"{kind}\"{}", suggestion(.nearest.as_deref()))]
     UnknownJointType {
         /// Joint at fault.
@@ -105,7 +105,7 @@ pub enum UrdfProblem {
         /// The type most likely meant.
         nearest: Option<String>,
     },
-    /// A joint type that exists but is not handled.
+    /// The joint type is not supported.
     #[error(
         "joint \"{joint}\" is {kind}; only revolute, continuous, prismatic, planar and fixed joints are \
          supported, and one floating joint that carries all the rest (model it as a chain of these, with massless links \
@@ -117,7 +117,7 @@ pub enum UrdfProblem {
         /// Its type.
         kind: String,
     },
-    /// Two links or two joints of the same name.
+    /// Two links or two joints have the same name.
     #[error("a second {what} is named \"{name}\"; the first is at line {first}")]
     DuplicateName {
         /// `link` or `joint`.
@@ -127,7 +127,7 @@ pub enum UrdfProblem {
         /// Line of the first.
         first: u32,
     },
-    /// A joint that names a link nobody defines.
+    /// The joint refers to an undefined link.
     #[error("the {role} link of joint \"{joint}\" is \"{link}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownLink {
         /// Joint at fault.
@@ -152,10 +152,10 @@ pub enum UrdfProblem {
     /// More than one link without a parent joint.
     #[error("the robot has {} root links: {}; connect them with (fixed) joints", .0.len(), .0.join(", "))]
     SeveralRoots(Vec<String>),
-    /// Links that hang on each other in a circle.
+    /// Links form a cycle.
     #[error("the links form a loop: {}; a URDF is a tree", .0.join(" -> "))]
     Loop(Vec<String>),
-    /// A joint that mimics a joint nobody defines.
+    /// The joint mimics an undefined joint.
     #[error("joint \"{joint}\" mimics \"{of}\", which does not exist{}", suggestion(.nearest.as_deref()))]
     UnknownMimic {
         /// Joint at fault.
@@ -165,7 +165,7 @@ pub enum UrdfProblem {
         /// The joint most likely meant.
         nearest: Option<String>,
     },
-    /// A joint that mimics one that cannot move.
+    /// The joint mimics a joint that cannot move.
     #[error("joint \"{joint}\" mimics \"{of}\", which is fixed")]
     MimicOfFixed {
         /// Joint at fault.

@@ -1,4 +1,4 @@
-//! URDF text with joints that are held.
+//! URDF text with held joints.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,7 +9,8 @@ use roxmltree::{Document, Node};
 use super::write::{escaped, origin};
 use crate::{Coordinate, LoadOptions, parse_urdf_with};
 
-/// The text of a URDF with some joints, and those that mimic them, fixed at positions \[rad or m\]. `None` where it cannot be read.
+/// Returns the text of a URDF with some joints, and those that mimic them, fixed at positions \[rad or m\].
+/// `None` if it does not parse.
 pub(super) fn hold_joints(text: &str, file: Option<&Path>, held: &[(String, f64)]) -> Option<String> {
     let model = parse_urdf_with(text, file, &LoadOptions::default()).ok()?.model;
     let position = |joint: &str| held.iter().find(|(name, _)| name == joint).map(|(_, position)| *position);

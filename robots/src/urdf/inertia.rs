@@ -7,7 +7,7 @@ use super::joints::pose;
 use super::warning::ModelWarning;
 use crate::{Body, Inertia};
 
-/// The inertia of a link in its own frame. Impossible values are kept as they are, and named.
+/// Returns the inertia of a link in its own frame. Impossible values are kept and reported.
 pub(crate) fn of_link(
     link: &urdf_rs::Link,
     at: Position,
@@ -25,7 +25,7 @@ pub(crate) fn of_link(
     Ok(frame.moved(&pose(&link.inertial.origin)))
 }
 
-/// Names an inertia that no body has.
+/// Reports a physically impossible inertia.
 pub(crate) fn check_inertia(link: &str, inertia: &Inertia, warnings: &mut Vec<ModelWarning>) {
     let name = || link.to_owned();
     let rotational = inertia.rotational;
@@ -44,13 +44,13 @@ pub(crate) fn check_inertia(link: &str, inertia: &Inertia, warnings: &mut Vec<Mo
 }
 
 /// Eigenvalues, ascending.
-fn principal_moments(rotational: &Matrix3<f64>) -> [f64; 3] {
+pub(crate) fn principal_moments(rotational: &Matrix3<f64>) -> [f64; 3] {
     let mut values: [f64; 3] = SymmetricEigen::new(*rotational).eigenvalues.into();
     values.sort_by(f64::total_cmp);
     values
 }
 
-/// Names the joints beyond which nothing has inertia.
+/// Reports joints without inertia beyond them.
 pub(crate) fn warn_of_massless_ends(bodies: &[Body], warnings: &mut Vec<ModelWarning>) {
     let mut heavy = vec![false; bodies.len()];
     for (index, body) in bodies.iter().enumerate().rev() {

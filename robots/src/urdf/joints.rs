@@ -1,4 +1,4 @@
-//! One URDF joint into ours: limits, axis, passive dynamics.
+//! Conversion of one URDF joint: limits, axis, passive dynamics.
 
 use core::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use super::source::JointSource;
 use super::warning::ModelWarning;
 use crate::{JointDynamics, JointKind, Limits};
 
-/// Kind of motion of the joint; `None` when it is fixed.
+/// Returns the type of motion; `None` if fixed.
 pub(crate) fn kind(joint: &urdf_rs::Joint, source: &JointSource) -> Result<Option<JointKind>, UrdfError> {
     match joint.joint_type {
         JointType::Fixed => Ok(None),
@@ -33,14 +33,14 @@ pub(crate) fn unsupported(
     Err(UrdfError::new(source.at, problem))
 }
 
-/// Speed and effort limits of a planar joint, which may do without.
+/// Velocity and effort limits of a planar joint, which are optional.
 pub(crate) fn planar_limits(joint: &urdf_rs::Joint, source: &JointSource) -> Limits {
     let Some(limit) = &source.limit else { return Limits::NONE };
     let effort = if limit.has_effort { joint.limit.effort } else { f64::INFINITY };
     Limits { velocity: joint.limit.velocity, effort, ..Limits::NONE }
 }
 
-/// Two directions that span the plane with this normal, right-handed: x and y for z.
+/// Returns two directions that span the plane with this normal, right-handed: x and y for z.
 pub(crate) fn plane(normal: &Unit<Vector3<f64>>) -> [Unit<Vector3<f64>>; 2] {
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
     let start = if normal.dot(&z).abs() > 0.5 {
@@ -55,7 +55,7 @@ pub(crate) fn plane(normal: &Unit<Vector3<f64>>) -> [Unit<Vector3<f64>>; 2] {
     [first, second]
 }
 
-/// Limits, infinite where the file gives none.
+/// Limits, infinite if missing from the file.
 pub(crate) fn limits(
     joint: &urdf_rs::Joint,
     kind: JointKind,
@@ -92,7 +92,7 @@ pub(crate) fn limits(
         if lower == upper {
             warnings.push(ModelWarning::EmptyRange { joint: name(), value: lower });
         }
-        // Three turns are more than any cable takes; from two turns in degrees on, no limit may be meant.
+        // More than three turns exceed any cable; from two turns in degrees, no limit may be intended.
         let is_wide = upper - lower > 3.0 * TAU && lower.abs().max(upper.abs()) <= 720.0;
         if kind == JointKind::Revolute && is_wide {
             warnings.push(ModelWarning::ManyTurns { joint: name(), lower, upper });
@@ -102,7 +102,7 @@ pub(crate) fn limits(
     Ok(limits)
 }
 
-/// Damping and friction, zero where the file gives none.
+/// Damping and friction, zero if missing from the file.
 pub(crate) fn dynamics(joint: &urdf_rs::Joint, source: &JointSource) -> Result<JointDynamics, UrdfError> {
     let Some(dynamics) = &joint.dynamics else { return Ok(JointDynamics::default()) };
     let values =

@@ -16,7 +16,7 @@ pub(crate) struct Follow {
     pub(crate) offset: f64,
 }
 
-/// For every joint of the file the joint it follows, if it is a mimic joint.
+/// Returns, for every joint of the file, the joint it follows, if it is a mimic joint.
 pub(crate) fn resolve(robot: &Robot, survey: &Survey) -> Result<Vec<Option<Follow>>, UrdfError> {
     let by_name: HashMap<&str, usize> =
         robot.joints.iter().enumerate().map(|(index, joint)| (&*joint.name, index)).collect();
@@ -36,7 +36,7 @@ pub(crate) fn resolve(robot: &Robot, survey: &Survey) -> Result<Vec<Option<Follo
                 if fixed(next) {
                     return error(UrdfProblem::MimicOfFixed { joint, of });
                 }
-                // Their position is not one number that a factor and an offset could apply to.
+                // Their position is not a single number to which a factor and an offset apply.
                 let kind = match robot.joints[next].joint_type {
                     JointType::Floating => Some("floating"),
                     JointType::Planar => Some("planar"),

@@ -1,4 +1,4 @@
-//! From URDF text to a [`Model`].
+//! Conversion of URDF text to a [`Model`].
 
 mod assemble;
 mod colours;
@@ -9,6 +9,7 @@ mod joints;
 mod mimic;
 mod packages;
 mod pinocchio;
+mod plausibility;
 mod source;
 mod structure;
 mod transmission;
@@ -19,6 +20,7 @@ use std::path::Path;
 
 pub(crate) use colours::visual_colours;
 pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
+pub(crate) use plausibility::warn_of_model;
 
 pub use error::{Position, UrdfError, UrdfProblem};
 pub use packages::PackagePath;
@@ -31,7 +33,7 @@ use crate::{LoadOptions, Model};
 /// Treatment of mimic joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
-    /// They follow their master, as the file says.
+    /// They follow their master, as in the file.
     #[default]
     Follow,
     /// Each is an independent joint with a coordinate of its own.
@@ -43,18 +45,19 @@ pub enum MimicMode {
 pub struct UrdfRobot {
     /// The robot.
     pub model: Model,
-    /// Defects that did not keep it from loading.
+    /// Defects that did not prevent loading.
     pub warnings: Vec<ModelWarning>,
 }
 
-/// Parses URDF `text`. `file` is where it came from: for messages, and to find meshes beside it.
+/// Parses URDF `text`. `file` is its path, for messages and to find meshes next to it.
 ///
-/// Links, joints with their safety controllers, inertias and collision geometry are read, and of transmissions the
-/// reduction and the rotor's inertia; visuals, materials and other programs' extensions are skipped.
+/// Reads links, joints with their safety controllers, inertias, collision geometry, and the reduction and
+/// rotor inertia of transmissions. Visuals, materials and extensions of other programs are skipped.
 ///
 /// # Errors
 ///
-/// [`UrdfError`], with the place in the text. Defects of real robots' files, such as impossible inertias, are warnings.
+/// [`UrdfError`], with the position in the text. Defects of real robots' files, such as impossible inertias,
+/// are warnings.
 pub fn parse_urdf(
     text: &str,
     file: Option<&Path>,

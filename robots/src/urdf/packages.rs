@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 /// Folders that packages are searched in.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PackagePath {
-    /// Folders that are packages or contain them (`ROS_PACKAGE_PATH`).
+    /// Folders that are packages or contain packages (`ROS_PACKAGE_PATH`).
     pub folders: Vec<PathBuf>,
     /// Install prefixes, with packages in `share/` (`AMENT_PREFIX_PATH`).
     pub prefixes: Vec<PathBuf>,
 }
 
 impl PackagePath {
-    /// As the environment variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH` say.
+    /// Reads the environment variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
     pub fn from_env() -> Self {
         let read = |name| {
             std::env::var_os(name)
@@ -24,9 +24,10 @@ impl PackagePath {
         Self { folders: read("ROS_PACKAGE_PATH"), prefixes: read("AMENT_PREFIX_PATH") }
     }
 
-    /// The file `uri` means: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH` or a path relative to `file`,
-    /// the URDF that names it. Packages are looked for in the folders, the prefixes, then among `file`'s ancestors; of a
-    /// robot that was copied out of its package, in the folder above `file` that has the name of one in `PATH`.
+    /// The file `uri` means: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH` or a path relative to
+    /// `file`, the URDF that names it. Packages are looked for in the folders, the prefixes, then among
+    /// `file`'s ancestors; of a robot that was copied out of its package, in the folder above `file` that has
+    /// the name of one in `PATH`.
     ///
     /// # Errors
     ///
@@ -72,8 +73,8 @@ fn above(file: Option<&Path>) -> Vec<PathBuf> {
     file.iter().flat_map(|file| file.ancestors().skip(1)).map(Path::to_owned).collect()
 }
 
-/// The file in the folder of a robot that was copied out of its package: one above `file` that has the name of a folder in
-/// `path`.
+/// The file in the folder of a robot that was copied out of its package: one above `file` that has the name
+/// of a folder in `path`.
 fn copied(path: &str, file: Option<&Path>) -> Option<PathBuf> {
     let above = above(file);
     let parts: Vec<&str> = path.split('/').collect();

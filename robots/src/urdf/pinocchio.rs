@@ -1,11 +1,11 @@
-//! The order that Pinocchio gives to the joints of a URDF file.
+//! Pinocchio's order of the joints of a URDF file.
 
 use std::collections::{BTreeMap, HashSet};
 
 use roxmltree::{Document, Node};
 
-/// Names of the joints of a URDF text that are not fixed, in Pinocchio's order: depth first, the joints below one link
-/// in alphabetical order, fixed ones included in that. Empty for a text that is no URDF.
+/// Returns the names of the movable joints of a URDF text in Pinocchio's order: depth first, with the joints
+/// below one link, including fixed ones, in alphabetical order. Empty for text that is not URDF.
 ///
 /// A [`Model`](crate::Model) has parents before children and siblings in the order of the file. Its
 /// [`to_pinocchio`](crate::Model::to_pinocchio) converts the entries of each joint, not their order.
@@ -23,7 +23,7 @@ pub fn pinocchio_joint_order(urdf: &str) -> Vec<String> {
         let end = joint.children().find(|node| node.has_tag_name(role))?;
         end.attribute("link").map(str::to_owned)
     };
-    // For each link the joints below it by name: the link beyond, and whether the joint moves.
+    // For each link, the joints below it by name: the child link, and whether the joint moves.
     let mut below: BTreeMap<String, BTreeMap<&str, (String, bool)>> = BTreeMap::new();
     let mut children = HashSet::new();
     for joint in elements("joint") {
@@ -39,7 +39,7 @@ pub fn pinocchio_joint_order(urdf: &str) -> Vec<String> {
     let roots = elements("link").filter_map(|link| link.attribute("name"));
     let mut order = Vec::new();
     for root in roots.filter(|link| !children.contains(*link)) {
-        // Joints to come, the next one last. Each link is taken out of `below`, so that loops end.
+        // Pending joints, the next one last. Links are removed from `below`, so that loops end.
         let mut open: Vec<(&str, (String, bool))> =
             below.remove(root).into_iter().flat_map(|joints| joints.into_iter().rev()).collect();
         while let Some((name, (child, moves))) = open.pop() {
@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn joints_come_depth_first_and_fixed_ones_keep_their_place_in_the_alphabet() {
+    fn joints_are_depth_first_and_alphabetical() {
         let tree = r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
             <link name="e"/>
             <joint name="z" type="fixed"><parent link="a"/><child link="b"/></joint>

@@ -1,5 +1,5 @@
-//! The XML itself: well-formed, complete and numeric, with positions. `urdf-rs` reads the values, but its errors carry
-//! no place and it cannot tell an absent element from a default one; this pass can.
+//! Validation of the XML: well-formed, complete and numeric, with positions. `urdf-rs` reads the values, but
+//! its errors have no position and it cannot distinguish an absent element from a default one.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -14,11 +14,11 @@ use crate::load::ShapeSource;
 use crate::nearest::nearest;
 use crate::{Drive, SafetyController};
 
-/// Facts of the file that the parsed values do not show, in file order.
+/// Facts of the file that the parsed values lack, in file order.
 pub(crate) struct Survey {
     pub(crate) links: Vec<Position>,
     pub(crate) joints: Vec<JointSource>,
-    /// By the joint it names, each transmission's name and what it says.
+    /// Name and content of each transmission, by joint.
     pub(crate) drives: HashMap<String, (String, Drive)>,
     pub(crate) warnings: Vec<ModelWarning>,
     /// The text with everything blanked that the model does not use.
@@ -37,7 +37,7 @@ pub(crate) struct LimitSource {
     pub(crate) has_effort: bool,
 }
 
-/// Attributes that hold numbers: element, attribute, count, required.
+/// Numeric attributes: element, attribute, count, required.
 const NUMBERS: &[(&str, &str, usize, bool)] = &[
     ("origin", "xyz", 3, false),
     ("origin", "rpy", 3, false),
@@ -73,14 +73,14 @@ const NUMBERS: &[(&str, &str, usize, bool)] = &[
 const JOINT_TYPES: [&str; 7] =
     ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
 
-/// Checks the text and notes where things stand.
+/// Checks the text and records positions.
 pub(crate) fn survey(text: &str, shapes: ShapeSource) -> Result<Survey, UrdfError> {
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| {
         let at = error.pos();
-        // The place stands in front of the whole message already.
+        // The message already starts with the position.
         let message = error.to_string().replace(&format!(" at {at}"), "");
-        // Without the declaration of its prefix xacro is not even XML.
+        // Without its namespace declaration, xacro is not even valid XML.
         let problem = match text.contains("<xacro:") {
             true => UrdfProblem::Xacro,
             false => UrdfProblem::Xml(message),
@@ -311,8 +311,8 @@ fn named(node: Node<'_, '_>) -> String {
     }
 }
 
-/// The text with the given ranges turned into spaces. Visuals, materials and other programs' extensions are not used
-/// here, and `urdf-rs` would refuse whole robots for a defect in one of them (a texture without a file, say).
+/// Replaces ranges of the text by spaces. Visuals, materials and extensions are not used here, and `urdf-rs`
+/// would reject whole robots for a defect in one of them, such as a texture without a file.
 fn blank(text: &str, ranges: &[Range<usize>]) -> String {
     let mut blanked = String::with_capacity(text.len());
     let mut from = 0;

@@ -22,7 +22,7 @@ pub(crate) struct Edge {
     pub(crate) child: usize,
 }
 
-/// Orders the joints and refuses everything that is not one tree.
+/// Orders the joints, and rejects everything that is not a single tree.
 pub(crate) fn structure(robot: &Robot, survey: &Survey) -> Result<Structure, UrdfError> {
     let links = unique("link", robot.links.iter().map(|link| &*link.name), &survey.links)?;
     let places: Vec<_> = survey.joints.iter().map(|joint| joint.at).collect();
@@ -71,7 +71,7 @@ pub(crate) fn structure(robot: &Robot, survey: &Survey) -> Result<Structure, Urd
     }
 }
 
-/// The loop that keeps `lost` from the root.
+/// Returns the loop that separates `lost` from the root.
 fn find_loop(
     robot: &Robot,
     survey: &Survey,
@@ -83,7 +83,7 @@ fn find_loop(
     let mut link = lost;
     while !path.contains(&link) {
         path.push(link);
-        // Every unreached link has a joint above it, or it would be a root.
+        // Every unreached link has a parent joint, otherwise it would be a root.
         if let Some(joint) = above[link] {
             link = links[&*robot.joints[joint].parent.link];
         }

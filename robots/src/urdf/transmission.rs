@@ -1,8 +1,8 @@
-//! Transmissions: what turns a motor's motion into a joint's.
+//! Transmissions between motors and joints.
 //!
-//! URDF itself fixes no way to state a rotor's inertia; Drake's elements are understood (`<drake:gear_ratio value>`,
-//! `<drake:rotor_inertia value>` in `<actuator>`), and ROS's `<mechanicalReduction>`, in the actuator, the joint or the
-//! transmission.
+//! URDF does not define an element for rotor inertia. Drake's elements are supported (`<drake:gear_ratio
+//! value>`, `<drake:rotor_inertia value>` in `<actuator>`), and ROS's `<mechanicalReduction>`, in the
+//! actuator, the joint or the transmission.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use super::source::Survey;
 use super::warning::ModelWarning;
 use crate::Drive;
 
-/// Notes what one `<transmission>` says of its joint. Fails with the element at fault.
+/// Records one `<transmission>` of a joint. Fails with the faulty element.
 pub(crate) fn read<'a, 'i>(
     transmission: Node<'a, 'i>,
     drives: &mut HashMap<String, (String, Drive)>,
@@ -66,7 +66,7 @@ pub(crate) fn read<'a, 'i>(
     Ok(())
 }
 
-/// Warns of transmissions whose joints do not exist.
+/// Warns of transmissions of unknown joints.
 pub(crate) fn warn_of_unknown_joints(robot: &Robot, survey: &Survey, warnings: &mut Vec<ModelWarning>) {
     let known = |joint: &str| robot.joints.iter().any(|known| known.name == joint);
     let drives = survey.drives.iter().filter(|(joint, _)| !known(joint));

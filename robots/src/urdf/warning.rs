@@ -1,4 +1,4 @@
-//! Defects that real robots' files have and that do not keep them from loading.
+//! Defects of real robots' files that do not prevent loading.
 
 use crate::Position;
 
@@ -49,7 +49,7 @@ pub enum ModelWarning {
         /// The one position \[rad or m\].
         value: f64,
     },
-    /// A range of a joint that turns of several turns, as degrees give it.
+    /// The range of a revolute joint spans several turns, as if given in degrees.
     #[error(
         "joint \"{joint}\": limits {lower} to {upper} rad are {:.0} turns; URDF has radians: if these are degrees, write {:.4} \
          to {:.4}", (.upper - .lower) / core::f64::consts::TAU, .lower.to_radians(), .upper.to_radians()
@@ -86,7 +86,7 @@ pub enum ModelWarning {
         /// Length found.
         length: f64,
     },
-    /// A transmission that names a joint nobody defines.
+    /// The transmission refers to an undefined joint.
     #[error("transmission \"{transmission}\": its joint \"{joint}\" does not exist; ignored")]
     TransmissionJoint {
         /// The transmission.
@@ -106,17 +106,76 @@ pub enum ModelWarning {
         /// Actuators it names.
         actuators: usize,
     },
-    /// Something that changes the motion of an MJCF robot in MuJoCo and that no model contains.
+    /// An MJCF element that changes the motion in MuJoCo but is not part of a model.
     #[error("{what} ignored (line {}, column {}{}): {reason}", .at.line, .at.column, in_all(*.count))]
     Ignored {
         /// An attribute and its element, or an element and its section.
         what: String,
-        /// Place in the file of the first.
+        /// Position of the first one in the file.
         at: Position,
         /// Count in the file.
         count: usize,
         /// Reason for ignoring it.
         reason: &'static str,
+    },
+    /// A joint whose follower has the narrower range.
+    #[error(
+        "joint \"{joint}\": its follower \"{follower}\" limits its range to {lower} to {upper}; the file has {} to {}",
+        .file[0], .file[1]
+    )]
+    FollowerRange {
+        /// The joint that is followed.
+        joint: String,
+        /// The joint that follows it.
+        follower: String,
+        /// Lower limit with which the follower is within its own \[rad or m\].
+        lower: f64,
+        /// Upper limit, likewise \[rad or m\].
+        upper: f64,
+        /// Lower and upper limit in the file \[rad or m\].
+        file: [f64; 2],
+    },
+    /// A joint whose follower has the lower velocity limit.
+    #[error(
+        "joint \"{joint}\": its follower \"{follower}\" limits its velocity to {velocity}; the file has {file}"
+    )]
+    FollowerVelocity {
+        /// The joint that is followed.
+        joint: String,
+        /// The joint that follows it.
+        follower: String,
+        /// Velocity at which the follower moves at its own limit \[rad/s or m/s\].
+        velocity: f64,
+        /// Velocity limit in the file \[rad/s or m/s\].
+        file: f64,
+    },
+    /// A follower that is out of its range wherever its leader is.
+    #[error(
+        "joint \"{joint}\": its limits {lower} to {upper} exclude every position it has as a follower of \"{leader}\"; \
+         ignored"
+    )]
+    FollowerOutside {
+        /// The joint that follows.
+        joint: String,
+        /// The joint that it follows.
+        leader: String,
+        /// Its lower limit \[rad or m\].
+        lower: f64,
+        /// Its upper limit \[rad or m\].
+        upper: f64,
+    },
+    /// A moving link of a size that few robots have, as millimetres give it.
+    #[error(
+        "link \"{link}\": {what} of {metres:.1} m; if lengths in the file are millimetres, divide them by 1000 and inertias \
+         by 1e6"
+    )]
+    Oversized {
+        /// Link at fault.
+        link: String,
+        /// `collision shape`, `mesh`, `radius of gyration` or `distance from its parent`.
+        what: &'static str,
+        /// The length \[m\].
+        metres: f64,
     },
     /// A mesh file that is nowhere.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried))]
@@ -130,7 +189,7 @@ pub enum ModelWarning {
     },
 }
 
-/// A defect that several links or joints may have.
+/// A defect that several links or joints may share.
 struct Shared<'w> {
     /// `link` or `joint`.
     part: &'static str,
@@ -187,9 +246,13 @@ impl ModelWarning {
             Self::NotPositiveDefinite { link, .. }
             | Self::TriangleInequality { link, .. }
             | Self::InertiaWithoutMass { link }
+            | Self::Oversized { link, .. }
             | Self::MissingMesh { link, .. } => ("link", link),
             Self::NoInertia { joint, .. }
             | Self::EmptyRange { joint, .. }
+            | Self::FollowerRange { joint, .. }
+            | Self::FollowerVelocity { joint, .. }
+            | Self::FollowerOutside { joint, .. }
             | Self::ManyTurns { joint, .. }
             | Self::ZeroLimit { joint, .. }
             | Self::NoEffortLimit { joint }
@@ -207,6 +270,11 @@ impl ModelWarning {
                 let told = "nothing beyond has inertia: kinematics work, but their forward dynamics is impossible; \
                             give the links an <inertial>";
                 (told.to_owned(), told.to_owned())
+            }
+            Self::Oversized { .. } => {
+                let shared = "lengths of more than 20 m; if those in the file are millimetres, divide them by 1000 and \
+                              inertias by 1e6";
+                (shared.to_owned(), shared.to_owned())
             }
             Self::NotPositiveDefinite { .. } => {
                 let told = "rotational inertias are not positive definite";
@@ -226,7 +294,7 @@ impl ModelWarning {
     }
 }
 
-/// A moment of inertia in digits that people read.
+/// Formats a moment of inertia with readable digits.
 fn moment(value: f64) -> String {
     let readable = value == 0.0 || (1e-6..1e9).contains(&value.abs());
     if readable { value.to_string() } else { format!("{value:.1e}") }
@@ -240,7 +308,7 @@ fn searched(uri: &str, tried: &[std::path::PathBuf]) -> String {
     if tried.is_empty() {
         return String::new();
     }
-    // Without a name a path stands for the folder of the program.
+    // Without a name, a path means the program's folder.
     let shown = |path: &std::path::PathBuf| match path.display().to_string() {
         path if path.is_empty() => ".".to_owned(),
         path => path,

@@ -1,4 +1,4 @@
-//! A model as URDF text, for viewers that know nothing else.
+//! A model as URDF text, for viewers that support only URDF.
 
 use std::fmt::Write as _;
 use std::io;
@@ -19,15 +19,16 @@ use crate::{
 pub struct DrawnRobot {
     /// The text.
     pub text: String,
-    /// Meshes that have no file: the names that the text gives them, and the meshes, in their scale.
+    /// Meshes without a file: the names used in the text, and the scaled meshes.
     pub meshes: Vec<(String, Arc<TriangleMesh>)>,
 }
 
-/// The frame's origin is that of its body where it is no farther from it than this \[m, rad\].
+/// Maximum distance of a frame from its body's frame at which they count as equal \[m, rad\].
 const SAME: f64 = 1e-9;
 
-/// Writes a model as URDF: its links by their names, its joints with their axes and limits, its shapes as visuals. Meshes of files are named by
-/// `file://` and their path, others by `package://ROBOT/NUMBER.obj`. Fixed things of the world around a floating base are left out.
+/// Writes a model as URDF: its links by their names, its joints with their axes and limits, its shapes as
+/// visuals. Meshes of files are named by `file://` and their path, others by `package://ROBOT/NUMBER.obj`.
+/// Fixed things of the world around a floating base are left out.
 ///
 /// ```
 /// use motorium_robots::{MimicMode, PackagePath, draw_as_urdf, load, parse_urdf};
@@ -59,12 +60,12 @@ struct Writer<'a> {
     colours: LinkColours,
 }
 
-/// True for a frame at the origin of what it is fixed to.
+/// Returns `true` for a frame at the origin of its body.
 fn is_origin(frame: &Frame) -> bool {
     frame.placement.translation.vector.norm() < SAME && frame.placement.rotation.angle() < SAME
 }
 
-/// The link at the origin of each body: a frame there, else one of its own.
+/// Names of the links at the origin of each body: a frame there, else a new link.
 fn names(model: &Model) -> Vec<String> {
     let of = |(index, body): (usize, &crate::Body)| {
         let mut frames = model.frames().iter().filter(|frame| frame.body == Some(index));
@@ -147,7 +148,7 @@ impl Writer<'_> {
         writeln!(self.text, "  </link>")
     }
 
-    /// `None` for a mesh that is not there.
+    /// `None` for a missing mesh.
     fn geometry(&mut self, geometry: &Geometry) -> Option<String> {
         Some(match geometry {
             Geometry::Box { size } => format!(r#"<box size="{} {} {}"/>"#, size.x, size.y, size.z),
@@ -262,12 +263,13 @@ fn capsule(radius: f64, length: f64) -> TriangleMesh {
 }
 
 impl Loaded {
-    /// The robot as URDF for viewers: the text of its file where that is URDF, its [held](Self::held) joints fixed, else its model with the
-    /// shapes that are seen, [written](draw_as_urdf) as such. `None` if it was not loaded from a file.
+    /// Returns the robot as URDF for viewers: the text of its URDF file with [held](Self::held) joints fixed,
+    /// or its model with visual shapes, [written](draw_as_urdf) as URDF. `None` if it was not loaded from a
+    /// file.
     ///
     /// # Errors
     ///
-    /// The file cannot be read any more.
+    /// The file can no longer be read.
     pub fn drawn(&self) -> io::Result<Option<DrawnRobot>> {
         let Some(text) = self.text()? else { return Ok(None) };
         if !is_mjcf(&text) {
@@ -289,8 +291,9 @@ impl Loaded {
         }))
     }
 
-    /// The colours of the links, as its file states them for their visuals. Of MJCF they are those of the geoms that its model has
-    /// where `shapes` are [`ShapeSource::Collision`], or of those that are seen where no such geom states one. None without a file.
+    /// Returns the colours of the links' visuals in its file. For MJCF with [`ShapeSource::Collision`] these
+    /// are the colours of the model's geoms, or of visual geoms if no such geom has a colour. Empty without a
+    /// file.
     ///
     /// ```
     /// use motorium_robots::{ShapeSource, load};
@@ -303,7 +306,7 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// The file cannot be read any more.
+    /// The file can no longer be read.
     pub fn link_colours(&self, shapes: ShapeSource) -> io::Result<LinkColours> {
         let Some(text) = self.text()? else { return Ok(LinkColours::default()) };
         if !is_mjcf(&text) {

@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How the coefficients of friction of two surfaces combine in a contact between them.
+/// Rule for combining the friction coefficients of two surfaces in contact.
 ///
-/// Of two surfaces with different rules the later in the order `mean`, `min`, `multiply`, `max` applies.
+/// For surfaces with different rules, the later one in the order `mean`, `min`, `multiply`, `max` applies.
 ///
 /// ```
 /// use motorium_robots::FrictionCombine;
@@ -23,7 +23,7 @@ pub enum FrictionCombine {
     Mean,
     /// The smaller coefficient.
     Min,
-    /// The product of both: the default with a friction of 0, so that the surface slides on others.
+    /// The product of both. With a friction of 0, the default rule; the surface then slides on any other.
     Multiply,
     /// The larger coefficient.
     Max,

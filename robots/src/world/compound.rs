@@ -31,29 +31,29 @@ const MOST_PARTS: usize = 64;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompoundPart {
-    /// Its shape; neither a compound nor a mesh that touches by its triangles.
+    /// Shape; neither a compound nor a triangle-collision mesh.
     pub shape: ObjectShape,
     /// Position of its origin in the axes of the object (m).
     #[serde(default)]
     pub position: [f64; 3],
-    /// Its roll, pitch, yaw about the fixed axes x, y, z of the object, in this order (rad).
+    /// Roll, pitch, yaw about the fixed axes x, y, z of the object, in this order (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
-    /// Mass (kg): of all parts or of none. Where the object has a `mass` of its own these are shares of it. Default: mass is spread
-    /// evenly over all parts.
+    /// Mass (kg), for all parts or none. If the object has a `mass`, these are relative weights. Default:
+    /// mass is distributed evenly over all parts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub mass: Option<f64>,
 }
 
 impl CompoundPart {
-    /// Its frame in that of the object.
+    /// Frame of the part in the object.
     pub fn frame(&self) -> Isometry3<f64> {
         BasePose { position: self.position, rpy: self.rpy }.isometry()
     }
 }
 
-/// The mass that all parts state together \[kg\].
+/// Total stated mass of the parts \[kg\].
 pub(super) fn stated_mass(parts: &[CompoundPart]) -> Option<f64> {
     parts.iter().map(|part| part.mass).sum()
 }
@@ -80,7 +80,7 @@ pub(super) fn mass_properties(parts: &[CompoundPart], mass: f64) -> Option<Objec
     Some(ObjectMass { mass, frame: Some(frame), moments })
 }
 
-/// Checks the parts of an object; `owner` is its name, `density` true where it states one.
+/// Checks the parts of an object; `owner` is its name, `density` is `true` if it states one.
 pub(super) fn check(owner: &str, parts: &[CompoundPart], density: bool) -> Result<(), WorldError> {
     let wrong = |problem: &'static str| WorldError::Parts { name: owner.to_owned(), problem };
     if parts.is_empty() || parts.len() > MOST_PARTS {
@@ -123,7 +123,7 @@ impl ObjectShape {
         Some(frame.map_or(own, |frame| own.moved(&frame)))
     }
 
-    /// The shapes that it consists of, with the frame of each in that of the object: itself, or the parts of a compound.
+    /// Returns the individual shapes with their frames in the object: itself, or the parts of a compound.
     ///
     /// ```
     /// use motorium_robots::ObjectShape;

@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 use super::{World, WorldError};
 use crate::nearest::nearest;
 
-/// A connection of two parts, links or objects, that no joint of a robot joins: it closes a loop of links, or fixes an object to a hand.
+/// A connection of two links or objects beyond the robot's joints: closes a kinematic loop, or fixes an
+/// object to a hand.
 ///
-/// The two are held as they stand to one another when it is made. Parts that are connected do not collide with one another. In a world
-/// they are objects.
+/// The relative pose at the time of connection is held. Connected parts do not collide with each other. In a
+/// world they are objects.
 ///
 /// ```
 /// use motorium_robots::{ConnectionKind, World};
@@ -33,7 +34,7 @@ pub struct Connection {
     /// The kind of connection.
     #[serde(default)]
     pub kind: ConnectionKind,
-    /// The point that they share, in the axes of the first (m). Default: its origin.
+    /// Common point, in the axes of the first (m). Default: its origin.
     #[serde(default)]
     pub point: [f64; 3],
 }
@@ -45,11 +46,11 @@ pub enum ConnectionKind {
     /// They turn about the point, as in a ball joint, a pin of a planar linkage, or a rod end.
     #[default]
     Ball,
-    /// They do not move relative to one another.
+    /// No relative motion.
     Fixed,
 }
 
-/// Checks the connections of a world: they name objects of it, of which one moves.
+/// Checks the connections of a world: they refer to its objects, at least one of which moves.
 pub(super) fn check(world: &World) -> Result<(), WorldError> {
     for Connection { parts, point, .. } in &world.connections {
         let object = |name: &String| world.objects.iter().find(|object| object.name == *name);

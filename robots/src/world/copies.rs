@@ -26,7 +26,7 @@ use super::Object;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Copies {
-    /// How many along x, y and z of the object, itself included: 1 to 1000, at most 1000 in all.
+    /// Number along x, y and z of the object, including itself: 1 to 1000, at most 1000 in total.
     #[schemars(inner(range(min = 1, max = 1000)))]
     pub count: [usize; 3],
     /// Distance from one to the next along x, y and z (m).
@@ -36,7 +36,7 @@ pub struct Copies {
 /// Most copies of an object.
 const MOST: usize = 1000;
 
-/// An object whose numbers are checked where it stands, so that an error has its place.
+/// An object whose numbers are checked during parsing, so that an error has a position.
 struct Checked(Object);
 
 impl<'de> Deserialize<'de> for Checked {
@@ -47,7 +47,7 @@ impl<'de> Deserialize<'de> for Checked {
     }
 }
 
-/// Reads objects, each that has `copies` as all of these: `NAME_0`, `NAME_1` and so on, x first, then y, then z.
+/// Parses objects and expands `copies` to `NAME_0`, `NAME_1` and so on, x first, then y, then z.
 pub(super) fn expanded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Object>, D::Error> {
     let written = Vec::<Checked>::deserialize(deserializer)?;
     let mut objects = Vec::with_capacity(written.len());

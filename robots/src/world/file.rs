@@ -1,4 +1,4 @@
-//! Worlds of files that other programs read, too: MJCF, URDF and SDF.
+//! Worlds in files of other programs: MJCF, URDF and SDF.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::{
 /// Longest file of a world, bytes.
 const LONGEST: u64 = 64 * 1024 * 1024;
 
-/// A file that cannot be read as a world.
+/// The file cannot be read as a world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldFileError {
     /// It cannot be read.
@@ -42,7 +42,7 @@ pub enum WorldFileError {
     /// A fault of a URDF file.
     #[error(transparent)]
     Urdf(#[from] UrdfError),
-    /// Something that a world does not hold.
+    /// An element that a world cannot contain.
     #[error("{}:{}:{}: {problem}", .path.display(), .at.line, .at.column)]
     Problem {
         /// The file.
@@ -54,7 +54,7 @@ pub enum WorldFileError {
     },
 }
 
-/// A world of a file, and what it leaves out.
+/// The world of a file, and its skipped elements.
 pub(super) struct Read {
     pub(super) world: World,
     pub(super) states_gravity: bool,
@@ -62,8 +62,8 @@ pub(super) struct Read {
 }
 
 impl World {
-    /// Adds the ground and the objects of a file, before its own, with their colours where this world states no others; and its
-    /// gravity where this world states none.
+    /// Adds the ground and the objects of a file before this world's, with their colours unless overridden;
+    /// and its gravity unless stated here.
     pub(super) fn add_file(&mut self, path: &Path) -> Result<Vec<ModelWarning>, WorldFileError> {
         let Read { mut world, states_gravity, warnings } = read(path)?;
         if states_gravity && !self.states_gravity && self.gravity == EARTH {
@@ -86,7 +86,7 @@ impl World {
     }
 }
 
-/// Reads a file that holds a world.
+/// Reads a world from a file.
 pub(super) fn read(path: &Path) -> Result<Read, WorldFileError> {
     let failed = |reason: String| WorldFileError::Read { path: path.to_owned(), reason };
     let bytes = read_bounded(path, LONGEST).map_err(|error| failed(error.to_string()))?;
@@ -117,7 +117,7 @@ pub(super) fn problem(path: &Path, node: Node<'_, '_>, problem: impl Into<String
     WorldFileError::Problem { path: path.to_owned(), at, problem: problem.into() }
 }
 
-/// The collision shapes of a URDF whose links are all fixed to one another, as fixed objects.
+/// Returns the collision shapes of a URDF without movable joints as fixed objects.
 fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
     let robot = parse_urdf_with(text, Some(path), &LoadOptions::default())?;
     let moving = document.root_element().children().find(|node| {
@@ -156,7 +156,7 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
     Ok(Read { world, states_gravity: false, warnings: robot.warnings })
 }
 
-/// A fixed object of a shape; the error is the name of a mesh that is not there.
+/// Returns a fixed object for a shape; the error is the name of a missing mesh.
 fn object(world: &World, shape: &Shape) -> Result<Object, String> {
     let kind = match &shape.geometry {
         Geometry::Box { size } => ObjectShape::Box { size: (*size).into() },
@@ -180,7 +180,7 @@ pub(super) fn fixed(name: String, shape: ObjectShape, pose: &Isometry3<f64>) -> 
     Object { name, shape, position, rpy, ..Object::default() }
 }
 
-/// A name, with a number where it is taken.
+/// Returns a name, with a number appended if it is in use.
 pub(crate) fn unique(world: &World, name: &str) -> String {
     let taken = |name: &str| world.objects.iter().any(|object| object.name == name);
     if !taken(name) {

@@ -1,15 +1,15 @@
-//! Gravity of a file that holds a world.
+//! Gravity of a world file.
 
 use std::path::Path;
 
 use super::file::{WorldFileError, read};
 use super::{EARTH, World};
 
-/// Gravity of a file that holds a [world](World::file) \[m/s2\]: 9.81 downwards where it states none.
+/// Returns the gravity of a [world](World::file) file \[m/s2\]; 9.81 downwards if unstated.
 ///
 /// # Errors
 ///
-/// [`WorldFileError`], for a file that cannot be read as a world.
+/// [`WorldFileError`], if the file cannot be read as a world.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;

@@ -13,6 +13,9 @@ use crate::{Geometry, MeshError, TriangleMesh, TriangleSurface, VolumeProperties
 /// Corners of a convex part of a mesh, at most.
 const MOST_CORNERS: usize = 64;
 
+/// Corners of the convex hull of a mesh, at most.
+const MOST_HULL_CORNERS: usize = 4096;
+
 /// Convex parts of a mesh, at most.
 const MOST_PARTS: usize = 64;
 
@@ -43,11 +46,11 @@ pub struct MeshShape {
     /// The shape that touches. Default: the convex hull.
     #[serde(default)]
     pub collision: MeshCollision,
-    /// Another file that is drawn instead, scaled alike. Default: the same.
+    /// Another file for drawing, with the same scale. Default: the same file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,
-    /// The body that was read from the file, or why it could not be; read once, and shared by all copies.
+    /// The body read from the file, or the error; read once and shared by all copies.
     #[serde(skip)]
     pub(crate) read: Arc<OnceLock<Result<Arc<MeshBody>, MeshError>>>,
 }
@@ -56,14 +59,15 @@ pub struct MeshShape {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MeshCollision {
-    /// Its convex hull, of at most 64 corners.
+    /// Convex hull of at most 4096 corners.
     #[default]
     Hull,
-    /// Convex parts that together cover it, at most so many (1 to 64), of at most 64 corners each. They are up to a 64th of its longest side
-    /// larger than the mesh.
+    /// This number (1 to 64) of convex parts at most, of at most 64 corners each, which together cover the
+    /// mesh. They exceed the mesh by up to a 64th of its longest side.
     Parts(#[schemars(range(min = 1, max = 64))] usize),
-    /// Its triangles, solid behind: exact. For objects that are fixed. They face outward where they enclose a volume, whichever way the
-    /// file has them; an open surface touches what is on the side that its triangles face, from which they run counter-clockwise.
+    /// Triangles, solid behind: exact. For fixed objects. They face outward if they enclose a volume,
+    /// whatever their order in the file. An open surface is touched on the side from which its triangles are
+    /// counter-clockwise.
     Triangles,
 }
 
@@ -74,11 +78,11 @@ pub struct MeshBody {
     pub mesh: TriangleMesh,
     /// The mesh that is drawn.
     pub visual: Arc<TriangleSurface>,
-    /// The convex parts by which it touches; none where its triangles do.
+    /// Convex collision parts; empty for triangle collision.
     pub parts: Vec<Arc<TriangleMesh>>,
-    /// The triangles by which it touches.
+    /// Collision triangles.
     pub surface: Option<Arc<TriangleSurface>>,
-    /// Of the mesh where it is closed, else of its convex hull; `None` without a volume.
+    /// Properties of a closed mesh, else of its convex hull; `None` without a volume.
     pub properties: Option<VolumeProperties>,
 }
 
@@ -100,14 +104,14 @@ impl MeshShape {
         Self { file: file.into(), scale, collision, visual: None, read: Arc::default() }
     }
 
-    /// A mesh that is there already; `name` stands for its file.
+    /// Creates a body from an existing mesh; `name` replaces its file name.
     pub fn of_mesh(name: &str, mesh: TriangleMesh, collision: MeshCollision) -> Self {
         let shape = Self { collision, ..Self::new(name) };
         let _ = shape.read.set(Ok(Arc::new(MeshBody::new(mesh, None, collision))));
         shape
     }
 
-    /// Lets relative paths begin at a folder.
+    /// Resolves relative paths from a folder.
     pub(super) fn locate(&mut self, folder: &Path) {
         if self.read.get().is_some_and(Result::is_ok) {
             return;
@@ -169,7 +173,7 @@ impl MeshBody {
         let of_hull = || mesh.hull(usize::MAX).and_then(|hull| hull.volume_properties());
         let properties = closed.or_else(of_hull);
         let parts = match collision {
-            MeshCollision::Hull => mesh.convex_parts(1, MOST_CORNERS),
+            MeshCollision::Hull => mesh.convex_parts(1, MOST_HULL_CORNERS),
             MeshCollision::Parts(parts) => mesh.convex_parts(parts.clamp(1, MOST_PARTS), MOST_CORNERS),
             MeshCollision::Triangles => Vec::new(),
         };

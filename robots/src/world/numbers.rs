@@ -1,4 +1,4 @@
-//! Checks of the numbers of a ground and of objects, wherever they stand.
+//! Checks of the numbers of a ground and of objects.
 
 use super::{Conveyor, Grain, Ground, Object, ObjectShape, Softness, WorldError, compound};
 
@@ -13,7 +13,7 @@ impl Ground {
 }
 
 impl Object {
-    /// Checks its numbers, and its shape unless that needs a file.
+    /// Checks its numbers, and its shape unless that requires a file.
     pub(super) fn check_numbers(&self) -> Result<(), WorldError> {
         let name = self.name.as_str();
         for value in self.position {
@@ -29,7 +29,7 @@ impl Object {
             let problem = "a velocity of an object that is fixed; give it a `mass` or a `density`";
             return Err(WorldError::Parts { name: name.to_owned(), problem });
         }
-        // A file is looked for when it is known where paths begin.
+        // Files are checked once the folder for paths is known.
         if !self.shape.has_files() {
             self.check_shape()?;
         }
@@ -45,7 +45,7 @@ impl Object {
         textured(name, self.soft, self.grain)
     }
 
-    /// Checks its shape, that of a mesh in its file.
+    /// Checks its shape, including a mesh file.
     pub(super) fn check_shape(&self) -> Result<(), WorldError> {
         match &self.shape {
             ObjectShape::Compound(parts) => compound::check(&self.name, parts, self.density.is_some()),

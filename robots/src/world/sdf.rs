@@ -1,4 +1,5 @@
-//! Worlds from SDF (SDFormat 1.4 to 1.11), a subset: models of one link or fixed ones, with primitives, planes and meshes.
+//! Worlds from SDF (SDFormat 1.4 to 1.11), a subset: models of one link or fixed ones, with primitives,
+//! planes and meshes.
 
 mod schema;
 mod surface;
@@ -13,7 +14,7 @@ use super::file::{Read, WorldFileError, fixed, mesh, problem, unique};
 use super::{Ground, Object, ObjectShape, World};
 use crate::{ModelWarning, Position};
 
-/// Thickness of the box that stands for a plane with an end \[m\].
+/// Thickness of the box that represents a finite plane \[m\].
 const THICK: f64 = 0.1;
 
 /// Reads the first `<world>`, else the `<model>`s, of an SDF document.
@@ -32,7 +33,7 @@ pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFi
                 }
             }
             "model" => reader.model(node)?,
-            // where SDF up to 1.4 states it
+            // as in SDF up to 1.4
             "physics" => {
                 if let Some(gravity) = child(node, "gravity").filter(|_| !reader.states_gravity) {
                     (reader.world.gravity, reader.states_gravity) = (reader.numbers(gravity)?, true);
@@ -56,7 +57,7 @@ struct Reader<'p> {
     warnings: Vec<ModelWarning>,
 }
 
-/// True for a value that says so.
+/// Returns `true` for a true value.
 fn is_true(value: &str) -> bool {
     matches!(value.trim(), "true" | "1")
 }
@@ -211,7 +212,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Accepts, warns of or refuses an element that is not read.
+    /// Accepts, warns of or rejects an unread element.
     fn leave_out(&mut self, section: &'static str, node: Node<'_, '_>) -> Result<(), WorldFileError> {
         let name = node.tag_name().name();
         match schema::treatment(section, name) {
@@ -227,7 +228,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Warns of something that is not taken over, once in a file.
+    /// Warns of an ignored element, once per file.
     fn ignore(&mut self, node: Node<'_, '_>, element: &str, because: &'static str) {
         for warning in &mut self.warnings {
             if let ModelWarning::Ignored { what, count, .. } = warning
@@ -288,7 +289,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Gives an object the diffuse colour of the visual at the place of its collision in the link, else of the last one.
+    /// Gives an object the diffuse colour of the visual at the place of its collision in the link, else of
+    /// the last one.
     fn paint(&mut self, collision: Node<'_, '_>, object: &str) {
         let of_kind = |kind| {
             collision
@@ -338,7 +340,7 @@ impl Reader<'_> {
         Ok(mesh(&file, scale))
     }
 
-    /// A level plane is the ground, any other one a box below it with its size.
+    /// A level plane becomes the ground, any other one a box below it with its size.
     fn plane(
         &mut self,
         (collision, geometry): (Node<'_, '_>, Node<'_, '_>),

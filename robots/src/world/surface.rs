@@ -1,4 +1,4 @@
-//! The surfaces of things: softness, and friction that differs by direction.
+//! Surface properties: softness, and direction-dependent friction.
 
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{WorldError, check, from_zero, positive};
 
-/// A surface that gives way: a spring and a damper at each contact point, in place of rigid contact and restitution.
+/// A compliant surface: a spring and a damper at each contact point, replacing rigid contact and restitution.
 ///
 /// ```text
 /// force = max(0, stiffness depth - damping d(distance)/dt)
 /// ```
 ///
-/// A box that lies on four corners stands on four such springs. Where two such surfaces meet, their springs act one behind the other, and
-/// so do their dampers.
+/// A box on four corners rests on four such springs. Between two soft surfaces, springs act in series, and so
+/// do dampers.
 ///
 /// ```
 /// use motorium_robots::World;
@@ -44,7 +44,7 @@ impl Softness {
         from_zero(owner, "soft.damping", self.damping)
     }
 
-    /// The surface that two soft ones make where they meet.
+    /// Returns the series combination of two soft surfaces.
     pub fn behind(self, other: Self) -> Self {
         let series = |a: f64, b: f64| if a + b > 0.0 { a * b / (a + b) } else { 0.0 };
         Self {
@@ -54,10 +54,10 @@ impl Softness {
     }
 }
 
-/// Friction that differs by direction, as that of a skate, of a ski, of corduroy: along `direction` the coefficient is that of the grain,
-/// across it that of the surface.
+/// Direction-dependent friction, like that of a skate, a ski or corduroy: the grain's coefficient along
+/// `direction`, the surface's across it.
 ///
-/// Between the two the largest forces of friction lie on an ellipse, and sliding loses as much energy as it can.
+/// In other directions the maximum friction forces form an ellipse, and sliding dissipates maximum energy.
 ///
 /// ```
 /// use motorium_robots::Object;
@@ -76,9 +76,10 @@ impl Softness {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Grain {
-    /// Direction of the grain in the axes of the object, of the link, or, for the ground, of the world; of any length but 0.
+    /// Direction of the grain in the axes of the object, of the link, or, for the ground, of the world; of
+    /// any length but 0.
     pub direction: [f64; 3],
-    /// Coefficient of friction along it, from 0. That of a contact is the mean of both surfaces'.
+    /// Coefficient of friction along it, at least 0. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
 }

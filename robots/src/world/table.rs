@@ -1,4 +1,4 @@
-//! The table of a world as it is read: which keys are there is known here alone.
+//! The table of a world as parsed: defines its keys.
 
 use std::path::PathBuf;
 
@@ -32,7 +32,7 @@ fn ground<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Ground>, 
     Ok(ground)
 }
 
-/// Reads a terrain and checks all of it but its pictures.
+/// Parses a terrain and checks everything except its images.
 fn terrain<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Terrain>, D::Error> {
     let terrain = Option::<Terrain>::deserialize(deserializer)?;
     let checked = terrain.as_ref().map_or(Ok(()), Terrain::check_numbers);

@@ -34,23 +34,24 @@ pub struct Ground {
     /// Torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
-    /// Coefficient of rolling friction (m): the torque against rolling, per normal force. That of a contact is the mean of both
-    /// surfaces'. Default 0.
+    /// Coefficient of rolling friction (m): torque against rolling per normal force. A contact uses the mean
+    /// of both surfaces. Default 0.
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
-    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
+    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
+    /// surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// A surface that moves, as that of a treadmill. Default: it stands still.
+    /// A moving surface, as of a treadmill. Default: at rest.
     pub conveyor: Option<Conveyor>,
-    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     pub soft: Option<Softness>,
-    /// Friction along a direction that differs from that across it. Default: the same in all directions.
+    /// Direction-dependent friction. Default: the same in all directions.
     pub grain: Option<Grain>,
 }
 
 impl Default for Ground {
-    /// A level plane at z = 0 that stands still, with a friction of 0.8.
+    /// A level plane at z = 0 at rest, with a friction of 0.8.
     fn default() -> Self {
         Self {
             height: 0.0,
@@ -66,14 +67,14 @@ impl Default for Ground {
     }
 }
 
-/// A surface that moves along itself while its body stays where it is, as the belt of a conveyor does.
+/// A surface that moves along itself while its body stays in place, like a conveyor belt.
 ///
-/// What lies on it feels friction until it moves with it. It moves by itself, whatever loads it.
+/// Objects on it experience friction until they move with it. Its speed does not depend on the load.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Conveyor {
-    /// Velocity of the surface relative to its body (m/s), along the axes of the object; of the ground, along those of the world.
-    /// At a contact the part along the surface acts.
+    /// Velocity of the surface relative to its body (m/s), in the axes of the object; for the ground, in
+    /// world axes. At a contact the tangential component acts.
     pub velocity: [f64; 3],
 }
 
@@ -94,15 +95,16 @@ pub struct Conveyor {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Object {
-    /// Name, unique in the world; neither `ground` nor `terrain` nor that of a robot link.
+    /// Name, unique in the world; not `ground`, `terrain` or the name of a robot link.
     pub name: String,
-    /// Its shape, centred on its origin, of uniform density. A mesh keeps the origin of its file, a compound that of its parts.
+    /// Shape, centred on its origin, of uniform density. A mesh keeps the origin of its file, a compound the
+    /// origin of its parts.
     pub shape: ObjectShape,
     /// Mass (kg). Without it, and without a density, the object is fixed.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass: Option<f64>,
-    /// Density (kg/m3), in place of the mass: that follows from the volume of the shape.
+    /// Density (kg/m3), instead of the mass, which follows from the volume.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub density: Option<f64>,
@@ -114,7 +116,7 @@ pub struct Object {
     /// Velocity of its centre of mass at the start, world axes (m/s). Default: at rest.
     #[serde(default)]
     pub velocity: [f64; 3],
-    /// Its angular velocity at the start, world axes (rad/s).
+    /// Initial angular velocity, world axes (rad/s).
     #[serde(default)]
     pub angular_velocity: [f64; 3],
     /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
@@ -128,35 +130,36 @@ pub struct Object {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
-    /// Coefficient of rolling friction (m): the torque against rolling, per normal force. That of a contact is the mean of both
-    /// surfaces'.
+    /// Coefficient of rolling friction (m): torque against rolling per normal force. A contact uses the mean
+    /// of both surfaces.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub rolling_friction: f64,
-    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
+    /// Fraction of the approach speed kept after an impact, from 0 to 1. A contact uses the mean of both
+    /// surfaces.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// A surface that moves, as that of a conveyor belt. Default: it stands still.
+    /// A moving surface, as of a conveyor belt. Default: at rest.
     #[serde(default)]
     pub conveyor: Option<Conveyor>,
-    /// Drag area: drag coefficient times frontal area (m2). The air pushes at its centre with half of the density times this times the
-    /// square of the velocity relative to it. Without it, nothing.
+    /// Drag area: drag coefficient times frontal area (m2). The air pushes at its centre with half of the
+    /// density times this times the square of the velocity relative to it. Without it, nothing.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub drag: f64,
-    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     #[serde(default)]
     pub soft: Option<Softness>,
-    /// Friction along a direction that differs from that across it. Default: the same in all directions.
+    /// Direction-dependent friction. Default: the same in all directions.
     #[serde(default)]
     pub grain: Option<Grain>,
-    /// Copies in a pattern, called `NAME_0`, `NAME_1` and so on. A world that has been read has each as an object of its own.
+    /// Copies in a pattern, called `NAME_0`, `NAME_1` and so on. After parsing, each is a separate object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub copies: Option<Copies>,
 }
 
-/// Coefficient of friction of surfaces that do not state theirs.
+/// Default coefficient of friction.
 const DEFAULT_FRICTION: f64 = 0.8;
 
 fn default_friction() -> f64 {
@@ -228,7 +231,8 @@ pub enum ObjectShape {
 pub struct ObjectMass {
     /// Mass \[kg\].
     pub mass: f64,
-    /// The frame of its principal axes of inertia at its centre of mass, in the object; `None` where that is the object's own.
+    /// Frame of the principal axes of inertia at the centre of mass, in the object; `None` if equal to the
+    /// object's frame.
     pub frame: Option<Isometry3<f64>>,
     /// Principal moments of inertia about the centre of mass \[kg m2\].
     pub moments: Vector3<f64>,
@@ -244,7 +248,7 @@ impl Object {
         )
     }
 
-    /// True when it has a mass, and so moves.
+    /// Returns `true` if it has a mass and therefore moves.
     pub fn is_dynamic(&self) -> bool {
         let of_parts = || match &self.shape {
             ObjectShape::Compound(parts) => compound::stated_mass(parts).is_some(),
@@ -253,7 +257,7 @@ impl Object {
         self.mass.is_some() || self.density.is_some() || of_parts()
     }
 
-    /// Mass and inertia of an object that moves; `None` for one that is fixed, or whose mesh cannot be read.
+    /// Returns mass and inertia of a moving object; `None` for a fixed one, or one with an unreadable mesh.
     ///
     /// ```
     /// use motorium_robots::{Object, ObjectShape};
@@ -272,7 +276,7 @@ impl Object {
 }
 
 impl ObjectShape {
-    /// Lets relative paths of its meshes begin at a folder.
+    /// Resolves relative paths of its meshes from a folder.
     pub(super) fn locate(&mut self, folder: &Path) {
         match self {
             Self::Mesh(mesh) => mesh.locate(folder),
@@ -293,7 +297,8 @@ impl ObjectShape {
         }
     }
 
-    /// Volume \[m3\]; `None` for a mesh that has none or cannot be read. Where parts of a compound overlap each counts.
+    /// Returns the volume \[m3\]; `None` for a mesh that is unreadable or has no volume. Overlapping parts of
+    /// a compound each count.
     pub fn volume(&self) -> Option<f64> {
         use core::f64::consts::PI;
         Some(match self {
@@ -306,7 +311,8 @@ impl ObjectShape {
         })
     }
 
-    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre of mass \[kg m2\].
+    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre of mass
+    /// \[kg m2\].
     pub fn principal_inertia(&self, mass: f64) -> Vector3<f64> {
         match *self {
             Self::Box { size: [x, y, z] } => {
@@ -318,7 +324,8 @@ impl ObjectShape {
                 Vector3::new(across, across, 0.5 * mass * radius * radius)
             }
             Self::Capsule { radius, length } => {
-                // The two halves of a sphere of this mass, each about its own centre of mass 3/8 of the radius beyond the cylinder.
+                // The two halves of a sphere of this mass, each about its own centre of mass 3/8 of the
+                // radius beyond the cylinder.
                 let ends = mass * 4.0 * radius / (4.0 * radius + 3.0 * length);
                 let rod = mass - ends;
                 let squared = radius * radius;
@@ -332,8 +339,7 @@ impl ObjectShape {
         }
     }
 
-    /// The shapes of a collision model by which it touches, with the frame of each in that of the object; none for a mesh that cannot be
-    /// read.
+    /// Returns the collision shapes with their frames in the object; empty for an unreadable mesh.
     pub fn geometries(&self) -> Vec<(Isometry3<f64>, Geometry)> {
         let simple = match *self {
             Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
@@ -356,7 +362,8 @@ impl ObjectShape {
         vec![(Isometry3::identity(), simple)]
     }
 
-    /// The shape as a convex one: of a mesh its convex hull; `None` for a compound, whose [`shapes`](Self::shapes) have one each.
+    /// Returns the convex shape; the hull for a mesh, `None` for a compound, whose [`shapes`](Self::shapes)
+    /// have one each.
     pub fn convex_shape(&self) -> Option<ConvexShape> {
         Some(match *self {
             Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
@@ -371,7 +378,7 @@ impl ObjectShape {
         })
     }
 
-    /// The shape as a geometry: of a mesh, the mesh; `None` for a compound, whose [`shapes`](Self::shapes) have one each.
+    /// Returns the geometry; `None` for a compound, whose [`shapes`](Self::shapes) have one each.
     pub fn geometry(&self) -> Option<Geometry> {
         match self {
             Self::Mesh(mesh) => Some(Geometry::Mesh {

@@ -10,14 +10,16 @@ pub(crate) fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 
-/// Largest difference between two lists relative to the largest entry of the second, or to 1e-3 if that is larger.
+/// Largest difference between two lists relative to the largest entry of the second, or to 1e-3 if that is
+/// larger.
 pub(crate) fn error(ours: &[f64], theirs: &[f64]) -> f64 {
     assert_eq!(ours.len(), theirs.len());
     let scale = theirs.iter().fold(1e-3_f64, |most, x| most.max(x.abs()));
     ours.iter().zip(theirs).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / scale
 }
 
-/// Matrix that makes MuJoCo's velocity of ours, and the drift of its acceleration: both differ for a floating base.
+/// Matrix that makes MuJoCo's velocity of ours, and the drift of its acceleration: both differ for a floating
+/// base.
 fn coordinates(model: &Model, q: &[f64], v: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
     let n = model.nv();
     let (mut turn, mut drift) = (DMatrix::identity(n, n), DVector::zeros(n));

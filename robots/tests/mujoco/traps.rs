@@ -1,7 +1,9 @@
-//! Small files, one rule of MJCF each: every one is read as MuJoCo reads it, or refused with its place and a reason.
+//! Small files, one rule of MJCF each: every one is read as MuJoCo reads it, or refused with its place and a
+//! reason.
 //!
-//! `traps.py` writes `traps.json`. A number agrees if it differs from MuJoCo's by at most 1e-10 of the largest entry of
-//! its vector or matrix, or of 1e-3 where that is larger; an angle between two orientations is compared with 0.
+//! `traps.py` writes `traps.json`. A number agrees if it differs from MuJoCo's by at most 1e-10 of the
+//! largest entry of its vector or matrix, or of 1e-3 where that is larger; an angle between two orientations
+//! is compared with 0.
 
 use std::collections::BTreeSet;
 
@@ -14,7 +16,8 @@ use super::compare::{case, error, numbers};
 
 const TOLERANCE: f64 = 1e-10;
 
-/// Files that are refused: line and column, and a part of the message that names the attribute or element at fault.
+/// Files that are refused: line and column, and a part of the message that names the attribute or element at
+/// fault.
 const REFUSED: &[(&str, u32, u32, &str)] = &[
     ("joint_range_zero_limited", 5, 7, "range=\""),
     ("joint_range_without_autolimits", 5, 7, "range=\""),
@@ -149,7 +152,8 @@ fn options(mimic: MimicMode) -> LoadOptions {
     LoadOptions { mimic, ..LoadOptions::default() }
 }
 
-/// The largest error of a file that is read, and its warnings; or its refusal. Infinite where the structure differs.
+/// The largest error of a file that is read, and its warnings; or its refusal. Infinite where the structure
+/// differs.
 fn outcome(file: &Value) -> Result<(f64, Vec<ModelWarning>), String> {
     let text = file["text"].as_str().unwrap();
     let robot =

@@ -1,16 +1,16 @@
-//! The set-up of what a component has beside its stepping thread: helper threads, and a descriptor that releases its steps.
+//! Set-up of a component's helper threads, and of the descriptor that releases its steps.
 
 use std::os::fd::AsFd;
 
 use super::{ConfigureError, Setup, StopRequest};
 
 impl Setup {
-    /// Starts a thread beside the stepping one, for work that must not be done in a step: printing, files, slow devices.
+    /// Starts a helper thread for work that must not be done in a step: printing, files, slow devices.
     ///
-    /// It runs at normal priority on the shared cores of the graph, under `name` (1 to 15 bytes), and its allocations are
-    /// not counted as those of the steps. When the component has stopped, the request to stop is made, a
-    /// [`wait`](StopRequest::wait) or a system call in which the thread waits ends, and the thread is joined; it has half of
-    /// the component's `stop_within` for that.
+    /// The thread runs at normal priority on the shared cores of the graph, under `name` (1 to 15 bytes). Its
+    /// allocations are not counted as those of the steps. After the component has stopped, the thread
+    /// receives a stop request, which also interrupts a [`wait`](StopRequest::wait) or blocking system call,
+    /// and is joined. It has half of the component's `stop_within` for that.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -32,7 +32,7 @@ impl Setup {
     /// ```
     ///
     /// # Errors
-    /// The name is empty or too long, or the system has no room for a thread.
+    /// The name is empty or too long, or the system cannot create a thread.
     pub fn helper(
         &mut self,
         name: &str,
@@ -42,12 +42,12 @@ impl Setup {
         self.helpers.start(name, cores, run)
     }
 
-    /// Names the descriptor, such as a socket or a bus, that releases the steps of this component where the graph says
-    /// `activate = { on = "fd", ... }`; elsewhere it does nothing. The component declares
+    /// Sets the descriptor, such as a socket or a bus, that releases the steps of this component if the graph
+    /// has `activate = { on = "fd", ... }`; otherwise it has no effect. The component must declare
     /// [`wakes_on_descriptor`](crate::declare::Declare::wakes_on_descriptor).
     ///
-    /// A step is released while the descriptor is readable: the step reads what there is, without waiting. What it leaves
-    /// releases another step.
+    /// A step is released while the descriptor is readable: the step reads the available data without
+    /// waiting. Remaining data release another step.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -62,9 +62,9 @@ impl Setup {
     /// ```
     ///
     /// # Errors
-    /// The system has no room for another descriptor.
+    /// The system cannot duplicate the descriptor.
     pub fn wake_on(&mut self, descriptor: &impl AsFd) -> Result<(), ConfigureError> {
-        // A descriptor of its own: the component may close the other one.
+        // Duplicated, because the component may close its own.
         let own = descriptor.as_fd().try_clone_to_owned().map_err(ConfigureError::failed)?;
         self.descriptor = Some(own);
         Ok(())

@@ -7,10 +7,10 @@ use crate::context::Context;
 use crate::region::CHECKPOINT_BYTES;
 
 impl Setup {
-    /// Memory for numbers that outlives a crash of this component.
+    /// Opens memory for numbers that survives a crash of this component.
     ///
     /// # Errors
-    /// The checkpoint has no room for so many.
+    /// The number exceeds the capacity of the checkpoint.
     pub fn checkpoint(&self, numbers: usize) -> Result<Checkpoint, ConfigureError> {
         if numbers * 8 > CHECKPOINT_BYTES {
             return Err(ConfigureError::failed(format!(
@@ -46,8 +46,8 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Saves the numbers, as many as the checkpoint was made for. A process killed while it saves leaves the older
-    /// ones.
+    /// Saves the numbers; their count is fixed at construction. If the process is killed during a save, the
+    /// previous numbers remain.
     pub fn save(&mut self, numbers: impl IntoIterator<Item = f64>) {
         for (word, number) in self.words.iter_mut().zip(numbers) {
             *word = number.to_bits();
@@ -55,7 +55,8 @@ impl Checkpoint {
         self.context.block().checkpoint.save(self.words.iter().copied());
     }
 
-    /// The numbers saved before a restart of the component; `None` at its first start, or if one is not finite.
+    /// Returns the numbers saved before a restart of the component; `None` at its first start, or if one is
+    /// not finite.
     pub fn resume(&mut self) -> Option<Vec<f64>> {
         if self.context.restart_count() == 0 || !self.context.block().checkpoint.load(&mut self.words) {
             return None;

@@ -1,9 +1,9 @@
-//! The error of a component that could not be configured.
+//! Errors of configuring a component.
 
 use crate::declare::ConfigError;
 use crate::transport::PortError;
 
-/// The error of a component that could not be configured.
+/// The component could not be configured.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigureError {
     /// Its configuration does not work.

@@ -1,4 +1,4 @@
-//! Threads beside the stepping thread of a component, for work that must not be done in a step.
+//! Helper threads of a component, for work that must not be done in a step.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -10,12 +10,12 @@ use super::ConfigureError;
 use crate::os;
 use crate::plan::SchedulingClass;
 
-/// Time between two interrupts of a helper that is to stop.
+/// Interval between interrupts of a helper that must stop.
 const INTERRUPT_EVERY: Duration = Duration::from_millis(1);
 /// Longest name of a thread, bytes.
 const LONGEST_NAME: usize = 15;
 
-/// The request to a helper thread to stop, as it sees it.
+/// A helper thread's view of the stop request.
 ///
 /// ```
 /// use motorium::component::StopRequest;
@@ -38,8 +38,8 @@ impl StopRequest {
         self.0.load(Acquire)
     }
 
-    /// Sleeps for a time, or until the component stops; true once it does. May return sooner, as
-    /// [`park_timeout`](std::thread::park_timeout) does.
+    /// Sleeps for a time, or until the component stops; returns `true` once it does. May return early, like
+    /// [`park_timeout`](std::thread::park_timeout).
     pub fn wait(&self, time: Duration) -> bool {
         if !self.is_made() {
             std::thread::park_timeout(time);
@@ -52,7 +52,7 @@ impl StopRequest {
 #[derive(Debug, Default)]
 pub(crate) struct Helpers {
     threads: Vec<Helper>,
-    /// Time that each may take to stop.
+    /// Time allowed for each to stop.
     within: Duration,
 }
 
@@ -65,7 +65,7 @@ struct Helper {
 }
 
 impl Helpers {
-    /// None yet; each may take this long to stop.
+    /// Creates an empty set; each helper may take this long to stop.
     pub(crate) fn stopping_within(within: Duration) -> Self {
         Self { threads: Vec::new(), within }
     }
@@ -82,13 +82,13 @@ impl Helpers {
                 "a helper named {name:?}: the kernel takes names of 1 to {LONGEST_NAME} bytes"
             )));
         }
-        // Without a handler the interrupt would end the process.
+        // Without a handler the interrupt would terminate the process.
         os::install_interrupt().map_err(ConfigureError::failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let request = StopRequest(stop.clone());
         let (sender, receiver) = crossbeam_channel::bounded(1);
         let thread = std::thread::Builder::new().name(name.to_string()).spawn(move || {
-            // What is denied leaves it on the cores of the component, where it is at normal priority all the same.
+            // If denied, the thread stays on the cores of the component, still at normal priority.
             let _ = os::apply(&os::Request { class: SchedulingClass::Normal, cores, lock_memory: false });
             let _ = sender.send(os::thread_id());
             run(&request);
@@ -115,7 +115,8 @@ impl Helpers {
         let until = Instant::now() + self.within;
         let mut result = Ok(());
         for helper in self.threads.drain(..) {
-            // One that waits in a system call returns from it: an interrupt just before the call is followed by another.
+            // A blocking system call returns on an interrupt; an interrupt just before the call is followed
+            // by another.
             while !helper.thread.is_finished() && Instant::now() < until {
                 os::interrupt_thread(helper.kernel_id);
                 std::thread::sleep(INTERRUPT_EVERY);
@@ -133,7 +134,7 @@ impl Helpers {
 
 impl Drop for Helpers {
     fn drop(&mut self) {
-        // A component that ends in good order has stopped them, and told what went wrong.
+        // A component that ends normally has stopped them already and reported errors.
         let _ = self.stop();
     }
 }
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_helper_runs_under_its_name_until_it_is_stopped() {
+    fn helper_runs_under_its_name_until_stopped() {
         let (sender, receiver) = unbounded();
         let mut helpers = helpers();
         helpers
@@ -166,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_helper_that_waits_in_a_system_call_is_interrupted() {
+    fn blocking_helper_is_interrupted() {
         let (mut reader, _writer) = std::io::pipe().unwrap();
         let (sender, receiver) = unbounded();
         let mut helpers = helpers();
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_helper_that_panics_or_does_not_end_is_told() {
+    fn panicking_or_stuck_helper_is_reported() {
         let mut helpers = Helpers::stopping_within(Duration::from_secs(20));
         helpers.start("broken", vec![0], |_| panic!("in a test")).unwrap();
         assert_eq!(helpers.stop(), Err("its helper `broken` panicked".to_string()));

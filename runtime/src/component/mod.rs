@@ -1,13 +1,12 @@
-//! The trait of a component, and what it is configured with: the place to start reading.
+//! The component trait and its configuration. Start reading here.
 //!
-//! A component declares its ports and parameters, is configured once, and is then stepped. The same type runs as
-//! a process of its own or hosted with others in one process, in real time or in lockstep, without change.
+//! A component declares its ports and parameters, is configured once, and is then stepped. The same type runs
+//! unchanged as a separate process or hosted with others in one process, in real time or in lockstep.
 //!
 //! * [`Component`] is the trait to implement;
-//! * [`Declare`] takes its ports and parameters, so that a graph can be checked while nothing runs;
-//! * [`Setup`] hands out the ports when it is configured;
-//! * `Kind` and `Registry` make a component type known by name, such
-//!   as `physics.rapier`.
+//! * [`Declare`] collects its ports and parameters, so that a graph can be checked without running;
+//! * [`Setup`] provides the ports during configuration;
+//! * `Kind` and `Registry` register a component type under a name, such as `physics.rapier`.
 
 mod beside;
 mod checkpoint;
@@ -27,12 +26,13 @@ pub(crate) use helper::Helpers;
 pub use helper::StopRequest;
 pub use observer::Observer;
 pub(crate) use setup::Prepared;
-pub use setup::{EpisodeEnd, Setup};
+pub use setup::{EpisodeDriver, EpisodeEnd, Setup};
 pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
 
-/// One step of a component: its number and the time it computes for, which is not the time it runs at.
+/// One step of a component: its index and the time for which it computes, which differs from the time at
+/// which it runs.
 ///
 /// ```
 /// use motorium::component::Tick;
@@ -43,26 +43,33 @@ use std::time::Duration;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Number of the step in its episode, from 0; it goes on through restarts of the component.
+    /// Number of the step since the last reset, or since the start of the run, from 0; restarts of the
+    /// component and new episodes of real time do not set it back.
     pub index: u64,
-    /// Nanoseconds since the run, or its present episode, began for which the step computes: the scheduled release of a time-triggered
-    /// component, the publish time of the sample that woke a triggered one, the arrival of the event that released a sporadic one.
+    /// Nanoseconds since the run began, or since the last reset in lockstep, for which the step computes: the
+    /// scheduled release of a time-triggered component, the publish time of the sample that woke a triggered
+    /// one, the arrival of the event that released a sporadic one.
     pub time_ns: u64,
-    /// Deadline of the step, ns on the clock of `time_ns`: a period after it, when the next step of a time-triggered
-    /// component is due. In lockstep it is the same number, and no step is ever late: time stands still while a component
-    /// steps. [`RunClock::left_ns`] says how much of the time is left.
+    /// Deadline of the step, ns on the clock of `time_ns`: one period later, when the next step of a
+    /// time-triggered component is due. In lockstep it has the same value, but no step is ever late, since
+    /// time stands still during a step. [`RunClock::left_ns`] returns the remaining time.
     pub deadline_ns: u64,
     /// Nominal time between two steps, derived from the rate; for a triggered component the period of the
     /// component at the head of its chain; for one that events release its `min_interval`.
     pub period: Duration,
     /// Number of the episode, from 0; always 0 in a run that is not divided into episodes.
     pub episode: u64,
+    /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the
+    /// run, after [`reset`](Component::reset) in lockstep, after [`begin_episode`](Component::begin_episode)
+    /// in real time.
+    pub begins_episode: bool,
     /// True for an actuator once the run is over or stops: it brings its robot to rest. What it counts and measures of the run
     /// ends here. No other component steps then.
     pub settling: bool,
 }
 
-/// An episode of a run: a stretch of simulated time from a reset of all components to the next.
+/// An episode of a run. In lockstep it is the simulated time from a reset of all components to the next. In
+/// real time it is a numbered stretch of the run, without a reset.
 ///
 /// ```
 /// use motorium::component::Episode;
@@ -72,10 +79,10 @@ pub struct Tick {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Episode {
-    /// Its number in the run, from 0: the first begins with the start of the run, without a reset.
+    /// Its number in the run, from 0: the first begins with the start of the run, without a call.
     pub index: u64,
-    /// The component's own seed for it, as [`Setup::seed`] gives that of the first: derived from the seed of the episode
-    /// and the component's name.
+    /// The component's own seed for the episode, derived from the episode's seed and the component's name;
+    /// [`Setup::seed`] returns that of the first episode.
     pub seed: u64,
 }
 
@@ -90,6 +97,7 @@ impl Tick {
             deadline_ns: time_ns.saturating_add(period_ns),
             period,
             episode: 0,
+            begins_episode: index == 0,
             settling: false,
         }
     }
@@ -99,8 +107,10 @@ impl Tick {
         self.period.as_secs_f64()
     }
 
-    /// Number of whole periods from the step that computed for `last_ns` to one for `now_ns`: what a component that moves on
-    /// with time makes up for after it was held up. Rounded, at least one; one for the first step, and after more than [`CATCH_UP`](Self::CATCH_UP) of them: then the machine, and with it the world, stood still.
+    /// Number of whole periods between a step that computed for `last_ns` and one for `now_ns`, for
+    /// components that must catch up after a delay. Rounded, at least one. It is one for the first step, and
+    /// after more than [`CATCH_UP`](Self::CATCH_UP) periods, because then the machine and its world were
+    /// suspended.
     ///
     /// ```
     /// use motorium::component::Tick;
@@ -121,10 +131,10 @@ impl Tick {
         }
     }
 
-    /// Largest number of periods that is made up for.
+    /// Largest number of periods to catch up.
     pub const CATCH_UP: u32 = 5;
 
-    /// Time since the run began, s.
+    /// Time since the start of the run, s.
     pub fn time(&self) -> f64 {
         self.time_ns as f64 * 1e-9
     }
@@ -174,28 +184,30 @@ pub trait Component: Sized + 'static {
     /// The name of this kind of component in graph files, `family.name`.
     const KIND: &'static str;
 
-    /// One line for lists and completions.
+    /// One-line summary for lists and completions.
     const SUMMARY: &'static str;
 
-    /// The configuration has a key `world`, in whose place the graph's `[world]` comes where there is one.
+    /// `true` if the configuration has a key `world`, which is filled with the graph's `[world]` if there is
+    /// one.
     const READS_WORLD: bool = false;
 
-    /// The configuration has a key `gravity` \[m/s^2\], three numbers, whose default is the gravity of the graph's `[world]`: its
-    /// `gravity`, else that of its `file`, if the program can read it (`Registry::with_gravity_of_file`).
+    /// `true` if the configuration has a key `gravity` \[m/s^2\], three numbers, whose default is the gravity
+    /// of the graph's `[world]`: its `gravity`, else that of its `file`, if the program can read it
+    /// (`Registry::with_gravity_of_file`).
     const READS_GRAVITY: bool = false;
 
     /// The `config` table of the component in the graph file. Use `#[serde(deny_unknown_fields)]`, so that a
     /// misspelt key is an error.
     type Config: serde::de::DeserializeOwned + schemars::JsonSchema;
 
-    /// Declares ports and parameters, and checks the configuration as far as that is possible without running.
+    /// Declares ports and parameters, and checks the configuration as far as possible without running.
     ///
-    /// It is cheap: `motorium check`, editors and every start call it, and wait for it. Reading the model of a robot or
-    /// the header of a file is fine; fitting, training or planning belongs into [`configure`](Self::configure).
-    /// `motorium check` measures it, and warns of one that takes longer than 100 ms.
+    /// It must be fast, because `motorium check`, editors and every start wait for it. Reading the model of a
+    /// robot or the header of a file is fine; fitting, training or planning belongs in
+    /// [`configure`](Self::configure). `motorium check` measures the time and warns above 100 ms.
     ///
     /// # Errors
-    /// The configuration cannot work: the graph is refused before anything starts.
+    /// The configuration is invalid; the graph is rejected before anything starts.
     fn declare(config: &Self::Config, declare: &mut Declare) -> Result<(), ConfigError>;
 
     /// Builds the component. All memory it will ever need is allocated here.
@@ -210,16 +222,15 @@ pub trait Component: Sized + 'static {
     /// The step failed; the policy `on_error` of the graph file decides on the consequence.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
 
-    /// True if [`reset`](Self::reset) is implemented. A graph with a component that cannot be reset runs in a single
-    /// episode.
+    /// True if [`reset`](Self::reset) is implemented. A graph with a component that cannot be reset runs in a
+    /// single episode.
     const RESETS: bool = false;
 
-    /// Goes back to the state after [`configure`](Self::configure), for a new episode, and takes the seed of the episode
-    /// for its random numbers. Between two steps; publishes nothing.
+    /// Resets to the state after [`configure`](Self::configure) for a new episode, with the episode's seed
+    /// for random numbers. Called between two steps; publishes nothing.
     ///
-    /// Afterwards the steps must depend on nothing from before: an episode is equal to the last bit to another with the same
-    /// seed. Ports have then nothing to read, as at the start, and parameters keep their values; a
-    /// `CommandGate` has a `reset` of its own.
+    /// Later steps must not depend on earlier ones: episodes with equal seeds are bitwise equal. Ports are
+    /// empty, as at the start, and parameters keep their values; a `CommandGate` has its own `reset`.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -250,9 +261,55 @@ pub trait Component: Sized + 'static {
     /// ```
     ///
     /// # Errors
-    /// The component cannot go on: the run ends.
+    /// The component cannot continue; the run ends.
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         Err(StepError::failed("it cannot be reset"))
+    }
+
+    /// Begins an episode in real time: the robot, time and the ports continue as they are. Called at the
+    /// start of the first step in the episode and part of it, so the rules of [`step`](Self::step) apply.
+    /// Publishes nothing.
+    ///
+    /// A component that starts a task over does it here: the next movement, new random numbers, an empty
+    /// history.
+    ///
+    /// ```
+    /// # use motorium::prelude::*;
+    /// /// Reports the height of its robot above the place where the episode began.
+    /// struct Climb { base: Input<BaseState>, begins: bool, from: f64, climbed: f64 }
+    ///
+    /// impl Component for Climb {
+    ///     fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
+    ///         self.begins = true;
+    ///         Ok(())
+    ///     }
+    /// #   const KIND: &'static str = "example.climb";
+    /// #   const SUMMARY: &'static str = "measures a climb";
+    /// #   type Config = ();
+    /// #   fn declare(_: &(), declare: &mut Declare) -> Result<(), ConfigError> {
+    /// #       declare.input::<BaseState>("base", "state of the base");
+    /// #       Ok(())
+    /// #   }
+    /// #   fn configure(_: (), setup: &mut Setup) -> Result<Self, ConfigureError> {
+    /// #       Ok(Self { base: setup.input("base")?, begins: true, from: 0.0, climbed: 0.0 })
+    /// #   }
+    ///
+    ///     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+    ///         let Some(base) = self.base.latest() else { return Ok(()) };
+    ///         if std::mem::take(&mut self.begins) {
+    ///             self.from = base.position[2];
+    ///         }
+    ///         self.climbed = base.position[2] - self.from;
+    ///         Ok(())
+    ///     }
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The component cannot begin the episode; the policy `on_error` of the graph file decides on the
+    /// consequence.
+    fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
+        Ok(())
     }
 
     /// Runs once when the run ends in an orderly way. Not called when the process is killed.

@@ -51,11 +51,11 @@ impl Observer {
         &self.plan
     }
 
-    /// A tap of the topic of this index in the plan; of one of slices the values are the bytes of whole slices. It belongs to the
-    /// thread that opens it.
+    /// Opens a tap of the topic with this index in the plan; for slices, values are the bytes of whole
+    /// slices. The tap belongs to the thread that opens it.
     ///
     /// # Errors
-    /// The topic cannot be reached, or four others look on already.
+    /// The topic cannot be reached, or it already has four observers.
     pub fn tap(&self, topic: usize) -> Result<Tap, PortError> {
         let topic = &self.plan.topics[topic];
         match topic.pattern {
@@ -64,12 +64,12 @@ impl Observer {
         }
     }
 
-    /// The events since the last call, or all that are still there, oldest first.
+    /// Returns the events since the last call, or all that are still available, oldest first.
     pub fn events(&self, reader: &mut EventReader) -> Vec<EventRecord> {
         reader.read(self.region.events())
     }
 
-    /// Time at which the graph stepped first, on the clock of stamps, ns: 0 in lockstep, and before it has.
+    /// Time of the first step of the graph, on the clock of stamps, ns; 0 in lockstep and before that step.
     pub fn start_ns(&self) -> u64 {
         match self.plan.clock {
             ClockKind::Realtime => self.region.header().start_ns.load(Relaxed),
@@ -77,8 +77,8 @@ impl Observer {
         }
     }
 
-    /// True if the launcher has died while the run was still to continue: it ends badly, and its guard may not have said
-    /// so yet.
+    /// Returns `true` if the launcher died during the run. The run then counts as failed, although its guard
+    /// may not have reported it yet.
     pub fn is_orphaned(&self) -> bool {
         let header = self.region.header();
         let launcher = || Watch::new(header.launcher.load(Relaxed));

@@ -15,7 +15,7 @@ use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
     Connect, Input, InputPlace, Output, OutputPlace, Participant, PortError, Probe, RawInput, RawOutput,
-    SliceInput, SliceOutput, Trigger,
+    RawStreamInput, RawStreamOutput, SliceInput, SliceOutput, Trigger,
 };
 
 /// The set-up of one component: it opens the ports and parameters that the component declared.
@@ -124,17 +124,17 @@ impl Setup {
         &self.component().name
     }
 
-    /// The robot the graph gives this component.
+    /// Returns the robot that the graph assigns to this component.
     ///
     /// # Errors
-    /// The graph gives it none. Refuse that in `declare` already, so that `check` reports it.
+    /// The graph assigns none. Reject this in `declare`, so that `check` reports it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component().robot.as_ref().ok_or_else(|| {
             ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")
         })
     }
 
-    /// The robots the graph gives this component by `robots`; empty where it gives it one by `robot`, or none.
+    /// Returns the robots assigned by `robots`; empty for a single `robot` or none.
     pub fn robots(&self) -> &[RobotReference] {
         &self.component().robots
     }
@@ -149,8 +149,8 @@ impl Setup {
         RunClock::new(self.context().clone())
     }
 
-    /// The folder in which relative paths of the `config` table start, as
-    /// [`Declare::folder`](crate::declare::Declare::folder) gave it.
+    /// Folder for relative paths in the `config` table; the same as
+    /// [`Declare::folder`](crate::declare::Declare::folder).
     pub fn folder(&self) -> &Path {
         &self.component().folder
     }
@@ -163,7 +163,7 @@ impl Setup {
     /// Opens a declared input.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    /// The input is not declared, has another type, or its topic cannot be joined.
     pub fn input<T: StateBuffer>(&mut self, port: &str) -> Result<Input<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -239,12 +239,39 @@ impl Setup {
         RawOutput::open(&self.participant, self.output_place(index, topic), plan)
     }
 
+    /// Opens a declared input of a stream or of slices as bytes, of whatever type its topic is.
+    ///
+    /// # Errors
+    /// It is not declared, was declared as a state, or its topic cannot be joined.
+    pub fn raw_stream_input(&mut self, port: &str) -> Result<RawStreamInput, PortError> {
+        let (index, plan) = find(&self.component().inputs, port)?;
+        let Some(place) = self.input_place(index, plan) else {
+            return Ok(RawStreamInput::unwired(self.context().clone()));
+        };
+        let input = RawStreamInput::open(&self.participant, &place)?;
+        self.ports.extend(input.connection());
+        Ok(input)
+    }
+
+    /// Opens a declared output of a stream or of slices for bytes of its layout.
+    ///
+    /// # Errors
+    /// It is not declared, was declared as a state, its layout cannot be checked, or its topic cannot be
+    /// joined.
+    pub fn raw_stream_output(&mut self, port: &str) -> Result<RawStreamOutput, PortError> {
+        let (index, plan) = find(&self.component().outputs, port)?;
+        let Some(topic) = plan.topic else { return RawStreamOutput::unwired(plan, self.context().clone()) };
+        let output = RawStreamOutput::open(&self.participant, self.output_place(index, topic), plan)?;
+        self.ports.extend(output.connection());
+        Ok(output)
+    }
+
     /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of their own.
     pub fn domain(&self) -> &Domain {
         &self.domain
     }
 
-    /// The place of an input in the graph; `None` if it is unwired.
+    /// Connection of an input in the graph; `None` if unwired.
     fn input_place<'a>(&'a self, index: usize, plan: &'a PortPlan) -> Option<InputPlace<'a>> {
         let topic = plan.topic?;
         Some(InputPlace {
@@ -272,7 +299,7 @@ impl Setup {
     /// Opens a declared output.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type, or its topic cannot be joined.
+    /// The output is not declared, has another type, or its topic cannot be joined.
     pub fn output<T: StateBuffer>(&mut self, port: &'static str) -> Result<Output<T>, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -282,28 +309,29 @@ impl Setup {
         Ok(output)
     }
 
-    /// Opens a declared output whose name is made at run time, such as that of one of several robots.
+    /// Opens a declared output with a name built at run time, for example one per robot.
     ///
     /// # Errors
-    /// As [`output`](Self::output).
+    /// Same as [`output`](Self::output).
     pub fn named_output<T: StateBuffer>(&mut self, port: &str) -> Result<Output<T>, PortError> {
-        // Errors of the hot path name their port and hold no heap memory: the few bytes stay for the process's life.
+        // Errors of the hot path name their port and hold no heap memory: the few bytes stay for the
+        // process's life.
         self.output(Box::leak(port.to_owned().into_boxed_str()))
     }
 
-    /// A declared parameter.
+    /// Returns a declared parameter.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type.
+    /// The parameter is not declared, or has another type.
     pub fn parameter<T: AnyParameter>(&self, name: &str) -> Result<Parameter<T>, ConfigureError> {
         let (_, numbers, place) = self.find_parameter(name, T::KIND)?;
         Ok(Parameter::new(numbers.clone(), place))
     }
 
-    /// A declared array of numbers that is one parameter.
+    /// Returns a declared array parameter.
     ///
     /// # Errors
-    /// It is not declared, or was declared with another type.
+    /// The parameter is not declared, or has another type.
     pub fn parameter_array(&self, name: &str) -> Result<ParameterArray, ConfigureError> {
         let (declaration, numbers, place) = self.find_parameter(name, ParameterKind::Array)?;
         Ok(ParameterArray::new(numbers.clone(), place, declaration.numbers()))
@@ -323,11 +351,44 @@ impl Setup {
         Ok(found)
     }
 
-    /// The right to end episodes, for a component that declared
-    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes); `None` unless the graph says
+    /// Right to end episodes, for a component that declared
+    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes); `None` unless the graph has
     /// `ends_episode = true`.
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
         self.component().ends_episode.then(|| EpisodeEnd { context: self.context().clone() })
+    }
+
+    /// The right to begin episodes in real time, for a component that declared
+    /// [`may_begin_episodes`](crate::declare::Declare::may_begin_episodes); `None` unless the graph says
+    /// `begins_episodes = true`.
+    pub fn episode_driver(&self) -> Option<EpisodeDriver> {
+        self.component().begins_episodes.then(|| EpisodeDriver { context: self.context().clone() })
+    }
+}
+
+/// The right of one component to begin the episodes of its graph in real time: a pedal, a button of a
+/// teleoperator, a task that counts its attempts.
+///
+/// ```
+/// use motorium::component::EpisodeDriver;
+///
+/// /// Begins an episode when a pedal is pressed. The seed is the number of times that it was.
+/// fn press(driver: &Option<EpisodeDriver>, presses: u64) -> bool {
+///     driver.as_ref().is_some_and(|driver| driver.begin(presses))
+/// }
+/// ```
+#[derive(Debug)]
+pub struct EpisodeDriver {
+    context: Rc<Context>,
+}
+
+impl EpisodeDriver {
+    /// Begins the next episode, with this seed. Every component sees it at its next step, this one too.
+    ///
+    /// Returns false, and begins nothing, while the launcher has not noted the present episode: for up to 20
+    /// ms after its start.
+    pub fn begin(&self, seed: u64) -> bool {
+        self.context.region().header().begin_next_episode(seed, crate::os::monotonic_ns())
     }
 }
 
@@ -349,7 +410,7 @@ pub struct EpisodeEnd {
 }
 
 impl EpisodeEnd {
-    /// Ends the present episode when the round of this step is over.
+    /// Ends the present episode: in lockstep when the round of this step is over, in real time within 20 ms.
     pub fn end(&self) {
         self.context.region().header().end_episode();
     }

@@ -8,26 +8,26 @@ use super::{ConfigureError, Declare, Setup, Tick};
 use crate::state::{MAX_WEIGHTS, Weights};
 use crate::transport::Input;
 
-/// The moment at which weights are taken.
+/// When received weights take effect.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TakeWeights {
-    /// Before the next step. A new episode begins with the weights of the configuration.
+    /// Before the next step. After a reset an episode begins with the weights of the configuration.
     #[default]
     Step,
-    /// Before the first step of an episode; those that arrive later wait for the next one. They stay through resets. In a run
-    /// without episodes only those are taken that are there at the first step.
+    /// Before the first step of an episode, under either clock; those that arrive later wait for the next
+    /// one. They stay through resets. In a run without episodes only those are taken that are there at the
+    /// first step.
     Episode,
 }
 
-/// An input of weights: it checks the blocks of [`Weights`] that arrive, puts them together, and gives the weights of a
-/// version to its component at once.
+/// An input of model weights: it validates received blocks of [`Weights`], assembles them, and passes
+/// complete versions to its component.
 ///
-/// The numbers of a model of `n` weights come in as many blocks as it takes: all are full
-/// ([`MAX_WEIGHTS`] numbers) but the last. A block is refused, and counted, if its place or its length do not fit, if a
-/// number is not finite, or if its version is not above those before. Blocks of a version that is superseded before it was
-/// complete are dropped. Since a topic holds its newest value only, a writer of several blocks sends one in each of its
-/// steps, and goes on sending them in turn.
+/// The weights of a model arrive in blocks; all blocks except the last are full ([`MAX_WEIGHTS`] numbers). A
+/// block is rejected and counted if its position or length is wrong, a number is not finite, or its version
+/// is not newer. Blocks of an incomplete, superseded version are dropped. A topic keeps only its newest
+/// value, so a writer of several blocks sends one per step, cyclically.
 ///
 /// ```
 /// use motorium::component::{TakeWeights, WeightsInput};
@@ -93,27 +93,29 @@ impl Setup {
 }
 
 impl WeightsInput {
-    /// The weights to take before this step, all of the model; `None` if it goes on with those it has. Call it once a step,
-    /// before anything is computed from them.
+    /// Returns the weights to apply before this step, all of the model; `None` to keep the current ones. Call
+    /// it once per step, before using the weights.
     pub fn take(&mut self, tick: &Tick) -> Option<&[f64]> {
         if let Some(block) = self.input.next_unread() {
             self.store.offer(&block);
         }
-        self.store.take(tick.index == 0)
+        self.store.take(tick.begins_episode)
     }
 
-    /// Begins an episode: call it in `reset`, and go back to the weights of the configuration.
+    /// Begins an episode of simulated time: call it in `reset`, and go back to the weights of the
+    /// configuration. Not needed in [`Component::begin_episode`](super::Component::begin_episode), which
+    /// resets nothing.
     pub fn begin_episode(&mut self) {
         self.store.begin_episode();
     }
 
-    /// Version of the weights taken last; 0 before.
+    /// Version of the applied weights; 0 before.
     pub fn version(&self) -> u64 {
         self.store.taken
     }
 
-    /// The account of the input for the result of the component: `version`, the number of weights `taken`, and the blocks
-    /// `refused` by reason.
+    /// The account of the input for the result of the component: `version`, the number of weights `taken`,
+    /// and the blocks `refused` by reason.
     pub fn result(&self) -> serde_json::Value {
         let Refusals { place, count, version, not_finite } = self.store.refusals;
         json!({
@@ -137,11 +139,11 @@ struct Refusals {
 #[derive(Debug)]
 struct Store {
     take: TakeWeights,
-    /// Those of the version that is arriving, and which of its blocks are there.
+    /// Weights of the arriving version, and which of its blocks have arrived.
     arriving: Vec<f64>,
     arriving_version: u64,
     there: Vec<bool>,
-    /// The newest complete ones: to be taken, or taken.
+    /// Newest complete weights, applied or pending.
     complete: Vec<f64>,
     complete_version: u64,
     /// The version taken last.
@@ -165,7 +167,7 @@ impl Store {
         }
     }
 
-    /// Takes in a block, or refuses it.
+    /// Adds a block, or rejects it.
     fn offer(&mut self, block: &Weights) {
         let (index, version) = (block.block as usize, block.version);
         if block.blocks as usize != self.there.len() || index >= self.there.len() {
@@ -206,7 +208,7 @@ impl Store {
         let is_new = self.complete_version > self.taken;
         let is_due = match self.take {
             TakeWeights::Step => is_new,
-            // also those that the component had before the reset
+            // also applies to weights applied before the reset
             TakeWeights::Episode => begins_episode && self.complete_version > 0,
         };
         if !is_due {
@@ -243,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_taken_once_and_only_as_their_version_rises() {
+    fn weights_apply_once_for_increasing_versions() {
         let mut store = store(2, TakeWeights::Step);
         assert_eq!(store.take(true), None);
         store.offer(&block(3, [0, 1], &[1.0, 2.0]));
@@ -262,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_or_is_not_finite_is_refused_and_counted_by_its_reason() {
+    fn invalid_blocks_are_rejected_and_counted_by_reason() {
         let mut store = store(2, TakeWeights::Step);
         store.offer(&block(1, [0, 2], &[1.0, 2.0]));
         store.offer(&block(1, [1, 1], &[1.0, 2.0]));
@@ -273,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_of_several_blocks_are_taken_whole_whatever_order_they_come_in() {
+    fn blocks_are_assembled_in_any_order() {
         let count = MAX_WEIGHTS + 1;
         let mut store = store(count, TakeWeights::Step);
         let first = |version, value| block(version, [0, 2], &[value; MAX_WEIGHTS]);
@@ -303,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn between_steps_an_episode_begins_with_the_weights_of_the_configuration() {
+    fn episode_starts_with_configured_weights() {
         let mut store = store(1, TakeWeights::Step);
         store.offer(&block(9, [0, 1], &[1.0]));
         assert_eq!(store.take(true), Some(&[1.0][..]));

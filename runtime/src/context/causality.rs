@@ -4,10 +4,11 @@ use std::cell::Cell;
 
 use crate::state::Stamp;
 
-/// The times that a step passes on from the input that causes it to its outputs, ns.
+/// Times passed from the input that causes a step to its outputs, ns.
 #[derive(Debug)]
 pub(crate) struct Causality {
-    /// True if another component's publication triggers the steps: their states then are for the time of that sample.
+    /// True if another component's publication triggers the steps: their states then are for the time of that
+    /// sample.
     triggered: bool,
     source_ns: Cell<Option<u64>>,
     state_ns: Cell<Option<u64>>,
@@ -24,7 +25,7 @@ impl Causality {
         self.triggered
     }
 
-    /// Takes over the times of the input that causes this step's outputs.
+    /// Stores the times of the input that causes this step's outputs.
     #[inline]
     pub(crate) fn propagate(&self, stamp: &Stamp) {
         self.source_ns.set(Some(stamp.source_time));
@@ -39,7 +40,7 @@ impl Causality {
         self.source_ns.get().unwrap_or(now_ns)
     }
 
-    /// The time that an output of this step is for; `step_ns` unless a trigger gave another.
+    /// Time of an output of this step; `step_ns` unless a trigger provided another.
     #[inline]
     pub(crate) fn state_time_or(&self, step_ns: u64) -> u64 {
         self.state_ns.get().unwrap_or(step_ns)

@@ -8,8 +8,8 @@ use crate::os::monotonic_ns;
 use crate::plan::ClockKind;
 use crate::region::Region;
 
-/// The clock of a component's stamps, ns: `CLOCK_MONOTONIC` in real time, simulated time in lockstep; and the times of
-/// the current step on it.
+/// The clock of a component's stamps, ns: `CLOCK_MONOTONIC` in real time, simulated time in lockstep; and the
+/// times of the current step on it.
 #[derive(Debug)]
 pub(crate) struct Clock {
     region: Rc<Region>,
@@ -43,14 +43,14 @@ impl Clock {
         if self.lockstep { self.time_ns.get() } else { monotonic_ns() }
     }
 
-    /// The time for which the current step computes, ns: its scheduled release, or the publication that triggered it.
-    /// The current time outside of a worker's steps.
+    /// The time for which the current step computes, ns: its scheduled release, or the publication that
+    /// triggered it. The current time outside of a worker's steps.
     #[inline]
     pub(crate) fn step_ns(&self) -> u64 {
         self.step_ns_or(|| self.now_ns())
     }
 
-    /// As [`step_ns`](Self::step_ns), with the current time of a caller who has read the clock.
+    /// Like [`step_ns`](Self::step_ns), for a caller that has already read the clock.
     #[inline]
     pub(crate) fn step_ns_or(&self, now_ns: impl FnOnce() -> u64) -> u64 {
         match self.time_ns.get() {

@@ -1,4 +1,5 @@
-//! Work put off to the end of a step: wake-ups on the same core, slots for the next publications, records of ages.
+//! Work put off to the end of a step: wake-ups on the same core, slots for the next publications, records of
+//! ages.
 
 use std::cell::RefCell;
 use std::fmt::Debug;
@@ -7,7 +8,7 @@ use std::rc::Rc;
 use super::Context;
 use crate::region::Region;
 
-/// Ages kept until the end of a step; further ones are recorded at once.
+/// Number of ages kept until the end of a step; further ones are recorded immediately.
 const AGES: usize = 32;
 
 /// The work that an output leaves to the end of the step.
@@ -41,7 +42,7 @@ impl Deferred {
         self.outputs.borrow_mut().push(output);
     }
 
-    /// Begins an episode: all outputs have published nothing.
+    /// Starts an episode: no output has published yet.
     pub(super) fn begin_episode(&self) {
         self.outputs.borrow().iter().for_each(|output| output.begin_episode());
         self.ages.borrow_mut().clear();

@@ -1,10 +1,10 @@
-//! The cache lines that a step needs first, fetched all at once.
+//! Prefetching of the cache lines that a step needs first.
 
 use std::cell::Cell;
 
 use crate::os::{prefetch_read, prefetch_write};
 
-/// Lines that are noted at most: a step that uses more of them finds the rest itself.
+/// Maximum number of recorded lines; further lines are not prefetched.
 const LINES: usize = 64;
 /// Bytes of a line.
 const LINE: usize = 64;
@@ -13,8 +13,8 @@ const WRITTEN: usize = 1;
 
 /// The cache lines that a step needs first: words of the control block, heads and next slots of its topics.
 ///
-/// A thread that has slept finds its caches and its address translations used by others. Where each line leads to the
-/// next, or an instruction waits for all loads before it, misses come one after the other; fetched by name they overlap.
+/// After a sleep, a thread's caches and address translations have been evicted by others. Misses on dependent
+/// lines are sequential; prefetches overlap.
 #[derive(Debug)]
 pub(crate) struct FirstLines {
     /// Addresses, with the mark in the lowest bit.
@@ -33,7 +33,7 @@ impl Default for FirstLines {
 pub(crate) enum Access {
     /// Others may keep their copies.
     Read,
-    /// This core becomes the only one that has the line.
+    /// Exclusive access for this core.
     Write,
 }
 
@@ -42,7 +42,7 @@ pub(crate) enum Access {
 pub(crate) struct Line(usize);
 
 impl FirstLines {
-    /// Notes the line of an address. `None` if there is no room for it.
+    /// Records the line of an address. `None` if the list is full.
     pub(crate) fn note<T>(&self, address: *const T, access: Access) -> Option<Line> {
         let line = Line(self.count.get());
         self.lines.get(line.0)?.set(marked(address, access));
@@ -50,12 +50,12 @@ impl FirstLines {
         Some(line)
     }
 
-    /// Notes the first lines of values, at most as many as given.
+    /// Records the first lines of values, up to a maximum.
     pub(crate) fn note_values<T>(&self, values: &[T], access: Access, at_most: usize) {
         self.note_range(values.as_ptr().cast(), size_of_val(values), access, at_most);
     }
 
-    /// Notes the first lines of a range of bytes, at most as many as given.
+    /// Records the first lines of a range of bytes, up to a maximum.
     pub(crate) fn note_range(&self, first: *const u8, bytes: usize, access: Access, at_most: usize) {
         let offset = first.addr() % LINE;
         for line in (0..bytes + offset).step_by(LINE).take(at_most) {
@@ -63,7 +63,7 @@ impl FirstLines {
         }
     }
 
-    /// Puts another address in the place of a noted one.
+    /// Replaces the address of a recorded line.
     #[inline]
     pub(crate) fn replace<T>(&self, line: Line, address: *const T, access: Access) {
         if let Some(noted) = self.lines.get(line.0) {

@@ -14,8 +14,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use crate::os::{current_core, monotonic_ns};
-use crate::plan::{Activation, OnOverrun, Plan};
-use crate::region::{Command, ComponentBlock, Region, TraceEvent, TraceWriter, add};
+use crate::plan::{Activation, ClockKind, OnOverrun, Plan};
+use crate::region::{Command, ComponentBlock, EpisodeStart, Region, TraceEvent, TraceWriter, add};
 use crate::state::{FUTURE_TOLERANCE_NS, Stamp};
 
 pub(crate) use causality::Causality;
@@ -33,12 +33,13 @@ const CORE_LOOK_UP: u32 = 64;
 pub(crate) enum Withheld {
     /// The step is past its deadline, and its overrun policy is `hold`.
     Late,
-    /// Its source time lies so many nanoseconds ahead of the clock.
+    /// The source time is this many nanoseconds ahead of the clock.
     InFuture { ahead_ns: u64 },
 }
 
-/// The state that the ports, the setup and the loop of one component share: its identity in the run, its clock, the
-/// times that its step passes on, the work put off to the end of the step, and the signals it received.
+/// The state that the ports, the setup and the loop of one component share: its identity in the run, its
+/// clock, the times that its step passes on, the work put off to the end of the step, and the signals it
+/// received.
 #[derive(Debug)]
 pub(crate) struct Context {
     region: Rc<Region>,
@@ -56,9 +57,9 @@ pub(crate) struct Context {
     trace: Option<TraceWriter>,
     /// Number of the episode.
     episode: Cell<u64>,
-    /// Episodes begun: what a port has read or published belongs to one of them.
+    /// Number of started episodes; port contents belong to one of them.
     era: Cell<u32>,
-    /// The core found by the last look-up, and the number of requests so far.
+    /// Core found by the last look-up, and the number of requests so far.
     core: Cell<(usize, u32)>,
 }
 
@@ -70,14 +71,18 @@ impl Context {
             index,
             actuator: component.actuator,
             hold_late_outputs: component.on_overrun == OnOverrun::Hold,
-            settle_ns: plan.safety.settle_ns,
+            settle_ns: plan.safety_of(component).settle_ns,
             clock: Clock::new(plan.clock, region.clone()),
             causality: Causality::new(matches!(component.activation, Activation::Triggered { .. })),
             deferred: Deferred::new(region.clone()),
             first_lines: FirstLines::default(),
             signals: Arc::default(),
             trace: None,
-            episode: Cell::new(region.header().episode.load(Relaxed)),
+            episode: Cell::new(match plan.clock {
+                ClockKind::Lockstep => region.header().episode.load(Relaxed),
+                // A successor enters the episode that began while it was away.
+                ClockKind::Realtime => region.components()[index].episode.load(Relaxed),
+            }),
             era: Cell::new(0),
             core: Cell::new((0, 0)),
             region,
@@ -121,13 +126,13 @@ impl Context {
         &self.deferred
     }
 
-    /// The cache lines that a step needs first.
+    /// Cache lines that a step needs first.
     #[inline]
     pub(crate) fn first_lines(&self) -> &FirstLines {
         &self.first_lines
     }
 
-    /// Notes the lines that the loop around the steps needs first. For the worker alone.
+    /// Records the lines that the stepping loop needs first. For the worker only.
     pub(crate) fn note_first_lines(&self) {
         let (header, block) = (self.region.header(), self.block());
         let read = |address: *const u8| self.first_lines.note(address, Access::Read);
@@ -155,7 +160,8 @@ impl Context {
         core
     }
 
-    /// Prepares a step: sets its times (ns on the clock of stamps) and forgets the source time of the step before.
+    /// Prepares a step: sets its times (ns on the clock of stamps) and forgets the source time of the step
+    /// before.
     #[inline]
     pub(crate) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
         self.clock.enter_step(time_ns, woken_ns, deadline_ns);
@@ -168,13 +174,33 @@ impl Context {
         self.episode.get()
     }
 
-    /// Number of episodes begun by now: a port drops what is from another one.
+    /// Number of started episodes; a port drops values of other episodes.
     #[inline]
     pub(crate) fn era(&self) -> u32 {
         self.era.get()
     }
 
-    /// Begins an episode: the clock starts anew, inputs have nothing to read, outputs have published nothing.
+    /// The start of an episode of real time that began since the last call; it is the present one from now
+    /// on. One load where none did.
+    #[inline]
+    pub(crate) fn enter_new_episode(&self) -> Option<EpisodeStart> {
+        if self.region.header().episode.load(Relaxed) == self.episode.get() {
+            None
+        } else {
+            self.enter_episode()
+        }
+    }
+
+    #[cold]
+    fn enter_episode(&self) -> Option<EpisodeStart> {
+        // In lockstep the launcher resets every component before it steps in a new episode.
+        let start = self.region.header().episode_start().filter(|_| !self.clock.is_lockstep())?;
+        self.episode.set(start.index);
+        Some(start)
+    }
+
+    /// Begins an episode of simulated time: the clock restarts, inputs have nothing to read, outputs have
+    /// published nothing.
     pub(crate) fn begin_episode(&self, index: u64) {
         self.episode.set(index);
         self.era.set(self.era.get().wrapping_add(1));
@@ -183,8 +209,8 @@ impl Context {
         self.deferred.begin_episode();
     }
 
-    /// Notes that a sample was read for the first time: its age as of the start of the step, which is recorded when the step
-    /// is over, and in the trace. A sample published since then has age 0.
+    /// Records the first read of a sample: its age at the start of the step, recorded in the statistics and
+    /// the trace at the end of the step. A sample published later has age 0.
     #[inline(never)]
     pub(crate) fn note_read(&self, edge: usize, stamp: &Stamp) {
         self.deferred.note_age(edge, self.clock.woken_ns().saturating_sub(stamp.publish_time));
@@ -204,7 +230,7 @@ impl Context {
         }
     }
 
-    /// The present on `CLOCK_MONOTONIC`, ns, where the trace of lockstep needs it; else `known_ns`.
+    /// Current `CLOCK_MONOTONIC` time, ns, if the lockstep trace needs it; else `known_ns`.
     #[inline]
     pub(crate) fn traced_ns(&self, known_ns: u64) -> u64 {
         if self.trace.is_some() && self.clock.is_lockstep() { monotonic_ns() } else { known_ns }
@@ -218,8 +244,8 @@ impl Context {
         }
     }
 
-    /// The stamp of a value that is published at `now_ns`, with a source time if its component gives one. One that is withheld
-    /// counts as refused.
+    /// Returns the stamp of a value published at `now_ns`, with the component's source time, if given. A
+    /// withheld value counts as refused.
     #[inline(never)]
     pub(crate) fn stamp(
         &self,
@@ -258,8 +284,8 @@ impl Context {
         self.signals.on_its_own_since_ns().is_some()
     }
 
-    /// True for a component that has made its last step: while the robot settles only its actuators step, so that what a
-    /// component counts and measures is that of the run, and the actuators have the cores to themselves.
+    /// Returns `true` for a component after its last step. While the robot settles only its actuators step,
+    /// so the figures of other components cover the run only, and the actuators have the cores to themselves.
     #[inline]
     pub(crate) fn has_stepped_last(&self) -> bool {
         !self.actuator && self.region.header().command() as u32 > Command::Run as u32
@@ -273,14 +299,15 @@ impl Context {
         }
     }
 
-    /// True if an actuator that is not in its safe state is to enter it without waiting for a command.
+    /// Returns `true` if an actuator outside its safe state must enter it without waiting for a command.
     pub(crate) fn must_turn_safe(&self) -> bool {
         let stopping = self.is_stopping() || self.region.header().command() != Command::Run;
         stopping && self.block().safe.load(Relaxed) == 0
     }
 
-    /// True if the loop ends: the run stops, this process was asked to end, or the launcher is dead. In the last two
-    /// cases an actuator in real time first stays in its safe state for the settling time.
+    /// Returns `true` if the loop ends: the run stops, this process received a request to end, or the
+    /// launcher died. In the last two cases, a real-time actuator first stays in its safe state for the
+    /// settling time.
     #[inline]
     pub(crate) fn must_leave(&self) -> bool {
         self.signals.acknowledge();

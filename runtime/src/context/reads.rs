@@ -5,7 +5,8 @@ use std::rc::Rc;
 use super::Context;
 use crate::state::Stamp;
 
-/// The effects of reading an input: ages are recorded, source times go on to the outputs, an episode drops what was read.
+/// Effects of reading an input: ages are recorded, source times are passed to the outputs, and a new episode
+/// drops the value.
 #[derive(Debug)]
 pub(crate) struct ReadEffects {
     context: Rc<Context>,
@@ -21,7 +22,7 @@ impl ReadEffects {
         Self { is_cause, edge, ..Self::none(context) }
     }
 
-    /// Those of an input that the graph leaves unwired.
+    /// Effects for an unwired input.
     pub(crate) fn none(context: Rc<Context>) -> Self {
         let era = context.era();
         Self { context, is_cause: false, edge: None, era }
@@ -32,13 +33,13 @@ impl ReadEffects {
         &self.context
     }
 
-    /// True if no episode has begun since the last look.
+    /// Returns `true` if no episode has started since the last check.
     #[inline]
     pub(crate) fn is_of_this_episode(&self) -> bool {
         self.era == self.context.era()
     }
 
-    /// Notes a look; true if it is the first of an episode.
+    /// Records a check; returns `true` for the first one of an episode.
     #[inline]
     pub(crate) fn begins_episode(&mut self) -> bool {
         let begins = !self.is_of_this_episode();

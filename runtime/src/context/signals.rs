@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 /// Messages from the watcher thread of a process to its stepping thread.
 #[derive(Debug, Default)]
 pub(crate) struct Signals {
-    /// Set when this process was asked to end.
+    /// Set when this process is requested to end.
     terminated: Arc<AtomicBool>,
-    /// Time at which that was noticed, `CLOCK_MONOTONIC` ns; 0 before.
+    /// Time at which the request was noticed, `CLOCK_MONOTONIC` ns; 0 before.
     terminated_ns: AtomicU64,
-    /// Time at which the launcher was found dead, `CLOCK_MONOTONIC` ns; 0 while it lives.
+    /// Time at which the launcher was found dead, `CLOCK_MONOTONIC` ns; 0 while it is alive.
     launcher_died_ns: AtomicU64,
     /// Number of messages sent.
     sent: AtomicU32,
@@ -37,8 +37,9 @@ impl Signals {
         }
     }
 
-    /// Time since which actuators are to be in their safe state although the launcher has not said so, ns: this process
-    /// was asked to end, or the launcher died. `u64::MAX` while the time of a request is still to be noted.
+    /// Time since which actuators must be in their safe state without the launcher's request, ns: this
+    /// process was requested to end, or the launcher died. `u64::MAX` until the time of a request is
+    /// recorded.
     #[inline]
     pub(super) fn on_its_own_since_ns(&self) -> Option<u64> {
         let noted = |cell: &AtomicU64| Some(cell.load(Relaxed)).filter(|ns| *ns != 0);
@@ -66,7 +67,7 @@ impl Signals {
         self.seen.load(Acquire) == message
     }
 
-    /// Notes that the stepping thread has seen all messages sent so far.
+    /// Records that the stepping thread has seen all messages so far.
     #[inline]
     pub(super) fn acknowledge(&self) {
         self.seen.store(self.sent.load(Acquire), Relaxed);
@@ -78,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_settling_time_begins_with_the_first_of_a_request_to_end_and_the_launchers_death() {
+    fn settling_starts_with_the_first_end_or_death() {
         let signals = Signals::default();
         assert_eq!(signals.on_its_own_since_ns(), None);
         signals.note_termination(5);

@@ -19,7 +19,7 @@ pub struct Declaration {
     pub ports: Vec<PortDeclaration>,
     /// Parameters in the order of their declaration.
     pub parameters: Vec<ParameterDeclaration>,
-    /// True for the side that applies commands (physics, drives): it must reach the safe state by itself.
+    /// `true` for the side that applies commands (physics, drives): it must reach the safe state on its own.
     pub actuator: bool,
     /// True if it can be reset for a new episode.
     #[serde(default)]
@@ -27,16 +27,20 @@ pub struct Declaration {
     /// True if it can end an episode.
     #[serde(default)]
     pub may_end_episodes: bool,
+    /// True if it can begin episodes in real time.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub may_begin_episodes: bool,
     /// True if a file descriptor can release its steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
-    /// Longest time for which a step waits for an answer from outside, without the core, ns; 0 for a step that never waits.
+    /// Longest time for which a step waits for an answer from outside, without the core, ns; 0 for a step
+    /// that never waits.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub waits_ns: u64,
-    /// Topics that it reads by taps.
+    /// Topics read by taps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taps: Option<Taps>,
-    /// Warnings about a configuration that works, and is probably not meant.
+    /// Warnings about a valid but probably unintended configuration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
 }
@@ -65,7 +69,7 @@ pub struct Declare {
     robot: Option<RobotReference>,
     robots: Vec<RobotReference>,
     placement: Placement,
-    /// The component asked for them: it can work on several.
+    /// Set when the component reads its list of robots, which means that it supports several.
     takes_several: Cell<bool>,
 }
 
@@ -92,8 +96,8 @@ impl Declare {
         Self { placement, ..self }
     }
 
-    /// Nominal time between two steps, as `Setup::period` gives it later. `None` if
-    /// the graph file has a mistake in its rates and triggers, which is reported by itself, and outside of a graph.
+    /// Nominal time between two steps, equal to `Setup::period`. `None` outside a graph, and if the rates and
+    /// triggers of the graph file are invalid, which is reported separately.
     pub fn period(&self) -> Option<Duration> {
         self.placement.period
     }
@@ -103,14 +107,14 @@ impl Declare {
         self.placement.clock
     }
 
-    /// The folder in which relative paths of the `config` table start: that of the graph file, or of the file of several
-    /// in which the component stands. `Setup::folder` is the same.
+    /// Folder for relative paths in the `config` table: that of the graph file that contains the component.
+    /// Equal to `Setup::folder`.
     pub fn folder(&self) -> &Path {
         &self.placement.folder
     }
 
-    /// Warns of something in the configuration that works, and is probably not meant. `motorium check` and `run` print
-    /// it with the place in the graph file: the component, or the key that [`DeclareWarning::at`] names.
+    /// Warns of a valid but probably unintended configuration. `motorium check` and `run` print the warning
+    /// with its position in the graph file: the component, or the key set by [`DeclareWarning::at`].
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -141,14 +145,14 @@ impl Declare {
         self.robot.as_ref()
     }
 
-    /// The robots the graph file gives this component by `robots`; empty where it gives it one by `robot`, or none. A
-    /// component that never asks works on one robot at most, and `robots` is refused.
+    /// Robots assigned by `robots` in the graph file; empty for a single `robot` or none. A component that
+    /// never calls this supports at most one robot, and `robots` is rejected.
     pub fn robots(&self) -> &[RobotReference] {
         self.takes_several.set(true);
         &self.robots
     }
 
-    /// True unless the graph file gives several robots to a component that works on one at most.
+    /// Returns `false` if the graph file assigns several robots to a component that supports at most one.
     pub(crate) fn robots_fit(&self) -> bool {
         self.robots.is_empty() || self.takes_several.get()
     }
@@ -158,12 +162,12 @@ impl Declare {
         self.port::<T>(name, Direction::Input, TopicPattern::State, true, doc);
     }
 
-    /// An input that the graph may leave out.
+    /// Declares an input that the graph may leave unwired.
     pub fn optional_input<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::State, false, doc);
     }
 
-    /// An output. The graph may leave it unwired; its samples are then discarded.
+    /// Declares an output. If it is unwired, its samples are discarded.
     pub fn output<T: StateBuffer>(&mut self, name: &str, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::State, false, doc);
     }
@@ -173,12 +177,12 @@ impl Declare {
         self.port::<T>(name, Direction::Input, TopicPattern::Stream { capacity }, true, doc);
     }
 
-    /// An output whose readers may ask for every sample.
+    /// Declares an output whose readers may request every sample.
     pub fn stream_output<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Output, TopicPattern::Stream { capacity }, false, doc);
     }
 
-    /// An input that reads every slice of a stream of slices, such as images or frames.
+    /// Declares an input that reads every slice of a stream, such as images or frames.
     pub fn slice_input<T: StateBuffer>(&mut self, name: &str, capacity: usize, doc: &str) {
         self.port::<T>(name, Direction::Input, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }
@@ -188,22 +192,37 @@ impl Declare {
         self.port::<T>(name, Direction::Output, TopicPattern::Slices { capacity, longest }, false, doc);
     }
 
-    /// An input that the graph must wire, to a topic of any type: the newest value as bytes, with the layout that the
-    /// topic's writer declares. For what passes values on without knowing them, such as bridges and recorders.
+    /// Declares an input that the graph must wire, to a topic of any type. It reads the newest value as
+    /// bytes, with the layout declared by the topic's writer. For bridges and recorders.
     pub fn raw_input(&mut self, name: &str, doc: &str) {
         self.any_input(name, true, doc);
     }
 
-    /// As [`raw_input`](Self::raw_input), of an input that the graph may leave out.
+    /// Like [`raw_input`](Self::raw_input), for an input that may be unwired.
     pub fn optional_raw_input(&mut self, name: &str, doc: &str) {
         self.any_input(name, false, doc);
     }
 
+    /// An input that the graph must wire, to a stream of any type: every value as bytes.
+    pub fn raw_stream_input(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.any_port(name, TopicPattern::Stream { capacity }, true, doc);
+    }
+
+    /// An input that the graph must wire, to a stream of slices of any type: every slice as bytes and the
+    /// number of its elements.
+    pub fn raw_slice_input(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.any_port(name, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
+    }
+
     fn any_input(&mut self, name: &str, required: bool, doc: &str) {
+        self.any_port(name, TopicPattern::State, required, doc);
+    }
+
+    fn any_port(&mut self, name: &str, pattern: TopicPattern, required: bool, doc: &str) {
         self.add(PortDeclaration {
             name: name.to_string(),
             direction: Direction::Input,
-            pattern: TopicPattern::State,
+            pattern,
             layout: TypeLayout::any(),
             required,
             doc: doc.to_string(),
@@ -212,25 +231,53 @@ impl Declare {
 
     /// An output of a type that the configuration names.
     pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
+        self.raw_port(name, layout, TopicPattern::State, doc);
+    }
+
+    /// An output of a type that the configuration names, whose readers may read every value.
+    pub fn raw_stream_output(&mut self, name: &str, layout: TypeLayout, capacity: usize, doc: &str) {
+        self.raw_port(name, layout, TopicPattern::Stream { capacity }, doc);
+    }
+
+    /// An output of slices of up to `longest` elements of a type that the configuration names.
+    pub fn raw_slice_output(
+        &mut self,
+        name: &str,
+        layout: TypeLayout,
+        longest: usize,
+        capacity: usize,
+        doc: &str,
+    ) {
+        self.raw_port(name, layout, TopicPattern::Slices { capacity, longest }, doc);
+    }
+
+    fn raw_port(&mut self, name: &str, layout: TypeLayout, pattern: TopicPattern, doc: &str) {
         self.add(PortDeclaration {
             name: name.to_string(),
             direction: Direction::Output,
-            pattern: TopicPattern::State,
+            pattern,
             layout,
             required: false,
             doc: doc.to_string(),
         });
     }
 
-    /// This component applies commands to a robot: it reaches the safe state by itself when they go stale.
+    /// Declares that this component applies commands to a robot and reaches the safe state on its own when
+    /// they become stale.
     pub fn actuator(&mut self) {
         self.declaration.actuator = true;
     }
 
-    /// This component can end an episode (`Setup::episode_end`), in a graph that
-    /// says `ends_episode = true`.
+    /// Declares that this component can end an episode (`Setup::episode_end`), in a graph with `ends_episode
+    /// = true`.
     pub fn may_end_episodes(&mut self) {
         self.declaration.may_end_episodes = true;
+    }
+
+    /// This component can begin episodes in real time (`Setup::episode_driver`), in a graph that
+    /// says `begins_episodes = true`.
+    pub fn may_begin_episodes(&mut self) {
+        self.declaration.may_begin_episodes = true;
     }
 
     /// This component has a file descriptor, such as a socket, that can release its steps: a graph may say
@@ -240,8 +287,8 @@ impl Declare {
         self.declaration.wakes_on_descriptor = true;
     }
 
-    /// A step of this component waits for an answer from outside of the graph, such as that of a device, for up to `longest`:
-    /// it sleeps, and leaves its core to others. Such waiting is part of the response time, and no part of the budget.
+    /// Declares that a step waits for an external answer, such as from a device, for up to `longest`. It
+    /// sleeps and leaves its core to others. The wait is part of the response time but not of the budget.
     ///
     /// ```
     /// use motorium::prelude::*;
@@ -255,8 +302,8 @@ impl Declare {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// This component reads topics of the whole graph by taps (`Setup::observer`): the
-    /// graph keeps as many of their values as a tap may leave unread.
+    /// Declares that this component reads topics of the whole graph by taps (`Setup::observer`). The graph
+    /// keeps as many values as a tap may leave unread.
     ///
     /// ```
     /// use motorium::declare::{Declare, Taps};
@@ -270,7 +317,7 @@ impl Declare {
         self.declaration.taps = Some(taps);
     }
 
-    /// A number that may change while the component runs, within `range`, in `unit`.
+    /// Declares a floating-point parameter, which may change at run time within `range`, in `unit`.
     pub fn float(
         &mut self,
         name: &str,
@@ -282,19 +329,19 @@ impl Declare {
         self.parameter(name, ParameterValue::Float(default), Some((*range.start(), *range.end())), unit, doc);
     }
 
-    /// A whole number that may change while the component runs, within `range`.
+    /// Declares an integer parameter, which may change at run time within `range`.
     pub fn integer(&mut self, name: &str, default: i64, range: core::ops::RangeInclusive<i64>, doc: &str) {
         let range = Some((*range.start() as f64, *range.end() as f64));
         self.parameter(name, ParameterValue::Integer(default), range, "", doc);
     }
 
-    /// A switch that may change while the component runs.
+    /// Declares a Boolean parameter, which may change at run time.
     pub fn boolean(&mut self, name: &str, default: bool, doc: &str) {
         self.parameter(name, ParameterValue::Boolean(default), None, "", doc);
     }
 
-    /// One of a few names that may change while the component runs; `default` is one of them. The component reads it as a
-    /// `Choice`: the index of the name.
+    /// Declares a parameter with one of a few names, which may change at run time; `default` is one of them.
+    /// The component reads it as a `Choice`: the index of the name.
     pub fn choice(&mut self, name: &str, choices: &[&str], default: &str, doc: &str) {
         self.parameter(name, ParameterValue::Choice(default.to_string()), None, "", doc);
         if let Some(declared) = self.declaration.parameters.last_mut() {
@@ -302,8 +349,8 @@ impl Declare {
         }
     }
 
-    /// Numbers that may change while the component runs, all at once: as many as `default` has, each within `range`, in
-    /// `unit`. The component reads them by `Setup::parameter_array`.
+    /// Declares an array parameter, which may change at run time as a whole. It has the length of `default`,
+    /// each entry within `range`, in `unit`. The component reads it by `Setup::parameter_array`.
     pub fn array(
         &mut self,
         name: &str,

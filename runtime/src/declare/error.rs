@@ -42,7 +42,7 @@ impl ConfigError {
     }
 }
 
-/// The error of a step. It holds no heap memory unless its message was formatted at run time.
+/// An error of a step. It owns no heap memory unless its message is formatted at run time.
 ///
 /// ```
 /// use motorium::declare::StepError;
@@ -54,7 +54,7 @@ impl ConfigError {
 /// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepError {
-    /// An output held an invalid value, which was not published.
+    /// An output contained an invalid value, which was not published.
     #[error("output `{port}`: {defect}")]
     InvalidOutput {
         /// The port.
@@ -70,7 +70,7 @@ pub enum StepError {
         /// The transport's reason.
         reason: &'static str,
     },
-    /// A source time given for an output lies in the future; the sample was not published.
+    /// The source time of an output is in the future; the sample was not published.
     #[error("output `{port}`: its source time is {ahead_ns} ns in the future")]
     SourceInFuture {
         /// The port.

@@ -1,4 +1,4 @@
-//! Declarations of a component: its ports, its parameters and its needs, known before it runs.
+//! Declarations of a component: its ports, parameters and requirements, known before it runs.
 
 mod declaration;
 mod error;

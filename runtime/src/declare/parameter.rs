@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::nearest::{list, suggest};
 
-/// The most numbers that all parameters of one component hold together: one each, and as many as an array has.
+/// Maximum number of values in all parameters of one component: one each, and the length of each array.
 pub const MAX_PARAMETER_NUMBERS: usize = 256;
 
 /// The type of a parameter.
@@ -84,18 +84,18 @@ impl core::fmt::Display for ParameterValue {
     }
 }
 
-/// A declared parameter: a value that may change while the component runs, applied between two steps.
+/// A declared parameter: a value that may change at run time, applied between two steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ParameterDeclaration {
     /// Name of the parameter, unique in its component.
     pub name: String,
-    /// Value unless the graph file sets another. Its kind, and of an array its length, are those of the parameter.
+    /// Value unless the graph file sets another. It defines the parameter's type and an array's length.
     pub default: ParameterValue,
     /// Smallest value allowed; of an array, of each of its numbers.
     pub min: Option<f64>,
     /// Largest value allowed.
     pub max: Option<f64>,
-    /// Names to choose from, in their order; empty unless it is a choice.
+    /// Names to choose from, in order; empty unless the parameter is a choice.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<String>,
     /// Unit, or empty.
@@ -105,7 +105,7 @@ pub struct ParameterDeclaration {
 }
 
 impl ParameterDeclaration {
-    /// Number of numbers that it holds: those of an array, one for every other kind.
+    /// Number of values: the length of an array, otherwise one.
     pub fn numbers(&self) -> usize {
         match &self.default {
             ParameterValue::Array(values) => values.len(),
@@ -113,8 +113,8 @@ impl ParameterDeclaration {
         }
     }
 
-    /// Checks a value against type, range, choices and length. An integer is accepted for a float, and one number for an
-    /// array of that number.
+    /// Checks a value against type, range, choices and length. An integer is accepted for a float, and one
+    /// number for an array of that number.
     ///
     /// # Errors
     /// A text with the value found and the values expected.
@@ -170,7 +170,7 @@ impl ParameterDeclaration {
         ParameterValue::Array(vec![number; self.numbers()])
     }
 
-    /// True if a number lies within the range.
+    /// Returns `true` if a number is within the range.
     pub(crate) fn allows(&self, number: f64) -> bool {
         number.is_finite()
             && self.min.is_none_or(|min| number >= min)
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_admits_its_names_and_says_which_was_probably_meant() {
+    fn choice_accepts_its_names_and_suggests_similar_ones() {
         let gait = declared(|declare| declare.choice("gait", &["walk", "trot"], "walk", "the gait"));
         assert_eq!(gait.admit("trot".into()), Ok("trot".into()));
         let error = gait.admit("trott".into()).unwrap_err();
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn an_array_has_its_length_and_each_number_its_range() {
+    fn array_checks_length_and_range() {
         let offsets = declared(|declare| declare.array("offsets", &[0.0; 3], -1.0..=1.0, "rad", "offsets"));
         assert_eq!(offsets.numbers(), 3);
         assert_eq!(offsets.admit([0.5, -1.0, 1.0].into()), Ok([0.5, -1.0, 1.0].into()));
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn one_number_stands_for_all_numbers_of_an_array() {
+    fn single_number_fills_an_array() {
         let offsets = declared(|declare| declare.array("offsets", &[0.0; 3], -1.0..=1.0, "rad", "offsets"));
         assert_eq!(offsets.admit(0.5.into()), Ok([0.5; 3].into()));
         assert_eq!(offsets.admit(1_i64.into()), Ok([1.0; 3].into()));

@@ -1,4 +1,4 @@
-//! The place of a component in its graph, as far as it is known before its ports are.
+//! Placement of a component in its graph, as far as it is known before its ports.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,7 +16,7 @@ pub enum ClockKind {
     Lockstep,
 }
 
-/// The place of a component in its graph, as far as it is known before its ports are.
+/// Placement of a component in its graph, as far as it is known before its ports.
 ///
 /// ```
 /// use std::time::Duration;
@@ -28,7 +28,7 @@ pub enum ClockKind {
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Placement {
-    /// Nominal time between two steps; `None` if it is not known yet.
+    /// Nominal time between two steps; `None` if not known yet.
     pub period: Option<Duration>,
     /// The clock of the graph. Default real time.
     pub clock: ClockKind,

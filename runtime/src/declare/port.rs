@@ -20,22 +20,22 @@ pub enum Direction {
 pub enum TopicPattern {
     /// State: the newest value; older ones are gone.
     State,
-    /// Stream: a queue for each reader; samples that do not fit are dropped, oldest first, and counted.
+    /// Stream: a queue per reader; on overflow the oldest samples are dropped and counted.
     Stream {
-        /// Samples a reader may lag behind before it loses the oldest.
+        /// Number of samples a reader may lag behind before it loses the oldest.
         capacity: usize,
     },
     /// A queue of this many slices per reader, each of another length.
     Slices {
-        /// Slices a reader may lag behind before it loses the oldest.
+        /// Number of slices a reader may lag behind before it loses the oldest.
         capacity: usize,
-        /// Elements of the longest slice. An input declares 0: its topic's writer says it.
+        /// Elements of the longest slice. An input declares 0, since the topic's writer defines it.
         longest: usize,
     },
 }
 
 impl TopicPattern {
-    /// Samples or slices in a queue; `None` for a state, which has none.
+    /// Capacity of the queue in samples or slices; `None` for a state.
     pub fn capacity(self) -> Option<usize> {
         match self {
             Self::State => None,

@@ -1,10 +1,10 @@
-//! Robots as the runtime knows them: names, and where their models stand.
+//! Robot references: names, and the location of their models.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// The pose of a robot's base in the world, as the graph file has it.
+/// Pose of a robot's base in the world, as in the graph file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BasePose {
@@ -16,26 +16,26 @@ pub struct BasePose {
     pub rpy: [f64; 3],
 }
 
-/// The robot of a component, as the runtime knows it: its name, the place of its model, and where it stands.
+/// A component's robot: its name, the location of its model, and its pose.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RobotReference {
-    /// Its name in the graph file.
+    /// Name in the graph file.
     pub name: String,
     /// The value of `urdf` or `mjcf` in the graph file: a catalogue name, a folder or a file.
     pub urdf: String,
-    /// Folder against which a relative path is resolved: that of the graph file.
+    /// Folder for relative paths: that of the graph file.
     pub base: PathBuf,
-    /// Pose of its base in the world; `None` where the graph file does not say.
+    /// Pose of its base in the world; `None` if missing from the graph file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<BasePose>,
-    /// The file of its profile; `None` where the graph file names none.
+    /// File of its profile; `None` if not named in the graph file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<PathBuf>,
-    /// Folders in which the packages of its files are searched first.
+    /// Folders searched first for the packages of its files.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub package_path: Vec<PathBuf>,
-    /// The keys `joints`, `fixed`, `frame`, `start` and `gains` of the graph file, and `mjcf` true where its model has that key, as a
-    /// table; `None` where it has none of them.
+    /// The keys `joints`, `fixed`, `frame`, `start` and `gains` of the graph file, and `mjcf = true` if the
+    /// model is given by that key, as a table; `None` without any of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings: Option<serde_json::Value>,
 }

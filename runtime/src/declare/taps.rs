@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// The topics that a component reads by taps: every value of each, in order, without a port and without the writer's doing.
+/// The topics that a component reads by taps: every value of each, in order, without a port and without the
+/// writer's doing.
 ///
 /// ```
 /// use motorium::declare::Taps;
@@ -16,14 +17,15 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Taps {
-    /// Names of topics; a `*` stands for any characters.
+    /// Names of topics; `*` matches any characters.
     pub topics: Vec<String>,
-    /// Time that a tap may go unread before values are lost: the graph keeps as many values of a state as are published in it.
+    /// Time that a tap may go unread before values are lost; the graph keeps the values published in this
+    /// time.
     pub bridges: Duration,
 }
 
 impl Taps {
-    /// Taps of the topics with these names, in which `*` stands for any characters.
+    /// Taps the topics that match these patterns; `*` matches any characters.
     pub fn new<'a>(topics: impl IntoIterator<Item = &'a str>, bridges: Duration) -> Self {
         Self { topics: topics.into_iter().map(str::to_string).collect(), bridges }
     }
@@ -33,14 +35,14 @@ impl Taps {
         self.topics.iter().any(|pattern| matches(pattern, topic))
     }
 
-    /// The first pattern that none of these topics has.
+    /// Returns the first pattern that matches no topic.
     pub fn unmatched<'a>(&'a self, topics: &[String]) -> Option<&'a str> {
         let is_idle = |pattern: &&String| !topics.iter().any(|topic| matches(pattern, topic));
         self.topics.iter().find(is_idle).map(String::as_str)
     }
 }
 
-/// True if a text is that of a pattern, in which `*` stands for any characters.
+/// Returns `true` if a text matches a pattern, in which `*` matches any characters.
 fn matches(pattern: &str, text: &str) -> bool {
     let mut parts = pattern.split('*');
     let Some(mut rest) = parts.next().and_then(|first| text.strip_prefix(first)) else { return false };
@@ -57,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_star_stands_for_any_characters_and_nothing_else_does() {
+    fn star_is_the_only_wildcard() {
         for (pattern, text, fits) in [
             ("*", "", true),
             ("*", "panda/target", true),

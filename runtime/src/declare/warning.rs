@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A warning of a component about its own configuration: it works, and is probably not meant.
+/// A warning about a component's configuration, which is valid but probably unintended.
 ///
 /// ```
 /// use motorium::declare::Declare;
@@ -14,10 +14,10 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeclareWarning {
-    /// The key of the `config` table that it is about, dotted; without one it is about the component.
+    /// Affected key of the `config` table, dotted; `None` for the component as a whole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key: Option<String>,
-    /// The finding, and what follows from it.
+    /// Finding and its consequence.
     pub message: String,
     /// Advice, in one sentence.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -30,7 +30,7 @@ impl DeclareWarning {
         Self { key: None, message: message.into(), advice: None }
     }
 
-    /// Names the key of the `config` table that it is about, dotted, such as `goals[0].duration`.
+    /// Sets the affected key of the `config` table, dotted, such as `goals[0].duration`.
     pub fn at(&mut self, key: impl Into<String>) -> &mut Self {
         self.key = Some(key.into());
         self

@@ -1,4 +1,4 @@
-//! One iceoryx2 domain per run, in the run's own folder: its nodes, its services, its choice of mechanisms.
+//! One iceoryx2 domain per run, in the run's folder: its nodes, services and choice of mechanisms.
 
 #![allow(unsafe_code)] // iceoryx2's counter of nodes is made before iceoryx2 makes it for all users
 
@@ -27,7 +27,7 @@ pub use variant::Shared;
 /// The folder of all shared memory objects.
 pub const SHARED_MEMORY: &str = "/dev/shm";
 
-/// The type of iceoryx2's counter of nodes, of which it computes the name of the object.
+/// Type of iceoryx2's node counter, from which it derives the name of the object.
 const COUNTER_TYPE: &str = "iceoryx2::node::global_management_segment::State";
 
 /// The domain of one run. Two domains never see each other.
@@ -38,7 +38,7 @@ pub struct Domain {
     prefix: String,
 }
 
-/// A domain or a node in it could not be made.
+/// A domain or a node in it could not be created.
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
     /// The folder's path cannot name a domain.
@@ -55,7 +55,8 @@ pub enum DomainError {
 }
 
 impl Domain {
-    /// The domain of a run: its files live in `folder/iox2`, its shared memory objects begin with `mt_<run>_`.
+    /// The domain of a run: its files live in `folder/iox2`, its shared memory objects begin with
+    /// `mt_<run>_`.
     ///
     /// # Errors
     /// The path or the run's name has characters that iceoryx2 does not take.
@@ -67,18 +68,19 @@ impl Domain {
         let path = IoxPath::new(root.as_os_str().as_encoded_bytes()).map_err(|_| refuse())?;
         config.global.set_root_path(&path);
         config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| refuse())?;
-        // Dead nodes are cleaned by the launcher alone, never by a component on its way up.
+        // Only the launcher cleans up dead nodes, never a starting component.
         config.global.service.cleanup_dead_nodes_on_open = false;
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         Ok(Self { config, root, prefix })
     }
 
-    /// Makes the counter of nodes, readable and writable by its owner alone. iceoryx2 opens what it finds, and would else
-    /// make one that any user of the machine can write, and so keep every process from joining.
+    /// Creates the node counter, accessible to its owner only. iceoryx2 opens an existing one, and would
+    /// otherwise create one that any user of the machine can write, and thereby block every process from
+    /// joining.
     ///
     /// # Errors
-    /// Shared memory is full or forbidden.
+    /// Shared memory is full or access is denied.
     pub(crate) fn prepare(&self) -> Result<(), DomainError> {
         type Counter = <Shared as Service>::PersistentDynamicStorage<u32>;
         let refuse =
@@ -116,7 +118,7 @@ impl Domain {
     /// # Errors
     /// Shared memory is full, forbidden, or the folder is gone.
     pub fn node(&self) -> Result<Node<Shared>, DomainError> {
-        // iceoryx2 would make the folder of a run that has ended anew.
+        // iceoryx2 would recreate the folder of a finished run.
         if self.root.parent().is_some_and(|folder| !folder.exists()) {
             let reason = "the run has ended".to_string();
             return Err(DomainError::Node { root: self.root.clone(), reason });
@@ -131,11 +133,11 @@ impl Domain {
             })
     }
 
-    /// True if processes that have ended still hold places in the topics and parameters. Looks at files and their locks
-    /// alone, not at the words of iceoryx2 in shared memory.
+    /// Returns `true` if dead processes still occupy slots in topics and parameters. Inspects files and their
+    /// locks only, not iceoryx2's data in shared memory.
     pub fn has_dead(&self) -> bool {
         let mut found = false;
-        // What cannot be listed now is listed next time.
+        // Failures are retried with the next listing.
         let _ = Node::<Shared>::list(&self.config, |state| {
             found |= matches!(state, NodeState::Dead(_));
             if found { CallbackProgression::Stop } else { CallbackProgression::Continue }
@@ -143,27 +145,27 @@ impl Domain {
         found
     }
 
-    /// Frees the places of processes that have ended. It walks through words in shared memory that others have written: if
-    /// these were damaged, this process may crash.
+    /// Frees the slots of dead processes. It traverses shared memory written by others: if that is damaged,
+    /// this process may crash.
     pub fn clean(&self) {
         let _ = Node::<Shared>::list(&self.config, |state| {
             if let NodeState::Dead(dead) = state {
-                // One that cannot be removed now is found again.
+                // Failures are found again later.
                 let _ = dead.try_remove_stale_resources();
             }
             CallbackProgression::Continue
         });
     }
 
-    /// The object that keeps shared memory free for restarts.
+    /// Object that reserves shared memory for restarts.
     pub(crate) fn spare_file(&self) -> PathBuf {
         Path::new(SHARED_MEMORY).join(format!("{}spare", self.prefix))
     }
 
-    /// Removes all that is left of the domain, once nobody uses it any more. Returns what was removed.
+    /// Removes all remains of the domain once nobody uses it any more. Returns the removed paths.
     pub fn remove(&self) -> Vec<PathBuf> {
         let mut removed = Vec::new();
-        // The lock goes last: objects without one belong to nobody.
+        // The lock is removed last: objects without a lock belong to nobody.
         for path in self.objects().filter(|path| *path != self.lock_file()).chain([self.lock_file()]) {
             if std::fs::remove_file(&path).is_ok() {
                 removed.push(path);
@@ -182,7 +184,7 @@ impl Domain {
         entries.filter(move |entry| ours(&entry.file_name())).map(|entry| entry.path())
     }
 
-    /// The file whose lock tells that the domain's shared memory objects are in use.
+    /// File whose lock indicates that the domain's shared memory objects are in use.
     pub fn lock_file(&self) -> PathBuf {
         Path::new(SHARED_MEMORY).join(format!("{}lock", self.prefix))
     }
@@ -198,7 +200,7 @@ impl Domain {
     }
 }
 
-/// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.
+/// Reduces iceoryx2's log to user-relevant messages; errors are returned as values anyway.
 pub fn quieten() {
     iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
 }

@@ -1,7 +1,4 @@
-//! Shared ownership within one thread whose memory comes from a pool.
-//!
-//! iceoryx2 makes one reference-counted value per lent sample. With the system's allocator that would be a heap
-//! allocation per publication; the pool gives the same block back again.
+//! Reference counting within one thread, with pooled memory.
 
 #![allow(unsafe_code)] // a reference count and a free list over raw memory; every function says why it is sound
 
@@ -21,7 +18,7 @@ const BLOCK: Layout = match Layout::from_size_align(128, 16) {
     Ok(layout) => layout,
     Err(_) => panic!("a constant layout is valid"),
 };
-/// Number of free blocks that a thread keeps: one per output port is needed.
+/// Number of free blocks kept per thread: one per output port is needed.
 const KEPT: usize = 32;
 
 /// Free blocks of one thread.
@@ -69,7 +66,7 @@ fn take(layout: Layout) -> *mut u8 {
     memory
 }
 
-/// Gives memory back that `take` gave for the same layout.
+/// Returns memory that `take` allocated for the same layout.
 fn give(memory: *mut u8, layout: Layout) {
     let kept = fits(layout)
         && POOL
@@ -90,7 +87,7 @@ fn give(memory: *mut u8, layout: Layout) {
     }
 }
 
-/// The value and how many handles share it.
+/// The value and its number of handles.
 struct Shared<T> {
     handles: Cell<usize>,
     value: ManuallyDrop<T>,
@@ -103,12 +100,12 @@ pub struct PoolAllocated<T> {
 
 impl<T> PoolAllocated<T> {
     fn shared(&self) -> &Shared<T> {
-        // SAFETY: the block lives as long as any handle, and this is one. The handle is neither `Send` nor `Sync`,
-        // so nobody changes the count meanwhile.
+        // SAFETY: the block outlives every handle, including this one. The handle is neither `Send` nor
+        // `Sync`, so the count does not change meanwhile.
         unsafe { self.shared.as_ref() }
     }
 
-    /// Lets go of one handle; true if it was the last.
+    /// Drops one handle; returns `true` for the last one.
     fn release(&self) -> bool {
         let handles = self.shared().handles.get() - 1;
         self.shared().handles.set(handles);
@@ -141,10 +138,10 @@ impl<T> Drop for PoolAllocated<T> {
 
 impl<T: Abandonable> Abandonable for PoolAllocated<T> {
     unsafe fn abandon_in_place(mut this: NonNull<Self>) {
-        // SAFETY: the caller hands over a valid handle that it will not use or drop any more.
+        // SAFETY: the caller passes a valid handle that is not used or dropped afterwards.
         let handle = unsafe { this.as_mut() };
         if handle.release() {
-            // SAFETY: the last handle: the value is abandoned in its place, its block is left as it is.
+            // SAFETY: this is the last handle: the value is abandoned in place, and its block is untouched.
             unsafe { T::abandon_in_place(NonNull::from_mut(&mut *handle.shared.as_mut().value)) };
         }
     }

@@ -1,4 +1,4 @@
-//! The services of a run: their names, and what can go wrong with one.
+//! Services of a run: names and errors.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ pub struct ServiceError {
     pub reason: String,
 }
 
-/// Makes the error of an operation on a service from its reason; shared memory that is short is named in it.
+/// Converts the error of a service operation; exhausted shared memory is named explicitly.
 pub(crate) fn refused(
     owner: String,
     action: &'static str,

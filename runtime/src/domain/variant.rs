@@ -12,8 +12,8 @@ use super::pool_allocated::PoolAllocated;
 
 /// The mechanisms of stock `ipc::Service`, but samples of a stream are lent without the heap.
 ///
-/// Stock programs (`iox2`, the Python wheel) see the same memory. Topics carry no iceoryx2 event: a component is woken
-/// by the notifier of the topic (`Trigger`).
+/// Stock programs (`iox2`, the Python wheel) see the same memory. Topics carry no iceoryx2 event: a component
+/// is woken by the notifier of the topic (`Trigger`).
 #[derive(Debug, Clone)]
 pub struct Shared {}
 

@@ -17,16 +17,16 @@ pub(super) const SPIN: SpinChoice = SpinChoice::Auto;
 pub(super) const SPIN_SHARE: Share = Share(0.1);
 pub(super) const ON_DENIED: OnDenied = OnDenied::Warn;
 pub(super) const IDLE_EXIT: TimeSpan = TimeSpan { ns: 0 };
-/// Periods without a step after which a component has hung.
+/// Periods without a step after which a component counts as hung.
 pub(super) const HANG_PERIODS: u64 = 20;
-/// The least time without a step after which a real-time component has hung.
+/// Minimum time without a step after which a real-time component counts as hung.
 pub(super) const HANG_REALTIME: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
 /// The same for one that shares its cores with everything else.
 pub(super) const HANG_NORMAL: TimeSpan = TimeSpan { ns: SECOND };
-/// Budgets (periods, where there is none) that a component may compute for without waiting.
+/// Number of budgets (or periods, without a budget) that a component may compute without waiting.
 pub(super) const CPU_LIMIT_STEPS: u64 = 10;
-/// The least of that time: the kernel counts the ticks at which a component has the core, also where a host has taken most of
-/// the time between them.
+/// Minimum of that time: the kernel counts ticks at which a component has the core, even if the host has
+/// stolen most of the time between them.
 pub(super) const CPU_LIMIT: TimeSpan = TimeSpan { ns: 50 * MILLISECOND };
 pub(super) const LOST_STEPS: Share = Share(0.05);
 pub(super) const PHASE: TimeSpan = TimeSpan { ns: 0 };

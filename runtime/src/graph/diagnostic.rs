@@ -14,15 +14,16 @@ pub(super) struct Label {
     pub text: String,
 }
 
-/// Findings of one severity that are shown: who mends these sees the others next time.
+/// Number of findings of one severity that are shown; the others appear once these are fixed.
 const SHOWN: usize = 20;
-/// The same of a file that cannot be parsed: in one of another kind every line is an error, and the first ones say so.
+/// The same for a file that does not parse: in a file of another format every line is an error, and the first
+/// ones suffice.
 const SHOWN_OF_SYNTAX: usize = 5;
 
-/// One mistake: what was found, where, and what to try.
+/// One mistake: finding, position, and advice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnostic {
-    /// The findings that it stands for: 1, but for the one that counts those not shown.
+    /// Number of represented findings: 1, except for the summary of hidden ones.
     pub(super) count: usize,
     pub(super) severity: Severity,
     pub(super) message: String,
@@ -156,12 +157,12 @@ impl Report {
         self.error(message)
     }
 
-    /// Adds an error; the rest of it is added to what this returns.
+    /// Adds an error and returns it for completion.
     pub(super) fn error(&mut self, message: impl Into<String>) -> &mut Diagnostic {
         self.add(Severity::Error, message.into())
     }
 
-    /// Adds a warning; the rest of it is added to what this returns.
+    /// Adds a warning and returns it for completion.
     pub(super) fn warning(&mut self, message: impl Into<String>) -> &mut Diagnostic {
         self.add(Severity::Warning, message.into())
     }
@@ -186,9 +187,9 @@ impl Report {
         self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
     }
 
-    /// Everything collected, in the order of the file; what has no place comes first. Beside errors there are no
-    /// warnings: what is left out of a graph by mistake makes many of them. Of very many the first are given, and one that
-    /// counts the others.
+    /// Returns everything collected, in file order; findings without a position come first. Warnings are
+    /// omitted if there are errors, because one error can cause many. Excess findings are replaced by their
+    /// count.
     pub(super) fn into_diagnostics(mut self) -> Vec<Diagnostic> {
         let severity = if self.has_errors() { Severity::Error } else { Severity::Warning };
         self.diagnostics.retain(|diagnostic| diagnostic.severity == severity);
@@ -205,7 +206,7 @@ impl Report {
     }
 }
 
-/// A text without its middle if it is longer than anyone reads, as one that holds a very long name.
+/// Removes the middle of an excessively long text, such as one with a very long name.
 fn shortened(text: String) -> String {
     const LONGEST: usize = 1_000;
     if text.len() <= LONGEST {
@@ -231,7 +232,7 @@ mod tests {
     use super::{grouped, shortened};
 
     #[test]
-    fn a_very_long_text_is_shown_without_its_middle() {
+    fn very_long_text_is_shortened_in_the_middle() {
         let short = "name ".repeat(200);
         assert_eq!(shortened(short.clone()), short);
         let long = shortened("µ".repeat(1_000_000));

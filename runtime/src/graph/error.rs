@@ -16,7 +16,7 @@ impl GraphError {
         Self { diagnostics }
     }
 
-    /// The errors, in the order of the file: of very many the first, and one that counts the others.
+    /// Returns the errors in file order; excess errors are replaced by their count.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         &self.diagnostics
     }
@@ -26,7 +26,7 @@ impl GraphError {
         self.diagnostics.iter().map(Diagnostic::report).collect()
     }
 
-    /// All of them with the lines of the file they are about, and a line that counts them.
+    /// Renders all of them with the affected lines of the file, and a final count.
     pub fn render(&self, colour: bool) -> String {
         let mut text = String::new();
         for diagnostic in &self.diagnostics {
@@ -49,7 +49,7 @@ impl GraphError {
 }
 
 impl core::fmt::Display for GraphError {
-    /// The first error and how many there are; [`GraphError::render`] shows all.
+    /// Writes the first error and the number of errors; [`GraphError::render`] shows all.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.diagnostics.first() {
             Some(first) => write!(f, "{}: {}", self.summary(), first.message()),

@@ -1,4 +1,4 @@
-//! Reading a graph file: a file of bounded size, and nothing that never ends.
+//! Reading of graph files: regular files of bounded size.
 
 use std::fs::File;
 use std::io::{Error, Read as _};
@@ -10,9 +10,10 @@ pub(super) const LONGEST: u64 = 16 * 1024 * 1024;
 /// The content of a regular file of at most [`LONGEST`] bytes.
 ///
 /// # Errors
-/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a file.
+/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a
+/// file.
 pub(super) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
-    // Asked before it is opened: opening a pipe waits for its other end.
+    // Checked before opening: opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path)?;
     if !metadata.is_file() {
         let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };

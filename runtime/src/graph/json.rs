@@ -1,4 +1,4 @@
-//! The `config` table as JSON: so it travels to the process of the component.
+//! Conversion of the `config` table to JSON, in which it is sent to the component's process.
 
 use serde_json::{Map, Value as Json};
 use toml::de::DeValue;
@@ -7,10 +7,10 @@ use super::diagnostic::Report;
 use super::read::{Value, entries};
 use super::source::Span;
 
-/// Largest number of a configuration: what is beyond overflows in the first product, and is a slip of the keyboard.
+/// Largest number in a configuration: larger ones overflow in the first product and are typing errors.
 pub(super) const LARGEST: f64 = 1e15;
 
-/// A TOML value as JSON; what JSON cannot hold is reported.
+/// Converts a TOML value to JSON; unsupported values are reported.
 pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
     Some(match value.get_ref() {
         DeValue::String(text) => Json::String(text.to_string()),
@@ -67,13 +67,14 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
 
 /// The places of a key in a `config` table.
 pub(super) struct Found {
-    /// Of the key itself; of an element of an array, that element.
+    /// Span of the key itself, or of an element of an array.
     pub key: Span,
     /// Of its value.
     pub value: Span,
 }
 
-/// The places of a key in a `config` table, dotted: `tasks.0.gain` or `tasks[0].gain`; as deep as it can be followed.
+/// Finds the position of a dotted key in a `config` table: `tasks.0.gain` or `tasks[0].gain`, as deep as it
+/// can be followed.
 pub(super) fn find(config: &Value<'_>, path: &str) -> Option<Found> {
     let mut place = None;
     let mut value = config;

@@ -1,6 +1,6 @@
-//! The files of a graph: the one that was named, those it extends, and the overlays of the command line.
+//! The files of a graph: the named file, the files it extends, and the overlays of the command line.
 //!
-//! Files are found by their `extends` keys alone; what stands in them is laid together in `merge`.
+//! Files are found by their `extends` keys; their contents are merged in `merge`.
 
 use std::path::{Path, PathBuf};
 
@@ -12,28 +12,28 @@ use super::source::{Source, Sources, Span};
 
 /// Most files of one graph.
 const MOST: usize = 32;
-/// Most files in a row that extend one another.
+/// Maximum length of a chain of `extends`.
 const DEEPEST: usize = 8;
 
 /// A file of a graph.
 struct Layer {
-    /// Its path as it was written.
+    /// Path as written.
     path: PathBuf,
-    /// Its path by which it is recognised.
+    /// Path used for identity.
     identity: PathBuf,
     text: String,
     problem: Option<Problem>,
 }
 
-/// A file that another extends and that cannot be used.
+/// An extended file that cannot be used.
 struct Problem {
-    /// Place of its name, in the text of the file that names it.
+    /// Position of its name in the text of the extending file.
     span: Span,
     message: String,
     advice: String,
 }
 
-/// All files of a graph, each laid over those before it.
+/// All files of a graph; each overrides the previous ones.
 #[derive(Default)]
 pub(super) struct Layers {
     files: Vec<Layer>,
@@ -41,7 +41,7 @@ pub(super) struct Layers {
 }
 
 impl Layers {
-    /// The graph file with those that it extends.
+    /// Loads the graph file and the files it extends.
     pub(super) fn of_graph(path: &Path, text: String) -> Self {
         let mut layers = Self::default();
         layers.add(path, text);
@@ -49,7 +49,8 @@ impl Layers {
         layers
     }
 
-    /// Lays a file, with those that it extends, over all others. One that is part of the graph already stays where it is.
+    /// Overlays a file, with the files it extends, on all others. A file that is already part of the graph is
+    /// not added again.
     pub(super) fn add(&mut self, path: &Path, text: String) {
         let mut chain: Vec<Layer> = Vec::new();
         let mut next = Some((path.to_path_buf(), text));
@@ -73,7 +74,7 @@ impl Layers {
         self.files.extend(chain.into_iter().rev());
     }
 
-    /// The file that the last one of a chain extends; `None` if it is part of the graph already.
+    /// Returns the file extended by the last one of a chain; `None` if it is already part of the graph.
     fn base(&self, chain: &[Layer], base: &str) -> Result<Option<(PathBuf, String)>, (String, String)> {
         let last = chain.last().expect("a chain has a file");
         let path = last.path.parent().unwrap_or(Path::new("")).join(base);
@@ -124,7 +125,7 @@ impl Layers {
     /// Most files, and most bytes of all of them.
     pub(super) const LIMITS: (usize, usize) = (MOST, LONGEST as usize);
 
-    /// The texts; a function that reports what is wrong with the files follows once there is a report.
+    /// Returns the texts, and a function that reports file problems once there is a report.
     pub(super) fn into_sources(self) -> (Sources, Problems) {
         let mut sources = Sources::new(self.named);
         let mut problems = Vec::new();
@@ -153,7 +154,7 @@ impl Problems {
 }
 
 impl Layer {
-    /// The file that it extends, with the place of its name.
+    /// Returns the extended file with the position of its name.
     fn extends(&self) -> Option<(Span, String)> {
         // most files are parsed once
         if !self.text.contains("extends") {

@@ -7,13 +7,13 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// The cores that are online, those isolated from the scheduler among them. Whether a process may run on one shows
-    /// when it is placed there and reads back.
+    /// Detects the online cores, including those isolated from the scheduler. Whether a process may use one
+    /// shows only when it is pinned there.
     pub fn detect() -> Self {
         Self::with_cores(crate::os::machine::online_cores())
     }
 
-    /// A machine with these cores; with core 0 alone if there are none.
+    /// A machine with these cores; with core 0 if the list is empty.
     pub fn with_cores(mut cores: Vec<usize>) -> Self {
         cores.sort_unstable();
         cores.dedup();
@@ -23,7 +23,7 @@ impl Machine {
         Self { cores }
     }
 
-    /// Its cores, ascending, at least one.
+    /// Returns its cores in ascending order, at least one.
     pub fn cores(&self) -> &[usize] {
         &self.cores
     }

@@ -1,4 +1,4 @@
-//! One file of a graph laid over another: tables key by key, everything else in the place of what was there.
+//! Overlaying one graph file on another: tables are merged key by key, other values replaced.
 
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
@@ -8,11 +8,11 @@ use super::read::{At, Read as _, Value};
 use super::source::Span;
 use crate::nearest::{list, nearest};
 
-/// Lays the tables of a file over those of the files below it: first what it removes is taken out, then its tables are
-/// merged key by key, and its other values put in the place of what was there.
+/// Overlays the tables of a file on the files below: applies its removals, then merges tables key by key and
+/// replaces other values.
 pub(super) fn lay<'i>(below: &mut DeTable<'i>, mut file: DeTable<'i>, report: &mut Report) {
     if let Some(value) = file.remove("extends") {
-        // where it leads has been followed; that it is a text is checked here
+        // the extended file has been loaded; its type is checked here
         String::read("extends", &value, report);
     }
     if let Some(value) = file.remove("remove") {
@@ -35,7 +35,7 @@ fn merge<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) {
                 }
             }
             (_, value) => {
-                // the key too, so that messages about it point to this file
+                // replace the key as well, so that messages about it point to this file
                 below.remove(key.get_ref().as_ref());
                 below.insert(key, value);
             }
@@ -79,7 +79,7 @@ fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report)
     }
 }
 
-/// A table with every place in it moved on by `by`.
+/// Shifts every span of a table by `by`.
 pub(super) fn shifted(table: DeTable<'_>, by: usize) -> DeTable<'_> {
     if by == 0 {
         return table;

@@ -1,13 +1,13 @@
-//! The graph file: parsed, resolved, checked, with every mistake shown in its place.
+//! Graph files: parsing, resolving and checking, with every mistake reported at its position.
 //!
-//! [`load`] turns a graph file into a [`Plan`], or into all that is wrong with it. On the way:
+//! [`load`] converts a graph file to a [`Plan`], or returns all its mistakes. The stages are:
 //!
-//! * `layers`, `merge`: the files, those that they extend and overlays, laid over one another;
-//! * `source`, `overrides`: the texts, and `--set` in place of values of the files;
+//! * `layers`, `merge`: merging of files, extended files and overlays;
+//! * `source`, `overrides`: the texts, and values overridden by `--set`;
 //! * `read`, `values`, `units`, `model`: from TOML to typed tables, key by key;
 //! * `resolve`: names looked up, wires and times checked, defaults filled in;
-//! * `diagnostic`, `render`: what is wrong, where, and what to do about it;
-//! * `schema`: the JSON Schema, from the same tables.
+//! * `diagnostic`, `render`: mistakes, their positions, and advice;
+//! * `schema`: the JSON Schema, generated from the same tables.
 
 mod defaults;
 mod diagnostic;
@@ -48,38 +48,38 @@ use source::Sources;
 pub struct Checked {
     /// The graph, resolved.
     pub plan: Plan,
-    /// Findings that are allowed but probably not meant.
+    /// Valid but probably unintended findings.
     pub warnings: Vec<Diagnostic>,
-    /// Time that each component took to declare itself, in the order of the file.
+    /// Time for the declaration of each component, in file order.
     pub declared: Vec<DeclareTime>,
 }
 
-/// The time that a component took to declare itself.
+/// Time for the declaration of a component.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct DeclareTime {
     /// The component.
     pub component: String,
-    /// Wall time of its [`declare`](crate::component::Component::declare), ns; of a program of its own with its start and
-    /// its end.
+    /// Wall time of its [`declare`](crate::component::Component::declare), ns; of a program of its own with
+    /// its start and its end.
     pub wall_ns: u64,
 }
 
-/// The longest time that a component may take to declare itself before `motorium check` warns of it, ns.
+/// Maximum declaration time of a component before `motorium check` warns, ns.
 pub const DECLARE_BOUND_NS: u64 = 100_000_000;
 
-/// Reads a graph file, puts `overrides` in place and checks everything that can be checked before anything starts, for
-/// the machine this runs on.
+/// Reads a graph file, applies `overrides`, and performs all checks possible before the start, for the
+/// current machine.
 ///
 /// # Errors
-/// All mistakes that were found, each with its place and with advice.
+/// All mistakes found, each with its position and advice.
 pub fn load(path: &Path, overrides: &[Override], registry: &Registry) -> Result<Checked, GraphError> {
     load_for(path, overrides, registry, &Machine::detect())
 }
 
-/// As [`load`], for a given machine.
+/// Like [`load`], for a given machine.
 ///
 /// # Errors
-/// All mistakes that were found, each with its place and with advice.
+/// All mistakes found, each with its position and advice.
 pub fn load_for(
     path: &Path,
     overrides: &[Override],
@@ -89,11 +89,11 @@ pub fn load_for(
     load_with(path, &[], overrides, registry, machine)
 }
 
-/// As [`load_for`], with files laid over the graph file, one after the other, before the `overrides`: an overlay is a
-/// graph file of which nothing but its differences need be there.
+/// Like [`load_for`], with overlay files applied to the graph file in order, before the `overrides`. An
+/// overlay is a graph file that contains only differences.
 ///
 /// # Errors
-/// All mistakes that were found, each with its place and with advice.
+/// All mistakes found, each with its position and advice.
 pub fn load_with(
     path: &Path,
     overlays: &[PathBuf],
@@ -104,10 +104,10 @@ pub fn load_with(
     check_with(path, read(path)?, overlays, overrides, registry, machine)
 }
 
-/// As [`load_with`], for a text that stands for the content of the file at `path`.
+/// Like [`load_with`], with a text replacing the content of the file at `path`.
 ///
 /// # Errors
-/// All mistakes that were found, each with its place and with advice.
+/// All mistakes found, each with its position and advice.
 pub fn check_with(
     path: &Path,
     text: String,
@@ -127,10 +127,10 @@ pub fn check_with(
     check_layers(path, layers, overrides, registry, machine)
 }
 
-/// As [`load_for`], for a text that stands for the content of the file at `path`.
+/// Like [`load_for`], with a text replacing the content of the file at `path`.
 ///
 /// # Errors
-/// All mistakes that were found, each with its place and with advice.
+/// All mistakes found, each with its position and advice.
 pub fn check(
     path: &Path,
     text: String,
@@ -156,7 +156,7 @@ fn check_layers(
     let mut report = Report::new(Arc::clone(&sources));
     problems.report(&mut report);
     if report.has_errors() {
-        // without the file below, what is above it would give false errors
+        // without the file below, the files above would cause false errors
         return Err(GraphError::new(report.into_diagnostics()));
     }
     let context = resolve::Context::new(path, &sources, registry, machine);
@@ -174,7 +174,7 @@ fn read(path: &Path) -> Result<String, GraphError> {
     String::from_utf8(bytes).map_err(|error| not_text(path, &error))
 }
 
-/// The folder of a file, absolute where that can be found out.
+/// Folder of a file, absolute if it can be determined.
 fn folder_of(path: &Path) -> PathBuf {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

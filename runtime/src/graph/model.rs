@@ -23,51 +23,52 @@ mod safety;
 
 pub(super) use activate::ActivateTable;
 pub(super) use robot::{BaseTable, RobotTable};
-pub(super) use safety::SafetyTable;
+pub(super) use safety::{ActuatorSafetyTable, SafetyTable};
 
 /// A graph of components that share state: the components, their wiring, their times and their safety.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Graph")]
 pub(super) struct GraphTable<'i> {
-    /// A graph file over which this one is laid, relative to this one: tables are merged key by key, other values
-    /// replace those of that file.
+    /// Base graph file, relative to this one. Tables are merged key by key; other values override those of
+    /// the base file.
     pub extends: Option<At<String>>,
-    /// Dotted paths of what is taken out of the files below before this one is laid over them, such as
+    /// Dotted paths of keys removed from the base files before this one is applied, such as
     /// `component.encoder`.
     pub remove: Option<At<Vec<At<String>>>>,
     /// Name of the graph.
     #[schemars(required)]
     pub name: Option<At<Name>>,
-    /// `realtime`: the machine's clock; `lockstep`: simulated time, deterministic, as fast as the machine allows.
+    /// `realtime`: the machine's clock. `lockstep`: simulated time, deterministic, as fast as possible.
     #[schemars(extend("default" = defaults::CLOCK))]
     pub clock: Option<At<ClockKind>>,
-    /// Duration of the run. Default: until it is stopped.
+    /// Duration of the run. Default: until stopped.
     pub duration: Option<At<TimeSpan>>,
     /// Seed of all random numbers: every component derives its own from this and its name.
     #[schemars(extend("default" = defaults::SEED))]
     pub seed: Option<At<u64>>,
-    /// Division of the run into episodes, in lockstep: each begins with a reset of all components.
+    /// Division of the run into episodes. In lockstep each begins with a reset of all components, in real
+    /// time without one.
     pub episodes: Option<At<EpisodesTable>>,
     /// Use of the cores.
     pub cores: Option<At<CoresTable>>,
     /// Settings of real time.
     pub realtime: Option<At<RealtimeTable>>,
-    /// The world around the robots, which all components that simulate or see it share: gravity, ground, objects. Poses
-    /// are in the world, z up.
+    /// The world around the robots, shared by all components that simulate or perceive it: gravity, ground,
+    /// objects. Poses are in the world frame, z up.
     pub world: Option<At<AnyTable<'i>>>,
     /// Robots, by name.
     pub robot: Option<At<Named<RobotTable>>>,
-    /// Components, by name: each runs as a process of its own.
+    /// Components by name; each runs as a separate process.
     #[schemars(required)]
     pub component: Option<At<Named<ComponentTable<'i>>>>,
     /// Settings of topics, by name.
     pub topic: Option<At<Named<TopicTable>>>,
     /// End-to-end latency budgets, measured from stamps that travel with the data.
     pub latency: Option<At<Vec<At<LatencyTable>>>>,
-    /// Limits and states that keep the robot safe.
+    /// Limits and states for the safety of the robot.
     pub safety: Option<At<SafetyTable>>,
-    /// Conditions that figures of the report are to meet: `"controller.position_error_m" = "<= 1e-3"`. A run that ends in
-    /// good order and does not meet them has an exit code of its own.
+    /// Conditions on figures of the report: `"controller.position_error_m" = "<= 1e-3"`. A run that ends
+    /// normally but violates them has its own exit code.
     pub expect: Option<At<Expectations>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
@@ -101,7 +102,7 @@ impl<'i> GraphTable<'i> {
             keys, extends, remove, name, clock, duration, seed, episodes, cores, realtime, world, robot, component,
             topic, latency, safety, expect; meant: Vec::new()
         );
-        // those of files have been followed: these are of the command line
+        // keys of files have been applied already; these are from the command line
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
             keys.report()
                 .error("`extends` and `remove` cannot be set from the command line")
@@ -141,7 +142,8 @@ pub(super) struct CoresTable {
     /// Cores of real-time components. If left out: the last core of the machine.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub realtime: Option<At<Vec<At<usize>>>>,
-    /// Cores of everything else. If left out: all that are not real-time, or the same one on a machine with one core.
+    /// Cores of everything else. If left out: all that are not real-time, or the same one on a machine with
+    /// one core.
     #[schemars(length(min = 1), extend("uniqueItems" = true))]
     pub shared: Option<At<Vec<At<usize>>>>,
 }
@@ -159,24 +161,24 @@ impl<'i> Read<'i> for CoresTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Realtime")]
 pub(super) struct RealtimeTable {
-    /// A waiting real-time component sleeps until this long before its release, then spins. `"0 us"`: it never spins;
-    /// `"auto"`: as long as the wake errors of this machine ask for.
+    /// A waiting real-time component sleeps until this long before its release and then spins. `"0 us"`
+    /// disables spinning; `"auto"` adapts to the measured wake-up errors of this machine.
     #[schemars(extend("default" = defaults::SPIN))]
     pub spin: Option<At<SpinChoice>>,
-    /// A component whose spin is `"auto"` takes at most this share of its core for it.
+    /// Maximum share of its core for a component with `"auto"` spin.
     #[schemars(extend("default" = defaults::SPIN_SHARE))]
     pub spin_share: Option<At<Share>>,
-    /// Treatment of requests for priorities, cores and locked memory that the system denies: go on and report them, or
-    /// refuse.
+    /// Treatment of requests for priorities, cores and locked memory that the system denies: go on and report
+    /// them, or refuse.
     #[schemars(extend("default" = defaults::ON_DENIED))]
     pub on_denied: Option<At<OnDenied>>,
-    /// Idle states that take longer than this to leave are kept from all cores while the graph runs.
+    /// Idle states with a longer exit latency are disabled on all cores while the graph runs.
     #[schemars(extend("default" = defaults::IDLE_EXIT))]
     pub idle_exit: Option<At<TimeSpan>>,
-    /// Time without a step after which a component has hung and is ended. If left out: 20 of its periods, but at least
-    /// 200 ms, or 1 s for a component that is not real-time.
+    /// Time without a step after which a component counts as hung and is ended. Default: 20 of its periods,
+    /// at least 200 ms, or 1 s for a component that is not real-time.
     pub hang_after: Option<At<TimeSpan>>,
-    /// Share of its steps above which a component that loses them is warned of.
+    /// Share of lost steps above which a component causes a warning.
     #[schemars(extend("default" = defaults::LOST_STEPS))]
     pub lost_steps: Option<At<Share>>,
 }
@@ -194,7 +196,8 @@ impl<'i> Read<'i> for RealtimeTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Topic")]
 pub(super) struct TopicTable {
-    /// Values of a state kept behind the newest one, for taps (`motorium topic echo --every`, recorders), up to 10000.
+    /// Values of a state kept behind the newest one, for taps (`motorium topic echo --every`, recorders), up
+    /// to 10000.
     #[schemars(range(max = 10_000), extend("default" = 0))]
     pub history: Option<At<usize>>,
 }
@@ -218,14 +221,14 @@ pub(super) struct ComponentTable<'i> {
     pub exec: Option<At<String>>,
     /// The robot it works on: a name from `[robot]`.
     pub robot: Option<At<String>>,
-    /// Several robots in place of one, for kinds that take them: names from `[robot]`, each once. A port `PORT` of robot
-    /// `NAME` is then called `NAME.PORT`.
+    /// Several robots instead of one, for kinds that support it: names from `[robot]`, each once. A port
+    /// `PORT` of robot `NAME` is then called `NAME.PORT`.
     pub robots: Option<At<Vec<At<String>>>>,
     /// Steps at fixed times.
     pub rate: Option<At<Rate>>,
     /// Steps whenever this topic is published; the component must subscribe to it.
     pub trigger: Option<At<TopicName>>,
-    /// Steps when an event comes from outside of the graph, for kinds that wait for one.
+    /// Steps on external events, for kinds that wait for them.
     pub activate: Option<At<ActivateTable>>,
     /// Offset of the first step within the period; only with `rate`.
     #[schemars(extend("default" = defaults::PHASE))]
@@ -235,33 +238,34 @@ pub(super) struct ComponentTable<'i> {
     /// Real-time, or not.
     #[schemars(extend("default" = defaults::SCHEDULE))]
     pub schedule: Option<At<Schedule>>,
-    /// Real-time priority. If left out: the faster the component, the higher; as the head of its trigger chain.
+    /// Real-time priority. If left out: the faster the component, the higher; as the head of its trigger
+    /// chain.
     #[schemars(range(min = 1, max = 98))]
     pub priority: Option<At<i64>>,
-    /// Spin time of this component before its releases, in place of that in `[realtime]`; only with `rate`.
+    /// Spin time before releases, overriding `[realtime]`; only with `rate`.
     pub spin: Option<At<SpinChoice>>,
-    /// Core, one of those in `[cores]`. If left out: that of its trigger chain, or the first of its class.
+    /// Core, one of those in `[cores]`. Default: the core of its trigger chain, or the first of its class.
     pub core: Option<At<usize>>,
     /// Inputs: `port = "topic"`.
     pub subscribe: Option<At<Named<TopicName>>>,
     /// Outputs: `port = "topic"`.
     pub publish: Option<At<Named<TopicName>>>,
-    /// Initial values of parameters, which may be changed while the graph runs.
+    /// Initial values of parameters, which may be changed at run time.
     pub params: Option<At<Named<ParameterValue>>>,
     /// Configuration of the kind.
     pub config: Option<At<AnyTable<'i>>>,
     /// Consequence of a step that ran past the next release.
     #[schemars(extend("default" = defaults::ON_OVERRUN))]
     pub on_overrun: Option<At<OnOverrun>>,
-    /// Time without a step after which it has hung and is ended, in place of that in `[realtime]`.
+    /// Time without a step after which it counts as hung and is ended, overriding `[realtime]`.
     pub hang_after: Option<At<TimeSpan>>,
-    /// Time for which it may compute without waiting before the kernel ends it; only with `schedule = "fifo"`. If left
-    /// out: 10 of its budgets (periods, without a budget), but at least 50 ms.
+    /// Time it may compute without waiting before the kernel ends it; only with `schedule = "fifo"`. Default:
+    /// 10 budgets (or periods, without a budget), at least 50 ms.
     pub cpu_limit: Option<At<TimeSpan>>,
-    /// Share of its steps that it may lose without a warning, in place of that in `[realtime]`.
+    /// Share of its steps that it may lose without a warning, overriding `[realtime]`.
     pub lost_steps: Option<At<Share>>,
-    /// Late steps that are tolerated before the graph goes to its safe state; each step in time makes up for a late
-    /// one. If left out: none with `on_overrun = "safe_stop"`, else any number.
+    /// Number of late steps tolerated before the graph enters its safe state; each punctual step offsets a
+    /// late one. Default: none with `on_overrun = "safe_stop"`, otherwise unlimited.
     pub overruns_tolerated: Option<At<u32>>,
     /// Consequence of a step that failed.
     #[schemars(extend("default" = defaults::ON_ERROR))]
@@ -271,12 +275,19 @@ pub(super) struct ComponentTable<'i> {
     pub on_failure: Option<At<OnFailure>>,
     /// Restart policy.
     pub restart: Option<At<RestartTable>>,
-    /// Time that it may take to stop, at the end of a run, before it is killed.
+    /// Time allowed for stopping at the end of a run before it is killed.
     #[schemars(extend("default" = defaults::STOP_WITHIN))]
     pub stop_within: Option<At<TimeSpan>>,
-    /// True: the component may end an episode before its time. One component of a graph, of a kind that can.
+    /// If true, the component may end an episode early. At most one component of a graph, of a kind that
+    /// supports it.
     #[schemars(extend("default" = false))]
     pub ends_episode: Option<At<bool>>,
+    /// True: the component begins the episodes of a run in real time. One component of a graph, of a kind
+    /// that can.
+    #[schemars(extend("default" = false))]
+    pub begins_episodes: Option<At<bool>>,
+    /// The safety of an actuator, where it differs from `[safety]`.
+    pub safety: Option<At<ActuatorSafetyTable>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
@@ -288,7 +299,7 @@ impl<'i> Read<'i> for ComponentTable<'i> {
         let mut table = take_fields!(
             keys, kind, exec, robot, robots, rate, trigger, activate, phase, budget, schedule, priority, spin, core, subscribe, publish,
             params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within,
-            ends_episode; meant: Vec::new()
+            ends_episode, begins_episodes, safety; meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)
@@ -302,7 +313,7 @@ pub(super) struct RestartTable {
     /// Condition of a restart.
     #[schemars(extend("default" = defaults::RESTART_WHEN))]
     pub when: Option<At<RestartWhen>>,
-    /// At most this many restarts within `window`.
+    /// Maximum number of restarts within `window`.
     #[schemars(range(min = 1), extend("default" = defaults::RESTART_AT_MOST))]
     pub at_most: Option<At<u32>>,
     /// The time over which restarts are counted.
@@ -326,7 +337,7 @@ impl<'i> Read<'i> for RestartTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Latency")]
 pub(super) struct LatencyTable {
-    /// Topic where the data begins: published by a component at the head of a chain.
+    /// Topic where the data originates: published by a component at the head of a chain.
     #[schemars(required)]
     pub from: Option<At<TopicName>>,
     /// Topic where it ends.

@@ -1,7 +1,7 @@
-//! `--set component.key=value`: values of the command line in place of those of the file.
+//! `--set component.key=value`: values of the command line that override those of the file.
 //!
-//! An override is put into the parsed tables, not into the text: places in the file stay where they are, and a mistake
-//! in an override is shown in the override.
+//! An override is applied to the parsed tables, not to the text, so positions in the file stay valid and a
+//! mistake in an override is shown in the override.
 
 use std::borrow::Cow;
 
@@ -14,17 +14,17 @@ use super::read::Value;
 use super::source::{Source, Span};
 use crate::nearest::{list, nearest};
 
-/// One value of the command line in place of that of the file.
+/// One value of the command line that overrides the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
-    /// Dotted path of the key: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of a
-    /// component may stand for `component.NAME`.
+    /// Dotted path of the key: `clock`, `duration`, `controller.config.damping`, `latency.0.max`. The name of
+    /// a component may stand for `component.NAME`.
     pub path: String,
-    /// The value as TOML; what is not TOML is taken as text, so that `clock=lockstep` needs no quotes.
+    /// The value as TOML; anything else is treated as text, so that `clock=lockstep` needs no quotes.
     pub value: String,
 }
 
-/// The error of an argument that is no override.
+/// The argument is not a valid override.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` sets nothing: expected `component.key=value`, such as `controller.config.damping=1e-4`")]
 pub struct OverrideError(String);
@@ -51,8 +51,8 @@ impl core::fmt::Display for Override {
 /// A step of a path: the key and its place in the override.
 type Step<'i> = Spanned<DeString<'i>>;
 
-/// Puts an override, which is the text `source`, into the tables of the graph. `padded` is its value as a
-/// parser wants it, see [`Source::padded`].
+/// Applies an override, whose text is `source`, to the tables of the graph. `padded` is its value in the form
+/// required by the parser, see [`Source::padded`].
 pub(super) fn apply<'i>(
     graph: &mut DeTable<'i>,
     setting: &'i Override,
@@ -163,7 +163,7 @@ enum Place<'t, 'i> {
 }
 
 impl<'t, 'i> Place<'t, 'i> {
-    /// Goes one step further; tables that are missing are made.
+    /// Descends one level; missing tables are created.
     fn enter(self, step: &Step<'i>, report: &mut Report) -> Option<Self> {
         let name = step.get_ref().as_ref();
         let value = match self {
@@ -187,11 +187,11 @@ impl<'t, 'i> Place<'t, 'i> {
         }
     }
 
-    /// Puts the value in the place of the one that is there, if any.
+    /// Sets the value, replacing an existing one.
     fn put(self, step: &Step<'i>, value: Value<'i>, report: &mut Report) {
         match self {
             Self::Table(table) => {
-                // the key too, so that messages about it point to the override
+                // replace the key as well, so that messages about it point to the override
                 table.remove(step.get_ref().as_ref());
                 table.insert(step.clone(), value);
             }

@@ -28,7 +28,8 @@ impl<'s> Texts<'s> {
         Self { sources, overrides, padded }
     }
 
-    /// The tables of the graph: each file laid over those before it, then the overrides. `None` if a file is not TOML.
+    /// Returns the merged tables of the graph: the files in order, then the overrides. `None` if a file is
+    /// not TOML.
     pub(super) fn parse(&self, report: &mut Report) -> Option<GraphTable<'_>> {
         let files: Vec<_> = self.sources.files().iter().map(|file| parse_file(file, report)).collect();
         let mut graph = DeTable::new();
@@ -59,7 +60,7 @@ fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> 
             continue;
         }
         duplicates += 1;
-        // every key of a table that stands there twice is found again
+        // every key of a duplicated table is reported again
         if duplicates == 1 {
             report
                 .error(format!(
@@ -70,6 +71,6 @@ fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> 
                 .advise("put both together, or rename one of them");
         }
     }
-    // with errors the rest was not parsed reliably and would give false ones
+    // after a syntax error the remainder is unreliable and would cause false errors
     errors.is_empty().then(|| merge::shifted(table.into_inner(), file.start))
 }

@@ -1,6 +1,6 @@
-//! Programs that host components: found, and asked which kinds they have and what these declare.
+//! Programs that host components: search, and queries of their kinds and declarations.
 //!
-//! A graph asks them when it is loaded; here they are asked without one.
+//! A graph queries them when it is loaded; here they are queried without a graph.
 //!
 //! ```
 //! use std::path::Path;

@@ -1,4 +1,4 @@
-//! Reading TOML tables key by key, so that every mistake is found and none hides another.
+//! Reading of TOML tables key by key, such that every mistake is found.
 
 use std::borrow::Cow;
 
@@ -15,11 +15,11 @@ pub(super) type Value<'i> = Spanned<DeValue<'i>>;
 /// The value at a key of the file.
 #[derive(Debug, Clone)]
 pub(super) struct At<T> {
-    /// The value; `None` if it was refused, which has then been reported.
+    /// The value; `None` if it was rejected and reported.
     pub value: Option<T>,
     /// Place of the value.
     pub span: Span,
-    /// Place of the key; that of the value for an element of an array.
+    /// Position of the key; of the value for an array element.
     pub key: Span,
 }
 
@@ -30,7 +30,7 @@ impl<T> At<T> {
     }
 }
 
-/// The good value of a key that may be absent.
+/// Returns the valid value of an optional key.
 pub(super) fn good<T>(key: &Option<At<T>>) -> Option<&T> {
     key.as_ref().and_then(At::get)
 }
@@ -58,12 +58,12 @@ impl<T: schemars::JsonSchema> schemars::JsonSchema for At<T> {
     }
 }
 
-/// A type that is read from a TOML value. What cannot be is reported, under the name `key`.
+/// A type that can be read from a TOML value. Errors are reported under the name `key`.
 pub(super) trait Read<'i>: Sized {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self>;
 }
 
-/// The keys of one table, taken one after the other; [`Keys::finish`] reports those that were not taken.
+/// The keys of one table, consumed one by one; [`Keys::finish`] reports the remaining ones.
 pub(super) struct Keys<'t, 'i, 'r> {
     table: &'t DeTable<'i>,
     known: Vec<&'static str>,
@@ -76,7 +76,7 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
         Self { table, known: Vec::new(), report }
     }
 
-    /// The keys of the table that stands at `key`, if it is one.
+    /// Reads the keys of the table at `key`, if it is a table.
     pub(super) fn read(key: &str, value: &'t Value<'i>, report: &'r mut Report) -> Option<Self> {
         let table = table(key, value, report)?;
         Some(Self::of(table, report))
@@ -95,8 +95,8 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
         self.report
     }
 
-    /// Reports the keys that were not taken. `context` says whose keys they are. Gives the keys that were probably
-    /// meant: that they are missing need not be reported as well.
+    /// Reports the unknown keys. `context` names the table. Returns the keys that were probably meant, whose
+    /// absence need not be reported again.
     pub(super) fn finish(self, context: &str) -> Vec<&'static str> {
         let mut meant = Vec::new();
         for key in self.table.keys().filter(|key| !self.known.contains(&key.get_ref().as_ref())) {
@@ -123,7 +123,7 @@ pub(super) fn entries<'t, 'i>(table: &'t DeTable<'i>) -> Vec<(&'t Spanned<DeStri
     entries
 }
 
-/// The table that stands at a key.
+/// Returns the table at a key.
 pub(super) fn table<'t, 'i>(key: &str, value: &'t Value<'i>, report: &mut Report) -> Option<&'t DeTable<'i>> {
     let table = value.get_ref().as_table();
     if table.is_none() {
@@ -136,7 +136,7 @@ pub(super) fn table<'t, 'i>(key: &str, value: &'t Value<'i>, report: &mut Report
     table
 }
 
-/// The text that stands at a key.
+/// Returns the text at a key.
 pub(super) fn text<'t>(
     key: &str,
     value: &'t Value<'_>,

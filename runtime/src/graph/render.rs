@@ -1,4 +1,4 @@
-//! Diagnostics as text, in the way rustc shows them.
+//! Rendering of diagnostics in the style of rustc.
 
 use annotate_snippets::{Annotation, AnnotationKind, Element, Group, Level, Origin, Renderer, Snippet};
 
@@ -32,7 +32,7 @@ impl Diagnostic {
         renderer.render(&[group])
     }
 
-    /// The annotations of each text, that of the main place first.
+    /// Returns the annotations of each text, that of the main position first.
     fn snippets(&self) -> Vec<(&Source, Vec<Annotation<'_>>)> {
         let mut snippets: Vec<(&Source, Vec<Annotation<'_>>)> = Vec::new();
         let primary = self.primary.iter().map(|label| (AnnotationKind::Primary, label));

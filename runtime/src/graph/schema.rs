@@ -1,4 +1,4 @@
-//! The JSON Schema of graph files: for editors, which complete and check with it.
+//! JSON Schema of graph files, for completion and checks in editors.
 
 use schemars::Schema;
 use schemars::generate::SchemaSettings;
@@ -43,8 +43,8 @@ pub fn schema(registry: &Registry) -> Schema {
     schema
 }
 
-/// A file that extends or removes may leave out what the files below it say: rules about what must be there hold for
-/// all others.
+/// A file that extends or removes may omit keys of the files below; rules about required keys apply to all
+/// others.
 fn whole_graph(schema: &mut Schema, rules: Vec<Json>) {
     let of_robot = schema.pointer_mut("/definitions/Robot").and_then(Json::as_object_mut);
     let robot = of_robot.and_then(|robot| robot.remove("required")).unwrap_or(json!([]));
@@ -66,7 +66,7 @@ fn whole_graph(schema: &mut Schema, rules: Vec<Json>) {
     schema.insert("else".into(), whole);
 }
 
-/// The `[world]` of a graph is what its kinds read as their `world`.
+/// Defines the `[world]` of a graph as the `world` key of its kinds.
 fn world(schema: &mut Schema, registry: &Registry) {
     let Some(kind) = registry.kinds().iter().find(|kind| kind.reads_world) else { return };
     let mut generator = SchemaSettings::draft07().for_deserialize().into_generator();
@@ -75,7 +75,7 @@ fn world(schema: &mut Schema, registry: &Registry) {
     let world = schema.pointer(&format!("/definitions/{name}/properties/world")).cloned();
     let Some(Json::Object(world)) = world else { return };
     if let Some(place) = schema.pointer_mut("/properties/world").and_then(Json::as_object_mut) {
-        // the description stays that of the graph
+        // keep the description of the graph
         let described = place.remove("description");
         *place = world;
         place.remove("default");

@@ -1,7 +1,7 @@
-//! The texts a graph comes from: its files, and the `--set` overrides of the command line.
+//! Source texts of a graph: its files, and the `--set` overrides of the command line.
 //!
-//! All texts share one range of byte offsets, one text after the other, so that a plain `Range<usize>` names a place
-//! in any of them. TOML values keep such a range through parsing and through serde.
+//! All texts share one range of byte offsets, one after the other, so that a plain `Range<usize>` identifies
+//! a position in any of them. TOML values keep such a range through parsing and serde.
 
 use core::ops::Range;
 use std::path::{Path, PathBuf};
@@ -12,25 +12,25 @@ pub(super) type Span = Range<usize>;
 /// One text.
 #[derive(Clone, PartialEq, Eq)]
 pub(super) struct Source {
-    /// Its name in messages: the path of the file, or `--set`.
+    /// Name in messages: the path of the file, or `--set`.
     pub name: String,
     /// Its content.
     pub text: String,
     /// Offset of its first byte in the shared range.
     pub start: usize,
-    /// Its folder: relative paths in it start there.
+    /// Folder for its relative paths.
     pub folder: PathBuf,
 }
 
 impl core::fmt::Debug for Source {
-    /// Without the text: every diagnostic refers to its sources.
+    /// Omits the text, since every diagnostic refers to its sources.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{} ({} bytes from {})", self.name, self.text.len(), self.start)
     }
 }
 
 impl Source {
-    /// The part of a span that lies in this text, in bytes of this text, on character boundaries.
+    /// Part of a span in this text, in bytes of this text, on character boundaries.
     pub(super) fn local(&self, span: &Span) -> Range<usize> {
         let clamp = |offset: usize| {
             let mut local = offset.saturating_sub(self.start).min(self.text.len());
@@ -50,8 +50,8 @@ impl Source {
         (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
     }
 
-    /// The text from byte `from` (at least 2) on as the value of a key, with blanks before it, so that a parser counts
-    /// its offsets in the shared range.
+    /// The text from byte `from` (at least 2) as the value of a key, padded with blanks so that parser
+    /// offsets are in the shared range.
     pub(super) fn padded(&self, from: usize) -> String {
         let mut padded = " ".repeat(self.start + from - 2);
         padded.push_str("v=");
@@ -60,7 +60,7 @@ impl Source {
     }
 }
 
-/// All texts of one graph: its files, each laid over those before it, then the overrides.
+/// All texts of one graph: its files in order, then the overrides.
 // `Eq`, so that two `Arc`s of the same texts are compared by their addresses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Sources {
@@ -84,7 +84,7 @@ impl Sources {
         sources
     }
 
-    /// Adds a file; all files come before all overrides.
+    /// Adds a file; all files precede all overrides.
     pub(super) fn add_file(&mut self, name: String, text: String, folder: PathBuf) {
         self.add(name, text, folder);
         self.files += 1;
@@ -121,13 +121,13 @@ impl Sources {
         &self.texts[self.files..]
     }
 
-    /// The text in which a span lies.
+    /// Returns the text that contains a span.
     pub(super) fn of(&self, span: &Span) -> &Source {
         let after = self.texts.partition_point(|source| source.start <= span.start);
         &self.texts[after.saturating_sub(1)]
     }
 
-    /// The folder of the file in which a span lies.
+    /// Returns the folder of the file that contains a span.
     pub(super) fn folder(&self, span: &Span) -> &Path {
         &self.of(span).folder
     }

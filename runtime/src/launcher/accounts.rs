@@ -1,5 +1,6 @@
-//! Misses, refusals and safe states as events, found in the accounts that workers keep: at the launcher's own pace, off the
-//! path from wake-up to publication. In lockstep the pace is that of simulated time, so that equal runs tell the same.
+//! Events for misses, refusals and safe states, derived from the accounts of workers. The launcher polls them
+//! at its own pace, off the path from wake-up to publication. In lockstep the pace is in simulated time, so
+//! that equal runs give equal events.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -7,13 +8,13 @@ use super::{Event, Launch};
 use crate::plan::{ClockKind, Plan};
 use crate::region::{Command, ComponentBlock, GateState, Latch, Misses, Refusal, Region};
 
-/// Time between two events of one kind and component at first, and at last when it goes on, ns.
+/// Initial and final interval between repeated events of one kind and component, ns.
 const FIRST_QUIET_NS: u64 = 1_000_000_000;
 const LONGEST_QUIET_NS: u64 = 64_000_000_000;
 /// Simulated time between two looks in lockstep, ns.
 pub(super) const LOOK_NS: u64 = 100_000_000;
 
-/// The time at which something that goes on is to be told again: at once, then after pauses that double.
+/// Time of the next report of a persistent condition: immediately first, then after doubling intervals.
 #[derive(Debug, Clone, Default)]
 struct Pause {
     until_ns: u64,
@@ -21,12 +22,12 @@ struct Pause {
 }
 
 impl Pause {
-    /// True if a change is to be told at `now_ns`.
+    /// Returns `true` if a change is to be reported at `now_ns`.
     fn is_over(&mut self, now_ns: u64) -> bool {
         if now_ns < self.until_ns {
             return false;
         }
-        // It was quiet for as long as the last pause: this is something new.
+        // A quiet time as long as the last interval starts a new condition.
         let goes_on = now_ns < self.until_ns.saturating_add(self.length_ns);
         self.length_ns = if goes_on && self.length_ns > 0 {
             (self.length_ns * 2).min(LONGEST_QUIET_NS)
@@ -38,7 +39,7 @@ impl Pause {
     }
 }
 
-/// The value of a counter that was told.
+/// The last reported value of a counter.
 #[derive(Debug, Clone, Default)]
 struct Told<T> {
     count: T,
@@ -46,7 +47,7 @@ struct Told<T> {
 }
 
 impl<T: Clone + PartialEq> Told<T> {
-    /// The value that was told before, if the counter has changed since and that is to be told now.
+    /// Returns the previously reported value if the counter has changed and is to be reported now.
     fn change(&mut self, count: &T, now_ns: u64, all: bool) -> Option<T> {
         if self.count == *count || !(all || self.pause.is_over(now_ns)) {
             return None;
@@ -55,28 +56,30 @@ impl<T: Clone + PartialEq> Told<T> {
     }
 }
 
-/// The counters of one component that were told.
+/// Reported counters of one component.
 #[derive(Debug, Clone, Default)]
 struct Account {
     misses: Told<[u64; 3]>,
     refused: Told<[u64; Refusal::ALL.len()]>,
-    /// Entries into the safe state, and the state, as they were reported.
+    /// Reported entries into the safe state, and the reported state.
     entries: u64,
     state: GateState,
-    /// Safe states without rest and late resumes, as they were reported.
+    /// Reported safe states without rest and late resumes.
     faults: [u32; 2],
     /// Refusals at the last look.
     refusals_seen: u64,
-    /// Changes of its state that may still be told before a pause: a gate that flaps would push out all else.
+    /// Number of state changes that may be reported before a pause, so that a flapping gate does not displace
+    /// other events.
     changes_left: u32,
     refilled_ns: u64,
 }
 
-/// Changes of an actuator's state that are told in a row, and the time in which one more may be told, ns.
+/// Number of consecutive state changes of an actuator that are reported, and the time after which one more is
+/// allowed, ns.
 const CHANGES: u32 = 8;
 const REFILL_NS: u64 = 10_000_000_000;
 
-/// The counters of a run that were told.
+/// Reported counters of a run.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Accounts {
     components: Vec<Account>,
@@ -84,7 +87,7 @@ pub(super) struct Accounts {
 }
 
 impl Accounts {
-    /// Nothing of a run of this plan was told yet.
+    /// Creates the counters for a run of this plan, with nothing reported.
     pub(super) fn new(plan: &Plan) -> Self {
         let fresh = Account { changes_left: CHANGES, ..Account::default() };
         Self {
@@ -93,7 +96,7 @@ impl Accounts {
         }
     }
 
-    /// Simulated time begins anew: what was told lies before it.
+    /// Restarts simulated time: reported values precede it.
     pub(super) fn begin_episode(&mut self) {
         for account in &mut self.components {
             // The reset has set it to its safe state, without a command.
@@ -105,7 +108,7 @@ impl Accounts {
         self.latencies.iter_mut().for_each(|told| told.pause = Pause::default());
     }
 
-    /// Tells of what has changed; with `all` also of what a pause holds back.
+    /// Reports changes; with `all`, including those held back by a pause.
     pub(super) fn tell(
         &mut self,
         (plan, region): (&Plan, &Region),
@@ -182,7 +185,7 @@ impl Account {
         let times = entries.saturating_sub(self.entries);
         let followed = core::mem::replace(&mut self.state, state) != GateState::Safe;
         self.entries = entries;
-        // It came and went between two looks.
+        // It came and went between two polls.
         let since_ns = block.safe_since_ns.load(Relaxed);
         if !followed && times > 0 {
             observe(Event::LeftSafeState { component, before_ns: Some(since_ns), resuming: false });
@@ -215,7 +218,8 @@ const GATE_FAULTS: [&str; 2] = [
     "has been resuming for more than 2 s: its command is too far away, or too fast for its limits",
 ];
 
-/// Safe states in which the joints were not at rest in time, and resumes that took too long.
+/// Returns the numbers of safe states in which joints did not come to rest in time, and of resumes that took
+/// too long.
 fn gate_faults(block: &ComponentBlock) -> [u32; 2] {
     [block.gate.unsettled(), block.gate.late_resumes()]
 }
@@ -232,13 +236,13 @@ fn cause(latch: Option<Latch>, is_end: bool, refuses: bool) -> &'static str {
 }
 
 impl Launch {
-    /// Tells of misses, refusals and safe states since the last call.
+    /// Reports misses, refusals and safe states since the last call.
     pub(super) fn tell_accounts(&mut self, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         self.accounts.tell((&self.plan, &self.region), now_ns, false, observe);
     }
 
-    /// Notes for the report which actuators did not come to rest in their safe state, and which were late to follow their
-    /// commands again.
+    /// Records for the report which actuators did not come to rest in their safe state, and which were late
+    /// to follow commands again.
     pub(super) fn note_rest(&mut self) {
         for (component, block) in self.plan.components.iter().zip(self.region.components()) {
             let name = &component.name;
@@ -254,7 +258,7 @@ impl Launch {
         }
     }
 
-    /// The same in lockstep, when simulated time has come to a look.
+    /// The same in lockstep, when a poll is due in simulated time.
     #[inline]
     pub(super) fn tell_accounts_at(&mut self, simulated_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         if simulated_ns >= self.next_account_ns {
@@ -263,7 +267,7 @@ impl Launch {
         }
     }
 
-    /// Tells of all that is left to tell, at the end of a run or of an episode.
+    /// Reports everything remaining at the end of a run or episode.
     pub(super) fn tell_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let now_ns = match self.plan.clock {
             ClockKind::Realtime => crate::os::monotonic_ns(),
@@ -280,7 +284,7 @@ mod tests {
     const S: u64 = 1_000_000_000;
 
     #[test]
-    fn what_goes_on_is_told_after_pauses_that_double_and_at_once_after_a_quiet_time() {
+    fn persistent_condition_is_reported_with_back_off() {
         let mut pause = Pause::default();
         let told: Vec<u64> = (0..300).filter(|second| pause.is_over(second * S)).collect();
         assert_eq!(told, [0, 1, 3, 7, 15, 31, 63, 127, 191, 255]);
@@ -289,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_is_told_when_it_has_changed_and_at_the_end_whatever_its_pause() {
+    fn counter_is_reported_on_change_and_at_the_end() {
         let mut told = Told::<u64>::default();
         assert_eq!(told.change(&0, S, false), None);
         assert_eq!(told.change(&3, S, false), Some(0));
@@ -299,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn an_actuator_that_flaps_is_told_of_a_few_times_and_then_now_and_then() {
+    fn flapping_actuator_is_rate_limited() {
         let mut account = Account { changes_left: CHANGES, ..Account::default() };
         let told = (0..60 * 50).filter(|look| account.may_tell(look * 20_000_000)).count();
         assert_eq!(told, CHANGES as usize + 5);

@@ -8,7 +8,8 @@ use crate::region::{Command, Phase};
 use std::sync::atomic::Ordering::Relaxed;
 
 impl Launch {
-    /// Waits until all components are configured, then until all are connected; false if a signal came first.
+    /// Waits until all components are configured, then until all are connected; `false` if a signal arrived
+    /// first.
     pub(super) fn pass_barrier(&mut self, observe: &mut dyn FnMut(Event<'_>)) -> Result<bool, LaunchError> {
         if !self.await_phase(Phase::Ready, observe)? {
             return Ok(false);
@@ -73,7 +74,7 @@ impl Launch {
         Ok(true)
     }
 
-    /// The requests that were not granted, from the settings that the workers read back.
+    /// Returns the denied requests, from the settings read back by the workers.
     fn losses(&self) -> Vec<String> {
         if self.plan.clock == ClockKind::Lockstep || self.options.hosting != Hosting::Processes {
             return Vec::new();

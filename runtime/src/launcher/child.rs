@@ -1,4 +1,5 @@
-//! One component under the launcher: a process, a thread of this one, or a component that the launching thread steps.
+//! One component under the launcher: a process, a thread of this one, or a component stepped by the launching
+//! thread.
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -35,19 +36,19 @@ enum Body {
     Process {
         process: process::Child,
         watch: Watch,
-        /// `None` of the guard, which holds no word, and where the system refused a thread.
+        /// `None` for the guard, which holds no word, and if the system refused a thread.
         ending: Option<Ending>,
         is_reaped: bool,
     },
     Thread(Option<JoinHandle<Outcome>>),
     /// `None` once it has failed or ended.
     Inline(Option<Box<dyn Hosted>>),
-    /// The program that launched the run takes its place.
+    /// Replaced by the program that launched the run.
     Played,
 }
 
 impl Child {
-    /// Starts a component as a process of its own.
+    /// Starts a component as a separate process.
     pub(super) fn process(
         program: &Path,
         folder: &RunFolder,
@@ -60,13 +61,13 @@ impl Child {
         held_word::offer(&region.components()[index].held);
         let mut child = Self::spawn(command, program, folder, name)?;
         if let Body::Process { process, ending, .. } = &mut child.body {
-            // Without this its end is seen a few milliseconds later.
+            // Without it the end is detected a few milliseconds later.
             *ending = Ending::of(process.id(), region, index).ok();
         }
         Ok(child)
     }
 
-    /// Starts the guard as the head of a process group of its own: a signal to the launcher's group spares it.
+    /// Starts the guard in its own process group, so that a signal to the launcher's group does not reach it.
     pub(super) fn guard(program: &Path, folder: &RunFolder) -> Result<Self, LaunchError> {
         let mut command = Command::new(program);
         command.arg(GUARD).arg(folder.path()).process_group(0);
@@ -128,7 +129,7 @@ impl Child {
         Ok(Self::of_this_process(name, Body::Thread(Some(thread))))
     }
 
-    /// Opens a component in this thread. One that cannot be configured has failed, as its block says.
+    /// Opens a component in this thread. A failed configuration is recorded in its block.
     pub(super) fn inline(kind: Option<&Kind>, host: &Host<'_>, index: usize) -> Result<Self, LaunchError> {
         let name = &host.plan.components[index].name;
         let failed = |reason: String| LaunchError::Component { name: name.clone(), reason };
@@ -145,7 +146,7 @@ impl Child {
         Ok(child)
     }
 
-    /// A component whose place the launching program takes.
+    /// A component that the launching program replaces.
     pub(super) fn played(name: &str, block: &ComponentBlock) -> Self {
         block.played.store(1, Relaxed);
         block.enter(Phase::Ready);
@@ -192,8 +193,8 @@ impl Child {
         }
     }
 
-    /// Steps a component of this thread; `now_ns` is the present on `CLOCK_MONOTONIC`, before and after. False if it has
-    /// failed.
+    /// Steps a component of this thread; `now_ns` is updated from `CLOCK_MONOTONIC`. Returns `false` if it
+    /// has failed.
     #[inline]
     pub(super) fn step(&mut self, block: &ComponentBlock, time_ns: u64, now_ns: &mut u64) -> bool {
         let Body::Inline(Some(hosted)) = &mut self.body else { return false };
@@ -248,7 +249,7 @@ impl Child {
         }
     }
 
-    /// Descriptors that become readable when the process begins to end, and when it has ended.
+    /// Descriptors that become readable when the process starts to end, and when it has ended.
     pub(super) fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         let (ending, ended) = match &self.body {
             Body::Process { watch, ending, is_reaped: false, .. } => {
@@ -260,17 +261,17 @@ impl Child {
         ending.into_iter().chain(ended)
     }
 
-    /// Lines it has printed since the last call.
+    /// Returns the lines printed since the last call.
     pub(super) fn printed(&self) -> impl Iterator<Item = String> + '_ {
         self.lines.try_iter()
     }
 
-    /// Number of lines since the last call that were dropped, because they came faster than they could be passed on.
+    /// Number of lines dropped since the last call because they came too fast.
     pub(super) fn dropped(&self) -> u64 {
         self.dropped.swap(0, Relaxed)
     }
 
-    /// The kind of its end as text, once it has ended or does nothing more than that.
+    /// Returns the kind of its end as text, once it has ended or is only ending.
     pub(super) fn ended(&mut self) -> Option<&str> {
         self.is_gone();
         if self.ended.is_none() {
@@ -289,7 +290,7 @@ impl Child {
         self.ended.as_deref()
     }
 
-    /// The time at which it was seen that its process ends, ns; `None` where the beginning of that was not seen.
+    /// Time at which its end was detected, ns; `None` if its start was not seen.
     pub(super) fn seen_ns(&self) -> Option<u64> {
         match &self.body {
             Body::Process { ending, .. } => ending.as_ref().and_then(Ending::seen_ns),
@@ -297,7 +298,7 @@ impl Child {
         }
     }
 
-    /// True once nothing of it is left; reaps the process.
+    /// Returns `true` once the process is completely gone, and reaps it.
     pub(super) fn is_gone(&mut self) -> bool {
         let Body::Process { process, watch, ending, is_reaped } = &mut self.body else {
             return self.ended.is_some();
@@ -314,7 +315,7 @@ impl Child {
         *is_reaped
     }
 
-    /// Interrupts its waiting, so that it reads the command.
+    /// Interrupts its wait, so that it reads the command.
     pub(super) fn interrupt(&self, thread: i32) {
         match &self.body {
             Body::Process { watch, .. } => watch.signal(Signal::USR2),
@@ -336,7 +337,7 @@ impl Child {
         self.ended().is_some()
     }
 
-    /// Kills it if it is a process, without waiting for its end; false for a thread, which cannot be killed.
+    /// Kills a process without waiting for its end; `false` for a thread, which cannot be killed.
     pub(super) fn end(&mut self) -> bool {
         match &mut self.body {
             Body::Process { process, .. } => {
@@ -347,7 +348,7 @@ impl Child {
         }
     }
 
-    /// Kills and reaps it if it is a process that still runs; a thread, which has been told to stop, is given time to end.
+    /// Kills and reaps a running process; a thread, which has received the stop command, gets time to end.
     pub(super) fn kill(&mut self) {
         if let Body::Thread(_) = self.body {
             self.wait(STOP_WITHIN);
@@ -366,12 +367,12 @@ impl Child {
     }
 }
 
-/// Lines of a component that are kept until they are passed on.
+/// Number of buffered lines of a component.
 const LINES: usize = 1024;
 /// Longest line that is passed on in one piece, bytes.
 const LONGEST_LINE: u64 = 16 * 1024;
 
-/// Passes on the lines of a component from a thread of its own, which never waits: a component must not be held up by the
+/// Forwards the lines of a component from a separate thread that never blocks: a component must not wait for
 /// readers of its output.
 fn relay(
     output: impl std::io::Read + Send + 'static,

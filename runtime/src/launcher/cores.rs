@@ -1,8 +1,4 @@
-//! The other work of a core during a run: interrupts, soft interrupts, and time that its host took away.
-//!
-//! The kernel books an interrupt's time on the thread it interrupts (unless it was built to account for it), so that an
-//! interrupted step looks long. The launcher reads the kernel's counts of the whole system before and after a run; no
-//! real-time thread does anything for it.
+//! Other activity of a core during a run: interrupts, soft interrupts, and time stolen by its host.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -22,14 +18,15 @@ pub struct CoreReport {
     pub core: usize,
     /// Time of the measurement, s.
     pub seconds: f64,
-    /// Time the host of a virtual machine took away from it, ms (`steal` of `/proc/stat`, in steps of 10 ms).
+    /// Time stolen by the host of a virtual machine, ms (`steal` of `/proc/stat`, in steps of 10 ms).
     pub steal_ms: f64,
-    /// Time in interrupts and soft interrupts, ms, in steps of 10 ms; 0 where the kernel does not account for it.
+    /// Time in interrupts and soft interrupts, ms, in steps of 10 ms; 0 if the kernel does not account for
+    /// it.
     pub interrupt_ms: f64,
-    /// Interrupts that came at least once, by their name in `/proc/interrupts`: `LOC` is the timer, `RES` and `CAL`
-    /// are other cores, the rest are devices.
+    /// Interrupts that occurred, by name in `/proc/interrupts`: `LOC` is the timer, `RES` and `CAL` are other
+    /// cores, the rest are devices.
     pub interrupts: BTreeMap<String, u64>,
-    /// Soft interrupts that came at least once, by their name in `/proc/softirqs`.
+    /// Soft interrupts that occurred, by name in `/proc/softirqs`.
     pub softirqs: BTreeMap<String, u64>,
 }
 
@@ -39,7 +36,7 @@ impl CoreReport {
         self.interrupts.values().sum()
     }
 
-    /// Number of interrupts of devices, which could be bound to another core: without timers and other cores.
+    /// Number of device interrupts, which could be moved to another core; excludes timers and other cores.
     pub fn from_devices(&self) -> u64 {
         let device =
             |name: &&String| !(name.len() == 3 && name.chars().all(|letter| letter.is_ascii_uppercase()));
@@ -75,7 +72,7 @@ impl CoreWatch {
         Self { cores, before: Counts::now(), since: Instant::now() }
     }
 
-    /// The measurement of each core since the start; zero where the system has no counts.
+    /// Measurements of each core since the start; zero without system counts.
     pub fn stop(&self) -> Vec<CoreReport> {
         let seconds = self.since.elapsed().as_secs_f64();
         let after = Counts::now();
@@ -135,8 +132,8 @@ fn came(before: &ByName, after: &ByName, core: usize) -> BTreeMap<String, u64> {
         .collect()
 }
 
-/// A table of the kernel: cores in the first line, then a label and a number for each core. A row with a number as its
-/// label is named by its last word, the device; rows of one name are added.
+/// A table of the kernel: cores in the first line, then a label and a number for each core. A row with a
+/// number as its label is named by its last word, the device; rows of one name are added.
 fn table(text: &str) -> ByName {
     let mut lines = text.lines();
     let head = lines.next().unwrap_or_default();
@@ -178,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_came_in_between_counts_and_only_that_of_the_core() {
+    fn counts_cover_the_interval_and_the_core_only() {
         let before = table(INTERRUPTS);
         let after = table(&INTERRUPTS.replace("900", "950").replace("500", "777"));
         assert_eq!(came(&before, &after, 3), BTreeMap::from([("LOC".to_string(), 50)]));
@@ -186,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn devices_are_told_from_timers_and_other_cores() {
+    fn device_interrupts_exclude_timers_and_other_cores() {
         let counts = [("LOC", 1_000), ("RES", 20), ("virtio1-req.0", 3), ("eth0", 4)];
         let interrupts = counts.map(|(name, count)| (name.to_string(), count)).into();
         let seen = CoreReport { interrupts, ..CoreReport::default() };
@@ -194,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_seen_at_two_times_adds_up() {
+    fn counts_of_two_intervals_add_up() {
         let one = |name: &str| CoreReport {
             seconds: 1.0,
             steal_ms: 10.0,
@@ -209,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_watch_tells_of_the_cores_it_was_asked_for() {
+    fn watch_reports_the_requested_cores() {
         let watch = CoreWatch::start(vec![0, 0]);
         let seen = watch.stop();
         assert_eq!(seen.iter().map(|core| core.core).collect::<Vec<_>>(), [0]);

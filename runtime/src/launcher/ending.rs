@@ -1,4 +1,4 @@
-//! The beginning of a process's end, seen before its memory is taken apart.
+//! Detection of the start of a process's end, before its memory is released.
 
 #![allow(unsafe_code)] // a word of the control block is read from a second thread
 
@@ -17,8 +17,8 @@ use crate::os::held_word::{self, Flag};
 use crate::os::monotonic_ns;
 use crate::region::Region;
 
-/// A watch over the word that a component's process holds. When the process begins to end, its threads lose their real-time
-/// priority, and a descriptor becomes readable.
+/// A watch over the word that a component's process holds. When the process begins to end, its threads lose
+/// their real-time priority, and a descriptor becomes readable.
 pub(super) struct Ending {
     region: Rc<Region>,
     index: usize,
@@ -28,12 +28,12 @@ pub(super) struct Ending {
 
 struct Seen {
     flag: Flag,
-    /// The status, and the time at which it was seen, ns.
+    /// Exit status, and the time of its detection, ns.
     status: OnceLock<(ExitStatus, u64)>,
     is_over: AtomicBool,
 }
 
-/// Looks at a process whose word was left, until it shows that it ends, and the time between two.
+/// Number of checks of a process whose word was released, until its end shows, and the interval between them.
 const LOOKS: u32 = 100;
 const BETWEEN: Duration = Duration::from_micros(20);
 
@@ -42,7 +42,8 @@ impl Ending {
     pub(super) fn of(pid: u32, region: &Rc<Region>, index: usize) -> io::Result<Self> {
         let seen = Seen { flag: Flag::new()?, status: OnceLock::new(), is_over: AtomicBool::new(false) };
         let seen = Arc::new(seen);
-        // SAFETY: the word lies in the mapping of the region, which this value keeps until the thread has been joined.
+        // SAFETY: the word lies in the mapping of the region, which this value keeps until the thread has
+        // been joined.
         let word: &'static AtomicU32 = unsafe { &*core::ptr::from_ref(&region.components()[index].held) };
         let shared = seen.clone();
         let thread = std::thread::Builder::new().name("ending".to_string()).stack_size(128 * 1024);
@@ -50,12 +51,12 @@ impl Ending {
         Ok(Self { region: region.clone(), index, seen, thread: Some(thread) })
     }
 
-    /// The status with which the process ends, once it has begun to and if that is known.
+    /// Exit status of the ending process, if known.
     pub(super) fn status(&self) -> Option<ExitStatus> {
         self.seen.status.get().map(|(status, _)| *status)
     }
 
-    /// The time at which that was seen, ns.
+    /// Time of the detection, ns.
     pub(super) fn seen_ns(&self) -> Option<u64> {
         self.seen.status.get().map(|(_, seen_ns)| *seen_ns)
     }
@@ -65,7 +66,7 @@ impl Ending {
         self.seen.flag.as_fd()
     }
 
-    /// Ends the watch. To be called before the process is reaped: its number may be another's then.
+    /// Ends the watch. Call it before the process is reaped, since its id may then be reused.
     pub(super) fn end(&mut self) {
         let Some(thread) = self.thread.take() else { return };
         self.seen.is_over.store(true, Relaxed);
@@ -82,7 +83,7 @@ impl Drop for Ending {
 
 impl Seen {
     fn look(&self, word: &AtomicU32, pid: u32) {
-        // Whatever keeps the shared cores busy: a death is to be seen at once.
+        // Runs even if the shared cores are busy, so that a death is detected immediately.
         crate::os::wake_first();
         held_word::await_end(word);
         for _ in 0..LOOKS {
@@ -125,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_process_that_is_killed_shows_its_status_while_it_ends_and_one_that_lives_shows_none() {
+    fn killed_process_shows_its_status_while_ending() {
         assert_eq!(held_word::ending_status(std::process::id()), None);
         let mut child = std::process::Command::new("sleep").arg("100").spawn().unwrap();
         assert_eq!(held_word::ending_status(child.id()), None);

@@ -9,16 +9,16 @@ use crate::transport::PortError;
 /// Error of a launch.
 #[derive(Debug, thiserror::Error)]
 pub enum LaunchError {
-    /// The run's folder or its control block could not be made.
+    /// The run's folder or control block could not be created.
     #[error(transparent)]
     Folder(#[from] RunFolderError),
     /// The run's domain could not be joined.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// A topic or parameter could not be made.
+    /// A topic or parameter could not be created.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// The service of a topic or of parameters could not be made.
+    /// The service of a topic or of parameters could not be created.
     #[error(transparent)]
     Service(#[from] ServiceError),
     /// A process could not be started.
@@ -31,7 +31,7 @@ pub enum LaunchError {
         /// The error of the system.
         reason: String,
     },
-    /// A component failed before the graph began to run.
+    /// A component failed before the start of the graph.
     #[error("component `{name}` did not start: {reason}")]
     Component {
         /// The component.
@@ -39,19 +39,19 @@ pub enum LaunchError {
         /// Its error, or the kind of its end.
         reason: String,
     },
-    /// A resource of this machine or of this process does not suffice. Nothing was made.
+    /// A resource of this machine or process is insufficient. Nothing was created.
     #[error("{what}: the graph needs {need}, but {found}; {advice}")]
     Exhausted {
         /// The lack.
         what: &'static str,
         /// The amount that the graph needs.
         need: String,
-        /// The amount there is, as a clause.
+        /// Available amount, as a clause.
         found: String,
         /// Advice, in one sentence.
         advice: String,
     },
-    /// The system denied the launcher something that it needs.
+    /// The system denied something that the launcher needs.
     #[error("{what}: {reason}")]
     System {
         /// The action that was tried.
@@ -59,12 +59,12 @@ pub enum LaunchError {
         /// The error of the system.
         reason: String,
     },
-    /// The graph cannot run as it was asked to. Nothing was made.
+    /// The graph cannot run with the requested options. Nothing was created.
     #[error("{what}: {reason}; {advice}")]
     Unsuitable {
-        /// The value that was asked for.
+        /// Requested value.
         what: String,
-        /// The reason for which it cannot be.
+        /// Reason for the rejection.
         reason: String,
         /// Advice, in one sentence.
         advice: &'static str,

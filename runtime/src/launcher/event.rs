@@ -37,7 +37,7 @@ pub enum Event<'a> {
         reason: &'a str,
         /// The consequence.
         consequence: &'a str,
-        /// The time at which it was seen, ns of the monotonic clock; `None` if that is now.
+        /// Time of its detection, ns of the monotonic clock; `None` for now.
         seen_ns: Option<u64>,
     },
     /// A restarted component steps again.
@@ -47,8 +47,15 @@ pub enum Event<'a> {
         /// Time from its end to its first step, ns.
         after_ns: u64,
     },
-    /// All components and simulated time were set back for an episode.
+    /// All components and simulated time were reset for an episode.
     Reset {
+        /// Number of the episode.
+        episode: u64,
+        /// Its seed.
+        seed: u64,
+    },
+    /// An episode of real time began.
+    EpisodeBegan {
         /// Number of the episode.
         episode: u64,
         /// Its seed.
@@ -85,11 +92,11 @@ pub enum Event<'a> {
     EnteredSafeState {
         /// The actuator.
         component: &'a str,
-        /// Number of times since the last event of this kind, if it came back in between.
+        /// Number of occurrences since the last event of this kind.
         times: u64,
         /// The reason.
         cause: &'a str,
-        /// True if it is the end of the run that brought it there.
+        /// `true` if caused by the end of the run.
         is_end: bool,
         /// Time of the last entry, `CLOCK_MONOTONIC` ns.
         since_ns: u64,
@@ -98,9 +105,9 @@ pub enum Event<'a> {
     LeftSafeState {
         /// The actuator.
         component: &'a str,
-        /// Time by which it did, `CLOCK_MONOTONIC` ns, if it is in its safe state again; else it does now.
+        /// Time by which it happened, `CLOCK_MONOTONIC` ns, if it is in its safe state again; otherwise now.
         before_ns: Option<u64>,
-        /// True if it does not follow its commands yet, but approaches them at limited rates.
+        /// `true` if it does not follow its commands yet but approaches them at limited rates.
         resuming: bool,
     },
     /// The graph goes to its safe state.
@@ -117,27 +124,27 @@ pub enum Event<'a> {
     NotSafe {
         /// Actuators without a process.
         dead: &'a [&'a str],
-        /// Living ones that did not report their safe state in time.
+        /// Running actuators that did not report their safe state in time.
         late: &'a [&'a str],
-        /// Those that apply it, and whose joints are not at rest.
+        /// Actuators in their safe state whose joints are not at rest.
         moving: &'a [&'a str],
         /// Those in their safe state.
         safe: &'a [&'a str],
     },
-    /// The actuators stay in their safe state until `motorium resume`; the run goes on.
+    /// The actuators stay in their safe state until `motorium resume`; the run continues.
     Stopped {
         /// The kind of the stop.
         latch: Latch,
         /// The one that stopped them.
         cause: &'a str,
     },
-    /// The stop was released: the actuators come back to their commands.
+    /// The stop was released; the actuators return to their commands.
     Resumed,
     /// A component loses more of its steps than the graph allows.
     LosesSteps {
         /// The component.
         component: &'a str,
-        /// Share of its steps that it lost in the last second.
+        /// Share of steps lost in the last second.
         share: f64,
     },
     /// In lockstep: a step has not ended, and simulated time stands still.
@@ -149,28 +156,28 @@ pub enum Event<'a> {
         /// Time since its beginning, ns.
         for_ns: u64,
     },
-    /// Something is not as the graph asks, or may come to be so.
+    /// A deviation, actual or possible, from the graph's requirements.
     Warning(&'a str),
-    /// The components are asked to end.
+    /// The components received the request to end.
     Ending(&'a Exit),
-    /// The launcher does not respond. Told by the guard.
+    /// The launcher does not respond. Reported by the guard.
     LauncherSilent {
         /// The run's name.
         run: &'a str,
     },
-    /// The launcher responds again. Told by the guard.
+    /// The launcher responds again. Reported by the guard.
     LauncherBack {
         /// The run's name.
         run: &'a str,
     },
-    /// The launcher has ended or was killed. Told by the guard, which ends the run in its place.
+    /// The launcher has ended or was killed. Reported by the guard, which ends the run instead.
     LauncherEnded {
         /// The run's name.
         run: &'a str,
         /// The end of the launcher.
         cause: &'a str,
     },
-    /// The guard has brought the robot to its safe state. Told by the guard.
+    /// The guard has brought the robot to its safe state. Reported by the guard.
     GuardActed {
         /// The states of the actuators.
         actuators: &'a str,
@@ -182,7 +189,7 @@ pub enum Event<'a> {
 }
 
 impl Event<'_> {
-    /// Its kind; `None` for a status, which is no event of the log.
+    /// Kind of the event; `None` for a status, which is not logged.
     pub fn kind(&self) -> Option<EventKind> {
         Some(match self {
             Self::Created { .. } => EventKind::Created,
@@ -210,6 +217,7 @@ impl Event<'_> {
             Self::LauncherBack { .. } => EventKind::LauncherBack,
             Self::LauncherEnded { .. } => EventKind::LauncherEnded,
             Self::GuardActed { .. } => EventKind::GuardActed,
+            Self::EpisodeBegan { .. } => EventKind::EpisodeBegan,
             Self::Status(_) => return None,
         })
     }
@@ -237,7 +245,7 @@ impl Event<'_> {
         }
     }
 
-    /// The component that it is about.
+    /// Affected component.
     pub fn component(&self) -> Option<&str> {
         match self {
             Self::Output { component, .. }
@@ -253,12 +261,12 @@ impl Event<'_> {
         }
     }
 
-    /// A number that belongs to it, as its [kind](EventKind) says; else 0.
+    /// Value of the event as defined by its [kind](EventKind); otherwise 0.
     pub fn value(&self) -> f64 {
         let seconds = |ns: u64| ns as f64 * 1e-9;
         match self {
             Self::Restarted { after_ns, .. } | Self::Safe { after_ns } => seconds(*after_ns),
-            Self::Reset { episode, .. } => *episode as f64,
+            Self::Reset { episode, .. } | Self::EpisodeBegan { episode, .. } => *episode as f64,
             Self::Missed { misses, .. } => misses.missed() as f64,
             Self::LatencyMissed { count, .. } => *count as f64,
             Self::Refused { refused, .. } => refused.iter().map(|(_, count)| *count).sum::<u64>() as f64,
@@ -268,11 +276,13 @@ impl Event<'_> {
         }
     }
 
-    /// True if it stands in the log alone: `motorium run` prints no line of it, since the closing summary counts it.
+    /// Returns `true` for an event that is only logged: `motorium run` prints no line for it, since the
+    /// closing summary counts it.
     pub fn is_logged_only(&self) -> bool {
         matches!(
             self,
             Self::Reset { .. }
+                | Self::EpisodeBegan { .. }
                 | Self::Missed { .. }
                 | Self::LatencyMissed { .. }
                 | Self::Refused { .. }

@@ -1,4 +1,4 @@
-//! The log of events of a run: writing what is observed, and reading it with names and times.
+//! Event log of a run: writing of observed events, and reading with names and times.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -14,7 +14,7 @@ use crate::region::{EventKind, EventReader, EventRecord, EventSeverity, Region};
 /// The most events in a report.
 pub const REPORTED_EVENTS: usize = 256;
 
-/// An event of a run, as it stands in the log.
+/// A logged event of a run.
 ///
 /// ```
 /// use motorium::launcher::LoggedEvent;
@@ -27,21 +27,21 @@ pub const REPORTED_EVENTS: usize = 256;
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LoggedEvent {
-    /// Time at which it happened, or was found, in real time since the first step, s; negative before it.
+    /// Real time of the event or its detection since the first step, s; negative before it.
     pub time_s: f64,
-    /// In lockstep: the simulated time in its episode, s; `null` in real time.
+    /// In lockstep: simulated time in its episode, s; `null` in real time.
     #[serde(default)]
     pub simulated_s: Option<f64>,
-    /// In lockstep: number of the episode; `null` in real time.
+    /// Number of the episode; `null` in logs of versions that did not number episodes of real time.
     #[serde(default)]
     pub episode: Option<u64>,
     /// Its severity.
     pub severity: EventSeverity,
-    /// The component that it is about; `null` for the whole run.
+    /// Affected component; `null` for the whole run.
     pub component: Option<String>,
     /// Its kind.
     pub kind: EventKind,
-    /// A number that belongs to it, as its kind says; else 0.
+    /// Value as defined by its kind; otherwise 0.
     pub value: f64,
     /// Some words for people.
     pub text: String,
@@ -50,15 +50,15 @@ pub struct LoggedEvent {
 impl LoggedEvent {
     /// A record of the log of a run of this plan.
     pub fn of(record: EventRecord, plan: &Plan, region: &Region) -> Self {
-        // Before the first step there is only the time at which the run was made.
+        // Before the first step, only the time of the run's creation is known.
         let start_ns = match region.header().start_ns.load(Relaxed) {
             0 => region.events().opened_ns(),
             start_ns => start_ns,
         };
         Self {
             time_s: record.time_ns.wrapping_sub(start_ns) as i64 as f64 * 1e-9,
-            simulated_s: record.simulated.map(|(_, ns)| ns as f64 * 1e-9),
-            episode: record.simulated.map(|(episode, _)| episode),
+            simulated_s: record.simulated_ns.map(|ns| ns as f64 * 1e-9),
+            episode: Some(record.episode),
             severity: record.severity,
             component: record
                 .component
@@ -71,13 +71,13 @@ impl LoggedEvent {
     }
 }
 
-/// The events of a run so far that are still in its log, oldest first, and the number of those that are not.
+/// Returns the events of a run that are still in its log, oldest first, and the number of lost ones.
 pub fn logged(plan: &Plan, region: &Region) -> (Vec<LoggedEvent>, u64) {
     let (records, lost) = region.events().all();
     (records.into_iter().map(|record| LoggedEvent::of(record, plan, region)).collect(), lost)
 }
 
-/// The writer of what is observed into the log of a run.
+/// Writes observed events to the log of a run.
 pub(super) struct EventWriter {
     region: Rc<Region>,
     clock: ClockKind,
@@ -97,15 +97,16 @@ impl EventWriter {
         let component = event.component().and_then(|name| self.names.iter().position(|other| other == name));
         let time_ns = match event {
             Event::EnteredSafeState { since_ns, .. } => *since_ns,
-            // A thread with real-time priority saw it; this one may have waited for its turn.
+            // The detecting thread had real-time priority; this one may have been delayed.
             Event::Failed { seen_ns: Some(seen_ns), .. } => *seen_ns,
-            // Of the same time the less severe one is read first.
+            // Of equal times, the less severe one is read first.
             Event::LeftSafeState { before_ns: Some(before_ns), .. } => *before_ns,
             _ => monotonic_ns(),
         };
         self.region.events().write(&EventRecord {
             time_ns,
-            simulated: (self.clock == ClockKind::Lockstep).then(|| self.simulated()),
+            episode: self.region.header().episode.load(Relaxed),
+            simulated_ns: (self.clock == ClockKind::Lockstep).then(|| self.simulated_ns()),
             severity: event.severity(),
             kind,
             component,
@@ -114,19 +115,19 @@ impl EventWriter {
         });
     }
 
-    /// The episode, and the simulated time that was handed out last, ns.
-    fn simulated(&self) -> (u64, u64) {
+    /// The simulated time that was handed out last, ns.
+    fn simulated_ns(&self) -> u64 {
         let ticks = self.region.components().iter().map(|block| block.tick_time_ns.load(Relaxed));
-        (self.region.header().episode.load(Relaxed), ticks.max().unwrap_or(0))
+        ticks.max().unwrap_or(0)
     }
 }
 
-/// A text without what would move the cursor of a terminal.
+/// Removes cursor control characters from a text.
 fn printable(text: String) -> String {
     if text.contains(char::is_control) { text.replace(char::is_control, " ") } else { text }
 }
 
-/// An observer that writes events into the log before it passes them on.
+/// An observer that logs events before it forwards them.
 pub(super) fn logging<'a>(
     writer: &Rc<EventWriter>,
     observe: &'a mut dyn FnMut(Event<'_>),
@@ -145,11 +146,11 @@ impl Launch {
         records.map(|record| LoggedEvent::of(record, &self.plan, &self.region)).collect()
     }
 
-    /// The newest events for the report, and the number of those that are left out.
+    /// Returns the newest events for the report, and the number of omitted ones.
     pub(super) fn reported_events(&self) -> (Vec<LoggedEvent>, u64) {
         let (mut events, lost) = logged(&self.plan, &self.region);
         let more = events.len().saturating_sub(REPORTED_EVENTS);
-        // Printed lines go before what is about the run itself.
+        // Events of the run take precedence over printed lines.
         let mut lines = more;
         events.retain(|event| {
             let goes = lines > 0 && event.kind == EventKind::Output;

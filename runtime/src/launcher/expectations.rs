@@ -15,7 +15,7 @@ pub struct ExpectationReport {
     pub figure: String,
     /// The condition, such as `<= 0.001`.
     pub condition: String,
-    /// The value of the figure; `null` if it has none.
+    /// Value of the figure; `null` if missing.
     pub found: Value,
     /// True if the value meets the condition.
     pub met: bool,
@@ -69,7 +69,7 @@ fn figure(report: &Report, figure: &str) -> Result<Value, String> {
     })
 }
 
-/// The value at a dotted path, whose steps are keys and places in lists.
+/// Returns the value at a dotted path of keys and list indices.
 fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     path.split('.').try_fold(value, |value, step| match value {
         Value::Array(values) => values.get(step.parse::<usize>().ok()?),
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_are_those_of_the_result_then_those_of_the_components_part_of_the_report() {
+    fn figures_come_from_the_result_then_the_report() {
         for met in [
             "controller.position_error_m <= 1e-3",
             "controller.tasks.cartesian.goals.1 == 4",
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_without_a_value_is_not_met_and_says_what_there_is() {
+    fn missing_figure_is_not_met_and_lists_alternatives() {
         let missing = verdict_on("controller.position_eror_m != 3");
         assert!(!missing.met);
         assert!(missing.to_string().contains("did you mean `position_error_m`?"), "{missing}");

@@ -23,8 +23,8 @@ use crate::run_folder::RunFolder;
 /// Time between two looks at the launcher.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Waits for the end of the launcher, and ends the run in its place. A launcher that ends in good order kills its guard
-/// first.
+/// Waits for the end of the launcher, and ends the run in its place. A launcher that ends normally kills its
+/// guard first.
 pub fn main(folder: &RunFolder) -> ExitCode {
     // The signals of the launcher's terminal session must not end the guard.
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGTSTP] {
@@ -37,7 +37,7 @@ pub fn main(folder: &RunFolder) -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    // Held in its own right: the run is alive until the guard has seen to its end.
+    // Held separately: the run stays alive until the guard has ended it.
     let mut folder = folder.clone();
     if let Err(error) = folder.hold() {
         eprintln!("motorium guard: {error}");
@@ -54,7 +54,7 @@ pub fn main(folder: &RunFolder) -> ExitCode {
     region.header().safe_stop_ns.store(noticed, Relaxed);
     region.header().order(Command::SafeStop);
     workers.iter().for_each(|(_, watch)| watch.signal(Signal::USR2));
-    std::thread::sleep(Duration::from_nanos(plan.safety.settle_ns));
+    std::thread::sleep(Duration::from_nanos(plan.settle_ns()));
     let (safe, is_safe) = describe_safety(&plan, &region, &workers, noticed);
     log.write(&Event::GuardActed { actuators: &safe, is_safe });
     region.header().order(Command::Stop);
@@ -86,8 +86,8 @@ fn workers(plan: &Plan, region: &Region, folder: &RunFolder) -> Vec<(String, Wat
     workers.flatten().collect()
 }
 
-/// True if a process was started for this run: a process number may have been reused since. One that has ended and is not
-/// reaped has no arguments any more, but still its parent, the `launcher`.
+/// Returns `true` if a process was started for this run, since process ids are reused. A zombie has no
+/// arguments, but its parent is still the `launcher`.
 fn is_of_run(pid: u32, folder: &RunFolder, launcher: Option<u32>) -> bool {
     let arguments = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
     let path = folder.path().as_os_str().as_encoded_bytes();
@@ -95,16 +95,17 @@ fn is_of_run(pid: u32, folder: &RunFolder, launcher: Option<u32>) -> bool {
         || (arguments.is_empty() && launcher.is_some_and(|launcher| parent_of(pid) == Some(launcher)))
 }
 
-/// Parent of a process: in `stat` the second word behind its name, which may hold anything.
+/// Parent of a process: the second field after its name in `stat`, which may contain any characters.
 fn parent_of(pid: u32) -> Option<u32> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     stat.rsplit_once(')')?.1.split_ascii_whitespace().nth(1)?.parse().ok()
 }
 
-/// Waits until the launcher has died, or is stopped while a component needs it. Returns the cause as text.
+/// Waits until the launcher has died, or is unresponsive while a component needs it. Returns the cause as
+/// text.
 ///
-/// A launcher that is stopped or hangs is told once. The graph goes on without it as long as all components step; when one
-/// dies or hangs, nobody else can act on it, and the guard kills the launcher and ends the run.
+/// An unresponsive launcher is reported once. The graph continues while all components step. When one dies or
+/// hangs, only the launcher could react, so the guard kills the launcher and ends the run.
 fn await_cause(
     (plan, region, folder): (&Plan, &Region, &RunFolder),
     launcher: &Watch,
@@ -125,7 +126,7 @@ fn await_cause(
         last_look = now;
         let alive_ns = header.launcher_alive_ns.load(Relaxed);
         roster.look((plan, region, folder), alive_ns, now);
-        // Only a launcher that supervises in real time says that it is alive.
+        // Only a launcher that supervises in real time reports that it is alive.
         let is_silent = alive_ns != 0
             && !held_up
             && header.command() == Command::Run
@@ -134,7 +135,7 @@ fn await_cause(
             None if is_silent => {
                 tell(Event::LauncherSilent { run: folder.id() });
                 silent = Some(Silence::new(plan, now));
-                // What ended since the launcher's last sign of life needs it already.
+                // A component that ended after the launcher's last sign of life needs it already.
                 continue;
             }
             Some(_) if !is_silent => {
@@ -156,7 +157,7 @@ fn await_cause(
     }
 }
 
-/// The processes of the components, as the guard has seen them since the launcher's last sign of life.
+/// Processes of the components, as seen by the guard since the launcher's last sign of life.
 struct Roster {
     launcher: Option<u32>,
     workers: Vec<Option<Seen>>,
@@ -166,7 +167,7 @@ struct Roster {
 struct Seen {
     pid: u32,
     watch: Watch,
-    /// Time at which its end was seen, ns. A launcher that gave a sign of life after that has acted on it.
+    /// Time of its detected end, ns. A launcher with a later sign of life has handled it.
     ended_ns: Option<u64>,
     is_handled: bool,
 }
@@ -194,7 +195,7 @@ impl Roster {
         }
     }
 
-    /// The first component that ended and on whose end nobody has acted.
+    /// Returns the first component whose end is unhandled.
     fn unhandled(&self) -> Option<usize> {
         self.workers
             .iter()
@@ -207,7 +208,7 @@ impl Roster {
     }
 }
 
-/// The guard's own view on the components, while the launcher does not respond.
+/// The guard's own supervision while the launcher does not respond.
 struct Silence {
     watchdogs: Vec<Watchdog>,
 }
@@ -218,8 +219,8 @@ impl Silence {
         Self { watchdogs: watchdogs.collect() }
     }
 
-    /// The first component that needs the launcher, as text: it died since the launcher's last sign of life, hangs, or was
-    /// about to be restarted.
+    /// Returns the first component that needs the launcher, as text: it died since the launcher's last sign
+    /// of life, hangs, or was due for a restart.
     fn needs_launcher(&mut self, roster: &Roster, plan: &Plan, region: &Region, now: u64) -> Option<String> {
         let name = |index: usize| &plan.components[index].name;
         if let Some(index) = roster.unhandled() {
@@ -237,20 +238,20 @@ impl Silence {
     }
 }
 
-/// The states of the actuators, as text, and whether all are in their safe state.
+/// Describes the states of the actuators, and returns whether all are in their safe state.
 fn describe_safety(
     plan: &Plan,
     region: &Region,
     workers: &[(String, Watch)],
     noticed: u64,
 ) -> (String, bool) {
-    let state = serde_json::to_value(plan.safety.gate.safe_state).unwrap_or_default();
-    let state = state.as_str().unwrap_or_default();
     let (mut words, mut are_safe) = (Vec::new(), true);
     for (component, block) in plan.components.iter().zip(region.components()) {
         if !component.actuator {
             continue;
         }
+        let state = serde_json::to_value(plan.safety_of(component).gate.safe_state).unwrap_or_default();
+        let state = state.as_str().unwrap_or_default();
         let name = &component.name;
         let worker = workers.iter().find(|(worker, _)| worker == name);
         let ended = worker.is_none_or(|(_, watch)| watch.has_ended());

@@ -12,13 +12,13 @@ use super::{Event, Launch, LaunchError};
 use crate::os::monotonic_ns;
 use crate::plan::{RestartPlan, RestartWhen};
 
-/// The program that this process runs, also after its file was replaced or removed.
+/// Program of this process, even if its file was replaced or removed.
 const OWN_PROGRAM: &str = "/proc/self/exe";
 
-/// Failures in a row from which on a run counts as unguarded.
+/// Consecutive failures after which a run counts as unguarded.
 const FAILURES: u32 = 3;
 
-/// Restarts of a guard: as often as it takes, with a back-off.
+/// Restarts of a guard: unlimited, with a back-off.
 const POLICY: RestartPlan =
     RestartPlan { when: RestartWhen::Always, at_most: u32::MAX, window_ns: 1, within_ns: u64::MAX };
 
@@ -26,14 +26,14 @@ const POLICY: RestartPlan =
 #[derive(Default)]
 pub(super) struct Guard {
     child: Option<Child>,
-    /// Time from which on it is expected to be alive, ns.
+    /// Time from which it is expected to be alive, ns.
     since_ns: u64,
     history: History,
-    /// Time at which it is to be started again, ns.
+    /// Time of its next start, ns.
     due_ns: Option<u64>,
     /// Failures in a row, each within a second of its start.
     failures: u32,
-    /// Reason for which it cannot be started again.
+    /// Reason why it cannot be restarted.
     refused: Option<String>,
 }
 
@@ -50,7 +50,7 @@ impl Guard {
         }
     }
 
-    /// Shortcoming of a run that had a guard at its start and has none at its end, as text.
+    /// Describes the loss of a guard that existed at the start of the run.
     pub(super) fn missing(&self) -> Option<String> {
         match &self.refused {
             Some(reason) => Some(format!("the run had no guard at its end: {reason}")),
@@ -73,16 +73,15 @@ impl Launch {
         Ok(())
     }
 
-    /// The program to start workers and guards with. Where the file that this process runs was replaced, such as by an
-    /// upgrade, it is still the old one: another version may lay out the shared memory of the run differently.
+    /// Program for workers and guards. If the file of this process was replaced, for example by an upgrade,
+    /// the old program is used, because another version may have a different shared memory layout.
     pub(super) fn own_program(&self) -> PathBuf {
         let program = &self.options.program;
         let is_replaced = self.runs_own_program && !is_own(program);
         if is_replaced { PathBuf::from(OWN_PROGRAM) } else { program.clone() }
     }
 
-    /// Replaces a guard that was killed, or that is stopped. `late` is the time for which the launcher itself was held
-    /// up, ns.
+    /// Replaces a dead or stopped guard. `late` is the delay of the launcher itself, ns.
     pub(super) fn monitor_guard(&mut self, late: u64, observe: &mut dyn FnMut(Event<'_>)) {
         let now = monotonic_ns();
         if let Some(due_ns) = self.guard.due_ns {
@@ -95,7 +94,7 @@ impl Launch {
         let alive_ns = self.region.header().guard_alive_ns.load(Relaxed).max(self.guard.since_ns);
         let guard = &mut self.guard;
         let Some(child) = &mut guard.child else { return };
-        // A launcher that was held up itself gives the guard its time again.
+        // After its own delay, the launcher gives the guard time again.
         if late > SILENCE_NS / 2 {
             guard.since_ns = now;
         } else if now.saturating_sub(alive_ns) > SILENCE_NS {
@@ -111,7 +110,7 @@ impl Launch {
             "killed by the launcher" => "it does not respond and was killed".to_string(),
             _ => how,
         };
-        // Until then it did its work: it says that it is alive.
+        // It reported being alive until then.
         let worked = self.region.header().guard_alive_ns.load(Relaxed) > guard.since_ns;
         guard.failures = if worked { 0 } else { guard.failures + 1 };
         let delay_ns =
@@ -156,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_guard_that_fails_again_and_again_is_missing() {
+    fn repeatedly_failing_guard_counts_as_missing() {
         let mut guard = Guard::default();
         assert_eq!(guard.missing(), None);
         guard.failures = FAILURES;

@@ -1,4 +1,4 @@
-//! Components and guards that have hung, and steps that were lost.
+//! Hung components and guards, and lost steps.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -13,7 +13,7 @@ use crate::units::TimeSpan;
 /// Silence after which a launcher or a guard counts as stopped, ns.
 pub(super) const SILENCE_NS: u64 = 1_000_000_000;
 
-/// The first word of every hang as text.
+/// First word of every hang message.
 const HUNG: &str = "hung:";
 
 /// True of the text of a hang.
@@ -41,7 +41,7 @@ pub(super) fn describe(plan: &Plan, region: &Region, index: usize, hang: Hang) -
 }
 
 impl Launch {
-    /// A launcher that was itself held up for long must not take those for hung that were held up with it.
+    /// After a long delay of its own, the launcher must not treat components delayed with it as hung.
     pub(super) fn disregard_own_delay(&self, supervision: &mut [Supervision], late: u64, now: u64) {
         for supervision in supervision {
             if late > supervision.watchdog.hang_after_ns() / 2 {
@@ -51,8 +51,8 @@ impl Launch {
         }
     }
 
-    /// Kills the process of a component that has hung; its end then follows its policy. A thread cannot be killed: the
-    /// reason for which the graph cannot go on is returned.
+    /// Kills the process of a component that has hung; its end then follows its policy. A thread cannot be
+    /// killed: the reason for which the graph cannot go on is returned.
     pub(super) fn end_if_hung(
         &mut self,
         index: usize,
@@ -70,7 +70,7 @@ impl Launch {
         let tick = block.steps.load(Relaxed);
         if self.children[index].end() {
             block.set_failure(tick, &reason);
-            // Its end shows in a moment.
+            // Its end will show shortly.
             supervision.watchdog.watch_from(now);
             supervision.hung_ns = Some(now);
             return None;
@@ -80,7 +80,7 @@ impl Launch {
         Some(format!("component `{component}` failed at tick {tick}: {reason}"))
     }
 
-    /// Warns of a component that loses too many of its steps.
+    /// Warns of a component that loses too many steps.
     pub(super) fn count_lost_steps(
         &self,
         index: usize,
@@ -95,11 +95,11 @@ impl Launch {
         }
     }
 
-    /// Notes at the end of a run in real time which components did not do what the graph asks.
+    /// Records at the end of a real-time run which components do not meet the graph's requirements.
     pub(super) fn note_unmet(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let supervision = core::mem::take(&mut self.supervision);
         let now = monotonic_ns();
-        // Without the priorities that the graph asks for nothing promises that its steps come in time.
+        // Without the requested priorities, punctual steps are not guaranteed.
         let has_priorities = self.options.hosting == Hosting::Processes && self.lost.is_empty();
         for (index, supervision) in supervision.iter().enumerate() {
             let (component, block) = (&self.plan.components[index], &self.region.components()[index]);
@@ -121,7 +121,7 @@ impl Launch {
                     observe(Event::Warning(&warning));
                 }
             }
-            // Too short a time for the watchdog, and long enough to be told.
+            // Too short for the watchdog, but long enough to report.
             let counters = Counters::read(&self.plan, &self.region, index);
             let hang = supervision.watchdog.clone().with_half_the_timeout().check(&counters, now);
             if let Some(hang) = hang.filter(|_| !supervision.is_gone()) {

@@ -6,21 +6,21 @@ use super::{Hosting, Launch, LaunchError};
 use crate::os::IdleLimit;
 use crate::plan::{ClockKind, OnDenied, Plan, SchedulingClass};
 
-/// A limit from which on nothing is requested, ns: no idle state takes this long to leave.
+/// Limit above which nothing is requested, ns: every idle state is faster.
 const ANY_NS: u64 = 1_000_000_000;
 
 /// The limit on idle states that a plan requests, and the system's answer.
 #[derive(Debug, Default)]
 pub(super) struct IdleStates {
     _limit: Option<IdleLimit>,
-    /// The limit that holds, ns; `None` if none was requested or the system denied it.
+    /// Limit in force, ns; `None` if none was requested or the system denied it.
     pub(super) exit_ns: Option<u64>,
     /// The reason of a denial.
     pub(super) denied: Option<String>,
 }
 
 impl IdleStates {
-    /// Requests the limit of a plan; it holds until this is dropped or this process dies.
+    /// Requests the limit of a plan, until this value is dropped or the process dies.
     pub(super) fn begin(plan: &Plan) -> Self {
         let exit_ns = plan.scheduling.idle_exit_ns;
         let waits = plan.components.iter().any(|component| component.class != SchedulingClass::Normal);

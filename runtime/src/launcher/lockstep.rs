@@ -1,8 +1,8 @@
 //! The launcher's side of lockstep: ticks of simulated time, one component at a time, in a fixed order.
 //!
-//! The launcher begins a round and gives the turn to its first component. Processes and threads pass it on among themselves,
-//! through as many rounds as they may begin, and give it back at the end of the part that was asked for, or where they
-//! cannot go on. Components hosted inline are stepped by the launcher, one after the other.
+//! The launcher starts a round and passes the turn to its first component. Processes and threads pass it on
+//! among themselves, through as many rounds as permitted, and return it at the end of the requested part, or
+//! when they cannot continue. Components hosted inline are stepped by the launcher, one after the other.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
@@ -13,17 +13,17 @@ use super::{Event, Exit, Hosting, Launch};
 use crate::os::{futex_wait, monotonic_ns};
 use crate::region::{Command, Phase};
 
-/// Time of a tick from which on it is told, ns.
+/// Duration of a tick above which it is reported, ns.
 const TELL_AFTER_NS: u64 = 1_000_000_000;
-/// Time between two looks at what is printed, and two states for the display, ns.
+/// Interval of checks for printed lines, and of status updates, ns.
 const STATUS_NS: u64 = 50_000_000;
 
-/// Longest wait for the turn between two looks at signals, and at the component that has it.
+/// Maximum wait for the turn between checks of signals and of the component that holds it.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// The outcome of a tick.
 enum Ticked {
-    /// It is done, or its component is no longer there.
+    /// The work is done, or its component no longer exists.
     Done,
     /// The graph cannot go on.
     Fatal(String),
@@ -31,10 +31,10 @@ enum Ticked {
     Interrupted,
 }
 
-/// The work that a component is given with the turn.
+/// Work assigned to a component with the turn.
 #[derive(Debug, Clone, Copy)]
 enum Work {
-    /// A step, and those that come after it.
+    /// A step, and the following ones.
     Step,
     /// The reset for the episode in the header.
     Reset,
@@ -50,7 +50,8 @@ pub(crate) struct Limit {
 }
 
 impl Launch {
-    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a failure.
+    /// Runs rounds of simulated time up to a limit. The exit, if the run ended before: by a signal, or a
+    /// failure.
     pub(crate) fn run_rounds(&mut self, limit: Limit, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         let observe = &mut logging(&self.log, observe);
         let mut supervision = core::mem::take(&mut self.supervision);
@@ -88,7 +89,7 @@ impl Launch {
                 && let Some(index) = self.rounds.next_due(&self.region, time, place)
             {
                 let ticked = self.tick((index, time), &mut now_ns, supervision, observe);
-                // Those that pass the turn on may have come further, and into other rounds.
+                // Components that pass the turn on may have advanced to other rounds.
                 let last = self.last_tick(index);
                 (time, place) = (last.1, self.rounds.place_after(last.0));
                 match ticked {
@@ -122,15 +123,16 @@ impl Launch {
         None
     }
 
-    /// The component that had the last tick and its time, after the turn was given to the component `first`.
+    /// Returns the component of the last tick and its time, after the turn was passed to the component
+    /// `first`.
     fn last_tick(&self, first: usize) -> (usize, u64) {
         let last = self.region.header().turn.now().giver.unwrap_or(first);
         let block = self.region.components().get(last);
         block.map_or((first, 0), |block| (last, block.tick_time_ns.load(Relaxed)))
     }
 
-    /// Resets all components for an episode, one after the other: a barrier, after which simulated time begins anew. The
-    /// exit if one of them cannot go on.
+    /// Resets all components for an episode, one after the other: a barrier after which simulated time
+    /// restarts. Returns the exit if one of them cannot continue.
     pub(crate) fn reset(
         &mut self,
         index: u64,
@@ -182,13 +184,13 @@ impl Launch {
         }
     }
 
-    /// Time of the next round, ns; `u64::MAX` if there is none.
+    /// Time of the next round, ns; `u64::MAX` for none.
     pub(crate) fn next_round_ns(&self) -> u64 {
         self.rounds.round_from(self.reached_ns)
     }
 
-    /// Looks at everything that no tick tells, if it is time to, and waits: for a signal, the end of a process, or a time on
-    /// `CLOCK_MONOTONIC`, ns. The exit, if a signal came.
+    /// Performs due checks, and waits for a signal, the end of a process, or a time on `CLOCK_MONOTONIC`, ns.
+    /// Returns the exit if a signal arrived.
     pub(crate) fn wait(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         let observe = &mut logging(&self.log, observe);
         let now_ns = monotonic_ns();
@@ -204,7 +206,7 @@ impl Launch {
         self.signals.is_raised().then_some(Exit::Interrupted)
     }
 
-    /// Looks at everything that no tick tells.
+    /// Checks everything that ticks do not report.
     fn look_around(&mut self, supervision: &mut [Supervision], observe: &mut dyn FnMut(Event<'_>)) {
         self.relay_output(observe);
         self.monitor_guard(0, observe);
@@ -216,7 +218,8 @@ impl Launch {
         observe(Event::Status(&self.status()));
     }
 
-    /// After a safe stop only the actuators go on, in their safe state, for the settling time. Returns when it is over.
+    /// After a safe stop only the actuators continue, in their safe state, for the settling time. Returns
+    /// when it is over.
     fn settle_lockstep(
         &mut self,
         time: u64,
@@ -226,7 +229,7 @@ impl Launch {
         // A second signal ends the settling too.
         self.signals.forget();
         self.region.header().order(Command::SafeStop);
-        let end = time + self.plan.safety.settle_ns;
+        let end = time + self.plan.settle_ns();
         let mut now_ns = monotonic_ns();
         for index in 0..supervision.len() {
             let component = &self.plan.components[index];
@@ -247,8 +250,8 @@ impl Launch {
         if self.signals.is_raised() { Ticked::Interrupted } else { Ticked::Done }
     }
 
-    /// Has one component step for a time; a process or thread then passes the turn on. `now_ns` is the present on
-    /// `CLOCK_MONOTONIC`, before and after.
+    /// Has one component step for a time; a process or thread then passes the turn on. `now_ns` is the
+    /// present on `CLOCK_MONOTONIC`, before and after.
     #[inline]
     fn tick(
         &mut self,
@@ -277,7 +280,7 @@ impl Launch {
         }
         match self.monitor(index, &mut supervision[index], observe) {
             Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
-            // The tick in which it failed is lost; its successor starts with the next one.
+            // The failed tick is lost; the restarted component starts with the next one.
             Some(AfterEnd::Restarted) => {
                 self.await_running(index, &mut supervision[index], observe);
             }
@@ -287,8 +290,8 @@ impl Launch {
         self.after_wait()
     }
 
-    /// Gives the turn to a component and waits until it comes back, from that one or another, however long that takes: a
-    /// tick takes no simulated time. A signal ends the wait.
+    /// Passes the turn to a component and waits until it returns, from that or another one, for as long as
+    /// needed: a tick takes no simulated time. A signal ends the wait.
     fn give_turn(
         &mut self,
         index: usize,
@@ -334,7 +337,7 @@ impl Launch {
             if ended.is_none() && !supervision[holder].is_gone() {
                 continue;
             }
-            // The tick in which it died is lost; its successor starts with the next one.
+            // The tick of its death is lost; the restarted component starts with the next one.
             self.region.header().turn.give(Some(holder), None);
             return match ended {
                 Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
@@ -348,7 +351,8 @@ impl Launch {
         }
     }
 
-    /// Waits while a component starts; simulated time stands still. False if it has ended for good.
+    /// Waits while a component starts; simulated time stands still. Returns `false` if it has ended
+    /// permanently.
     fn await_running(
         &mut self,
         index: usize,

@@ -2,12 +2,12 @@
 
 use super::hang::LostShare;
 
-/// Time over which the share is taken, ns.
+/// Interval over which the share is computed, ns.
 const SPAN_NS: u64 = 1_000_000_000;
 /// Least time between two warnings of one component, ns.
 const QUIET_NS: u64 = 10_000_000_000;
 
-/// The steps that one component loses: releases, or publications that trigger it, which passed while it could not step.
+/// Lost steps of one component: releases, or triggering publications, that passed while it could not step.
 #[derive(Debug, Clone)]
 pub(super) struct LostSteps {
     limit: f64,
@@ -23,12 +23,12 @@ impl LostSteps {
         Self { limit, since_ns: now_ns, before: (0, 0), quiet_until_ns: 0 }
     }
 
-    /// Begins a new span: the component starts, or the launcher was held up.
+    /// Starts a new interval: the component starts, or the launcher was delayed.
     pub(super) fn count_from(&mut self, now_ns: u64) {
         self.since_ns = now_ns;
     }
 
-    /// The share that was lost in the span that is over, if that is too much and was not told a moment ago.
+    /// Returns the share lost in the finished interval, if it is too large and was not reported recently.
     pub(super) fn check(&mut self, steps: u64, skipped: u64, now_ns: u64) -> Option<f64> {
         if now_ns.saturating_sub(self.since_ns) < SPAN_NS {
             return None;
@@ -52,7 +52,7 @@ mod tests {
     const S: u64 = 1_000_000_000;
 
     #[test]
-    fn losing_more_than_the_limit_within_a_second_is_told_once_in_ten() {
+    fn excessive_loss_is_reported_every_ten_seconds() {
         let mut lost = LostSteps::new(0.05, 0);
         assert_eq!(lost.check(500, 100, S / 2), None, "the second is not over");
         assert_eq!(lost.check(960, 40, S), None, "4 %");
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn a_component_that_takes_no_step_at_all_loses_none() {
+    fn component_without_steps_loses_none() {
         assert_eq!(LostSteps::new(0.05, 0).check(0, 0, S), None);
     }
 

@@ -1,15 +1,16 @@
-//! The launcher: from a plan to running processes, and back to nothing.
+//! The launcher: starts, supervises and ends the processes of a plan.
 //!
-//! The launcher makes every service, starts one process per component, holds them at a barrier until all ports
-//! are connected, watches them, restarts what may be restarted, brings the robot to its safe state when something
-//! fails, and leaves no shared memory behind. A [`guard`] process does the last two when the launcher itself is
-//! killed.
+//! The launcher creates every service, starts one process per component and holds them at a barrier until all
+//! ports are connected. It supervises the processes, restarts them where permitted, brings the robot to its
+//! safe state on a failure, and leaves no shared memory behind. A [`guard`] process does the last two if the
+//! launcher itself is killed.
 
 mod accounts;
 mod barrier;
 mod child;
 mod cores;
 mod ending;
+mod episodes;
 mod error;
 mod event;
 mod event_log;
@@ -46,6 +47,7 @@ use crate::run_folder::RunFolder;
 use crate::worker::{Host, Registry, Rounds};
 use accounts::Accounts;
 use child::Child;
+use episodes::Began;
 use event_log::{EventWriter, logging};
 use guarding::Guard;
 use idle_states::IdleStates;
@@ -67,7 +69,8 @@ pub use report::{
 };
 pub use status::{ComponentStatus, Status};
 
-/// A launch in progress: the processes, threads or hosted components of a run, and everything that is removed with it.
+/// A launch in progress: the processes, threads or hosted components of a run, and everything that is removed
+/// with it.
 pub(crate) struct Launch {
     plan: Plan,
     registry: Registry,
@@ -81,38 +84,41 @@ pub(crate) struct Launch {
     guard: Guard,
     /// The program of workers and guards is the one that this process runs.
     runs_own_program: bool,
-    /// Time at which the components were told to stop, ns.
+    /// Time of the stop command to the components, ns.
     ended_ns: Option<u64>,
     lost: Vec<String>,
     warnings: Vec<String>,
     idle_states: IdleStates,
     spare: Spare,
     places: Places,
-    /// The stop that was told last.
+    /// The last reported stop.
     stop: Option<stops::Stop>,
     cores: Option<CoreWatch>,
-    /// The log of events, and what it was told of the accounts of components.
+    /// The event log, and what it contains of the accounts of components.
     log: Rc<EventWriter>,
     accounts: Accounts,
     /// Lockstep: simulated time of the next look at the accounts, ns.
     next_account_ns: u64,
-    /// The order of the ticks, and the simulated time from which on they are still to be made, ns.
+    /// Order of the ticks, and the simulated time of the next one, ns.
     rounds: Rounds,
     reached_ns: u64,
     /// Simulated time of the episodes before, ns.
     before_ns: u64,
+    /// Real time: the episodes that have begun.
+    episodes: Vec<Began>,
     /// Time of the next status, and of the next look at everything in real time, `CLOCK_MONOTONIC` ns.
     next_status_ns: u64,
     due_ns: u64,
-    /// Core and priority that this thread had before.
+    /// Previous core and priority of this thread.
     _placement: Placement,
 }
 
 impl Launch {
-    /// Starts everything and passes the barrier before the first step. The exit, if a signal came meanwhile.
+    /// Starts everything and passes the barrier before the first step. Returns the exit if a signal arrived
+    /// meanwhile.
     ///
     /// # Errors
-    /// The graph did not start; nothing is left behind then.
+    /// The graph did not start; nothing is left behind.
     pub(crate) fn start(
         mut plan: Plan,
         registry: &Registry,
@@ -156,6 +162,7 @@ impl Launch {
             cores: None,
             reached_ns: 0,
             before_ns: 0,
+            episodes: Vec::new(),
             next_status_ns: 0,
             due_ns: 0,
             _placement: Placement::remember(),
@@ -204,6 +211,9 @@ impl Launch {
         let wall = if start == 0 { 0 } else { monotonic_ns().saturating_sub(start) };
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let simulated = if lockstep { self.before_ns + self.reached_ns } else { wall };
+        if !lockstep && start != 0 {
+            self.note_episodes(observe);
+        }
         let cores = self.cores.take().map(|watch| watch.stop());
         let in_good_order = matches!(exit, Exit::Finished | Exit::Interrupted);
         if self.plan.clock == ClockKind::Realtime && start != 0 && in_good_order {
@@ -226,12 +236,17 @@ impl Launch {
         let mut report = self.report(exit, simulated);
         report.cores = cores.unwrap_or_default();
         report.realtime_factor = simulated as f64 / wall.max(1) as f64;
-        // A run that was cut short, or failed, has not come to where it is expected to be.
+        // An interrupted or failed run is not at its expected end.
         if report.exit == Exit::Finished {
             let expectations = self.plan.expectations.iter();
             report.expectations = expectations.map(|each| expectations::verdict(each, &report)).collect();
         }
         report
+    }
+
+    /// The report of a run that continues.
+    pub(crate) fn report_so_far(&self, exit: Exit) -> Report {
+        self.report(exit, self.before_ns + self.time_ns())
     }
 
     /// True if the launching program takes the place of a component.
@@ -262,8 +277,8 @@ impl Launch {
         }
     }
 
-    /// The launcher keeps off the real-time cores; in lockstep it shares the one core with all components. A thread that
-    /// hosts them itself stays where it is unless it was given a core.
+    /// The launcher avoids the real-time cores; in lockstep it shares the single core with all components. A
+    /// thread that hosts them itself is not moved unless a core was given.
     fn place_launcher(&self) {
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         if self.options.hosting == Hosting::Inline && self.options.core.is_none() {
@@ -272,7 +287,7 @@ impl Launch {
         let core = self.plan.components.iter().find_map(|component| component.core).filter(|_| lockstep);
         let cores = core.map_or_else(|| self.plan.scheduling.shared_cores.clone(), |core| vec![core]);
         let class = crate::plan::SchedulingClass::Normal;
-        // Without the right to choose its cores the launcher stays where it is.
+        // Without the privilege to choose its cores, the launcher is not moved.
         let _ = crate::os::apply(&crate::os::Request { class, cores, lock_memory: false });
     }
 
@@ -295,7 +310,7 @@ impl Launch {
             (Program::Builtin { kind }, Hosting::Inline) => {
                 let host = Host { folder: &self.folder, plan: &self.plan, region: &self.region };
                 let mut child = Child::inline(self.registry.find(kind), &host, index)?;
-                // One that is restarted joins a run that has passed its barrier.
+                // A restarted component joins a run that has passed its barrier.
                 if self.region.header().command() as u32 >= Command::Run as u32 {
                     child.connect(block);
                     child.begin(block);
@@ -316,7 +331,7 @@ impl Launch {
 }
 
 impl Drop for Launch {
-    /// Ends what still runs, and removes everything from shared memory.
+    /// Ends the remaining processes, and removes everything from shared memory.
     fn drop(&mut self) {
         self.region.header().order(Command::Stop);
         self.signal_all();
@@ -333,5 +348,5 @@ impl Drop for Launch {
 
 /// Time within which components must be configured.
 const CONFIGURE_WITHIN: Duration = Duration::from_secs(30);
-/// Time within which a component must end after the command to stop, where the graph does not say.
+/// Default time for a component to end after the command to stop.
 const STOP_WITHIN: Duration = Duration::from_nanos(crate::plan::STOP_WITHIN_NS);

@@ -1,4 +1,4 @@
-//! Real-time work of other users on the cores of a run, as far as it is seen.
+//! Visible real-time work of other users on the cores of a run.
 
 use super::{Event, Launch};
 use crate::os::{Foreign, realtime_of_others};
@@ -8,8 +8,8 @@ use crate::plan::ClockKind;
 const NAMED: usize = 3;
 
 impl Launch {
-    /// Warns of real-time threads of other users on the cores of the run. Those of this user's runs are known with their budgets
-    /// before anything starts; of others there is nothing but what the kernel tells of every thread.
+    /// Warns of real-time threads of other users on the cores of the run. This user's runs are checked with
+    /// their budgets before the start; of others only the kernel's thread list is known.
     pub(super) fn tell_neighbours(&self, observe: &mut dyn FnMut(Event<'_>)) {
         if self.plan.clock != ClockKind::Realtime {
             return;
@@ -24,7 +24,7 @@ impl Launch {
     }
 }
 
-/// The neighbours in a line; `None` if there are none.
+/// Describes the neighbours in a line; `None` if there are none.
 fn words(others: &[Foreign]) -> Option<String> {
     let told: Vec<String> = others
         .iter()
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbours_are_told_with_process_user_class_and_cores() {
+    fn neighbours_are_reported_with_process_user_and_cores() {
         let other = |pid| Foreign {
             pid,
             user: 65_534,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::LaunchError;
 use crate::plan::{ClockKind, Plan, Program};
 
-/// The options of a launch: where the components run, and what the launching program does beside them.
+/// Options of a launch: where the components run, and the role of the launching program.
 ///
 /// ```
 /// use motorium::launcher::{Hosting, Options};
@@ -17,15 +17,15 @@ use crate::plan::{ClockKind, Plan, Program};
 pub struct Options {
     /// Processes, threads, or one thread for the components.
     pub hosting: Hosting,
-    /// The program that hosts built-in kinds and the guard; usually the current one. Only processes need it.
+    /// Program that hosts built-in kinds and the guard, usually the current one. Only processes need it.
     pub program: PathBuf,
-    /// In lockstep: the core of everything in the run. Without it the first one that the graph gives a component, and the
-    /// thread stays where it is if it hosts the components inline.
+    /// In lockstep: the core of the whole run. Default: the first core that the graph assigns to a component;
+    /// a thread that hosts components inline is not moved.
     pub core: Option<usize>,
-    /// True if `SIGINT`, `SIGTERM` and `SIGHUP` end the run in good order. While no run is alive that catches them, they do
-    /// what they did before.
+    /// `true` if `SIGINT`, `SIGTERM` and `SIGHUP` end the run normally. While no such run exists, they have
+    /// their previous effect.
     pub catch_signals: bool,
-    /// Components that are not started: the program takes their place and publishes on their topics.
+    /// Components that are not started: the program replaces them and publishes on their topics.
     pub stand_in: Vec<String>,
 }
 
@@ -34,10 +34,11 @@ pub struct Options {
 pub enum Hosting {
     /// Each component in a process of its own.
     Processes,
-    /// Each component in a thread of the launching process, unprotected from one another: for tests and for learning.
+    /// Each component in a thread of the launching process, unprotected from one another: for tests and for
+    /// learning.
     Threads,
-    /// All components in the thread that launches them, stepped one after the other without waiting for one another. In
-    /// lockstep only: for roll-outs.
+    /// All components in the launching thread, stepped one after the other without waits. In lockstep only,
+    /// for roll-outs.
     Inline,
 }
 
@@ -46,8 +47,8 @@ impl Options {
         Self { hosting, program, core: None, catch_signals: true, stand_in: Vec::new() }
     }
 
-    /// Each component in a process of its own, hosted by `program`: the `motorium` command, or one that calls
-    /// `program::run_worker` as that does.
+    /// Each component in a separate process, hosted by `program`: the `motorium` command, or another one that
+    /// calls `program::run_worker`.
     pub fn processes(program: PathBuf) -> Self {
         Self::of(Hosting::Processes, program)
     }
@@ -62,27 +63,27 @@ impl Options {
         Self::of(Hosting::Inline, PathBuf::new())
     }
 
-    /// Puts a run in lockstep on one core: several runs at once want one each.
+    /// Pins a lockstep run to one core; concurrent runs need one each.
     #[must_use]
     pub fn on_core(self, core: usize) -> Self {
         Self { core: Some(core), ..self }
     }
 
-    /// Leaves the signals of the process alone: a program that is ended by one leaves the shared memory of its threads
-    /// behind, until `motorium doctor --clean`.
+    /// Leaves the signals of the process alone: a program that is ended by one leaves the shared memory of
+    /// its threads behind, until `motorium doctor --clean`.
     #[must_use]
     pub fn leaving_signals(self) -> Self {
         Self { catch_signals: false, ..self }
     }
 
-    /// Takes the place of a component: it is not started, and the program publishes on its topics.
+    /// Replaces a component: it is not started, and the program publishes on its topics.
     #[must_use]
     pub fn standing_in_for(mut self, component: &str) -> Self {
         self.stand_in.push(component.to_string());
         self
     }
 
-    /// Checks that a plan can run so.
+    /// Checks that a plan can run with these options.
     pub(super) fn check(&self, plan: &Plan) -> Result<(), LaunchError> {
         let unsuitable = |what: &str, reason: String, advice| {
             Err(LaunchError::Unsuitable { what: what.to_string(), reason, advice })

@@ -1,4 +1,4 @@
-//! The places in topics and parameters that dead processes hold, and freeing them.
+//! Slots in topics and parameters occupied by dead processes, and their release.
 
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -8,13 +8,13 @@ use crate::worker::CLEANER;
 
 /// Time between two looks for dead processes.
 const LOOK_EVERY: Duration = Duration::from_millis(300);
-/// Time after a cleaner that crashed.
+/// Delay after a crash of the cleaner.
 const AFTER_CRASH: Duration = Duration::from_secs(10);
 
-/// The supervision of places: of killed components until they are restarted, and of killed tools.
+/// Supervision of occupied slots: of killed components until their restart, and of killed tools.
 ///
-/// iceoryx2 frees a place by walking through words that all processes of the run can write. A process of its own does
-/// it, so that damaged words crash no more than that.
+/// iceoryx2 frees a slot by traversing data that all processes of the run can write. A separate process does
+/// this, so that damaged data can only crash that process.
 #[derive(Debug, Default)]
 pub(super) struct Places {
     next: Option<Instant>,
@@ -22,10 +22,10 @@ pub(super) struct Places {
 }
 
 impl Launch {
-    /// Looks for dead processes from time to time, and has their places freed.
+    /// Checks for dead processes periodically, and has their slots freed.
     pub(super) fn look_at_places(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         if self.options.program.as_os_str().is_empty() {
-            // Threads of one process: their places are freed when one of them starts again.
+            // Threads of one process: their slots are freed when one of them restarts.
             return;
         }
         let now = Instant::now();
@@ -54,8 +54,8 @@ impl Launch {
         }
     }
 
-    /// Has the places of a component freed that has just died and is about to be restarted. Places are spare, so that its
-    /// successor need not wait.
+    /// Frees the slots of a component that has just died and is about to be restarted. Spare slots exist, so
+    /// that its successor need not wait.
     pub(super) fn free_places(&mut self) {
         match self.options.hosting {
             // The threads of one process share their node.
@@ -77,7 +77,7 @@ impl Launch {
         self.places.cleaner = command.spawn().ok();
     }
 
-    /// Ends the cleaner, which is at work in memory that is about to be removed.
+    /// Ends the cleaner, which works in memory that is about to be removed.
     pub(super) fn end_cleaner(&mut self) {
         if let Some(mut cleaner) = self.places.cleaner.take() {
             let _ = cleaner.kill();

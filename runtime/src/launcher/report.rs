@@ -22,7 +22,7 @@ pub const REPORT_VERSION: u32 = 2;
 pub enum Exit {
     /// Its duration was over.
     Finished,
-    /// A signal asked for its end.
+    /// A signal requested the end.
     Interrupted,
     /// Something failed; the robot was brought to its safe state.
     SafeStop {
@@ -46,19 +46,20 @@ pub struct Report {
     pub realtime_factor: f64,
     /// Digest of everything published, in lockstep: equal for equal runs. `null` in real time.
     pub state_hash: Option<String>,
-    /// The episodes of a run that was reset, in order; the last one is that of `state_hash` and `results`.
+    /// The episodes of a run that was divided, in order. In lockstep `state_hash` and `results` are of the
+    /// last one, in real time `results` are of the whole run.
     #[serde(default)]
     pub episodes: Vec<EpisodeReport>,
     /// The end of the run.
     pub exit: Exit,
-    /// The requests that the system denied, as text; empty if it granted all.
+    /// Requests denied by the system, as text; empty if all were granted.
     pub lost: Vec<String>,
-    /// Shortcomings of a run: what did not go as the graph asks although the run ended in good order, as text:
-    /// components that no longer stepped at the end, or lost too many steps.
+    /// Shortcomings of a run that ended normally, as text: components that no longer stepped at the end, or
+    /// lost too many steps.
     #[serde(default)]
     pub warnings: Vec<String>,
-    /// Longest time that a core could take to leave its idle state while the graph ran, ns; `null` where no limit was
-    /// requested (lockstep, no real-time component) or the system denied it.
+    /// Maximum exit latency of idle states while the graph ran, ns; `null` if no limit was requested
+    /// (lockstep, no real-time component) or the system denied it.
     #[serde(default)]
     pub idle_exit_ns: Option<u64>,
     /// Each component, in the order of the graph file.
@@ -67,7 +68,7 @@ pub struct Report {
     pub latencies: Vec<LatencyReport>,
     /// Each topic and each of its readers.
     pub edges: Vec<EdgeReport>,
-    /// Other work of each core to which a component was pinned.
+    /// Other activity of each core with a pinned component.
     #[serde(default)]
     pub cores: Vec<CoreReport>,
     /// Results of the components, by name.
@@ -75,7 +76,7 @@ pub struct Report {
     /// The verdict on each expectation of the graph; none for a run that was interrupted or failed.
     #[serde(default)]
     pub expectations: Vec<ExpectationReport>,
-    /// Number of events that are not in `events`: overwritten in the log, or beyond the most that a report has.
+    /// Number of events missing from `events`: overwritten in the log, or beyond the maximum of a report.
     #[serde(default)]
     pub events_left_out: u64,
     /// The newest events of the run, at most 256, oldest first.
@@ -88,14 +89,14 @@ pub struct Report {
 pub struct EpisodeReport {
     /// Its number, from 0.
     pub index: u64,
-    /// Its seed: a run with this seed publishes the same.
+    /// Its seed: in lockstep a run with this seed publishes the same.
     pub seed: u64,
-    /// Simulated time from its start to its end, s.
+    /// Time from its start to its end, s: simulated in lockstep.
     pub duration_s: f64,
     /// Steps of all components in it.
     pub steps: u64,
-    /// Digest of everything published in it.
-    pub state_hash: String,
+    /// Digest of everything published in it, in lockstep. `null` in real time.
+    pub state_hash: Option<String>,
 }
 
 /// One component in the report.
@@ -107,10 +108,10 @@ pub struct ComponentReport {
     pub pid: u32,
     /// Steps done.
     pub steps: u64,
-    /// Steps per second since its first step; to the run's end, or to now, for one that no longer steps.
+    /// Steps per second from its first step to the end of the run, or until now if it no longer steps.
     pub rate_hz: f64,
-    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns. Of a release by a
-    /// descriptor from its wake-up, or from the time to which `min_interval` deferred it.
+    /// Lateness: from the release, or the triggering publication, to the beginning of the step, ns. Of a
+    /// release by a descriptor from its wake-up, or from the time to which `min_interval` deferred it.
     pub lateness_ns: Percentiles,
     /// Execution time: from the beginning to the end of the step, wall-clock ns.
     pub execution_ns: Percentiles,
@@ -122,7 +123,8 @@ pub struct ComponentReport {
     pub stalls: Stalls,
     /// Missed steps by cause.
     pub misses: Misses,
-    /// Releases by a descriptor that came sooner than `min_interval` after the one before, and waited for it.
+    /// Number of descriptor releases that came earlier than `min_interval` after the previous one and were
+    /// delayed.
     #[serde(default)]
     pub deferred: u64,
     /// Steps that returned an error and were tolerated.
@@ -134,15 +136,15 @@ pub struct ComponentReport {
     /// The account of an actuator's command gate; `null` for other components.
     #[serde(default)]
     pub gate: Option<GateReport>,
-    /// Heap allocations of its own in steps after the first 100; `null` if its program does not count them.
+    /// Heap allocations in steps after the first 100; `null` if its program does not count them.
     pub allocations: Option<u64>,
-    /// Heap allocations in steps after the first 100 by foreign code that its documentation names.
+    /// Heap allocations after the first 100 steps by documented foreign code.
     pub allocations_apart: Option<u64>,
     /// Page faults of its thread after the first 100 steps.
     pub page_faults: u64,
-    /// `SCHED_FIFO` priority read back; 0 for any other class.
+    /// `SCHED_FIFO` priority, read back; 0 for any other class.
     pub fifo_priority: u32,
-    /// True if it ran under `SCHED_DEADLINE`, read back.
+    /// `true` if it ran under `SCHED_DEADLINE`, read back.
     pub deadline: bool,
     /// True if its memory was locked, read back.
     pub memory_locked: bool,
@@ -174,8 +176,8 @@ pub struct EdgeReport {
     pub reader: String,
     /// Samples it read.
     pub read: u64,
-    /// Age of each sample since its publication, at the beginning of the step that read it first, ns; 0 in lockstep,
-    /// where a tick takes no time.
+    /// Age of each sample since its publication, at the start of the step that first read it, ns; 0 in
+    /// lockstep, where a tick takes no time.
     pub age_ns: Percentiles,
 }
 
@@ -228,7 +230,7 @@ impl Launch {
             duration_s: duration_ns as f64 * 1e-9,
             realtime_factor: 1.0,
             state_hash: lockstep.then(|| self.state_hash()),
-            episodes: Vec::new(),
+            episodes: self.episode_reports(line_ns),
             exit,
             lost: self.lost.clone(),
             warnings: self.warnings.clone(),
@@ -268,8 +270,9 @@ fn rate_hz(plan: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> f64 {
     steps_per_second(begun, first, last, now_ns, plan.period_ns())
 }
 
-/// Steps per second, from the steps begun and the time between the first and the last of them; to `now_ns` where the last
-/// was more than two periods ago, so that a component that no longer steps does not keep its rate. All times in ns.
+/// Steps per second, from the number of steps and the time between the first and the last. If the last is
+/// more than two periods old, the time until `now_ns` is used, so that the rate of a stopped component falls.
+/// All times in ns.
 pub fn steps_per_second(begun: u64, first_ns: u64, last_ns: u64, now_ns: u64, period_ns: u64) -> f64 {
     let still_steps = now_ns.saturating_sub(last_ns) <= 2 * period_ns;
     let end_ns = if still_steps { last_ns } else { now_ns };
@@ -312,14 +315,14 @@ mod tests {
     const S: u64 = 1_000_000_000;
 
     #[test]
-    fn the_rate_of_a_component_that_steps_does_not_depend_on_the_moment_of_looking() {
+    fn rate_does_not_depend_on_the_time_of_reading() {
         for now in [10_000_000_000, 10_000_900_000, 10_001_900_000] {
             assert_eq!(steps_per_second(9_001, S, 10 * S, now, 1_000_000), 1_000.0);
         }
     }
 
     #[test]
-    fn the_rate_of_a_component_that_no_longer_steps_falls() {
+    fn rate_of_a_stopped_component_falls() {
         assert_eq!(steps_per_second(1_001, S, 2 * S, 5 * S, 1_000_000), 250.0);
         assert_eq!(steps_per_second(0, 0, 0, 5 * S, 1_000_000), 0.0);
         assert_eq!(steps_per_second(1, S, S, 5 * S, 1_000_000), 0.0);

@@ -1,8 +1,8 @@
-//! The resources of a run: checked before anything is made, reserved before anything moves.
+//! Resources of a run: checked before anything is created, reserved before anything moves.
 //!
-//! Shared memory that is not there when it is first touched kills the process that touches it (`SIGBUS`). So the launcher
-//! asks for all of it at the start, when a lack of it is an error with a name, and keeps some more for the restarts of
-//! components, which need memory again when others may have taken the rest.
+//! A first access to unavailable shared memory kills the process (`SIGBUS`). The launcher therefore allocates
+//! all of it at the start, where a shortage is a named error. It keeps a reserve for restarts of components,
+//! which need memory when others may have used up the rest.
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt as _;
@@ -20,23 +20,23 @@ use crate::os::{
 use crate::plan::Plan;
 use crate::run_folder::RunFolder;
 
-/// Kept for the services of a topic and of a component's parameters, bytes: what iceoryx2 writes about each.
+/// Reserve for the services of a topic and of a component's parameters, bytes: iceoryx2's own data.
 const SERVICE: u64 = 48 * 1024;
 /// Kept for each component, bytes: its entries in the domain, and its result.
 const COMPONENT: u64 = 64 * 1024;
-/// Kept for the restarts of components and for tools that look on, bytes.
+/// Reserve for restarts of components and for observing tools, bytes.
 const SPARE: u64 = 256 * 1024;
 /// Files of a service, and of a process that joins the domain.
 const FILES: u64 = 8;
-/// Processes besides those of components: the guard, and one that frees the places of the dead.
+/// Processes besides the components': the guard, and the cleaner of dead processes.
 const PROCESSES: u64 = 2;
-/// Threads that each component in a process of its own takes: three of its own, which step, watch and hold a word, and three
-/// of the launcher, of which two pass on its output and one waits for the word.
+/// Threads per component process: three of its own (stepping, watching, holding a word), and three of the
+/// launcher (two forward its output, one waits for the word).
 const THREADS_PER_COMPONENT: u64 = 6;
-/// Descriptors that each component costs the launcher: its process, the beginning of its end, its output, those of starting
-/// it.
+/// Descriptors per component in the launcher: its process, the detection of its end, its output, and its
+/// start.
 const PER_COMPONENT: u64 = 6;
-/// Descriptors of each service while it is made and held.
+/// Descriptors per service during creation and use.
 const PER_SERVICE: u64 = 2;
 /// Descriptors for everything else: signals, the control block, locks, cores, a terminal, cleaning up.
 const OTHERS: u64 = 40;
@@ -76,10 +76,11 @@ impl Need {
     }
 }
 
-/// Checks that a plan finds what it needs, before anything is made.
+/// Checks the resources of a plan before anything is created.
 ///
 /// # Errors
-/// Descriptors, the size of files, processes or shared memory do not suffice: what is needed, what there is, what to try.
+/// Descriptors, the size of files, processes or shared memory are insufficient; the error states the
+/// requirement, the available amount and advice.
 pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
     let need = Need::of(plan, hosting);
     let exhausted = |what: &'static str, need: String, found: String, advice: String| {
@@ -183,14 +184,14 @@ impl Spare {
         Ok(spare)
     }
 
-    /// Lets go of it, for a process that is about to start.
+    /// Releases the reserve for a process that is about to start.
     pub(super) fn release(&self) {
         if let Some(file) = &self.0 {
             let _ = ftruncate(file, 0);
         }
     }
 
-    /// Takes as much again, if it is there.
+    /// Reserves the same amount again, if available.
     pub(super) fn take_back(&self) -> rustix::io::Result<()> {
         match &self.0 {
             Some(file) => fallocate(file, FallocateFlags::empty(), 0, SPARE),

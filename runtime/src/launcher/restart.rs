@@ -2,9 +2,9 @@
 
 use crate::plan::{RestartPlan, RestartWhen};
 
-/// A component that fails sooner than this after it began to step again has failed quickly, ns.
+/// Time after its first step within which a failure counts as quick, ns.
 const QUICK_NS: u64 = 1_000_000_000;
-/// Delay of a restart after the first quick failure, ns; each further one doubles it.
+/// Delay of a restart after the first quick failure, ns; doubled for each further one.
 const FIRST_DELAY_NS: u64 = 20_000_000;
 /// The longest delay, ns.
 const LONGEST_DELAY_NS: u64 = 1_000_000_000;
@@ -19,9 +19,9 @@ pub(super) struct History {
 }
 
 impl History {
-    /// Decides on a component that ended at `now_ns`; a granted restart is added to the history. Returns its delay, ns:
-    /// none for the first and for a component that stepped for a second before it failed, and twice as long from one quick
-    /// failure to the next.
+    /// Decides about a component that ended at `now_ns`, and adds a granted restart to the history. Returns
+    /// its delay, ns: zero for the first failure and for a component that stepped for a second, doubled for
+    /// each quick failure.
     pub(super) fn grant(
         &mut self,
         policy: &RestartPlan,
@@ -57,7 +57,7 @@ mod tests {
         RestartPlan { when: RestartWhen::Failure, at_most: 2, window_ns: 1_000, within_ns: 100 };
 
     #[test]
-    fn restarts_are_limited_within_the_window_and_granted_again_after_it() {
+    fn restarts_are_limited_within_the_window() {
         let mut history = History::default();
         let mut is_granted = |now_ns| history.grant(&POLICY, true, Some(0), now_ns).is_some();
         assert!(is_granted(0));
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_fails_again_and_again_waits_longer_each_time_until_it_has_stepped_for_a_second() {
+    fn quick_failures_double_the_restart_delay() {
         let policy = RestartPlan { at_most: 100, window_ns: u64::MAX, ..POLICY };
         let mut history = History::default();
         let second = 1_000_000_000;

@@ -23,7 +23,7 @@ pub(super) struct Services {
 }
 
 impl Services {
-    /// Takes back all publications, for a new episode.
+    /// Clears all publications for a new episode.
     pub(super) fn clear(&self) {
         self.topics.iter().for_each(|topic| topic.memory().clear());
     }
@@ -46,8 +46,8 @@ impl Services {
 }
 
 impl Drop for Services {
-    /// Lets go of the services without a look at their words in shared memory, which a component may have damaged; the files
-    /// and objects are removed by their names.
+    /// Abandons the services without accessing their data in shared memory, which a component may have
+    /// damaged; files and objects are removed by name.
     fn drop(&mut self) {
         self.topics.drain(..).for_each(TopicService::abandon);
         self.parameters.drain(..).for_each(ParameterService::abandon);

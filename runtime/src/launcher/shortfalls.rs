@@ -1,4 +1,4 @@
-//! Shortfalls of a run that ended in good order: what its actuators and its components did not do.
+//! Shortfalls of a run that ended normally: actuators and components that did not do their job.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -9,11 +9,11 @@ use crate::plan::{ClockKind, ComponentPlan};
 use crate::region::{ComponentBlock, Phase, TopicBlock};
 use crate::state::{JointCommand, StateBuffer as _};
 
-/// Share of refused commands from which on an actuator did not do its job.
+/// Share of refused commands above which an actuator did not do its job.
 const REFUSED: f64 = 0.5;
 
 impl Launch {
-    /// Notes, before the components are ended, which actuators did not follow their commands.
+    /// Records, before the components are ended, which actuators did not follow their commands.
     pub(super) fn note_gates(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let now_ns = match self.plan.clock {
             ClockKind::Lockstep => self.reached_ns,
@@ -28,14 +28,14 @@ impl Launch {
         self.warnings.extend(found);
     }
 
-    /// Notes, after the components have ended, which of them did not end in good order.
+    /// Records, after the components have ended, which of them did not end normally.
     pub(super) fn note_ends(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let mut found = Vec::new();
         for (index, component) in self.plan.components.iter().enumerate() {
             let name = &component.name;
             if let Some(supervision) = self.supervision.get(index).filter(|supervision| supervision.is_gone())
             {
-                // In real time this was noted before the end.
+                // In real time this was recorded before the end.
                 let lost = supervision.lost.as_ref().filter(|_| self.plan.clock == ClockKind::Lockstep);
                 found.extend(lost.map(|reason| format!("`{name}` ended before the run: {reason}")));
                 continue;
@@ -51,7 +51,7 @@ impl Launch {
         self.warnings.extend(found);
     }
 
-    /// Notes what components say about themselves: the texts under `shortfalls` of their results.
+    /// Records the components' own `shortfalls` from their results.
     pub(super) fn note_results(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let mut found = Vec::new();
         for component in &self.plan.components {
@@ -65,7 +65,7 @@ impl Launch {
     }
 }
 
-/// The shortfalls of one actuator until `now_ns`, as text.
+/// Returns the shortfalls of one actuator until `now_ns`, as text.
 fn shortfalls(
     component: &ComponentPlan,
     (block, topics): (&ComponentBlock, &[TopicBlock]),

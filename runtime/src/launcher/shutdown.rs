@@ -19,18 +19,18 @@ use crate::region::{Command, ComponentBlock, Phase};
 /// The signals that end a run.
 const SIGNALS: [i32; 3] = [SIGINT, SIGTERM, SIGHUP];
 
-/// Signals that ask the launcher to end the run.
+/// Signals that request the end of the run.
 pub(super) struct Signals {
     count: Arc<AtomicUsize>,
     forgotten: Cell<usize>,
     stream: UnixStream,
-    /// Without a sender the stream would have ended, and be readable for ever.
+    /// Keeps the stream open; otherwise it would be permanently readable.
     _sender: UnixStream,
     registered: Vec<signal_hook::SigId>,
 }
 
 impl Signals {
-    /// Signals from now on, if they are to be caught: each of several runs in a process sees all of them.
+    /// Catches signals from now on, if requested; each of several runs in a process receives all of them.
     pub(super) fn new(catch: bool) -> std::io::Result<Self> {
         let count = Arc::new(AtomicUsize::new(0));
         let (stream, sender) = UnixStream::pair()?;
@@ -45,7 +45,7 @@ impl Signals {
             registered.push(signal_hook_registry_count(signal, raised)?);
             registered.push(signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?);
         }
-        // Ctrl-Z must not stop what supervises a robot.
+        // Ctrl-Z must not stop the supervisor of a robot.
         registered.push(signal_hook::flag::register(SIGTSTP, Arc::default())?);
         Ok(Self { count, forgotten: Cell::new(0), stream, _sender: sender, registered })
     }
@@ -60,7 +60,7 @@ impl Signals {
         self.forgotten.set(self.count.load(Relaxed));
     }
 
-    /// True if a signal has come or comes within a time, ns.
+    /// Returns `true` if a signal has arrived or arrives within a time, ns.
     pub(super) fn arrives_within(&self, ns: u64) -> bool {
         if !self.is_raised() {
             let timeout = Timespec { tv_sec: 0, tv_nsec: ns as _ };
@@ -89,7 +89,7 @@ impl Drop for Signals {
     }
 }
 
-/// The runs of this process that catch signals. While there is none, a signal does what it did before the first.
+/// Runs of this process that catch signals. Without any, a signal has its previous effect.
 mod catchers {
     use std::sync::Once;
     use std::sync::atomic::AtomicUsize;
@@ -113,7 +113,8 @@ mod catchers {
                         let _ = signal_hook::low_level::emulate_default_handler(signal);
                     }
                 };
-                // SAFETY: the handler reads an atomic and emulates the default action, both safe in a signal handler.
+                // SAFETY: the handler reads an atomic and emulates the default action, both safe in a signal
+                // handler.
                 registered = unsafe { signal_hook::low_level::register(signal, by_default) }.map(drop);
             }
         });
@@ -129,7 +130,7 @@ mod catchers {
 
 #[allow(unsafe_code)]
 fn signal_hook_registry_count(signal: i32, count: Arc<AtomicUsize>) -> std::io::Result<signal_hook::SigId> {
-    // SAFETY: the handler only adds to an atomic, which is safe in a signal handler.
+    // SAFETY: the handler only increments an atomic, which is safe in a signal handler.
     unsafe {
         signal_hook::low_level::register(signal, move || {
             count.fetch_add(1, Relaxed);
@@ -140,28 +141,28 @@ fn signal_hook_registry_count(signal: i32, count: Arc<AtomicUsize>) -> std::io::
 /// State of an actuator after a safe stop was ordered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reached {
-    /// It lives, has stepped since, and applies its safe state.
+    /// Alive, has stepped since, and applies its safe state.
     Safe {
         /// Time at which it entered it, ns.
         since_ns: u64,
     },
-    /// It applies its safe state, and joints still move that should be at rest in it.
+    /// Applies its safe state, but joints still move that should be at rest.
     Moving,
-    /// It lives, and has not said so.
+    /// Alive, but has not reported its safe state.
     Not,
-    /// It has no process, or has failed: its last words tell nothing.
+    /// Without a process, or failed: its last state is meaningless.
     Dead,
 }
 
 impl Reached {
-    /// As its part of the control block says, if it has not ended.
+    /// Derives it from the control block, unless the component has ended.
     pub(super) fn of(block: &ComponentBlock, ended: bool, noticed: u64) -> Self {
         let stepped = block.last_step_ns.load(Relaxed) >= noticed;
         let is_safe = stepped && block.safe.load(Relaxed) != 0;
         match block.phase() {
-            // Killed: its phase is that of its last moment.
+            // Killed: the phase is that of its last moment.
             Phase::Running if ended => Self::Dead,
-            // One that has stayed there for the settling time may have left by itself.
+            // An actuator that stayed there for the settling time may have left on its own.
             Phase::Running | Phase::Stopped if is_safe && block.gate.moves() => Self::Moving,
             Phase::Running | Phase::Stopped if is_safe => {
                 Self::Safe { since_ns: block.safe_since_ns.load(Relaxed) }
@@ -181,7 +182,7 @@ impl Launch {
         header.order(Command::SafeStop);
         self.signal_all();
         observe(Event::SafeStop { reason });
-        let settle = Duration::from_nanos(self.plan.safety.settle_ns);
+        let settle = Duration::from_nanos(self.plan.settle_ns());
         let until = Instant::now() + settle;
         let mut told = false;
         while Instant::now() < until {
@@ -197,7 +198,7 @@ impl Launch {
         }
     }
 
-    /// The actuators by what became of them since a safe stop was ordered at `noticed`.
+    /// Returns the actuators with their states since a safe stop was ordered at `noticed`.
     fn actuators(&mut self, noticed: u64) -> Vec<(usize, Reached)> {
         let components = self.plan.components.iter().enumerate().filter(|(_, component)| component.actuator);
         let actuators: Vec<usize> = components.map(|(index, _)| index).collect();
@@ -208,8 +209,8 @@ impl Launch {
         actuators.iter().copied().zip(actuators.iter().copied().map(reached)).collect()
     }
 
-    /// Time from `noticed` until the last actuator was in its safe state; `None` unless all live, are, and do not move
-    /// any more.
+    /// Returns the time from `noticed` until the last actuator was in its safe state; `None` unless all are
+    /// alive, safe and at rest.
     fn all_actuators_safe_since(&mut self, noticed: u64) -> Option<u64> {
         let mut last = noticed;
         let actuators = self.actuators(noticed);
@@ -220,16 +221,16 @@ impl Launch {
         (!actuators.is_empty()).then(|| last - noticed)
     }
 
-    /// Notes the actuators that did not hold their safe state until the end of the settling time.
+    /// Records the actuators that did not hold their safe state until the end of the settling time.
     fn note_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
-        if self.plan.safety.settle_ns == 0 || self.all_actuators_safe_since(noticed).is_some() {
+        if self.plan.settle_ns() == 0 || self.all_actuators_safe_since(noticed).is_some() {
             return;
         }
         self.tell_unsafe(noticed, observe);
         for (index, reached) in self.actuators(noticed) {
             let name = &self.plan.components[index].name;
             match reached {
-                // Joints that still move are noted at the end (`note_rest`).
+                // Moving joints are recorded at the end (`note_rest`).
                 Reached::Safe { .. } | Reached::Moving => {}
                 Reached::Not => {
                     self.warnings.push(format!("`{name}` did not reach its safe state before the end"));
@@ -242,7 +243,7 @@ impl Launch {
         }
     }
 
-    /// Names the actuators that are not in their safe state.
+    /// Reports the actuators outside their safe state.
     fn tell_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
         let actuators = self.actuators(noticed);
         let names = |wanted: fn(&Reached) -> bool| -> Vec<&str> {
@@ -258,8 +259,8 @@ impl Launch {
         }
     }
 
-    /// Ends all components: the actuators reach their safe state first, then all components are asked to stop, and
-    /// those that do not are killed.
+    /// Ends all components: the actuators reach their safe state first, then all components receive the stop
+    /// command, and those that do not stop are killed.
     pub(super) fn end(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let running = self.plan.clock == ClockKind::Realtime
             && self.region.components().iter().any(|block| block.phase() == Phase::Running);
@@ -270,10 +271,10 @@ impl Launch {
             header.safe_stop_ns.store(noticed, Relaxed);
             header.order(Command::SafeStop);
             self.signal_all();
-            std::thread::sleep(Duration::from_nanos(self.plan.safety.settle_ns));
+            std::thread::sleep(Duration::from_nanos(self.plan.settle_ns()));
             self.note_unsafe(noticed, observe);
         }
-        // What was kept for restarts is room for results.
+        // The reserve for restarts makes space for results.
         self.spare.release();
         self.region.header().order(Command::Stop);
         self.ended_ns = Some(monotonic_ns());

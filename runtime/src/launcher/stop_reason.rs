@@ -4,7 +4,7 @@ use crate::plan::{OnMiss, OnOverrun, Plan};
 use crate::region::{Misses, Region};
 use crate::units::TimeSpan;
 
-/// The limits of the graph that were exceeded, as text.
+/// Describes the exceeded limits of the graph.
 pub(super) fn reason(plan: &Plan, region: &Region) -> String {
     let misses: Vec<Misses> = region.components().iter().map(|block| block.misses()).collect();
     let latencies: Vec<(u64, u64)> = region
@@ -17,12 +17,13 @@ pub(super) fn reason(plan: &Plan, region: &Region) -> String {
     words(plan, &misses, &latencies)
 }
 
-/// As [`reason`], from the misses of each component, and the number of misses and longest time (ns) of each budget.
+/// Like [`reason`], from the misses of each component, and the number of misses and the longest time (ns) of
+/// each budget.
 fn words(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
     let overruns = plan.components.iter().zip(misses).filter_map(|(component, misses)| {
         let strict = component.on_overrun == OnOverrun::SafeStop;
         let tolerated = component.overruns_tolerated.or(strict.then_some(0))?;
-        // a stale input is no overrun of its own
+        // a stale input does not count as an overrun
         let late = misses.late_wake.saturating_add(misses.long_step).saturating_add(misses.stolen);
         (late > u64::from(tolerated)).then(|| {
             let causes = [
@@ -55,7 +56,7 @@ fn words(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
     });
     let found: Vec<String> = overruns.chain(late).collect();
     match found.as_slice() {
-        // the counters of the component that ordered it may not be visible yet
+        // the counters of the ordering component may not be visible yet
         [] => "a component ordered the safe stop (a latency budget or an overrun policy)".to_string(),
         found => found.join("; "),
     }
@@ -88,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_latency_that_was_too_long_is_named_with_its_budget() {
+    fn excessive_latency_is_reported_with_its_budget() {
         assert_eq!(
             words(&plan(), &[Misses::default(); 2], &[(1, 412_000)]),
             "the latency from `topic/physics` to `topic/controller` was 412 us where 300 us are allowed"

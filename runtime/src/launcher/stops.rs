@@ -1,4 +1,5 @@
-//! Stops of the robot while the graph runs, as events: `motorium stop --now`, emergency stops, latched safe states.
+//! Stops of the robot while the graph runs, as events: `motorium stop --now`, emergency stops, latched safe
+//! states.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -9,7 +10,7 @@ use crate::region::{Latch, Region};
 use crate::units::TimeSpan;
 
 impl Launch {
-    /// Tells of a stop that began or ended since the last call.
+    /// Reports a stop that started or ended since the last call.
     pub(super) fn tell_stops(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let stop = current(&self.plan, &self.region);
         if stop == self.stop {
@@ -27,10 +28,10 @@ impl Launch {
     }
 }
 
-/// A stop, and the index of the actuator that latched it, if it was one.
+/// A stop, and the index of the actuator that latched it, if any.
 pub(super) type Stop = (Latch, Option<usize>);
 
-/// The stop of the whole run, or else that of the first actuator whose gate is latched.
+/// Returns the stop of the whole run, else that of the first actuator with a latched gate.
 fn current(plan: &Plan, region: &Region) -> Option<Stop> {
     if let Some(latch) = region.header().latched() {
         return Some((latch, None));
@@ -38,13 +39,13 @@ fn current(plan: &Plan, region: &Region) -> Option<Stop> {
     let blocks = plan.components.iter().zip(region.components()).enumerate();
     let mut actuators = blocks.filter(|(_, (component, _))| component.actuator);
     actuators.find_map(|(index, (_, block))| match block.gate.latch() {
-        // The latch of the whole run in a gate that has not stepped since its release.
+        // The run's latch in a gate that has not stepped since its release.
         Some(Latch::SafeState) => Some((Latch::SafeState, Some(index))),
         _ => None,
     })
 }
 
-/// The emergency-stop topic that has been silent for longer than it may be, if one has.
+/// Returns the emergency-stop topic that has been silent for too long, if any.
 fn silent(plan: &Plan, region: &Region) -> Option<usize> {
     let max_age_ns = plan.safety.emergency_stop_max_age_ns;
     let header = region.header();
@@ -83,7 +84,8 @@ fn cause(plan: &Plan, latch: Latch, component: Option<usize>, silent: Option<usi
         }
         Latch::SafeState => {
             let actuator = component.map_or("an actuator", |index| &plan.components[index].name);
-            match plan.safety.gate.resume {
+            let own = component.map(|index| plan.safety_of(&plan.components[index]));
+            match own.map_or(plan.safety.gate, |own| own.gate).resume {
                 ResumeRule::Latch => {
                     format!("since `{actuator}` entered its safe state and `resume` is \"latch\"")
                 }

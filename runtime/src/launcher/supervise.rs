@@ -14,17 +14,18 @@ use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, OnFailure, Plan};
 use crate::region::{Command, Phase};
 
-/// Longest time between two looks at what no descriptor tells: lines that were printed, orders of components, ns.
+/// Maximum interval between checks of events without a descriptor: printed lines, orders of components, ns.
 const LOOK_NS: u64 = 20_000_000;
 /// Time between two states for the display, ns.
 const STATUS_NS: u64 = 50_000_000;
-/// Time in which a signal to end the run may arrive after that to a component, ns.
+/// Time within which a signal to the launcher may follow a signal to a component, ns.
 const SIGNAL_NS: u64 = 50_000_000;
 
-/// Restarts in a row that crash before the component steps, from which on the shared memory of the run counts as damaged.
+/// Consecutive restarts that crash before the first step after which the run's shared memory counts as
+/// damaged.
 const CRASHES: u32 = 2;
 
-/// True if a component ended as one does that finds senseless words in shared memory.
+/// Returns `true` if a component ended as if it had found damaged shared memory.
 fn is_crash(reason: &str) -> bool {
     let of_iceoryx2 = reason.starts_with("panicked") && reason.contains("iceoryx2");
     of_iceoryx2 || ["SIGSEGV", "SIGBUS", "SIGABRT"].iter().any(|signal| reason.contains(signal))
@@ -34,7 +35,7 @@ fn is_crash(reason: &str) -> bool {
 pub(super) enum AfterEnd {
     /// It is restarted.
     Restarted,
-    /// The graph goes on without it.
+    /// The graph continues without it.
     Ignored,
     /// The graph cannot go on.
     Fatal(String),
@@ -45,18 +46,18 @@ pub(super) struct Supervision {
     pub(super) watchdog: Watchdog,
     pub(super) lost_steps: LostSteps,
     history: History,
-    /// Its last end, while it restarts.
+    /// Its last end, during a restart.
     down: Option<Down>,
-    /// Time at which it began to step, ns.
+    /// Time at which it started stepping, ns.
     stepping_since_ns: u64,
-    /// It has hung, and its process was killed.
+    /// It hung, and its process was killed.
     was_ended: bool,
-    /// The time at which it was seen to hang, ns, until its process has ended.
+    /// Time at which its hang was detected, ns, until its process has ended.
     pub(super) hung_ns: Option<u64>,
-    /// Restarts in a row that crashed before the component stepped again.
+    /// Consecutive restarts that crashed before the component stepped again.
     crashes: u32,
     gone: bool,
-    /// Reason for which it has ended, of one without which the graph continues.
+    /// Reason of its end, if the graph continues without it.
     pub(super) lost: Option<String>,
     tolerated: u64,
 }
@@ -95,23 +96,27 @@ impl Supervision {
         self.gone
     }
 
-    /// True if it has ended and not stepped since; `steps` is the number that it has done.
+    /// Returns `true` if it has ended and not stepped since; `steps` is its step count.
     pub(super) fn is_down(&self, steps: u64) -> bool {
         self.down.as_ref().is_some_and(|down| steps <= down.steps)
     }
 }
 
 impl Launch {
-    /// Supervises a run in real time until a time after its start, ns. The exit, if it ended before: by a signal, or
-    /// because something failed for good.
+    /// Supervises a run in real time until a time after its start, ns, or until a component ends the episode.
+    /// The exit, if the run ended before: by a signal, or because something failed permanently.
     pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         crate::os::wake_soon();
         let observe = &mut logging(&self.log, observe);
         let end = self.region.header().start_ns.load(Relaxed).saturating_add(until_ns);
+        let was_over = self.region.header().is_episode_over();
         let mut supervision = core::mem::take(&mut self.supervision);
         let exit = loop {
             if let Some(outcome) = self.look(end, &mut supervision, observe) {
                 break outcome;
+            }
+            if !was_over && self.region.header().is_episode_over() {
+                break None;
             }
             self.wait_for_something(self.due_ns);
         };
@@ -119,7 +124,8 @@ impl Launch {
         exit
     }
 
-    /// One look at everything. `Some` when the supervision is over: with the exit, or without one at `end`.
+    /// One check of everything. Returns `Some` when supervision is over: with the exit, or without one at
+    /// `end`.
     fn look(
         &mut self,
         end: u64,
@@ -168,6 +174,7 @@ impl Launch {
         self.look_at_places(observe);
         self.tell_stops(observe);
         self.tell_accounts(now, observe);
+        self.note_episodes(observe);
         if now >= self.next_status_ns {
             self.next_status_ns = now + STATUS_NS;
             observe(Event::Status(&self.status()));
@@ -181,7 +188,7 @@ impl Launch {
         plan.components.iter().map(|component| Supervision::new(plan, component, start_ns)).collect()
     }
 
-    /// Waits until a process ends, a signal comes, or the next check is due.
+    /// Waits until a process ends, a signal arrives, or the next check is due.
     pub(super) fn wait_for_something(&self, due_ns: u64) {
         let wait = due_ns.saturating_sub(monotonic_ns()).min(LOOK_NS);
         let timeout = Timespec { tv_sec: 0, tv_nsec: wait as _ };
@@ -194,7 +201,7 @@ impl Launch {
         let _ = poll(&mut polled, Some(&timeout));
     }
 
-    /// Checks whether a component ended, hung or came back, and acts by its policy.
+    /// Checks whether a component ended, hung or recovered, and applies its policy.
     pub(super) fn monitor(
         &mut self,
         index: usize,
@@ -222,12 +229,13 @@ impl Launch {
         let block = &self.region.components()[index];
         let failed = block.phase() != Phase::Stopped;
         if !failed && self.signals.arrives_within(SIGNAL_NS) {
-            // Everything was asked to end at once, and this component was the first to do so.
+            // Everything received the request to end, and this component was the first to end.
             supervision.gone = true;
             return None;
         }
         let (tick, reason) = match block.failure() {
-            // The kernel keeps a process that crashed while it writes its core: it looks hung, and was not killed for that.
+            // The kernel keeps a crashed process while it writes its core dump: it looks hung, but was not
+            // killed for that.
             Some((tick, message)) if is_hang(&message) && is_crash(&how) => (tick, how),
             Some((tick, message)) if failed => (tick, message),
             _ => (block.steps.load(Relaxed), crate::os::with_shortage(how, self.folder.path())),
@@ -253,7 +261,7 @@ impl Launch {
             block.forget_failure();
             block.enter(Phase::Created);
             supervision.was_ended = false;
-            // The time that it takes to come back counts from its first end.
+            // Recovery time counts from its first end.
             let since_ns = supervision.down.as_ref().map_or(now, |down| down.since_ns);
             let start_ns = now + delay_ns;
             supervision.down = Some(Down { since_ns, steps, start_ns, is_cleared: false, is_started: false });
@@ -263,7 +271,7 @@ impl Launch {
             };
         }
         supervision.gone = true;
-        // It was not asked to end: a component that stopped in good order is missing all the same.
+        // No stop was requested: even a component that ended normally is missing.
         let reason = match failed {
             true if is_damaged => {
                 format!(
@@ -284,8 +292,8 @@ impl Launch {
         Some(AfterEnd::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
     }
 
-    /// Starts the new process of a component when its time has come, and sees whether it steps again. Returns the error
-    /// of a process that cannot be started.
+    /// Starts the new process of a component when due, and checks whether it steps again. Returns the error
+    /// of a failed start.
     fn bring_back(
         &mut self,
         index: usize,
@@ -296,7 +304,7 @@ impl Launch {
         let down = supervision.down.as_mut()?;
         if !down.is_started {
             if !down.is_cleared && self.children[index].is_gone() {
-                // The dead process holds its places in the topics until they are cleaned up.
+                // The dead process occupies its slots in the topics until they are cleaned up.
                 self.free_places();
                 self.spare.release();
                 down.is_cleared = true;
@@ -320,7 +328,7 @@ impl Launch {
                 || supervision.watchdog.may_stay_silent());
         if steps_again && is_alive {
             observe(Event::Restarted { component: &component.name, after_ns: now - down.since_ns });
-            // Without it the next restart finds what others have left.
+            // On failure the next restart uses the remaining memory.
             let _ = self.spare.take_back();
             supervision.down = None;
             supervision.stepping_since_ns = now;
@@ -336,7 +344,7 @@ impl Launch {
         None
     }
 
-    /// Time at which a component is to be checked again although nothing has happened, ns.
+    /// Time of the next check of a component without events, ns.
     fn next_check(&self, index: usize, supervision: &Supervision, now: u64) -> u64 {
         match &supervision.down {
             _ if supervision.gone => u64::MAX,
@@ -344,7 +352,7 @@ impl Launch {
             // The end of the old process wakes the launcher.
             Some(down) if !down.is_cleared => u64::MAX,
             Some(down) if !down.is_started => down.start_ns,
-            // Until it steps again nothing but its counters tells.
+            // Until it steps again only its counters are informative.
             Some(down) => (now + 1_000_000)
                 .min(down.start_ns.saturating_add(self.plan.components[index].restart.within_ns)),
         }
@@ -376,7 +384,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_crash_in_shared_memory_is_told_from_other_ends() {
+    fn crash_in_shared_memory_is_distinguished() {
         for crash in [
             "killed by signal 11 (SIGSEGV)",
             "panicked at /registry/iceoryx2-bb-lock-free-0.10.0/src/mpmc/robust_unique_index_set.rs:229: not initialized",
@@ -391,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crash_whose_core_took_long_to_write_is_told_from_a_hang() {
+    fn slow_core_dump_is_distinguished_from_a_hang() {
         assert!(is_hang("hung: no step for 200 ms (`hang_after` is 200 ms): it waits for a device"));
         assert!(!is_hang("killed by signal 11 (SIGSEGV)"));
     }

@@ -1,9 +1,9 @@
 //! The watchdog of one component, as a pure function of its counters and the time.
 //!
-//! A component has hung when it has begun no step for `hang_after` although one was due: its last step has not ended, its
-//! release has passed, or a publication that triggers it has waited for so long. One whose trigger is silent has not hung.
-//! Between the steps of a component that waits for a descriptor nobody else knows whether a step is due: it has hung when
-//! its thread is stopped for so long.
+//! A component has hung if it started no step for `hang_after` although one was due: its last step has not
+//! ended, its release has passed, or a triggering publication has been waiting. A component with a silent
+//! trigger has not hung. For a component that waits for a descriptor, it is unknown whether a step is due; it
+//! has hung if its thread has been stopped for that time.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -19,7 +19,8 @@ pub(super) struct Counters {
     last_step_ns: u64,
     /// Publications of its trigger, and the time of the last one, ns.
     published: (u64, u64),
-    /// A signal or a debugger has stopped it; looked up of a component that waits for a descriptor only.
+    /// `true` if a signal or a debugger has stopped it; checked only for components that wait for a
+    /// descriptor.
     is_stopped: bool,
 }
 
@@ -58,7 +59,7 @@ pub(super) enum Hang {
     },
     /// A step has not begun.
     BetweenSteps {
-        /// Time since the last one began, or since the publication that was to trigger it, ns.
+        /// Time since the last step started, or since the publication that should trigger it, ns.
         for_ns: u64,
     },
 }
@@ -68,7 +69,7 @@ pub(super) enum Hang {
 pub(super) struct Watchdog {
     hang_after_ns: u64,
     waits_for: WaitsFor,
-    /// Nothing before this time counts, ns.
+    /// Start of the observation, ns.
     since_ns: u64,
     /// Time of the next check at the latest, ns.
     due_ns: u64,
@@ -81,7 +82,7 @@ enum WaitsFor {
     Clock,
     /// The publications of a topic.
     Trigger(Waiting),
-    /// A descriptor. The time since which its thread has been found stopped, ns.
+    /// A descriptor, with the time since which its thread has been stopped, ns.
     Descriptor { stopped_ns: Option<u64> },
 }
 
@@ -89,16 +90,16 @@ enum WaitsFor {
 #[derive(Debug, Clone)]
 struct Waiting {
     period_ns: u64,
-    /// Publications, and the time, when it had last stepped on all of them.
+    /// Number of publications and the time when it had last stepped on all of them.
     idle: (u64, u64),
-    /// Start of the step that began last, and the time since which a publication has waited since then, ns.
+    /// Start of the last step, and the time since which a publication has been waiting, ns.
     overdue: Option<(u64, u64)>,
 }
 
 impl Watchdog {
     /// Watches a component of a plan from `now_ns` on.
     pub(super) fn new(plan: &Plan, component: &ComponentPlan, now_ns: u64) -> Self {
-        // In lockstep a tick may take as long as it likes.
+        // In lockstep a tick may take any time.
         let hang_after_ns = match plan.clock {
             ClockKind::Realtime => component.liveness.hang_after_ns,
             ClockKind::Lockstep => u64::MAX,
@@ -108,7 +109,7 @@ impl Watchdog {
             // An actuator steps by itself when its trigger or its descriptor is silent for `stale_after`.
             hang_after_ns: match (&component.activation, component.actuator) {
                 (Activation::Triggered { .. } | Activation::Descriptor { .. }, true) => {
-                    hang_after_ns.saturating_add(plan.safety.stale_after_ns)
+                    hang_after_ns.saturating_add(plan.safety_of(component).stale_after_ns)
                 }
                 _ => hang_after_ns,
             },
@@ -123,23 +124,23 @@ impl Watchdog {
         }
     }
 
-    /// Disregards what was before `now_ns`: the component starts, or the watching process itself was held up.
+    /// Ignores everything before `now_ns`: the component starts, or the supervisor itself was delayed.
     pub(super) fn watch_from(&mut self, now_ns: u64) {
         self.since_ns = now_ns;
         self.due_ns = now_ns;
     }
 
-    /// Time without a step after which the component has hung, ns.
+    /// Time without a step after which the component counts as hung, ns.
     pub(super) fn hang_after_ns(&self) -> u64 {
         self.hang_after_ns
     }
 
-    /// Time at which it is to be checked again at the latest, ns.
+    /// Latest time of its next check, ns.
     pub(super) fn due_ns(&self) -> u64 {
         self.due_ns
     }
 
-    /// True if its component steps when something is published or an event comes, and else not.
+    /// Returns `true` if its component steps only on publications or events.
     pub(super) fn may_stay_silent(&self) -> bool {
         !matches!(self.waits_for, WaitsFor::Clock)
     }
@@ -161,7 +162,7 @@ impl Watchdog {
         }
     }
 
-    /// `Err` with the time at which it could have hung at the earliest, ns, unless it has.
+    /// Returns `Err` with the earliest time at which it could hang, ns, unless it has hung.
     fn evaluate(&mut self, counters: &Counters, now_ns: u64) -> Result<Hang, u64> {
         let in_step = counters.begun > counters.ended;
         let last_ns = counters.last_step_ns.max(self.since_ns);
@@ -185,7 +186,8 @@ impl Watchdog {
 }
 
 impl Waiting {
-    /// Time since which a publication has waited for the component; `None` if it has stepped on all of them.
+    /// Time since which a publication has been waiting for the component; `None` if it has stepped on all of
+    /// them.
     fn waits_since(&mut self, counters: &Counters, now_ns: u64) -> Option<u64> {
         let (count, published_ns) = counters.published;
         let last_ns = counters.last_step_ns;
@@ -197,7 +199,7 @@ impl Waiting {
         if let Some((_, since_ns)) = self.overdue.filter(|(last, _)| *last == last_ns) {
             return Some(since_ns);
         }
-        // The first of the publications since it was idle, as far as their count and their period tell.
+        // The first publication since it was idle, estimated from count and period.
         let before = count.saturating_sub(self.idle.0).saturating_sub(1);
         let first_ns = published_ns.saturating_sub(before.saturating_mul(self.period_ns));
         let since_ns = first_ns.max(last_ns).max(self.idle.1).min(now_ns);
@@ -223,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_periodic_component_has_hung_once_it_has_begun_no_step_for_that_time() {
+    fn periodic_component_without_a_step_has_hung() {
         let mut watched = watchdog(false);
         assert_eq!(watched.evaluate(&stepped(100, 100), 101 * MS), Err(120 * MS + 1));
         assert_eq!(watched.evaluate(&stepped(100, 100), 120 * MS), Err(120 * MS + 1));
@@ -235,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_does_not_end_has_hung_although_nothing_else_is_due() {
+    fn endless_step_counts_as_a_hang() {
         for triggered in [false, true] {
             let last_step_ns = 8 * MS;
             let published = (8, 8 * MS);
@@ -247,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triggered_component_whose_source_is_silent_has_not_hung() {
+    fn component_with_a_silent_trigger_has_not_hung() {
         let mut watched = watchdog(true);
         let idle = Counters { published: (50, 50 * MS), ..stepped(50, 50) };
         assert_eq!(watched.evaluate(&idle, 10_000 * MS), Err(10_020 * MS));
@@ -258,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wait_of_a_triggered_component_begins_with_the_first_publication_that_it_missed() {
+    fn wait_starts_at_the_first_missed_publication() {
         let mut watched = watchdog(true);
         let idle = Counters { published: (50, 50 * MS), ..stepped(50, 50) };
         assert!(watched.evaluate(&idle, 50 * MS + 1).is_err());
@@ -270,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_component_that_waits_for_a_descriptor_has_hung_when_it_is_stopped_and_not_when_no_event_comes() {
+    fn descriptor_component_hangs_only_if_stopped() {
         let mut watched =
             Watchdog { waits_for: WaitsFor::Descriptor { stopped_ns: None }, ..watchdog(false) };
         let silent = stepped(50, 50);
@@ -285,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_component_that_is_only_just_behind_is_given_its_time_anew_with_every_step() {
+    fn each_step_restarts_the_hang_time() {
         let mut watched = watchdog(true);
         for ms in 1..200 {
             let behind = Counters { published: (ms + 1, ms * MS + 1), ..stepped(ms, ms) };
@@ -294,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_before_a_restart_or_a_stall_of_the_watching_process_does_not_count() {
+    fn time_before_a_restart_or_stall_is_ignored() {
         let mut watched = watchdog(false);
         watched.watch_from(500 * MS);
         assert_eq!(watched.evaluate(&stepped(100, 100), 510 * MS), Err(520 * MS + 1));

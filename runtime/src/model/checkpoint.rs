@@ -7,7 +7,7 @@ use super::{Modelled, holds_only_with};
 use crate::atomics::Site;
 use crate::region::Checkpoints;
 
-/// However far a writer had got, one whole checkpoint is found.
+/// At any point of a save, one complete checkpoint is found.
 fn a_checkpoint_is_whole() {
     let block = Arc::new(Checkpoints::<Modelled, 2>::empty());
     let successor = {

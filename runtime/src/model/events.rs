@@ -9,7 +9,7 @@ use crate::region::{Ring, RingFound};
 
 type One = Ring<Modelled, 1, 2>;
 
-/// Reads the records of two numbers, which must be whole if they are found.
+/// Reads records of two numbers, which must be consistent if found.
 fn read_whole(ring: &One) {
     for number in 1..=2 {
         let mut words = [0; 2];
@@ -31,7 +31,7 @@ fn a_record_is_whole() {
     writer.join().unwrap();
 }
 
-/// Two writers have one slot between them, and somebody reads it meanwhile.
+/// Two writers share one slot while a reader reads it.
 fn writers_of_one_slot() {
     let ring = Arc::new(One::empty());
     let writer = |value: u64| {
@@ -45,7 +45,7 @@ fn writers_of_one_slot() {
     read_whole(&ring);
 }
 
-/// Two writers with a slot for each lose nothing, and both records are there afterwards.
+/// Two writers with a slot each lose nothing; both records are present afterwards.
 fn no_record_is_lost() {
     let ring = Arc::new(Ring::<Modelled, 2, 1>::empty());
     let other = {
@@ -65,16 +65,16 @@ fn no_record_is_lost() {
 }
 
 #[test]
-fn a_record_that_is_overwritten_is_read_whole_or_not_at_all() {
+fn overwritten_record_is_never_torn() {
     holds_only_with(&[Site::Enter, Site::Leave, Site::Begin, Site::Confirm], 3, a_record_is_whole);
 }
 
 #[test]
-fn a_record_of_two_writers_of_one_slot_is_read_whole_or_not_at_all() {
+fn record_of_two_writers_is_never_torn() {
     holds_only_with(&[], 3, writers_of_one_slot);
 }
 
 #[test]
-fn writers_that_have_room_lose_no_record() {
+fn writers_with_separate_slots_lose_no_record() {
     holds_only_with(&[], 3, no_record_is_lost);
 }

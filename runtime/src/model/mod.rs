@@ -1,7 +1,7 @@
-//! Models of the protocols in shared memory: the same code over loom's atomics, in every interleaving.
+//! Models of the shared memory protocols: the same code with loom's atomics, in every interleaving.
 //!
-//! Each protocol must hold with the orderings it names, and each weakened ordering ([`Site`]) must be found out: a model
-//! that passes with an ordering taken away would prove nothing about it.
+//! Each protocol must hold with its declared orderings, and each weakened ordering ([`Site`]) must be
+//! detected: a model that passes without an ordering proves nothing about it.
 
 mod checkpoint;
 mod events;
@@ -16,7 +16,7 @@ use crate::atomics::{Atomics, Site, Word};
 use crate::transport::latest::protocol::{Head, Pin, Words};
 
 thread_local! {
-    /// The ordering that is taken away; loom runs all threads of a model on one thread of the system.
+    /// The removed ordering; loom runs all threads of a model on one system thread.
     static WEAKENED: Cell<Option<Site>> = const { Cell::new(None) };
 }
 
@@ -80,8 +80,8 @@ impl Atomics for Modelled {
     }
 }
 
-/// The words of a topic, and a number in each slot in place of a value. Loom finds every access to a number that could
-/// fall together with a write.
+/// The words of a topic, and a number per slot instead of a value. Loom detects every access that could
+/// coincide with a write.
 struct Topic {
     head: Head<Modelled>,
     pins: Vec<Pin<Modelled>>,
@@ -104,7 +104,7 @@ impl Topic {
 
     #[allow(unsafe_code)]
     fn write(&self, slot: usize, value: u64) {
-        // SAFETY: loom itself checks that nobody else uses the cell meanwhile; that is the point of the model.
+        // SAFETY: loom checks that nobody else uses the cell; this is the purpose of the model.
         self.values[slot].with_mut(|cell| unsafe { *cell = value });
     }
 
@@ -137,17 +137,17 @@ impl Words<Modelled> for Topic {
     }
 }
 
-/// Runs a model in every interleaving with at most so many preemptions.
+/// Runs a model in every interleaving with at most this number of preemptions.
 fn explore(preemptions: usize, model: impl Fn() + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
     builder.preemption_bound = Some(preemptions);
     builder.check(model);
 }
 
-/// Asserts that a model holds, and that it fails with each of these orderings taken away.
+/// Asserts that a model holds, and that it fails without each of these orderings.
 ///
-/// A model that finds a fault may abort, so each of these runs in a process of its own: this test again, told by the
-/// environment which ordering to take away.
+/// A model that detects a fault may abort, so each runs in a separate process: this test again, with the
+/// removed ordering in the environment.
 fn holds_only_with(sites: &[Site], preemptions: usize, model: fn()) {
     const WEAKENED_SITE: &str = "MOTORIUM_MODEL_WITHOUT";
     if let Ok(site) = std::env::var(WEAKENED_SITE) {

@@ -1,4 +1,4 @@
-//! Waiting for a publication, and waking those who wait.
+//! Waiting for a publication, and waking the waiters.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
@@ -11,7 +11,8 @@ use crate::atomics::Site;
 use crate::transport::latest::notify::{Futex, interrupt, notify, sleep};
 use crate::transport::latest::protocol::{Newest, announce, newest, newest_with_time};
 
-/// The kernel's futex: compares the word and puts the thread to sleep in one step, under a lock that wakers take.
+/// The kernel's futex: compares the word and puts the thread to sleep in one step, under a lock that wakers
+/// take.
 struct Kernel {
     lock: Mutex<()>,
     asleep: Condvar,
@@ -97,7 +98,7 @@ fn an_interrupt_wakes() {
     waiter.join().unwrap();
 }
 
-/// A waiter reads the newest number with that publication's own time.
+/// A waiter reads the newest number with the time of the same publication.
 fn number_and_time_belong_together() {
     let topic = Arc::new(Topic::new(0, 2));
     let reader = {
@@ -116,7 +117,7 @@ fn number_and_time_belong_together() {
 }
 
 #[test]
-fn no_publication_is_lost_however_waiting_and_publishing_fall_together() {
+fn no_publication_is_lost_by_a_waiter() {
     holds_only_with(&[Site::Notify, Site::Sleep], 3, a_publication_wakes);
 }
 

@@ -16,7 +16,8 @@ fn write(topic: &Topic, reuse: Reuse, publications: u64) {
     }
 }
 
-/// Looks so many times; every value is the publication's that was pinned, and none is older than the one before.
+/// Reads `looks` times; every value belongs to the pinned publication, and none is older than the previous
+/// one.
 fn read(topic: &Topic, pin: usize, looks: usize) {
     let mut last = 0;
     for _ in 0..looks {
@@ -38,7 +39,7 @@ fn one_reader() {
     reader.join().unwrap();
 }
 
-/// A writer that takes two slots at once, and needs one look at the pins for two publications.
+/// A writer that claims two slots at once, with one scan of the pins for two publications.
 fn one_reader_and_slots_in_stock() {
     let topic = Arc::new(Topic::new(1, 4));
     write(&topic, Reuse::First, 1);
@@ -62,7 +63,7 @@ fn two_readers() {
     readers.into_iter().for_each(|reader| reader.join().unwrap());
 }
 
-/// A reader was killed while it had the newest value pinned; its successor takes the pin over.
+/// A reader was killed with the newest value pinned; its successor inherits the pin.
 fn a_killed_reader() {
     let topic = Arc::new(Topic::new(1, 3));
     write(&topic, Reuse::First, 1);
@@ -75,7 +76,7 @@ fn a_killed_reader() {
     successor.join().unwrap();
 }
 
-/// A writer was killed while it filled a slot; its successor goes on, and the value stays whole meanwhile.
+/// A writer was killed while filling a slot; its successor continues, and the last value stays intact.
 fn a_killed_writer() {
     let topic = Arc::new(Topic::new(1, 3));
     write(&topic, Reuse::First, 1);

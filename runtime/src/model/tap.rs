@@ -7,7 +7,7 @@ use super::{Topic, holds_only_with};
 use crate::atomics::Site;
 use crate::transport::latest::protocol::{Reuse, Writer, newest, pin_marked, unpin};
 
-/// A tap reads what it can find of all publications, in order; the writer goes through its slots in turn.
+/// A tap reads the available publications in order, while the writer cycles through its slots.
 fn a_tap() {
     let topic = Arc::new(Topic::new(1, 3));
     let tap = {
@@ -33,7 +33,7 @@ fn a_tap() {
     tap.join().unwrap();
 }
 
-/// A tap that pins a slot just when the writer wants it leaves the value where it is, for others to find.
+/// A tap that pins a slot just when the writer wants it keeps the value for others.
 fn a_value_that_is_kept() {
     let topic = Arc::new(Topic::new(1, 3));
     let mut writer = Writer::new(&*topic, Reuse::Oldest);

@@ -1,11 +1,11 @@
-//! Polling before sleeping, as long as it pays.
+//! Polling before sleeping, as long as it is effective.
 
 use std::cell::Cell;
 
-/// Largest number of waits without polling after a poll that found nothing.
+/// Maximum number of waits without polling after an unsuccessful poll.
 const LARGEST_PAUSE: u32 = 64;
 
-/// An adaptive back-off: polling is tried the less often the less often it finds something.
+/// An adaptive back-off: the rarer polling succeeds, the rarer it is tried.
 #[derive(Debug, Default)]
 pub(crate) struct Backoff {
     /// Waits to let pass without polling.
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn polls_that_find_nothing_become_rare_and_a_find_brings_them_back() {
+    fn unsuccessful_polls_become_rare() {
         let backoff = Backoff::default();
         let polls = |waits: u32, found: bool| {
             let poll = |_: &u32| {

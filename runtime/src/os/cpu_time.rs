@@ -1,4 +1,4 @@
-//! Times of a thread, as the kernel counts them: running, and waiting for its core.
+//! Kernel accounting of a thread: time running, and time waiting for its core.
 
 use std::fs::File;
 
@@ -12,12 +12,13 @@ pub fn thread_cpu_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// A reader of the time for which a thread was ready to run while another thread of this system had its core.
+/// Reads the time for which a thread was ready to run while another thread of this system occupied its core.
 #[derive(Debug)]
 pub struct WaitedForCore(Option<File>);
 
 impl WaitedForCore {
-    /// For the calling thread. A kernel without scheduler information (`CONFIG_SCHED_INFO`) never answers.
+    /// Opens the reader for the calling thread. A kernel without scheduler information (`CONFIG_SCHED_INFO`)
+    /// never provides a value.
     pub fn of_this_thread() -> Self {
         Self(File::open("/proc/thread-self/schedstat").ok())
     }

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::{futex_wait, futex_wake, monotonic_ns};
 
-/// Sleeps while the word's low half is that of `seen`, at most until `CLOCK_MONOTONIC` reaches `until_ns`; returns early when
-/// a signal arrives.
+/// Sleeps while the word's low half equals that of `seen`, at most until `CLOCK_MONOTONIC` reaches
+/// `until_ns`; returns early on a signal.
 #[inline(always)]
 pub(crate) fn futex_sleep(word: &AtomicU64, seen: u64, until_ns: Option<u64>) {
     let left = || until_ns.map(|until| Duration::from_nanos(until.saturating_sub(monotonic_ns())));
@@ -22,7 +22,7 @@ pub(crate) fn futex_sleep(word: &AtomicU64, seen: u64, until_ns: Option<u64>) {
     }
 }
 
-/// Wakes all who sleep on the low half of a word.
+/// Wakes all sleepers on the low half of a word.
 #[inline(always)]
 pub(crate) fn futex_wake_low(word: &AtomicU64) {
     futex_wake(low_half(word));
@@ -31,6 +31,6 @@ pub(crate) fn futex_wake_low(word: &AtomicU64) {
 #[inline(always)]
 fn low_half(word: &AtomicU64) -> &AtomicU32 {
     let half = (word as *const AtomicU64).cast::<AtomicU32>();
-    // SAFETY: the half lies in the word and is aligned; the kernel alone reads it.
+    // SAFETY: the half is inside the word and aligned; only the kernel reads it.
     unsafe { &*half.add(usize::from(cfg!(target_endian = "big"))) }
 }

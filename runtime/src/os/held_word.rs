@@ -1,8 +1,9 @@
-//! A word in shared memory that the kernel marks, waking who waits on it, when the thread that holds it ends, however it
-//! ends: a *robust futex*.
+//! A word in shared memory that the kernel marks when the holding thread ends in any way, waking its waiters:
+//! a *robust futex*.
 //!
-//! The descriptor of a process tells of its end only after its memory has been taken apart, which lasts milliseconds where
-//! tens of megabytes are locked. The kernel goes through the robust futexes of a thread before that.
+//! The descriptor of a process reports its end only after its memory has been released, which lasts
+//! milliseconds with tens of megabytes of locked memory. The kernel processes the robust futexes of a thread
+//! before that.
 
 #![allow(unsafe_code)] // the list of robust futexes is registered by a plain system call
 
@@ -16,7 +17,7 @@ use super::{futex_wait, futex_wake, thread_id};
 
 /// Mark of the kernel: the holder has ended.
 const OWNER_DIED: u32 = 1 << 30;
-/// Mark for the kernel: somebody waits, who is to be woken.
+/// Mark for the kernel: there is a waiter to be woken.
 const WAITERS: u32 = 1 << 31;
 /// Flag of a process in `/proc/PID/stat` that is ending.
 const ENDING: u64 = 0x4;
@@ -25,7 +26,7 @@ const ENDING: u64 = 0x4;
 #[repr(C)]
 struct Head {
     next: *mut Entry,
-    /// From an entry to its word, bytes.
+    /// Offset from an entry to its word, bytes.
     offset: libc::c_long,
     pending: *mut Entry,
 }
@@ -35,14 +36,14 @@ struct Entry {
     next: *mut Entry,
 }
 
-/// Holds a word from a thread of its own until this process ends. All that the kernel follows lies in this process: senseless
-/// words in shared memory mislead nobody.
+/// Holds a word from a dedicated thread until this process ends. The kernel's list is in this process, so
+/// damaged shared memory cannot affect it.
 ///
 /// # Errors
-/// There is no room for a thread.
+/// The system cannot create a thread.
 pub(crate) fn hold(word: &AtomicU32) -> io::Result<()> {
     let address = core::ptr::from_ref(word).expose_provenance();
-    // A thread of its own: the C library keeps its robust mutexes in the list of every other.
+    // A dedicated thread, because the C library keeps its robust mutexes in the list of every other one.
     let thread = std::thread::Builder::new().name("holder".to_string()).stack_size(64 * 1024);
     thread.spawn(move || hold_for_ever(address)).map(drop)
 }
@@ -52,11 +53,11 @@ fn hold_for_ever(address: usize) {
     let mut entry = Entry { next: core::ptr::null_mut() };
     let offset = address.wrapping_sub((&raw const entry).addr()) as libc::c_long;
     let mut head = Head { next: &raw mut entry, offset, pending: core::ptr::null_mut() };
-    // SAFETY: the list lies on the stack of this thread, which ends with the process only. The kernel reads it when the thread
-    // ends, changes the word only where it holds the thread's number, and skips what is no longer mapped. The word is mapped
-    // as long as a component of this process runs.
+    // SAFETY: the list lies on the stack of this thread, which ends with the process only. The kernel reads
+    // it when the thread ends, changes the word only where it holds the thread's number, and skips what is no
+    // longer mapped. The word is mapped as long as a component of this process runs.
     unsafe {
-        // the last entry leads back to the head
+        // the last entry points back to the head
         head.next.write(Entry { next: (&raw mut head).cast() });
         let mut all: libc::sigset_t = core::mem::zeroed();
         libc::sigfillset(&raw mut all);
@@ -76,7 +77,7 @@ pub(crate) fn offer(word: &AtomicU32) {
     word.store(0, Release);
 }
 
-/// Marks a word as if its holder had ended, for those who wait.
+/// Marks a word as if its holder had ended, for its waiters.
 pub(crate) fn release(word: &AtomicU32) {
     word.fetch_or(OWNER_DIED, Release);
     futex_wake(word);
@@ -93,37 +94,39 @@ pub(crate) fn await_end(word: &AtomicU32) {
     }
 }
 
-/// The status with which a process that is ending will have ended; `None` while it is not, and where that cannot be known
-/// yet: status 0 is also shown to those who may not see it.
+/// Exit status of an ending process; `None` before its end, and while unknown: unprivileged readers also see
+/// status 0.
 pub(crate) fn ending_status(pid: u32) -> Option<ExitStatus> {
     use std::os::unix::process::ExitStatusExt as _;
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // the name stands in parentheses and may hold any character
+    // the name is in parentheses and may contain any characters
     let mut fields = stat.rsplit_once(')')?.1.split_ascii_whitespace();
     let flags: u64 = fields.nth(6)?.parse().ok()?;
     let status: i32 = fields.nth(42)?.parse().ok()?;
     (flags & ENDING != 0 && status != 0).then(|| ExitStatus::from_raw(status))
 }
 
-/// Takes the real-time priority of all threads of a process that is ending, so that taking its memory apart holds up nobody.
+/// Removes the real-time priority of all threads of an ending process, so that releasing its memory delays
+/// nobody.
 pub(crate) fn demote(pid: u32) {
     let Ok(threads) = std::fs::read_dir(format!("/proc/{pid}/task")) else { return };
     for thread in threads.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok()) {
         let parameters = libc::sched_param { sched_priority: 0 };
-        // SAFETY: `parameters` is initialised and outlives the call; a thread that is gone gives ESRCH, which is fine.
+        // SAFETY: `parameters` is initialised and outlives the call; a thread that is gone gives ESRCH, which
+        // is fine.
         unsafe { libc::sched_setscheduler(thread, libc::SCHED_OTHER, &parameters) };
     }
 }
 
-/// A descriptor that is readable once it was told to be.
+/// A descriptor that becomes readable on request.
 #[derive(Debug)]
 pub(crate) struct Flag(std::os::fd::OwnedFd);
 
 impl Flag {
-    /// One that is not.
+    /// Creates an unset flag.
     ///
     /// # Errors
-    /// There is no descriptor left.
+    /// No descriptor is available.
     pub(crate) fn new() -> io::Result<Self> {
         Ok(Self(rustix::event::eventfd(0, rustix::event::EventfdFlags::CLOEXEC)?))
     }
@@ -149,14 +152,15 @@ mod tests {
 
     const ROLE: &str = "MOTORIUM_TEST_HOLDER";
 
-    /// Two words in a file that processes share: the one that is held, and one that is not.
+    /// Two words in a shared file: a held one and a free one.
     fn map(path: &std::path::Path) -> memmap2::MmapRaw {
         let file = std::fs::File::options().read(true).write(true).open(path).unwrap();
         memmap2::MmapRaw::map_raw(&file).unwrap()
     }
 
     fn word(map: &memmap2::MmapRaw, index: usize) -> &AtomicU32 {
-        // SAFETY: the mapping begins on a page and is longer than both words; an atomic is valid for any bytes.
+        // SAFETY: the mapping begins on a page and is longer than both words; an atomic is valid for any
+        // bytes.
         unsafe { &*map.as_ptr().cast::<AtomicU32>().add(index) }
     }
 
@@ -169,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_word_is_marked_when_the_process_that_holds_it_is_killed_and_not_before() {
+    fn word_is_marked_when_its_holder_is_killed() {
         if let Some(path) = std::env::var_os(ROLE) {
             // The process that is killed.
             let map = map(path.as_ref());
@@ -186,7 +190,7 @@ mod tests {
         for _ in 0..3 {
             offer(held);
             let mut child = Command::new(std::env::current_exe().unwrap())
-                .args(["--exact", "os::held_word::tests::a_word_is_marked_when_the_process_that_holds_it_is_killed_and_not_before"])
+                .args(["--exact", "os::held_word::tests::word_is_marked_when_its_holder_is_killed"])
                 .env(ROLE, &path)
                 .stdout(Stdio::null())
                 .spawn()
@@ -204,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wait_for_a_holder_that_never_came_ends_when_the_word_is_released() {
+    fn release_ends_a_wait_without_a_holder() {
         let held = AtomicU32::new(0);
         std::thread::scope(|scope| {
             let waiting = scope.spawn(|| await_end(&held));

@@ -4,14 +4,14 @@ use std::fs::File;
 use std::io::{self, Write as _};
 use std::time::Duration;
 
-/// The kernel's file of requests; each holds as long as its file is open.
+/// Kernel file for requests; each is in force while its file is open.
 const REQUESTS: &str = "/dev/cpu_dma_latency";
 
-/// A limit on the time that any core may take to leave its idle state (Linux, *PM Quality Of Service Interface*), held
+/// A limit on the exit latency of idle states on all cores (Linux, *PM Quality Of Service Interface*), held
 /// until this is dropped or the process ends in any way.
 ///
-/// In a virtual machine whose guest polls before it halts (`haltpoll`), a limit of zero keeps the host from taking its
-/// processors whenever they are idle: they wake up in a fraction of the time, with warm caches.
+/// In a virtual machine whose guest polls before it halts (`haltpoll`), a limit of zero prevents the host
+/// from taking idle processors away: they wake up in a fraction of the time, with warm caches.
 #[derive(Debug)]
 pub struct IdleLimit(#[expect(dead_code, reason = "held open")] File);
 

@@ -1,4 +1,4 @@
-//! Locks on files that end with the process that holds them.
+//! File locks that end with the holding process.
 
 #![allow(unsafe_code)] // locks of open file descriptions have no safe wrapper that can also ask for their holders
 
@@ -8,29 +8,28 @@ use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 
-/// A shared lock on a file, held until it is dropped or its process ends, however it ends.
+/// A shared file lock, held until it is dropped or its process ends in any way.
 ///
-/// Any number of processes may hold it, in any namespace; [`is_held`] asks for it without taking it, so that asking
-/// disturbs no one.
+/// Any number of processes may hold it, in any namespace. [`is_held`] tests it without acquiring it.
 #[derive(Debug)]
 pub struct Lock(#[expect(dead_code, reason = "the open file holds the lock")] File);
 
 impl Lock {
-    /// Takes the lock on a file, which is made if it is not there: readable and writable by its owner alone.
+    /// Acquires the lock on a file, which is created if missing, accessible to its owner only.
     ///
     /// # Errors
-    /// The file cannot be made or opened, or the file system knows no locks.
+    /// The file cannot be created or opened, or the file system has no locks.
     pub fn hold(path: &Path) -> io::Result<Self> {
         let file = options().create(true).truncate(false).mode(0o600).open(path)?;
         command(&file, libc::F_OFD_SETLK, &mut request(libc::F_RDLCK, 0))?;
         Ok(Self(file))
     }
 
-    /// Takes a place of a file, counted from 0, that one process has at a time; `None` if somebody has it. It has nothing
-    /// to do with [`hold`](Self::hold) of the same file.
+    /// Acquires a numbered place of a file, from 0, exclusively; `None` if it is occupied. Independent of
+    /// [`hold`](Self::hold) of the same file.
     ///
     /// # Errors
-    /// The file is not there or cannot be opened, or the file system knows no locks.
+    /// The file is missing or cannot be opened, or the file system has no locks.
     pub fn take(path: &Path, place: u32) -> io::Result<Option<Self>> {
         let file = options().open(path)?;
         match command(&file, libc::F_OFD_SETLK, &mut request(libc::F_WRLCK, i64::from(place) + 1)) {
@@ -47,8 +46,8 @@ fn options() -> OpenOptions {
     options
 }
 
-/// True if any process holds the [`Lock`] on a file. A file that is not there is not locked; one that cannot be asked,
-/// for want of descriptors say, is taken for locked.
+/// Returns `true` if any process holds the [`Lock`] on a file. A missing file is not locked; an untestable
+/// one, for example without free descriptors, counts as locked.
 pub fn is_held(path: &Path) -> bool {
     let file = match options().open(path) {
         Ok(file) => file,
@@ -58,10 +57,10 @@ pub fn is_held(path: &Path) -> bool {
     command(&file, libc::F_OFD_GETLK, &mut asked).is_err() || asked.l_type != libc::F_UNLCK as libc::c_short
 }
 
-/// A request for one byte of a file, which need not have it.
+/// A request for one byte of a file, which need not exist.
 fn request(kind: libc::c_int, byte: i64) -> libc::flock {
-    // SAFETY: zero is a valid value of all fields of the plain structure; process 0 is what locks of open file
-    // descriptions ask for.
+    // SAFETY: zero is valid for all fields of the plain structure; locks of open file descriptions require
+    // process 0.
     let mut request: libc::flock = unsafe { core::mem::zeroed() };
     request.l_type = kind as libc::c_short;
     request.l_whence = libc::SEEK_SET as libc::c_short;
@@ -81,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lock_is_held_until_the_last_of_its_holders_drops_it() {
+    fn lock_is_held_until_its_last_holder_drops_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lock");
         assert!(!is_held(&path), "there is no file yet");
@@ -95,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_belongs_to_one_at_a_time_and_has_nothing_to_do_with_holding_the_file() {
+    fn place_is_exclusive_and_independent_of_the_lock() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lock");
         assert!(Lock::take(&path, 0).is_err(), "there is no file yet");

@@ -1,16 +1,17 @@
-//! Facts about the machine, as the kernel publishes them below `/proc` and `/sys`: its cores, processor, kernel, and
-//! how each core spends its time. All functions open files: none belongs into the step of a component.
+//! Facts about the machine, as the kernel publishes them below `/proc` and `/sys`: its cores, processor,
+//! kernel, and how each core spends its time. All functions open files: none belongs into the step of a
+//! component.
 
 use core::ops::Sub;
 use std::fs::File;
 use std::io::Read as _;
 
-/// The text of a file of the kernel without white space around it; `None` if it is empty or cannot be read.
+/// Reads a kernel file and trims it; `None` if it is empty or unreadable.
 pub fn read(path: &str) -> Option<String> {
     Some(std::fs::read_to_string(path).ok()?.trim().to_string()).filter(|text| !text.is_empty())
 }
 
-/// Parses a list of cores as the kernel writes it, such as `0-3,6`. `None` if it is not one.
+/// Parses a kernel list of cores, such as `0-3,6`. `None` if malformed.
 pub fn parse_cores(list: &str) -> Option<Vec<usize>> {
     let mut cores = Vec::new();
     for part in list.trim().split(',') {
@@ -24,7 +25,7 @@ fn cores(list: &str) -> Vec<usize> {
     read(&format!("/sys/devices/system/cpu/{list}")).and_then(|list| parse_cores(&list)).unwrap_or_default()
 }
 
-/// The cores that are switched on, ascending, at least one; those isolated from the scheduler are among them.
+/// Online cores in ascending order, at least one, including those isolated from the scheduler.
 pub fn online_cores() -> Vec<usize> {
     let online = cores("online");
     if online.is_empty() {
@@ -48,7 +49,7 @@ pub fn tickless_cores() -> Vec<usize> {
 pub struct Kernel {
     /// Its release, such as `6.18.0`.
     pub release: String,
-    /// Its build, such as `#1 SMP PREEMPT_DYNAMIC Tue Nov 4 12:00:00 UTC 2025`.
+    /// Build of the kernel, such as `#1 SMP PREEMPT_DYNAMIC Tue Nov 4 12:00:00 UTC 2025`.
     pub version: String,
 }
 
@@ -59,25 +60,26 @@ impl Kernel {
         Self { release: read("osrelease"), version: read("version") }
     }
 
-    /// Its preemption model, such as `PREEMPT_RT`, where the build names one.
+    /// Preemption model, such as `PREEMPT_RT`, if named by the build.
     pub fn preemption(&self) -> Option<&str> {
         self.version.split_whitespace().find(|word| word.starts_with("PREEMPT"))
     }
 }
 
-/// The value of the first line of `/proc/cpuinfo` that begins with this name.
+/// Value of the first line of `/proc/cpuinfo` that starts with this name.
 fn processor_value(cpuinfo: &str, name: &str) -> Option<String> {
     let line = cpuinfo.lines().find(|line| line.starts_with(name))?;
     Some(line.split_once(':')?.1.trim().to_string())
 }
 
-/// The model of the processor; its architecture where the kernel names no model.
+/// Model of the processor, or its architecture if the kernel names no model.
 pub fn processor() -> String {
     let cpuinfo = read("/proc/cpuinfo").unwrap_or_default();
     processor_value(&cpuinfo, "model name").unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }
 
-/// True on a virtual machine, as the flags of the processor say: its host may take the cores away at any time.
+/// Returns `true` on a virtual machine, according to the processor flags; its host may preempt the cores at
+/// any time.
 pub fn is_virtual() -> bool {
     has_hypervisor(&read("/proc/cpuinfo").unwrap_or_default())
 }
@@ -87,12 +89,12 @@ fn has_hypervisor(cpuinfo: &str) -> bool {
     flags.is_some_and(|flags| flags.split_whitespace().any(|flag| flag == "hypervisor"))
 }
 
-/// The governor that sets the frequency of a core; `None` where the system does not scale frequencies.
+/// Frequency governor of a core; `None` without frequency scaling.
 pub fn governor(core: usize) -> Option<String> {
     read(&format!("/sys/devices/system/cpu/cpu{core}/cpufreq/scaling_governor"))
 }
 
-/// Driver and governor of idle states, as `driver/governor`; `None` where they cannot be read.
+/// Driver and governor of idle states, as `driver/governor`; `None` if unreadable.
 pub fn idle_driver() -> Option<String> {
     let folder = "/sys/devices/system/cpu/cpuidle";
     let governor = read(&format!("{folder}/current_governor_ro"))
@@ -100,21 +102,21 @@ pub fn idle_driver() -> Option<String> {
     Some(format!("{}/{governor}", read(&format!("{folder}/current_driver"))?))
 }
 
-/// The longest time that a core may take to leave an idle state, us, as those limit it who hold `/dev/cpu_dma_latency`
-/// open. `None` where nobody does, or where this user may not read it.
+/// Maximum exit latency of idle states, us, as limited by holders of `/dev/cpu_dma_latency`. `None` without a
+/// holder, or if unreadable for this user.
 pub fn idle_exit_limit_us() -> Option<u64> {
     let mut bytes = [0; 4];
     File::open("/dev/cpu_dma_latency").ok()?.read_exact(&mut bytes).ok()?;
-    // Without a limit the kernel shows 2000 s.
+    // Without a limit the kernel reports 2000 s.
     u64::try_from(i32::from_ne_bytes(bytes)).ok().filter(|limit| *limit < 1_000_000)
 }
 
-/// The clock that the kernel reads the time from, such as `tsc`.
+/// Kernel clock source, such as `tsc`.
 pub fn clock_source() -> Option<String> {
     read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 }
 
-/// The time that real-time threads may use, us per s of each core; `None` without a limit.
+/// Time limit of real-time threads, us per s on each core; `None` without a limit.
 pub fn realtime_limit_us_per_s() -> Option<u64> {
     let number = |name: &str| read(&format!("/proc/sys/kernel/{name}"))?.parse::<i64>().ok();
     let (runtime, period) = (number("sched_rt_runtime_us")?, number("sched_rt_period_us")?);
@@ -126,7 +128,7 @@ pub fn load() -> Option<f64> {
     read("/proc/loadavg")?.split_whitespace().next()?.parse().ok()
 }
 
-/// Time that one core has spent since the machine started, in ticks of `USER_HZ` (10 ms).
+/// Time accounting of one core since the start of the machine, in ticks of `USER_HZ` (10 ms).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CoreTimes {
     /// The core.
@@ -135,21 +137,22 @@ pub struct CoreTimes {
     pub user: u64,
     /// The kernel on behalf of programs.
     pub system: u64,
-    /// Interrupts and soft interrupts; 0 where the kernel does not account for them.
+    /// Interrupts and soft interrupts; 0 if the kernel does not account for them.
     pub interrupts: u64,
     /// Idle, waiting for storage included.
     pub idle: u64,
-    /// Taken away by the host of a virtual machine.
+    /// Stolen by the host of a virtual machine.
     pub stolen: u64,
 }
 
 impl CoreTimes {
-    /// The times of all cores in the order of their numbers; none if the kernel does not say.
+    /// Reads the times of all cores in numerical order; empty if unavailable.
     pub fn read() -> Vec<Self> {
         Self::parse(&std::fs::read_to_string("/proc/stat").unwrap_or_default())
     }
 
-    /// Parses the lines `cpuN user nice system idle iowait irq softirq steal ...` of `/proc/stat`, see proc_stat(5).
+    /// Parses the lines `cpuN user nice system idle iowait irq softirq steal ...` of `/proc/stat`, see
+    /// proc_stat(5).
     fn parse(text: &str) -> Vec<Self> {
         let line = |line: &str| {
             let mut words = line.split_ascii_whitespace();
@@ -225,7 +228,7 @@ mod tests {
     const STAT: &str = "cpu  30 4 60 800 10 1 9 6 0 0\ncpu0 10 1 20 400 5 0 4 2 7 0\ncpu1 20 3 40 400 5 1 5 4 0 0\nintr 5 6\nctxt 1\n";
 
     #[test]
-    fn the_times_of_each_core_stand_in_its_line() {
+    fn core_times_are_parsed_per_line() {
         let cores = CoreTimes::parse(STAT);
         let first = CoreTimes { core: 0, user: 11, system: 20, interrupts: 4, idle: 405, stolen: 2 };
         let second = CoreTimes { core: 1, user: 23, system: 40, interrupts: 6, idle: 405, stolen: 4 };
@@ -235,21 +238,21 @@ mod tests {
     }
 
     #[test]
-    fn columns_that_an_old_kernel_lacks_count_as_zero() {
+    fn missing_columns_count_as_zero() {
         let expected = CoreTimes { core: 3, user: 3, system: 3, idle: 4, ..CoreTimes::default() };
         assert_eq!(CoreTimes::parse("cpu3 1 2 3 4\n"), [expected]);
         assert_eq!(CoreTimes::parse(""), []);
     }
 
     #[test]
-    fn idle_time_that_the_kernel_takes_back_is_no_negative_time() {
+    fn decreasing_idle_time_is_not_negative() {
         let idle = |idle| CoreTimes { idle, ..CoreTimes::default() };
         assert_eq!((idle(10) - idle(12)).idle, 0);
         assert_eq!((idle(10) - idle(12)).share(0), 0.0);
     }
 
     #[test]
-    fn this_machine_has_a_kernel_a_processor_and_cores_that_did_something() {
+    fn this_machine_has_kernel_processor_and_core_times() {
         assert!(!Kernel::detect().release.is_empty() && !processor().is_empty());
         let (online, times) = (online_cores(), CoreTimes::read());
         assert!(!online.is_empty() && times.iter().all(|core| core.total() > 0), "{times:?}");

@@ -25,8 +25,8 @@ pub fn prefetch_read(address: *const u8, bytes: usize) {
 #[inline]
 pub fn prefetch_write(address: *const u8, bytes: usize) {
     lines(address, bytes, |line| {
-        // SAFETY: a prefetch neither faults nor changes memory; processors without this one ignore it. Written out, for
-        // the compiler makes a prefetch for reading of it unless the processor is known.
+        // SAFETY: a prefetch neither faults nor changes memory; processors without this one ignore it.
+        // Written out, for the compiler makes a prefetch for reading of it unless the processor is known.
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         unsafe {
             core::arch::asm!("prefetchw [{}]", in(reg) line, options(nostack, preserves_flags, readonly));

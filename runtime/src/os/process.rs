@@ -9,7 +9,7 @@ use std::time::Duration;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags};
 
-/// Thread id of the calling thread, as the kernel numbers it.
+/// Kernel thread id of the calling thread.
 pub fn thread_id() -> i32 {
     rustix::thread::gettid().as_raw_nonzero().get()
 }
@@ -21,8 +21,8 @@ extern "C" fn interrupted(_: libc::c_int) {}
 /// # Errors
 /// The kernel refused the handler.
 pub fn install_interrupt() -> io::Result<()> {
-    // SAFETY: the action is fully initialised (zero is a valid empty mask and flag set, so no SA_RESTART), and the
-    // handler does nothing, which is safe in any context.
+    // SAFETY: the action is fully initialised (zero is a valid empty mask and flag set, so no SA_RESTART),
+    // and the handler does nothing, which is safe in any context.
     let result = unsafe {
         let mut action: libc::sigaction = core::mem::zeroed();
         action.sa_sigaction = interrupted as *const () as usize;
@@ -33,13 +33,13 @@ pub fn install_interrupt() -> io::Result<()> {
 
 /// Interrupts the system call in which a thread of this process waits.
 pub fn interrupt_thread(thread: i32) {
-    // SAFETY: a system call on integers; a thread that is gone gives ESRCH, which is fine.
+    // SAFETY: a system call on integers; a missing thread gives ESRCH, which is fine.
     unsafe {
         libc::syscall(libc::SYS_tgkill, libc::getpid(), thread, libc::SIGUSR1);
     }
 }
 
-/// True if a signal does what it does by default in this process.
+/// Returns `true` if a signal has its default action in this process.
 pub(crate) fn is_default(signal: libc::c_int) -> bool {
     // SAFETY: zero is a valid value of the plain structure, into which the call writes the present action.
     unsafe {
@@ -49,15 +49,15 @@ pub(crate) fn is_default(signal: libc::c_int) -> bool {
     }
 }
 
-/// State of a thread as the kernel shows it: `R` runs or is ready, `S` sleeps, `D` waits for a device, `T` was stopped by a
-/// signal, `t` by a debugger, `Z` has ended. `None` if there is no such thread.
+/// Kernel state of a thread: `R` running or ready, `S` sleeping, `D` waiting for a device, `T` stopped by a
+/// signal, `t` stopped by a debugger, `Z` ended. `None` if the thread does not exist.
 pub fn process_state(pid: u32, thread: u32) -> Option<char> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/task/{thread}/stat")).ok()?;
-    // the name stands in parentheses and may hold any character
+    // the name is in parentheses and may contain any characters
     stat.rsplit_once(')')?.1.trim_start().chars().next()
 }
 
-/// Lets what this process prints from now on go nowhere.
+/// Discards all further output of this process.
 pub fn discard_output() {
     use std::os::fd::AsRawFd as _;
     let Ok(nowhere) = std::fs::File::options().write(true).open("/dev/null") else { return };
@@ -67,21 +67,21 @@ pub fn discard_output() {
     }
 }
 
-/// A handle on another process that reports its end, even if its number is reused.
+/// A handle of another process that reports its end, even if its id is reused.
 #[derive(Debug)]
 pub struct Watch(OwnedFd);
 
 impl Watch {
-    /// Watches the process with this number.
+    /// Watches the process with this id.
     ///
     /// # Errors
-    /// There is no such process (any more).
+    /// The process does not exist.
     pub fn new(pid: u32) -> io::Result<Self> {
         let pid = Pid::from_raw(pid as i32).ok_or_else(|| io::Error::other("0 is no process"))?;
         Ok(Self(rustix::process::pidfd_open(pid, PidfdFlags::empty())?))
     }
 
-    /// Sends a signal to it; does nothing when it has ended.
+    /// Sends a signal; no effect if the process has ended.
     pub fn signal(&self, signal: rustix::process::Signal) {
         let _ = rustix::process::pidfd_send_signal(&self.0, signal);
     }
@@ -91,7 +91,7 @@ impl Watch {
         self.wait(Some(Duration::ZERO))
     }
 
-    /// Waits for its end; true if it has ended, false after the timeout or an interruption.
+    /// Waits for its end; returns `true` if it has ended, `false` after the timeout or an interruption.
     pub fn wait(&self, timeout: Option<Duration>) -> bool {
         let timeout =
             timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_thread_that_asks_is_running_and_one_that_never_was_has_no_state() {
+    fn calling_thread_is_running_and_unknown_has_no_state() {
         assert_eq!(process_state(std::process::id(), thread_id() as u32), Some('R'));
         assert_eq!(process_state(u32::MAX, 1), None);
     }

@@ -2,7 +2,7 @@
 
 #![allow(unsafe_code)] // one system call into a buffer of this function
 
-/// Bytes that nobody can guess.
+/// Returns cryptographically random bytes.
 ///
 /// # Errors
 /// The system has no random source.

@@ -1,4 +1,4 @@
-//! Waiting for a descriptor, a signal or a time, whichever comes first.
+//! Waiting for a descriptor, a signal or a time, whichever is first.
 
 #![allow(unsafe_code)] // the mask of signals of one thread, and the wait that changes it, are plain libc calls
 
@@ -7,14 +7,14 @@ use std::os::fd::{AsRawFd as _, OwnedFd};
 
 use super::monotonic_ns;
 
-/// The wait of one thread for a descriptor to become readable.
+/// Waits, in one thread, for a descriptor to become readable.
 ///
-/// While it exists, `SIGUSR1` is held back from the thread that made it and reaches it in a wait only: a signal that comes
-/// just before a wait ends it at once, so that no interrupt is lost.
+/// While it exists, `SIGUSR1` is blocked in the creating thread except during a wait. A signal just before a
+/// wait therefore ends it immediately, and no interrupt is lost.
 #[derive(Debug)]
 pub struct Readiness {
     descriptor: OwnedFd,
-    /// The signals that are held back during a wait.
+    /// Signals blocked during a wait.
     waiting: libc::sigset_t,
 }
 
@@ -24,9 +24,11 @@ impl Readiness {
     /// # Errors
     /// The kernel refused the mask of signals.
     pub fn of(descriptor: OwnedFd) -> io::Result<Self> {
-        // SAFETY: zero is a valid value of the plain structure, which the call overwrites with the present mask.
+        // SAFETY: zero is a valid value of the plain structure, which the call overwrites with the present
+        // mask.
         let mut waiting: libc::sigset_t = unsafe { core::mem::zeroed() };
-        // SAFETY: both sets are initialised and live throughout the calls, which change the mask of this thread only.
+        // SAFETY: both sets are initialised and live throughout the calls, which change the mask of this
+        // thread only.
         let result = unsafe {
             let mut interrupt: libc::sigset_t = core::mem::zeroed();
             libc::sigemptyset(&raw mut interrupt);
@@ -38,8 +40,8 @@ impl Readiness {
         if result == 0 { Ok(Self { descriptor, waiting }) } else { Err(io::Error::from_raw_os_error(result)) }
     }
 
-    /// Waits until the descriptor is readable, a signal arrives, or `CLOCK_MONOTONIC` reaches `until_ns`. True if it is
-    /// readable; also if its other end has gone, or it is in error: reading it then tells.
+    /// Waits until the descriptor is readable, a signal arrives, or `CLOCK_MONOTONIC` reaches `until_ns`.
+    /// Returns `true` if it is readable, including a closed or failed descriptor, whose next read reports it.
     pub fn wait(&self, until_ns: Option<u64>) -> bool {
         let mut polled = libc::pollfd { fd: self.descriptor.as_raw_fd(), events: libc::POLLIN, revents: 0 };
         self.poll(core::slice::from_mut(&mut polled), until_ns);
@@ -57,8 +59,8 @@ impl Readiness {
             libc::timespec { tv_sec: (ns / 1_000_000_000) as _, tv_nsec: (ns % 1_000_000_000) as _ }
         });
         let timeout = timeout.as_ref().map_or(core::ptr::null(), core::ptr::from_ref);
-        // SAFETY: the descriptors, as many as are said, the time and the mask live throughout the call. An error means an
-        // interrupting signal; the caller looks at the time and its commands anyway.
+        // SAFETY: the descriptors (with the given count), the time and the mask outlive the call. An error
+        // means a signal; the caller checks the time and its commands anyway.
         unsafe {
             libc::ppoll(polled.as_mut_ptr(), polled.len() as _, timeout, &raw const self.waiting);
         }
@@ -67,7 +69,7 @@ impl Readiness {
 
 impl Drop for Readiness {
     fn drop(&mut self) {
-        // SAFETY: as in `of`; the mask gets back what it was, without the interrupt.
+        // SAFETY: as in `of`; the previous mask is restored without the interrupt.
         unsafe {
             libc::pthread_sigmask(libc::SIG_SETMASK, &raw const self.waiting, core::ptr::null_mut());
         }
@@ -87,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wait_ends_when_something_can_be_read_and_when_the_other_end_has_gone() {
+    fn wait_ends_on_data_or_a_closed_peer() {
         use io::Write as _;
         let (readiness, mut writer) = pipe();
         assert!(!readiness.wait(Some(monotonic_ns())));
@@ -99,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wait_ends_at_its_time_and_not_before() {
+    fn wait_ends_at_its_time() {
         let (readiness, _writer) = pipe();
         let until = monotonic_ns() + 5 * MS;
         assert!(!readiness.wait(Some(until)));

@@ -24,7 +24,7 @@ pub struct Request {
     pub lock_memory: bool,
 }
 
-/// The settings that hold, read back from the kernel.
+/// Effective settings, read back from the kernel.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Applied {
     /// `SCHED_FIFO` priority, or 0 for any other class.
@@ -43,12 +43,12 @@ pub enum Denied {
     /// No real-time priority.
     #[error("SCHED_FIFO priority {0} ({1})")]
     Priority(u8, String),
-    /// No `SCHED_DEADLINE`: no privilege, or more time than the kernel has left to promise.
+    /// `SCHED_DEADLINE` denied: no privilege, or more time than the kernel can still guarantee.
     #[error("SCHED_DEADLINE with {} us in every {} us ({reason})", runtime_ns / 1000, period_ns / 1000)]
     Deadline {
         /// CPU time requested, ns.
         runtime_ns: u64,
-        /// In each period of this length, ns.
+        /// Time in each period of this length, ns.
         period_ns: u64,
         /// The error of the system.
         reason: String,
@@ -56,7 +56,7 @@ pub enum Denied {
     /// Other cores than requested.
     #[error("cores {0:?} ({1})")]
     Cores(Vec<usize>, String),
-    /// No limit on computing without waiting.
+    /// Limit on computing without waiting denied.
     #[error("a limit on computing without waiting ({0})")]
     CpuLimit(String),
     /// Memory that is not locked.
@@ -64,7 +64,7 @@ pub enum Denied {
     Memory(String),
 }
 
-/// The cores of the thread that made this value, which has them again when it is dropped there.
+/// Cores of the creating thread, restored when this value is dropped there.
 #[derive(Debug)]
 pub struct Placement {
     thread: std::thread::ThreadId,
@@ -72,7 +72,7 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Remembers where the calling thread may run.
+    /// Remembers the permitted cores of the calling thread.
     pub fn remember() -> Self {
         Self { thread: std::thread::current().id(), cores: sched_getaffinity(None).ok() }
     }
@@ -81,7 +81,7 @@ impl Placement {
 impl Drop for Placement {
     fn drop(&mut self) {
         if let Some(cores) = self.cores.filter(|_| std::thread::current().id() == self.thread) {
-            // A thread that may not have its cores back stays where it is.
+            // On failure the thread keeps its current cores.
             let _ = sched_setaffinity(None, &cores);
         }
     }
@@ -121,7 +121,7 @@ pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
             .unwrap_or_default(),
         memory_locked: request.lock_memory && locked_memory(),
     };
-    // The kernel may accept and do otherwise (a cpuset, a container): the settings read back decide.
+    // The kernel may accept but not comply (cpuset, container): the settings read back decide.
     if denied.is_empty() {
         if let SchedulingClass::Fifo(priority) = request.class
             && applied.fifo_priority != priority
@@ -149,14 +149,15 @@ pub fn apply(request: &Request) -> (Applied, Vec<Denied>) {
 
 fn set_fifo(priority: u8) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: i32::from(priority) };
-    // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread. Children do not inherit.
+    // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread. Children do not
+    // inherit.
     let result =
         unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, &parameters) };
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Has the calling thread go on until it sleeps when it wakes another on its core (`SCHED_BATCH`), so that handing over costs
-/// one change of threads. A system that denies it is slower, and no less right.
+/// Lets the calling thread continue until it sleeps when it wakes another on its core (`SCHED_BATCH`), so
+/// that a hand-over costs one thread switch. If denied, the system is slower but still correct.
 pub fn hand_over_when_asleep() {
     let parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread.
@@ -177,12 +178,12 @@ fn set_deadline(runtime_ns: u64, period_ns: u64) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Ends this process when one of its `SCHED_FIFO` threads computes for longer than this without waiting: the kernel sends
-/// `SIGXCPU`, and `SIGKILL` if that is caught. The kernel counts in its ticks (4 ms at 250 Hz), so that it may take up to
-/// two of them longer.
+/// Ends this process if one of its `SCHED_FIFO` threads computes for longer than this without waiting: the
+/// kernel sends `SIGXCPU`, and `SIGKILL` if that is caught. The kernel counts in ticks (4 ms at 250 Hz), so
+/// it may take up to two ticks longer.
 ///
 /// # Errors
-/// The kernel refused: a lower limit is already in force.
+/// The kernel refuses, because a lower limit is in force.
 pub fn limit_cpu(ns: u64) -> io::Result<()> {
     use rustix::process::{Resource, Rlimit, setrlimit};
     let soft_us = ns.div_ceil(1_000);
@@ -190,15 +191,15 @@ pub fn limit_cpu(ns: u64) -> io::Result<()> {
     Ok(setrlimit(Resource::Rttime, limit)?)
 }
 
-/// Gives the calling thread back to the system's time sharing; for what is no step, such as saving results.
+/// Returns the calling thread to time sharing, for work outside steps, such as saving results.
 pub fn leave_realtime() {
     let parameters = libc::sched_param { sched_priority: 0 };
     // SAFETY: `parameters` is initialised and outlives the call; 0 is the calling thread.
     unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, &parameters) };
 }
 
-/// Has the calling thread wake before all others that are not real-time themselves, and have the least real-time priority
-/// then; where that is denied, as [`wake_soon`] does. For a thread that waits for ever, or nearly all the time, and takes nothing
+/// Lets the calling thread wake before all threads that are not real-time, with the lowest real-time
+/// priority; if denied, like [`wake_soon`]. For a thread that waits almost all the time, and uses no resource
 /// that a thread at normal priority may hold.
 pub fn wake_first() {
     if set_fifo(1).is_err() {
@@ -206,8 +207,9 @@ pub fn wake_first() {
     }
 }
 
-/// Has the calling thread, at normal priority, wake before others of that priority: its turns are as short as the kernel
-/// allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that waits nearly all the time.
+/// Lets the calling thread, at normal priority, wake before others of that priority: its time slices are as
+/// short as the kernel allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that waits
+/// almost all the time.
 pub fn wake_soon() {
     const SHORTEST_TURN_NS: u64 = 100_000;
     // SAFETY: zero is a valid value of the plain struct.
@@ -218,7 +220,8 @@ pub fn wake_soon() {
     // SAFETY: a system call on integers; 0 is this process and thread.
     attributes.sched_nice = unsafe { libc::getpriority(libc::PRIO_PROCESS, 0) };
     attributes.sched_runtime = SHORTEST_TURN_NS;
-    // SAFETY: `attributes` is initialised and outlives the call; 0 is the calling thread. A failure changes nothing.
+    // SAFETY: `attributes` is initialised and outlives the call; 0 is the calling thread. A failure changes
+    // nothing.
     unsafe {
         libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0);
         // Timers of threads at normal priority may be late by this much, ns.
@@ -252,7 +255,7 @@ fn locked_memory() -> bool {
         .is_some_and(|kilobytes| kilobytes > 0)
 }
 
-/// Page faults of the calling thread so far: minor and major together.
+/// Page faults of the calling thread so far, minor and major.
 pub fn page_faults() -> u64 {
     let usage = usage();
     (usage.ru_minflt + usage.ru_majflt) as u64
@@ -272,7 +275,7 @@ fn usage() -> libc::rusage {
     }
 }
 
-/// Touches 256 KiB of stack, so that the hot path never meets an untouched page of it.
+/// Touches 256 KiB of stack, so that the hot path causes no page fault.
 #[inline(never)]
 pub fn prefault_stack() {
     let mut stack = [0u8; 256 * 1024];

@@ -1,28 +1,28 @@
-//! Resources that have run out, in words.
+//! Messages for exhausted resources.
 
 use std::fs::File;
 use std::path::Path;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// Less room than this, bytes, and nothing can be made any more: a few pages.
+/// Free space, bytes, below which nothing can be created: a few pages.
 const NO_ROOM: u64 = 64 * 1024;
-/// Fewer names than this, and nothing can be made any more.
+/// Number of free files below which nothing can be created.
 const NO_NAMES: u64 = 8;
 
 /// The room in a file system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Room {
-    /// Bytes that this user may still fill.
+    /// Bytes still available to this user.
     pub bytes: u64,
     /// All bytes of it.
     pub total: u64,
-    /// Files that may still be made.
+    /// Number of files that can still be created.
     pub files: u64,
 }
 
 impl Room {
-    /// The room in the file system of a path; `None` if it cannot be asked.
+    /// Returns the free space in the file system of a path; `None` if unavailable.
     pub fn of(path: &Path) -> Option<Self> {
         let stat = rustix::fs::statvfs(path).ok()?;
         // A file system without a limit on files says 0 of 0.
@@ -36,7 +36,7 @@ impl Room {
     }
 }
 
-/// A number of bytes as a person reads it.
+/// Formats a number of bytes for reading.
 pub fn amount(bytes: u64) -> String {
     match bytes {
         0..10_240 => format!("{bytes} bytes"),
@@ -45,8 +45,8 @@ pub fn amount(bytes: u64) -> String {
     }
 }
 
-/// The resource that has run out at this moment, with advice, if one has: descriptors of this process, room in shared
-/// memory or in the file system of `place`. It names the cause of an error whose own words do not.
+/// Describes the currently exhausted resource with advice, if any: descriptors of this process, space in
+/// shared memory or in the file system of `place`. It names the cause of errors that do not.
 pub fn shortage(place: &Path) -> Option<String> {
     if let Err(error) = File::open("/dev/null") {
         match error.raw_os_error() {
@@ -82,7 +82,7 @@ pub fn with_shortage(reason: String, place: &Path) -> String {
     }
 }
 
-/// An error of starting a process or a thread, in words that name the limit if it was that.
+/// Describes an error of starting a process or thread, and names the limit if that is the cause.
 pub fn named(error: &std::io::Error) -> String {
     if error.raw_os_error() != Some(libc::EAGAIN) {
         return error.to_string();
@@ -94,17 +94,18 @@ pub fn named(error: &std::io::Error) -> String {
     )
 }
 
-/// The number of processes and threads that this user may have; `None` for no limit.
+/// Maximum number of processes and threads of this user; `None` without a limit.
 pub fn process_limit() -> Option<u64> {
     limit(Resource::Nproc)
 }
 
-/// The limit in force on a resource of this process; `None` for no limit.
+/// Limit in force on a resource of this process; `None` without a limit.
 fn limit(resource: Resource) -> Option<u64> {
     getrlimit(resource).current
 }
 
-/// Raises a limit as far as this user may, if it is below `wanted`. Gives the limit in force then; `None` for no limit.
+/// Raises a limit as far as permitted, if it is below `wanted`. Returns the limit then in force; `None`
+/// without a limit.
 pub fn raise_limit(resource: Resource, wanted: u64) -> Option<u64> {
     let Rlimit { current, maximum } = getrlimit(resource);
     let current = current?;
@@ -126,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn amounts_are_told_in_the_unit_that_a_person_reads() {
+    fn amounts_use_readable_units() {
         for (bytes, text) in
             [(0, "0 bytes"), (4_096, "4096 bytes"), (65_536, "64 KiB"), (67_108_864, "64 MiB")]
         {
@@ -147,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_that_suffices_is_left_as_it_is() {
+    fn sufficient_limit_is_unchanged() {
         let before = limit(Resource::Nofile);
         assert_eq!(raise_limit(Resource::Nofile, 1), before);
         assert_eq!(limit(Resource::Nofile), before);

@@ -1,6 +1,6 @@
-//! The processes and threads of users, as `/proc` shows them: how many this user has, and which of others are real-time.
+//! Processes and threads of users from `/proc`: the number of this user's, and the real-time ones of others.
 //!
-//! Where `/proc` is mounted with `hidepid`, or in a process namespace of its own, those of others are not seen.
+//! With `hidepid`, or in a separate process namespace, those of others are invisible.
 
 use std::fs;
 
@@ -11,15 +11,15 @@ pub struct Foreign {
     pub pid: u32,
     /// Its user.
     pub user: u32,
-    /// Name of its program, as the kernel keeps it: at most 15 bytes.
+    /// Kernel name of its program: at most 15 bytes.
     pub program: String,
     /// Name of the class of its most urgent thread, such as `SCHED_FIFO 83`.
     pub class: String,
-    /// Cores on which real-time threads of it may run.
+    /// Cores of its real-time threads.
     pub cores: Vec<usize>,
 }
 
-/// Number of threads of this user, without those that are not seen; `None` without `/proc`.
+/// Number of visible threads of this user; `None` without `/proc`.
 pub fn threads_of_this_user() -> Option<u64> {
     let user = rustix::process::getuid().as_raw();
     let mut threads = 0;
@@ -32,15 +32,17 @@ pub fn threads_of_this_user() -> Option<u64> {
     Some(threads)
 }
 
-/// True if the limit on the number of processes binds this process: root, and who may exceed resources, are exempt.
+/// Returns `true` if the process limit applies to this process: root and users with the resource capability
+/// are exempt.
 pub fn is_bound_by_process_limit() -> bool {
     const EXEMPT: u64 = 1 << 24 | 1 << 21; // CAP_SYS_RESOURCE, CAP_SYS_ADMIN
     let capabilities = Status::read("/proc/self/status").map_or(0, |status| status.capabilities);
     !rustix::process::getuid().is_root() && capabilities & EXEMPT == 0
 }
 
-/// The processes of other users with real-time threads that are bound to one of these cores, but for the kernel's own. Those
-/// that may run on any core, as some daemons, are left out: the scheduler moves them out of the way.
+/// Processes of other users with real-time threads bound to one of these cores, except kernel threads.
+/// Threads that may run on any core, such as some daemons, are ignored, because the scheduler moves them
+/// away.
 pub fn realtime_of_others(cores: &[usize]) -> Vec<Foreign> {
     let own = rustix::process::getuid().as_raw();
     let online = fs::read_to_string("/sys/devices/system/cpu/online").map(|list| self::cores(list.trim()));
@@ -113,10 +115,10 @@ impl core::fmt::Display for Class {
     }
 }
 
-/// The real-time class in the text of a `stat` file; `None` for other threads, and for those of the kernel.
+/// Returns the real-time class in the text of a `stat` file; `None` for other threads and kernel threads.
 fn class(stat: &str) -> Option<Class> {
     const KERNEL: u64 = 0x0020_0000;
-    // The name stands in parentheses and may hold any character. The state, field 3, comes behind it.
+    // The name is in parentheses and may contain any characters. The state, field 3, follows.
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let field = |number: usize| fields.get(number - 3)?.parse::<u64>().ok();
     if field(9)? & KERNEL != 0 {
@@ -189,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn the_class_of_a_thread_is_read_whatever_its_name() {
+    fn class_is_read_for_any_thread_name() {
         assert_eq!(class(&stat(0, 83, 1)), Some(Class::Fifo(83)));
         assert_eq!(class(&stat(0, 5, 2)), Some(Class::RoundRobin(5)));
         assert_eq!(class(&stat(0, 0, 6)), Some(Class::Deadline));
@@ -199,14 +201,14 @@ mod tests {
     }
 
     #[test]
-    fn a_status_is_read_by_its_keys() {
+    fn status_is_parsed_by_key() {
         let status = Status::of("Name:\tcat\nUid:\t5\t6\t6\t6\nThreads:\t3\nCpus_allowed_list:\t0-1,4\n");
         assert_eq!((status.name.as_str(), status.user, status.threads), ("cat", Some(5), 3));
         assert_eq!(status.cores, [0, 1, 4]);
     }
 
     #[test]
-    fn the_threads_of_this_user_include_those_of_this_process() {
+    fn user_threads_include_this_process() {
         let before = threads_of_this_user().expect("there is /proc");
         assert!(before >= 1);
         let own = Status::read("/proc/self/status").expect("there is /proc");

@@ -13,14 +13,14 @@ pub fn monotonic_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Now on `CLOCK_BOOTTIME`, which goes on while the machine is suspended, ns. Reads the vDSO: no system call.
+/// Current `CLOCK_BOOTTIME`, which continues during suspend, ns. Reads the vDSO: no system call.
 #[inline]
 pub fn boottime_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Boottime);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Now on `CLOCK_REALTIME`, which anybody may set, ns. Reads the vDSO: no system call.
+/// Current `CLOCK_REALTIME`, which anybody may set, ns. Reads the vDSO: no system call.
 #[inline]
 pub fn realtime_ns() -> u64 {
     let now = rustix::time::clock_gettime(ClockId::Realtime);
@@ -39,8 +39,8 @@ pub fn sleep_until(deadline_ns: u64) {
 
 /// Waits until `word` is no longer `value`, a process wakes it, a signal arrives, or the timeout passes.
 ///
-/// The word may lie in memory shared with other processes. Returns true if a signal ended the wait. The word may be
-/// unchanged without a signal too: a late wake-up of the value before may end the wait for the next.
+/// The word may be in shared memory. Returns `true` if a signal ended the wait. The word may also be
+/// unchanged without a signal, because a late wake-up for the previous value can end the wait for the next.
 #[inline(always)]
 pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) -> bool {
     let timeout = timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
@@ -59,7 +59,7 @@ pub fn current_core() -> usize {
     rustix::thread::sched_getcpu()
 }
 
-/// Lets other threads of the same priority run on this core first.
+/// Yields this core to other threads of the same priority.
 pub fn yield_core() {
     rustix::thread::sched_yield();
 }

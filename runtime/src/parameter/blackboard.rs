@@ -14,8 +14,8 @@ use crate::plan::{ComponentPlan, ParameterPlan};
 use crate::state::Field;
 
 crate::state_buffer! {
-    /// The values of all parameters of a component, in the order of their declaration: the bits of a number each, of a
-    /// choice its index, of an array as many as it has.
+    /// The values of all parameters of a component, in the order of their declaration: the bits of a number
+    /// each, of a choice its index, of an array as many as it has.
     pub(super) struct RawTable as "motorium.ParameterTable" {
         pub(super) bits: [u64; MAX_PARAMETER_NUMBERS],
     }
@@ -49,7 +49,7 @@ pub(super) fn encode(declaration: &ParameterDeclaration, value: &ParameterValue,
     }
 }
 
-/// The value in a place whose bits have been checked.
+/// Returns the value of a place whose bits have been checked.
 pub(super) fn decode(declaration: &ParameterDeclaration, bits: &[u64]) -> ParameterValue {
     match &declaration.default {
         ParameterValue::Float(_) => ParameterValue::Float(f64::from_bits(bits[0])),
@@ -101,7 +101,7 @@ pub(crate) struct ParameterService {
 }
 
 impl ParameterService {
-    /// Makes the blackboard of a component, if it has parameters.
+    /// Creates the blackboard of a component, if it has parameters.
     pub(crate) fn create(
         node: &Node<Shared>,
         component: &ComponentPlan,
@@ -121,13 +121,13 @@ impl ParameterService {
         Ok(Some(Self { service }))
     }
 
-    /// Lets go of the blackboard without a look at what iceoryx2 keeps in shared memory: its words may have been damaged.
+    /// Abandons the blackboard without accessing iceoryx2's data in shared memory, which may be damaged.
     pub(crate) fn abandon(self) {
         self.service.abandon();
     }
 }
 
-/// The declaration of a parameter, the numbers of all parameters, and the place of its own among them.
+/// Declaration of a parameter, the numbers of all parameters, and the index of its own.
 pub(crate) type FoundParameter<'a> = (&'a ParameterDeclaration, &'a Numbers, usize);
 
 /// The component's side: looks for changes at every tick boundary.
@@ -156,8 +156,8 @@ impl ParameterReader {
         Ok(this)
     }
 
-    /// Applies what has changed since the last look, all at once. A value of the wrong type or out of range is not applied,
-    /// whoever wrote it.
+    /// Applies all changes since the last call together. A value of the wrong type or out of range is not
+    /// applied, whoever wrote it.
     #[inline]
     pub(crate) fn refresh(&mut self) {
         let Some(port) = &mut self.port else { return };

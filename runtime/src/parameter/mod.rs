@@ -1,7 +1,7 @@
 //! Parameters: slow, typed, range-checked values on iceoryx2's blackboard, applied between two steps.
 //!
-//! All parameters of a component are one entry: a writer of several sets them together, and a reader sees all of them or
-//! none. While nothing changes, a step costs one comparison of a counter.
+//! All parameters of a component are one entry: a writer of several sets them together, and a reader sees all
+//! of them or none. While nothing changes, a step costs one comparison of a counter.
 
 mod blackboard;
 mod outside;
@@ -14,7 +14,7 @@ pub use outside::{ParameterError, ParameterTable};
 
 use crate::declare::ParameterKind;
 
-/// The numbers of all parameters of a component, as the present step sees them.
+/// Numbers of all parameters of a component, as seen by the current step.
 pub(crate) type Numbers = Rc<[Cell<u64>]>;
 
 /// A parameter that a component reads; changes are applied between two steps, never within one.
@@ -25,7 +25,7 @@ pub struct Parameter<T> {
     marker: core::marker::PhantomData<T>,
 }
 
-/// The types that a parameter with a single value may have.
+/// Types of parameters with a single value.
 pub trait AnyParameter: Copy {
     /// The declared kind that belongs to the type.
     const KIND: ParameterKind;
@@ -60,7 +60,8 @@ impl AnyParameter for bool {
     }
 }
 
-/// The value of a parameter that is one of a few names: the index of the name in the order of the declaration.
+/// The value of a parameter that is one of a few names: the index of the name in the order of the
+/// declaration.
 ///
 /// ```
 /// use motorium::component::Choice;
@@ -111,7 +112,7 @@ impl<T: AnyParameter> Parameter<T> {
     }
 }
 
-/// A parameter that is an array of fixed length; changes are applied between two steps, to all of its numbers at once.
+/// An array parameter of fixed length; changes are applied between two steps, to all entries together.
 ///
 /// ```
 /// use motorium::component::ParameterArray;
@@ -145,22 +146,22 @@ impl ParameterArray {
         self.length
     }
 
-    /// True if it has no numbers; no declared array is.
+    /// Returns `true` if it has no entries; declared arrays always have some.
     pub fn is_empty(&self) -> bool {
         self.length == 0
     }
 
-    /// One of its numbers for this step.
+    /// Returns one entry for this step.
     ///
     /// # Panics
-    /// The index is not below [`len`](Self::len).
+    /// If the index is not below [`len`](Self::len).
     #[inline]
     pub fn get(&self, index: usize) -> f64 {
         assert!(index < self.length, "number {index} of {}", self.length);
         f64::from_bits(self.numbers[self.place + index].get())
     }
 
-    /// Its numbers for this step, in order.
+    /// Iterates over its entries for this step, in order.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = f64> + '_ {
         self.numbers[self.place..self.place + self.length].iter().map(|bits| f64::from_bits(bits.get()))

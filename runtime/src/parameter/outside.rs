@@ -11,7 +11,7 @@ use crate::plan::{ComponentPlan, ParameterPlan, Plan};
 /// A parameter could not be read or set from outside.
 #[derive(Debug, thiserror::Error)]
 pub enum ParameterError {
-    /// There is no such component or parameter.
+    /// The component or parameter does not exist.
     #[error("{0}")]
     Unknown(String),
     /// The value has the wrong type or is out of range.
@@ -44,7 +44,7 @@ impl ParameterTable {
         Ok(Self { node: domain.node()?, plan })
     }
 
-    /// All parameters of the graph: component, declaration, current value.
+    /// Returns all parameters of the graph: component, declaration, current value.
     ///
     /// # Errors
     /// The run cannot be reached.
@@ -67,11 +67,11 @@ impl ParameterTable {
         Ok(set.swap_remove(0))
     }
 
-    /// Sets several parameters at once. Those of one component take effect together, at its next step; of several
-    /// components each at its own. Returns the values as they were set.
+    /// Sets several parameters. Those of one component take effect together at its next step. Returns the
+    /// values as set.
     ///
     /// # Errors
-    /// As [`set`](Self::set), for the first that cannot be set: then none of them is.
+    /// Same as [`set`](Self::set), for the first invalid one; none is set then.
     pub fn set_many<'a>(
         &self,
         values: impl IntoIterator<Item = (&'a str, ParameterValue)>,
@@ -114,7 +114,7 @@ impl ParameterTable {
         Ok((index, place, plan, value))
     }
 
-    /// Writes values of one component into its table, which readers see as it was or with all of them.
+    /// Writes values of one component to its table; readers see either the old values or all new ones.
     fn write<'a>(
         &self,
         component: &ComponentPlan,

@@ -1,4 +1,4 @@
-//! Expectations: conditions that figures of the report of a finished run are to meet.
+//! Expectations: conditions on figures of the report of a finished run.
 
 use core::fmt;
 use core::str::FromStr;
@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Expectation {
-    /// The figure: the name of a component, and the path of a value in its result or in its part of the report.
+    /// The figure: the name of a component, and the path of a value in its result or in its part of the
+    /// report.
     pub figure: String,
     /// The relation of the figure to the bound.
     pub comparison: Comparison,
@@ -49,16 +50,16 @@ pub enum Comparison {
     NotEqual,
 }
 
-/// The error of a text that is no expectation.
+/// The text is not a valid expectation.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExpectationError {
-    /// No comparison where one is to stand.
+    /// The comparison is missing.
     #[error("`{0}` is no condition: it begins with none of `<`, `<=`, `>`, `>=`, `==`, `!=`")]
     NoComparison(String),
     /// Nothing after the comparison.
     #[error("`{0}` has no bound: expected a number, text, true or false after the comparison")]
     NoBound(String),
-    /// A comparison of order with a bound that is no number.
+    /// An order comparison with a bound that is not a number.
     #[error("`{0}` compares with text: only numbers are more or less")]
     NoOrder(String),
     /// No figure before the comparison.
@@ -66,7 +67,7 @@ pub enum ExpectationError {
     NoFigure(String),
 }
 
-/// All comparisons; those of two characters first, of which others are the beginning.
+/// All comparisons; two-character ones precede their prefixes.
 const COMPARISONS: [Comparison; 6] = [
     Comparison::AtMost,
     Comparison::AtLeast,
@@ -90,10 +91,10 @@ impl Comparison {
 }
 
 impl Expectation {
-    /// The expectation that a figure meets a condition, such as `<= 1e-3`.
+    /// Creates the expectation that a figure meets a condition, such as `<= 1e-3`.
     ///
     /// # Errors
-    /// The condition is none.
+    /// The condition does not parse.
     pub fn new(figure: &str, condition: &str) -> Result<Self, ExpectationError> {
         let condition = condition.trim();
         let of = |error: fn(String) -> ExpectationError| error(condition.to_string());
@@ -119,7 +120,7 @@ impl Expectation {
         Ok(Self { figure, comparison, bound })
     }
 
-    /// The name of the component whose figure it is.
+    /// Name of the figure's component.
     pub fn component(&self) -> &str {
         self.figure.split('.').next().unwrap_or_default()
     }
@@ -129,7 +130,8 @@ impl Expectation {
         format!("{} {}", self.comparison.sign(), self.bound)
     }
 
-    /// True if a value meets it. A value that is missing, not a number where a number is expected, or not finite does not.
+    /// Returns `true` if a value meets it. A missing value, a non-number where a number is expected, or a
+    /// value that is not finite does not.
     pub fn is_met_by(&self, value: &serde_json::Value) -> bool {
         if value.is_null() {
             return false;
@@ -175,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_comparison_holds_on_its_side_of_the_bound_and_not_on_the_other() {
+    fn comparisons_hold_on_their_side_of_the_bound() {
         let met = |condition: &str| {
             let expectation = Expectation::new("a.b", condition).unwrap();
             [1, 2, 3].map(|value| expectation.is_met_by(&json!(value)))
@@ -189,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn text_and_flags_are_equal_or_not_and_what_is_missing_meets_nothing() {
+    fn text_and_flags_compare_by_equality() {
         let phase = Expectation::new("policy.phase", "== finished").unwrap();
         assert!(phase.is_met_by(&json!("finished")) && !phase.is_met_by(&json!("moving")));
         let flag = Expectation::new("physics.safe", "!= true").unwrap();
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_expectation_says_why() {
+    fn invalid_expectations_explain_the_error() {
         for (text, reason) in [
             ("controller.error", "begins with none of"),
             ("controller.error <=", "has no bound"),

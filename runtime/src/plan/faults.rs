@@ -8,27 +8,27 @@ use serde::{Deserialize, Serialize};
 pub enum OnOverrun {
     /// Drop the releases that have passed; go on with the next future one of the grid.
     Skip,
-    /// Run the releases that have passed at once, one after the other, until the grid is met again.
+    /// Run the missed releases immediately, one after the other, until the grid is met again.
     CatchUp,
-    /// Start the grid anew at the end of the late step.
+    /// Restart the grid at the end of the late step.
     Rephase,
-    /// As `skip`, and withhold the outputs of the late step: readers keep the older value.
+    /// Like `skip`, and withhold the outputs of the late step: readers keep the older value.
     Hold,
     /// Bring the whole graph to its safe state.
     SafeStop,
 }
 
-/// The consequence of a step that returned an error or made an invalid output.
+/// Policy for a step that returned an error or produced an invalid output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnError {
     /// The component fails; `restart` and `on_failure` take effect.
     Fail,
-    /// Report and count the error; the component goes on, its readers keep the older value.
+    /// Report and count the error; the component continues, its readers keep the older value.
     Hold,
 }
 
-/// The consequence of a component that failed and is not restarted, or not again.
+/// Policy for a component that failed and is not restarted, or no longer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnFailure {
@@ -46,7 +46,7 @@ pub enum RestartWhen {
     Never,
     /// After a crash, an error or a kill.
     Failure,
-    /// After every end, also one in good order.
+    /// After every end, including a normal one.
     Always,
 }
 
@@ -55,7 +55,7 @@ pub enum RestartWhen {
 pub struct RestartPlan {
     /// The condition.
     pub when: RestartWhen,
-    /// At most this many restarts within `window_ns`.
+    /// Maximum number of restarts within `window_ns`.
     pub at_most: u32,
     /// The window over which restarts are counted, ns.
     pub window_ns: u64,
@@ -66,12 +66,12 @@ pub struct RestartPlan {
 /// Limits of one component on standing still, on computing, and on losing steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LivenessPlan {
-    /// Time without a step, although one was due, after which it has hung, ns.
+    /// Time without a due step after which it counts as hung, ns.
     pub hang_after_ns: u64,
-    /// Time for which it may compute without waiting before the kernel ends it, ns; `None` unless its class is
+    /// Time it may compute without waiting before the kernel ends it, ns; `None` unless its class is
     /// `SCHED_FIFO`.
     pub cpu_limit_ns: Option<u64>,
-    /// Share of its steps, 0 to 1, above which losing them is a warning.
+    /// Share of lost steps, 0 to 1, above which there is a warning.
     pub lost_steps: f64,
 }
 

@@ -1,7 +1,7 @@
-//! A plan: a graph file with everything resolved and checked, as the launcher, the workers and the tools use it.
+//! A plan: a graph file with everything resolved and checked, as the launcher, the workers and the tools use
+//! it.
 //!
-//! Plans are made by `graph::load`, travel to the worker processes as JSON, and are never
-//! written by hand.
+//! Plans are made by `graph::load`, travel to the worker processes as JSON, and are never written by hand.
 
 mod expectation;
 mod faults;
@@ -18,7 +18,7 @@ use crate::state::{Digest, TypeLayout};
 pub use expectation::{Comparison, Expectation, ExpectationError};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
-pub use safety::{GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
+pub use safety::{ActuatorSafety, GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
 pub use topics::{LatencyPlan, OnMiss, TopicPlan};
 
 /// A graph, resolved.
@@ -30,9 +30,9 @@ pub struct Plan {
     pub file: PathBuf,
     /// The clock.
     pub clock: ClockKind,
-    /// Duration of the run, ns; until it is stopped if `None`.
+    /// Duration of the run, ns; `None` runs until stopped.
     pub duration_ns: Option<u64>,
-    /// Seed of the run; each component derives its own from it.
+    /// Seed of the run, from which each component derives its own.
     pub seed: u64,
     /// Division into episodes.
     #[serde(default)]
@@ -45,14 +45,33 @@ pub struct Plan {
     pub latencies: Vec<LatencyPlan>,
     /// Cores and scheduling.
     pub scheduling: SchedulingPlan,
-    /// Limits and states that keep the robot safe.
+    /// Limits and states for the safety of the robot.
     pub safety: SafetyPlan,
-    /// Conditions that the report of the run is to meet.
+    /// Conditions on the report of the run.
     #[serde(default)]
     pub expectations: Vec<Expectation>,
-    /// Events that the trace of each component keeps until they are read, at least; 0 for a run that is not traced.
+    /// Minimum number of events kept unread in the trace of each component; 0 for a run without a trace.
     #[serde(default)]
     pub trace_events: usize,
+}
+
+impl Plan {
+    /// The safety of an actuator: its own, or the graph's.
+    pub fn safety_of(&self, component: &ComponentPlan) -> ActuatorSafety {
+        component.safety.unwrap_or_else(|| self.safety.of_actuators())
+    }
+
+    /// Longest time for which an actuator stays in its safe state before it is stopped, ns: at least the
+    /// graph's.
+    pub fn settle_ns(&self) -> u64 {
+        let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
+        own.fold(self.safety.settle_ns, u64::max)
+    }
+
+    /// The component that begins the episodes of a run in real time.
+    pub fn episode_driver(&self) -> Option<&ComponentPlan> {
+        self.components.iter().find(|component| component.begins_episodes)
+    }
 }
 
 /// The episodes of a run.
@@ -60,7 +79,7 @@ pub struct Plan {
 pub struct EpisodesPlan {
     /// Number of episodes; each lasts for the duration of the plan, or until a component ends it.
     pub count: u64,
-    /// True if each has a seed of its own: that of the plan and its index added; false if all have that of the plan.
+    /// If true, the seed of each episode is the plan's plus its index; otherwise all have the plan's seed.
     pub vary_seed: bool,
 }
 
@@ -71,8 +90,8 @@ impl EpisodesPlan {
     }
 }
 
-/// The seed of one component in a run, or an episode, with this seed: it depends on the component's name, not on its place,
-/// so that adding a component changes no other.
+/// Seed of one component for a run or episode with this seed. It depends on the component's name rather than
+/// its position, so adding a component does not change the others.
 pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
     let mut digest = Digest::default();
     digest.write_u64(seed);
@@ -84,7 +103,7 @@ pub(crate) fn component_seed(seed: u64, name: &str) -> u64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnDenied {
-    /// Run without them, and print one line that names them.
+    /// Run without them, and print one line that lists them.
     Warn,
     /// Refuse to run.
     Strict,
@@ -93,15 +112,15 @@ pub enum OnDenied {
 /// Scheduling for the whole graph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SchedulingPlan {
-    /// Cores of everything that is not real-time: launcher, tools, components of the class `Normal`.
+    /// Cores of everything that is not real-time: launcher, tools, components of class `Normal`.
     pub shared_cores: Vec<usize>,
     /// The treatment of denied requests.
     pub on_denied: OnDenied,
-    /// Longest time that a core may take to leave its idle state while the graph runs in real time, ns.
+    /// Maximum exit latency of idle states while the graph runs in real time, ns.
     pub idle_exit_ns: u64,
 }
 
-/// The time before its release at which a component stops sleeping and spins.
+/// Time before a release at which a component stops sleeping and spins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spin {
@@ -135,7 +154,7 @@ pub enum Program {
         /// Name of the kind.
         kind: String,
     },
-    /// A kind that another installed program hosts.
+    /// A kind hosted by another installed program.
     Sibling {
         /// Name of the kind.
         kind: String,
@@ -160,7 +179,7 @@ pub enum Activation {
         /// Offset of the first release, ns.
         phase_ns: u64,
     },
-    /// At each publication of a topic.
+    /// On each publication of a topic.
     Triggered {
         /// Index of the topic.
         topic: usize,
@@ -185,7 +204,7 @@ impl Activation {
         }
     }
 
-    /// True if the component is at the head of a trigger chain: it is not another one that releases it.
+    /// Returns `true` if the component is at the head of a trigger chain: no other component releases it.
     pub fn is_head(&self) -> bool {
         !matches!(self, Self::Triggered { .. })
     }
@@ -197,8 +216,8 @@ impl Activation {
 pub enum SchedulingClass {
     /// `SCHED_FIFO` with this priority, 1 to 99.
     Fifo(u8),
-    /// `SCHED_DEADLINE`: the kernel gives it its time in every period, before all `SCHED_FIFO` threads, and no more. It
-    /// runs on any core.
+    /// `SCHED_DEADLINE`: the kernel gives it its time in every period, before all `SCHED_FIFO` threads, but
+    /// no more. It runs on any core.
     Deadline {
         /// CPU time in each period, ns.
         runtime_ns: u64,
@@ -216,7 +235,7 @@ pub struct PortPlan {
     pub port: String,
     /// Index of the topic; `None` for a port left unwired.
     pub topic: Option<usize>,
-    /// State or stream, as this side declares it.
+    /// State or stream, as declared by this side.
     pub pattern: TopicPattern,
     /// Layout of its samples.
     pub layout: TypeLayout,
@@ -247,12 +266,12 @@ pub struct ComponentPlan {
     pub waits_ns: u64,
     /// Core it is pinned to; if `None`, any of the shared cores, or any core at all with `SCHED_DEADLINE`.
     pub core: Option<usize>,
-    /// Its spinning before a release. A triggered component does not spin.
+    /// Spinning before a release. A triggered component does not spin.
     pub spin: Spin,
     /// Scheduling class.
     pub class: SchedulingClass,
-    /// Boost of its priority above that of the component at the head of its trigger chain on its core: a triggered
-    /// component runs before its trigger's component goes on.
+    /// Increment of its priority over the head of its trigger chain on its core: a triggered component runs
+    /// before its trigger's component continues.
     #[serde(default)]
     pub rise: u8,
     /// Inputs in the order of declaration.
@@ -270,24 +289,31 @@ pub struct ComponentPlan {
     pub folder: PathBuf,
     /// The robot it works on.
     pub robot: Option<RobotReference>,
-    /// The robots it works on, where the graph gives it several by `robots`.
+    /// Robots of the component, if the graph assigns several by `robots`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
     /// True if it applies commands to a robot.
     pub actuator: bool,
+    /// The safety of an actuator for which the graph overrides its `[safety]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<ActuatorSafety>,
     /// Seed of its random numbers, derived from the run's seed and its name.
     pub seed: u64,
     /// True if it can be reset for a new episode.
     #[serde(default)]
     pub resets: bool,
-    /// True if it may end an episode.
+    /// `true` if it may end an episode.
     #[serde(default)]
     pub ends_episode: bool,
+    /// True if it begins the episodes of a run in real time.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub begins_episodes: bool,
     /// The consequence of a late step.
     pub on_overrun: OnOverrun,
-    /// Its limits on standing still, computing and losing steps.
+    /// Limits on time without a step, computing time and lost steps.
     pub liveness: LivenessPlan,
-    /// Late steps, less the steps in time since, above which the graph goes to its safe state; any number if `None`.
+    /// Late steps, minus later punctual ones, above which the graph enters its safe state; `None` for any
+    /// number.
     pub overruns_tolerated: Option<u32>,
     /// The consequence of a failed step.
     pub on_error: OnError,
@@ -295,20 +321,20 @@ pub struct ComponentPlan {
     pub on_failure: OnFailure,
     /// Its restart policy.
     pub restart: RestartPlan,
-    /// Time that it may take to stop before it is killed; without it [`STOP_WITHIN_NS`].
+    /// Time it may take to stop before it is killed; default [`STOP_WITHIN_NS`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_within_ns: Option<u64>,
     /// Position in the fixed order of a lockstep tick: writers before the readers they trigger.
     pub order: usize,
 }
 
-/// Time that a component may take to stop where the graph does not say, ns.
+/// Default time for a component to stop, ns.
 pub const STOP_WITHIN_NS: u64 = 2_000_000_000;
 
 impl Plan {
-    /// The component that can keep its core from another for longest by computing without end, and the limit at which the
-    /// kernel ends it, ns. `None` if none can: those of lower priority never hold it up, and those under `SCHED_DEADLINE`
-    /// get their budget in every period and no more.
+    /// Returns the component that can block another one's core longest by computing endlessly, and the limit
+    /// at which the kernel ends it, ns. `None` if there is none: lower priorities never block it, and
+    /// `SCHED_DEADLINE` components only get their budget in every period.
     pub fn longest_hold_up(&self, component: usize) -> Option<(usize, u64)> {
         let held = &self.components[component];
         let priority = |component: &ComponentPlan| match component.class {
@@ -323,7 +349,7 @@ impl Plan {
         limits.max_by_key(|(_, limit)| *limit)
     }
 
-    /// The emergency-stop topics that the gates of actuators read: one, unless `subscribe` tables name others.
+    /// Emergency-stop topics read by the gates of actuators: one, unless `subscribe` tables name others.
     pub(crate) fn emergency_stops(&self) -> impl Iterator<Item = usize> {
         let actuators = self.components.iter().filter(|component| component.actuator);
         let ports = actuators.flat_map(|component| &component.inputs);
@@ -335,8 +361,8 @@ impl Plan {
         self.emergency_stops().any(|stop| stop == topic)
     }
 
-    /// The edges of the graph, as topic and reader, in the order of topics and then of readers: a component that reads
-    /// a topic through several ports is one edge.
+    /// The edges of the graph, as topic and reader, in the order of topics and then of readers: a component
+    /// that reads a topic through several ports is one edge.
     pub fn edges(&self) -> Vec<(usize, usize)> {
         let mut edges = Vec::new();
         for (index, topic) in self.topics.iter().enumerate() {
@@ -349,7 +375,8 @@ impl Plan {
         edges
     }
 
-    /// Number of an input among the readers of its topic, counted by ports: the pin that it uses. 0 for an unwired one.
+    /// Number of an input among the readers of its topic, counted by ports: the pin that it uses. 0 for an
+    /// unwired one.
     pub fn pin(&self, component: usize, input: usize) -> usize {
         let inputs = &self.components[component].inputs;
         let Some(topic) = inputs[input].topic else { return 0 };

@@ -1,4 +1,4 @@
-//! The safety of a plan: safe state, ages, limits, and the way back.
+//! Safety of a plan: safe state, ages, limits, and recovery.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SafeState {
-    /// Hold the position at which the command went stale, with no less than the profile's gains.
+    /// Hold the position at which the command became stale, with at least the profile's gains.
     Hold,
     /// No setpoint, only damping.
     Damp,
@@ -22,20 +22,20 @@ pub enum SafeState {
 pub enum LimitPolicy {
     /// Apply it as far as the limits allow.
     Clamp,
-    /// Do not apply it: the safe state is.
+    /// Do not apply it; apply the safe state instead.
     Refuse,
 }
 
-/// The way out of the safe state once commands are fresh again.
+/// Recovery from the safe state once commands are fresh again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ResumeRule {
-    /// Follow them from the held pose at half of the velocity and acceleration limits at first, and at more with time, then
-    /// apply them; at once where the setpoint is within reach.
+    /// Follow them from the held pose, initially at half of the velocity and acceleration limits and then
+    /// faster, then apply them; immediately if the setpoint is within reach.
     Near,
-    /// Stay in the safe state until `motorium resume`; then as `near`.
+    /// Stay in the safe state until `motorium resume`; then like `near`.
     Latch,
-    /// Apply them at once, however far away they are.
+    /// Apply them immediately, however far away they are.
     AtOnce,
 }
 
@@ -45,15 +45,15 @@ pub(crate) const EMERGENCY_STOP_PORT: &str = "emergency_stop";
 /// The rules by which a command gate treats the commands of its joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GateRules {
-    /// The state applied where no command may be.
+    /// State applied in place of commands.
     pub safe_state: SafeState,
     /// The treatment of commands beyond a limit.
     pub limits: LimitPolicy,
-    /// The way out of the safe state.
+    /// Recovery from the safe state.
     pub resume: ResumeRule,
 }
 
-/// Limits and states that keep the robot safe.
+/// Limits and states for the safety of the robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SafetyPlan {
     /// A command older than this is never applied.
@@ -63,14 +63,28 @@ pub struct SafetyPlan {
     /// The rules of the gates of all actuators.
     #[serde(flatten)]
     pub gate: GateRules,
-    /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
+    /// Time that actuators stay in the safe state before they are stopped, at every end of a run, ns.
     pub settle_ns: u64,
     /// The newest value of the emergency-stop topic may be this old, ns; 0 for any age.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub emergency_stop_max_age_ns: u64,
-    /// A robot whose commands fail takes the other robots of its actuator into their safe state.
+    /// If true, a robot whose commands fail takes the other robots of its actuator to their safe state.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub stop_together: bool,
+}
+
+/// The safety of one actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ActuatorSafety {
+    /// A command older than this is never applied, ns.
+    pub stale_after_ns: u64,
+    /// A command computed from a measurement older than this is never applied, ns.
+    pub source_stale_after_ns: u64,
+    /// The rules of its gates.
+    #[serde(flatten)]
+    pub gate: GateRules,
+    /// Time for which it stays in the safe state when it has to end without the launcher, ns.
+    pub settle_ns: u64,
 }
 
 fn is_zero(number: &u64) -> bool {
@@ -78,6 +92,16 @@ fn is_zero(number: &u64) -> bool {
 }
 
 impl SafetyPlan {
+    /// The safety of an actuator for which the graph says nothing else.
+    pub(crate) fn of_actuators(&self) -> ActuatorSafety {
+        ActuatorSafety {
+            stale_after_ns: self.stale_after_ns,
+            source_stale_after_ns: self.source_stale_after_ns,
+            gate: self.gate,
+            settle_ns: self.settle_ns,
+        }
+    }
+
     /// The defaults of a graph, for plans that tests make by hand.
     #[cfg(test)]
     pub(crate) fn for_tests() -> Self {

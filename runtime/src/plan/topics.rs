@@ -14,13 +14,13 @@ pub struct TopicPlan {
     pub pattern: TopicPattern,
     /// Layout of its samples.
     pub layout: TypeLayout,
-    /// Index of the component that writes it.
+    /// Index of the writing component.
     pub writer: usize,
-    /// Indices of the components that read it.
+    /// Indices of the reading components.
     pub readers: Vec<usize>,
-    /// Indices of the components that it wakes.
+    /// Indices of the triggered components.
     pub triggers: Vec<usize>,
-    /// Values of a state kept for taps, beyond those that readers need.
+    /// Number of values of a state kept for taps, in addition to those needed by readers.
     #[serde(default)]
     pub history: usize,
 }
@@ -36,7 +36,7 @@ pub struct LatencyPlan {
     pub max_ns: u64,
     /// The consequence of a miss.
     pub on_miss: OnMiss,
-    /// The component that publishes `to` and so measures the latency.
+    /// Component that publishes `to` and therefore measures the latency.
     pub component: usize,
     /// Index of `to` in that component's outputs.
     pub output: usize,

@@ -13,12 +13,12 @@ use crate::telemetry::Histogram;
 /// The cause of a missed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MissCause {
-    /// The component was ready to run, and another thread of this system had its core.
+    /// The component was ready to run, but another thread of this system occupied its core.
     LateWake,
-    /// The step took too long by itself.
+    /// The step itself took too long.
     LongStep,
-    /// The component did not run although no thread of this system had its core: the host of a virtual machine had it,
-    /// or the hardware woke late.
+    /// The component did not run although its core was free: the host of a virtual machine had it, or the
+    /// hardware woke late.
     Stolen,
     /// The command of an actuator was stale.
     LateInput,
@@ -27,11 +27,11 @@ pub enum MissCause {
 /// Missed steps by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Misses {
-    /// Steps that ended after their deadline because other threads had the core for too long.
+    /// Steps that ended late because other threads occupied the core for too long.
     pub late_wake: u64,
-    /// Steps that ran past their deadline by their own length.
+    /// Steps that ran past their deadline because of their own duration.
     pub long_step: u64,
-    /// Steps that ended after their deadline because the host of the virtual machine, or idle hardware, ran them late.
+    /// Steps that ended late because the host of the virtual machine, or idle hardware, delayed them.
     pub stolen: u64,
     /// Steps of an actuator that found the command stale and applied the safe state.
     pub late_input: u64,
@@ -48,7 +48,7 @@ impl Misses {
     }
 }
 
-/// Stalls of the machine that a component measured while it spun before its releases, reading nothing but the clock.
+/// Machine stalls measured by a component while it was spinning before its releases and only read the clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Stalls {
     /// Time spent spinning, ns.
@@ -61,7 +61,8 @@ pub struct Stalls {
     pub longest_ns: u64,
 }
 
-/// The state and the counters of one component. Written by its worker, except where a field names another writer.
+/// The state and the counters of one component. Written by its worker, except where a field names another
+/// writer.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct ComponentBlock {
@@ -70,7 +71,7 @@ pub struct ComponentBlock {
     pub pid: AtomicU32,
     /// Thread id of the stepping thread.
     pub thread: AtomicU32,
-    /// Word that a thread of its process holds while the process lives.
+    /// Word held by a thread of its process while the process lives.
     pub(crate) held: AtomicU32,
     /// Restarts. Written by the launcher.
     pub restarts: AtomicU32,
@@ -78,12 +79,15 @@ pub struct ComponentBlock {
     tick_calls: AtomicU32,
     /// Lockstep: simulated time of the tick, ns. Written by the giver of the turn.
     pub tick_time_ns: AtomicU64,
-    /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the giver of the turn.
+    /// Lockstep: 1 if the tick is a reset for the episode in the header, 0 if it is a step. Written by the
+    /// giver of the turn.
     pub tick_resets: AtomicU32,
-    /// 1 if the program that launched the run takes its place: it gets no ticks. Written by the launcher.
+    /// 1 if replaced by the program that launched the run: it gets no ticks. Written by the launcher.
     pub played: AtomicU32,
-    /// Steps done before the present episode.
+    /// Steps done before the present episode of simulated time.
     pub episode_first: AtomicU64,
+    /// Number of the episode that it has entered last.
+    pub(crate) episode: AtomicU64,
     /// Lockstep: publications of its trigger at its last tick. Written by the giver of the turn.
     pub trigger_seen: AtomicU64,
     /// Steps begun, through restarts: one more than `steps` while it steps.
@@ -92,7 +96,7 @@ pub struct ComponentBlock {
     pub steps: AtomicU64,
     /// Start of the first step, on the run's clock, ns.
     pub first_step_ns: AtomicU64,
-    /// Start of the step that began last, on the run's clock, ns.
+    /// Start of the last step, on the run's clock, ns.
     pub last_step_ns: AtomicU64,
     late_wake: AtomicU64,
     long_step: AtomicU64,
@@ -110,7 +114,7 @@ pub struct ComponentBlock {
     pub refused: AtomicU64,
     /// Heap allocations in steps, after the warm-up.
     pub allocations: AtomicU64,
-    /// Heap allocations in steps made by named foreign code, after the warm-up.
+    /// Heap allocations in steps by documented foreign code, after the warm-up.
     pub allocations_apart: AtomicU64,
     /// 1 if the program counts allocations.
     pub counts_allocations: AtomicU32,
@@ -128,9 +132,9 @@ pub struct ComponentBlock {
     pub spin_ns: AtomicU64,
     /// 1 if it runs under `SCHED_DEADLINE`, read back.
     pub deadline: AtomicU32,
-    /// `SCHED_FIFO` priority read back, 0 for none.
+    /// `SCHED_FIFO` priority, read back; 0 for none.
     pub fifo_priority: AtomicU32,
-    /// Cores read back, as a mask of the first 32.
+    /// Cores, read back, as a mask of the first 32.
     pub cores: AtomicU32,
     /// 1 if memory is locked, read back.
     pub memory_locked: AtomicU32,
@@ -146,7 +150,7 @@ pub struct ComponentBlock {
     pub cpu: Histogram,
     /// The account of an actuator's command gate.
     pub gate: GateBlock,
-    /// Numbers that a restarted component may resume from.
+    /// Numbers from which a restarted component may resume.
     pub(crate) checkpoint: CheckpointBlock,
 }
 
@@ -156,7 +160,7 @@ impl ComponentBlock {
         Phase::from_word(self.phase.load(Acquire))
     }
 
-    /// Enters a phase and wakes the processes that wait for it.
+    /// Enters a phase and wakes the waiting processes.
     pub fn enter(&self, phase: Phase) {
         self.phase.store(phase as u32, Release);
         crate::os::futex_wake(&self.phase);
@@ -173,14 +177,14 @@ impl ComponentBlock {
         self.tick_calls.load(Acquire)
     }
 
-    /// Calls it: it has the turn.
+    /// Passes it the turn.
     #[inline]
     pub(crate) fn call(&self) {
         self.tick_calls.fetch_add(1, Release);
         crate::os::futex_wake(&self.tick_calls);
     }
 
-    /// Sleeps until it is called again, at most for a time.
+    /// Sleeps until it gets the turn again, at most for a time.
     pub(crate) fn await_call(&self, calls: u32, timeout: Duration) {
         crate::os::futex_wait(&self.tick_calls, calls, Some(timeout));
     }
@@ -252,7 +256,7 @@ impl ComponentBlock {
         (length > 0).then(|| (self.failure_tick.load(Relaxed), String::from_utf8_lossy(&bytes).into_owned()))
     }
 
-    /// Sets what belongs to the present episode back to its start.
+    /// Resets the values of the current episode.
     pub(crate) fn begin_episode(&self) {
         self.episode_first.store(self.steps.load(Relaxed), Relaxed);
         self.trigger_seen.store(0, Relaxed);
@@ -282,7 +286,7 @@ pub struct TopicBlock {
 }
 
 impl TopicBlock {
-    /// Sets what belongs to the present episode back to its start.
+    /// Resets the values of the current episode.
     pub(crate) fn begin_episode(&self) {
         for counter in [&self.published, &self.last_publish_ns, &self.digest] {
             counter.store(0, Release);
@@ -294,7 +298,7 @@ impl TopicBlock {
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct EdgeBlock {
-    /// Age of each sample since its publication, at the beginning of the step that read it first, ns.
+    /// Age of each sample since its publication, at the start of the step that first read it, ns.
     pub age: Histogram,
 }
 

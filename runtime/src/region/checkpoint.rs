@@ -11,8 +11,8 @@ const WORDS: usize = CHECKPOINT_BYTES / 8;
 /// A component's saved state in the control block of the run.
 pub(crate) type CheckpointBlock = Checkpoints<Native, WORDS>;
 
-/// A double buffer of saved numbers with one writer. While one copy is written the other is whole, whenever the writer
-/// is killed.
+/// A double buffer of saved numbers with one writer. While one copy is written the other is whole, whenever
+/// the writer is killed.
 #[derive(Debug)]
 #[repr(C)]
 pub(crate) struct Checkpoints<A: Atomics, const N: usize> {
@@ -22,14 +22,14 @@ pub(crate) struct Checkpoints<A: Atomics, const N: usize> {
 }
 
 impl<A: Atomics, const N: usize> Checkpoints<A, N> {
-    /// A buffer in which nothing was saved.
+    /// Creates an empty checkpoint.
     #[cfg(test)]
     pub(crate) fn empty() -> Self {
         let copy = || core::array::from_fn(|_| A::U64::new(0));
         Self { saved: A::U64::new(0), copies: [copy(), copy()] }
     }
 
-    /// Saves a checkpoint of at most `N` words. Returns false, and saves nothing, if there are more.
+    /// Saves a checkpoint of at most `N` words. Returns `false` without saving if there are more.
     pub(crate) fn save(&self, words: impl ExactSizeIterator<Item = u64>) -> bool {
         if words.len() > N {
             return false;
@@ -46,8 +46,8 @@ impl<A: Atomics, const N: usize> Checkpoints<A, N> {
         self.saved.store(0, A::at(Site::Save, Release));
     }
 
-    /// Reads the newest whole checkpoint into `words`, at most `N`; false if there is none. Only the component itself,
-    /// after a restart, reads it.
+    /// Reads the newest complete checkpoint into `words`, at most `N`; returns `false` if there is none. Only
+    /// the component itself reads it, after a restart.
     pub(crate) fn load(&self, words: &mut [u64]) -> bool {
         let saved = self.saved.load(A::at(Site::Load, Acquire));
         if saved == 0 || words.len() > N {
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_checkpoint_is_the_one_that_comes_back() {
+    fn newest_checkpoint_is_loaded() {
         let block = CheckpointBlock::empty();
         let mut words = [0; 3];
         assert!(!block.load(&mut words));
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checkpoint_that_does_not_fit_is_refused_and_the_old_one_stays() {
+    fn oversized_checkpoint_is_rejected_and_the_old_one_kept() {
         let block = CheckpointBlock::empty();
         assert!(block.save([7].into_iter()));
         assert!(!block.save(vec![0; WORDS + 1].into_iter()));

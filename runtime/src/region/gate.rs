@@ -132,7 +132,8 @@ pub struct GateBlock {
     entries: AtomicU64,
     /// Start of the present state, on the clock of stamps, ns; 0 before the first step.
     since_ns: AtomicU64,
-    /// Time in the safe state before that, from the first command on and other than by `motorium stop --now`, ns.
+    /// Time in the safe state before that, from the first command on and other than by `motorium stop --now`,
+    /// ns.
     safe_ns: AtomicU64,
     refused: [AtomicU64; Refusal::ALL.len()],
     limited: [[AtomicU64; LimitKind::ALL.len()]; MAX_JOINTS],
@@ -206,7 +207,8 @@ impl GateBlock {
         self.has_followed.load(Relaxed) != 0
     }
 
-    /// Time in the safe state until `now_ns`, from the first command on and other than by `motorium stop --now`, ns.
+    /// Time in the safe state until `now_ns`, from the first command on and other than by `motorium stop
+    /// --now`, ns.
     pub fn safe_ns(&self, now_ns: u64) -> u64 {
         let before_ns = self.safe_ns.load(Relaxed);
         let since_ns = self.since_ns.load(Relaxed);

@@ -108,6 +108,9 @@ pub(crate) fn layout_digest() -> String {
     digest.write_u64(MAGIC);
     for size in [
         size_of::<Header>(),
+        core::mem::offset_of!(Header, start_ns),
+        core::mem::offset_of!(Header, episode),
+        core::mem::offset_of!(Header, turn),
         size_of::<EventLog>(),
         size_of::<ComponentBlock>(),
         core::mem::offset_of!(ComponentBlock, lateness),
@@ -203,8 +206,8 @@ impl Region {
     /// The header.
     #[inline]
     pub fn header(&self) -> &Header {
-        // SAFETY: the mapping is page-aligned and at least a header long (checked when it was made or opened);
-        // a header is all atomics, valid for any bytes and shareable between processes.
+        // SAFETY: the mapping is page-aligned and at least a header long (checked when it was made or
+        // opened); a header is all atomics, valid for any bytes and shareable between processes.
         unsafe { &*self.memory.as_ptr().cast::<Header>() }
     }
 

@@ -1,7 +1,8 @@
 //! The control block of a run: its lifecycle, the ticks of lockstep, its measurements, in shared memory.
 //!
-//! One file in the run's folder, mapped by the launcher, every worker, the guard and the tools. All of it is atomics,
-//! for which zero bytes are valid; each part has one writer, named in its docs, but the log of events, which has several.
+//! One file in the run's folder, mapped by the launcher, every worker, the guard and the tools. All of it is
+//! atomics, for which zero bytes are valid; each part has one writer, named in its docs, but the log of
+//! events, which has several.
 
 mod blocks;
 mod checkpoint;
@@ -24,7 +25,7 @@ pub use events::{EVENT_TEXT_BYTES, EventKind, EventLog, EventReader, EventRecord
 #[cfg(test)]
 pub(crate) use events::{Ring, RingFound};
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
-pub use header::{Command, Header, Phase};
+pub use header::{Command, EpisodeStart, Header, Phase};
 pub(crate) use mapping::layout_digest;
 pub use mapping::{Region, RegionError};
 pub use trace::TraceEvent;

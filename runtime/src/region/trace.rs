@@ -1,8 +1,10 @@
-//! The trace of a run: for each component a ring of what its steps did, in the control block of a run that is traced.
+//! The trace of a run: for each component a ring of what its steps did, in the control block of a run that is
+//! traced.
 //!
-//! A ring has one writer, the worker of its component, and any number of readers; nobody waits for anybody. An event is four
-//! words, and `written` counts those that are whole. The next event goes into the slot of the oldest one: a reader takes an
-//! event only if, after it has read the words, `written` shows that its slot was not the next to be written.
+//! A ring has one writer, the worker of its component, and any number of readers; nobody waits for anybody.
+//! An event is four words, and `written` counts those that are whole. The next event goes into the slot of
+//! the oldest one: a reader takes an event only if, after it has read the words, `written` shows that its
+//! slot was not the next to be written.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};

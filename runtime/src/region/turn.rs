@@ -1,8 +1,9 @@
 //! The turn of lockstep: the right to step, which one component or the launcher has at a time.
 //!
-//! The launcher gives the turn to the first component of a round. Each holder, when its step is done, gives it to the next
-//! one that is due, in this round or in the next, without waking the launcher; and back to the launcher where it may not
-//! go on. A process that dies with the turn keeps it: the launcher sees that, and takes the turn away from it.
+//! The launcher gives the turn to the first component of a round. Each holder, when its step is done, gives
+//! it to the next one that is due, in this round or in the next, without waking the launcher; and back to the
+//! launcher where it may not go on. A process that dies with the turn keeps it: the launcher sees that, and
+//! takes the turn away from it.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -14,8 +15,8 @@ use crate::os::{futex_wait, futex_wake};
 #[derive(Debug, Default)]
 #[repr(C)]
 pub struct TurnBlock {
-    /// Number of the turn in the upper half, then the giver and the holder, 16 bits each: 0 is the launcher, else one more
-    /// than the index of a component.
+    /// Number of the turn in the upper half, then the giver and the holder, 16 bits each: 0 is the launcher,
+    /// else one more than the index of a component.
     word: AtomicU64,
     /// Rounds before this time may be begun without the launcher, ns.
     until_ns: AtomicU64,

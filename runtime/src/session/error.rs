@@ -1,6 +1,7 @@
 //! The error of a session.
 
 use crate::launcher::{Exit, LaunchError};
+use crate::os::OtherProcess;
 use crate::parameter::ParameterError;
 use crate::transport::PortError;
 
@@ -14,11 +15,28 @@ pub enum SessionError {
     /// stop the session.
     #[error("the run has ended: {}", told(.0))]
     Ended(Exit),
+    /// The session belongs to the process that this one was forked from.
+    #[error("the session: {0}")]
+    OtherProcess(#[from] OtherProcess),
     /// Only simulated time can be held, set back or made to pass faster.
     #[error("{what}: the run is in real time; launch it with the clock `lockstep`")]
     RealTime {
         /// The value that was asked for.
         what: &'static str,
+    },
+    /// Simulated time is set back for an episode.
+    #[error("{what}: the run is in lockstep; use `Session::reset`")]
+    SimulatedTime {
+        /// The operation.
+        what: &'static str,
+    },
+    /// A component begins the episodes of the run.
+    #[error(
+        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin them from here"
+    )]
+    EpisodeDriver {
+        /// The component.
+        component: String,
     },
     /// A component cannot be reset for a new episode.
     #[error(

@@ -9,8 +9,17 @@
 //! `step_until` waits, and the components are supervised while it does.
 //!
 //! # Episodes
-//! [`reset`](Session::reset) sets all components and simulated time back. What an episode publishes depends on its seed, on
-//! parameters, and on what the session publishes and when, on nothing else: with the same it is equal to the last bit.
+//! In lockstep [`reset`](Session::reset) sets all components and simulated time back. What an episode
+//! publishes depends on its seed, on parameters, and on what the session publishes and when, on nothing else:
+//! with the same it is equal to the last bit.
+//!
+//! In real time [`begin_episode`](Session::begin_episode) begins the next numbered stretch of the run.
+//! Nothing is reset.
+//!
+//! # Forks
+//! A session belongs to the process that launched it. In a forked child, of Python's `multiprocessing` say,
+//! every call is an error ([`SessionError::OtherProcess`]) and dropping it does nothing: the run of the
+//! parent continues. The same holds for its readers and [taps](crate::transport::Tap).
 //!
 //! # Ending
 //! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at once. Neither
@@ -25,14 +34,14 @@ mod topics;
 pub use drive::run;
 pub use error::SessionError;
 pub use reader::TopicReader;
-pub use topics::Value;
+pub use topics::{TopicWriter, Value};
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use crate::declare::ParameterValue;
 use crate::launcher::{EpisodeReport, Event, Exit, Launch, LaunchError, Limit, LoggedEvent, Options, Report};
-use crate::os::monotonic_ns;
+use crate::os::{Owned, monotonic_ns};
 use crate::parameter::ParameterTable;
 use crate::plan::{ClockKind, Plan};
 use crate::region::EventReader;
@@ -98,9 +107,9 @@ use topics::Ports;
 /// # Ok::<(), motorium::session::SessionError>(())
 /// ```
 pub struct Session<'o> {
-    ports: Ports,
-    parameters: Option<ParameterTable>,
-    launch: Launch,
+    ports: Owned<Ports>,
+    parameters: Owned<Option<ParameterTable>>,
+    launch: Owned<Launch>,
     observe: Box<dyn FnMut(Event<'_>) + 'o>,
     exit: Option<Exit>,
     pace: Option<Pace>,
@@ -141,9 +150,9 @@ impl<'o> Session<'o> {
         let mut observe: Box<dyn FnMut(Event<'_>) + 'o> = Box::new(observe);
         let seed = plan.seed;
         let (launch, exit) = Launch::start(plan, registry, options, &mut *observe)?;
-        let (ports, episodes) = (Ports::default(), Vec::new());
-        let (parameters, pace, events) = (None, None, EventReader::default());
-        let episode = (0, seed);
+        let (ports, parameters, launch) =
+            (Owned::new(Ports::default()), Owned::new(None), Owned::new(launch));
+        let (episodes, pace, events, episode) = (Vec::new(), None, EventReader::default(), (0, seed));
         Ok(Self { ports, parameters, launch, observe, exit, pace, episode, episodes, events })
     }
 
@@ -159,12 +168,12 @@ impl<'o> Session<'o> {
 
     /// Time since the start of the run, or of its present episode: simulated in lockstep.
     pub fn time(&self) -> Duration {
-        Duration::from_nanos(self.launch.time_ns())
+        Duration::from_nanos(self.launch.time_ns().saturating_sub(self.launch.episode_ns()))
     }
 
     /// Number of the present episode, from 0.
     pub fn episode(&self) -> u64 {
-        self.episode.0
+        self.launch.region().header().episode.load(Relaxed)
     }
 
     /// True if a component has ended the present episode.
@@ -187,8 +196,8 @@ impl<'o> Session<'o> {
         self.events.lost()
     }
 
-    /// Lets time pass until it has reached `time`: in lockstep all rounds before it, in real time it waits. Returns earlier
-    /// if a component ends the episode.
+    /// Lets time pass until [`time`](Self::time) has reached `time`: in lockstep all rounds before it, in
+    /// real time it waits. Returns earlier if a component ends the episode.
     ///
     /// # Errors
     /// The run has ended.
@@ -196,7 +205,10 @@ impl<'o> Session<'o> {
         self.check_alive()?;
         let until_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
         let exit = match (self.launch.plan().clock, self.pace) {
-            (ClockKind::Realtime, _) => self.launch.supervise(until_ns, &mut *self.observe),
+            (ClockKind::Realtime, _) => {
+                let until_ns = until_ns.saturating_add(self.launch.episode_ns());
+                self.launch.supervise(until_ns, &mut *self.observe)
+            }
             (ClockKind::Lockstep, None) => {
                 self.launch.run_rounds(Limit { until_ns, rounds: u64::MAX }, &mut *self.observe)
             }
@@ -239,6 +251,42 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
+    /// Begins the next episode in real time, with this seed: a numbered stretch of the run without a reset.
+    /// Returns its number.
+    ///
+    /// Each component sees it at its next step: stamps carry its number, weights that wait for an episode are
+    /// taken, and [`Component::begin_episode`](crate::component::Component::begin_episode) is called.
+    /// [`time`](Self::time) restarts at zero; robots, topics, parameters and
+    /// [`Tick::time_ns`](crate::component::Tick::time_ns) continue as they are.
+    ///
+    /// ```no_run
+    /// # use std::time::Duration;
+    /// # use motorium::session::{Session, SessionError};
+    /// /// Three attempts of 2 s each on a robot.
+    /// fn attempts(session: &mut Session<'_>) -> Result<(), SessionError> {
+    ///     session.step_until(Duration::from_secs(2))?;
+    ///     for seed in [1, 2] {
+    ///         session.begin_episode(seed)?;
+    ///         session.step_until(Duration::from_secs(2))?;
+    ///     }
+    ///     Ok(())
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The run is in lockstep, a component begins its episodes, or it has ended.
+    pub fn begin_episode(&mut self, seed: u64) -> Result<u64, SessionError> {
+        self.launch.check()?;
+        if self.launch.plan().clock == ClockKind::Lockstep {
+            return Err(SessionError::SimulatedTime { what: "an episode without a reset" });
+        }
+        if let Some(driver) = self.launch.plan().episode_driver() {
+            return Err(SessionError::EpisodeDriver { component: driver.name.clone() });
+        }
+        self.check_alive()?;
+        Ok(self.launch.begin_episode(seed, &mut *self.observe))
+    }
+
     /// Sets a parameter of a component, such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It takes effect at the component's next step, and stays
     /// through resets.
     ///
@@ -263,11 +311,12 @@ impl<'o> Session<'o> {
         component: &str,
         values: impl IntoIterator<Item = (&'a str, ParameterValue)>,
     ) -> Result<(), SessionError> {
+        self.launch.check()?;
         if self.parameters.is_none() {
             let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
-            self.parameters = Some(ParameterTable::open(&domain, self.launch.plan().clone())?);
+            *self.parameters = Some(ParameterTable::open(&domain, self.launch.plan().clone())?);
         }
-        if let Some(table) = &self.parameters {
+        if let Some(table) = &*self.parameters {
             let paths: Vec<(String, ParameterValue)> = values
                 .into_iter()
                 .map(|(parameter, value)| (format!("{component}.{parameter}"), value))
@@ -302,15 +351,22 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Ends the run in good order: actuators go to their safe state, components save their results.
+    /// Ends the run in good order: actuators go to their safe state, components save their results. In a
+    /// forked child it ends nothing: the report is of the run so far.
     pub fn stop(mut self) -> Report {
-        let planned = self.launch.plan().episodes.is_some();
-        if self.episode.0 > 0 || planned {
+        if let Err(error) = self.launch.check() {
+            return self.launch.report_so_far(Exit::SafeStop { reason: format!("the session: {error}") });
+        }
+        let plan = self.launch.plan();
+        let (planned, clock) = (plan.episodes.is_some(), plan.clock);
+        if clock == ClockKind::Lockstep && (self.episode.0 > 0 || planned) {
             self.note_episode();
         }
         let exit = self.exit.take().unwrap_or(Exit::Finished);
         let mut report = self.launch.finish(exit, &mut *self.observe);
-        report.episodes = core::mem::take(&mut self.episodes);
+        if clock == ClockKind::Lockstep {
+            report.episodes = core::mem::take(&mut self.episodes);
+        }
         report
     }
 
@@ -326,7 +382,7 @@ impl<'o> Session<'o> {
             seed,
             duration_s: self.launch.time_ns() as f64 * 1e-9,
             steps: blocks.iter().map(steps).sum(),
-            state_hash: self.launch.state_hash(),
+            state_hash: Some(self.launch.state_hash()),
         });
     }
 
@@ -336,10 +392,12 @@ impl<'o> Session<'o> {
     }
 
     fn check_alive(&self) -> Result<(), SessionError> {
+        self.launch.check()?;
         self.exit.clone().map_or(Ok(()), |exit| Err(SessionError::Ended(exit)))
     }
 
     fn in_lockstep(&self, what: &'static str) -> Result<(), SessionError> {
+        self.launch.check()?;
         match self.launch.plan().clock {
             ClockKind::Lockstep => Ok(()),
             ClockKind::Realtime => Err(SessionError::RealTime { what }),
@@ -355,3 +413,6 @@ impl<'o> Session<'o> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

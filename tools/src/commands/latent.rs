@@ -1,5 +1,7 @@
 //! `motorium latent`: latent spaces shared by a human and robots.
 
+mod retarget;
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -9,7 +11,8 @@ use serde_json::{Value, json};
 
 use crate::out::outln;
 
-/// Latent spaces that a human and robots share: train one, show it, add robots, measure errors.
+/// Latent spaces that a human and robots share: train one, show it, add robots, measure errors,
+/// and find a robot's poses for a human's.
 ///
 /// Example: motorium latent train poses --output arms.latent && motorium latent transfer arms.latent --data
 /// poses --robot coman
@@ -24,6 +27,7 @@ enum Command {
     Train(Train),
     Show(Show),
     Transfer(Transfer),
+    Retarget(Box<retarget::Retarget>),
     Evaluate(Evaluate),
 }
 
@@ -33,6 +37,7 @@ impl Latent {
             Command::Train(command) => command.run(),
             Command::Show(command) => command.run(),
             Command::Transfer(command) => command.run(),
+            Command::Retarget(command) => command.run(),
             Command::Evaluate(command) => command.run(),
         }
     }
@@ -40,18 +45,24 @@ impl Latent {
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Form {
+    /// The pose itself
+    Pose,
+    /// Kernel regression
     Kernel,
+    /// Network with one hidden layer
     Mlp,
+    /// A free latent
+    None,
 }
 
 #[derive(Debug, clap::Args)]
 struct TrainingOptions {
-    /// Dimensions of the latent
-    #[arg(long, default_value_t = 6)]
-    latents: usize,
-    /// Make the latent a function of the poses of `--back-space`
-    #[arg(long, value_name = "FORM")]
-    back: Option<Form>,
+    /// Dimensions of the latent [default: the columns of `--back-space` for `pose`, else 6]
+    #[arg(long)]
+    latents: Option<usize>,
+    /// Function from the poses of `--back-space` to the latent
+    #[arg(long, value_name = "FORM", default_value = "pose")]
+    back: Form,
     /// The space of the back constraint
     #[arg(long, value_name = "SPACE", default_value = "human")]
     back_space: String,
@@ -62,10 +73,12 @@ struct TrainingOptions {
 
 impl TrainingOptions {
     fn settings(&self) -> Settings {
-        let form = self.back.map(|form| match form {
-            Form::Kernel => BackForm::Kernel,
-            Form::Mlp => BackForm::Mlp,
-        });
+        let form = match self.back {
+            Form::Pose => Some(BackForm::Pose),
+            Form::Kernel => Some(BackForm::Kernel),
+            Form::Mlp => Some(BackForm::Mlp),
+            Form::None => None,
+        };
         let back = form.map(|form| (self.back_space.clone(), form));
         Settings { latents: self.latents, back, prior: true, iterations: self.iterations }
     }

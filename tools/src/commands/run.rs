@@ -52,7 +52,7 @@ pub(crate) struct Run {
     /// In lockstep: the core of the whole run [default: the graph's]
     #[arg(long, hide = true)]
     core: Option<usize>,
-    /// Number of episodes, each begun by a reset of all components
+    /// Number of episodes; each begins with a reset of all components in lockstep, without one in real time
     #[arg(long, value_name = "N")]
     episodes: Option<u64>,
     /// Give each episode a separate seed: the graph's plus the episode number

@@ -61,6 +61,8 @@ fn component(
         restart: RestartPlan { when: RestartWhen::Never, at_most: 5, window_ns: 1, within_ns: 1 },
         resets: false,
         ends_episode: false,
+        begins_episodes: false,
+        safety: None,
         order: index,
     }
 }

@@ -55,3 +55,73 @@ fn robots_are_trained_transferred_and_evaluated() {
         "{refused:?}"
     );
 }
+
+#[test]
+fn a_recorded_movement_is_retargeted_to_a_robot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    // the upper arm swings sideways, the forearm bends
+    let mut text = "time_s,arm_x,arm_y,arm_z,fore_x,fore_y,fore_z\n".to_string();
+    for i in 0..50 {
+        let (t, u, v) = (0.04 * f64::from(i), 0.4 * (0.1 * f64::from(i)).sin(), 0.6 + 0.01 * f64::from(i));
+        let _ = writeln!(text, "{t},{},0,{},{},0,{}", u.sin(), u.cos(), (u + v).sin(), (u + v).cos());
+    }
+    std::fs::write(folder.path().join("take.csv"), text).expect("the folder takes files");
+    let limbs = ["--limb", "arm=panda_link2:panda_link4", "--limb", "fore=panda_link4:panda_link6"];
+    let (take, output, human) = (file("take.csv"), file("panda.csv"), file("human.csv"));
+    let mut arguments = vec!["latent", "retarget", &take, "--robot", "panda", "--output", &output];
+    arguments.extend(["--human", &human, "--every", "5", "--json"]);
+    arguments.extend(limbs);
+    let found = json(&arguments);
+    assert_eq!(found["samples"], 50);
+    for limb in ["arm", "fore"] {
+        assert!(found["median_error_deg"][limb].as_f64() < Some(2.0), "{found}");
+    }
+    assert_eq!(found["branch_changes"], serde_json::json!([]));
+    for path in [&output, &human] {
+        assert_eq!(std::fs::read_to_string(path).expect("a table").lines().count(), 11);
+    }
+    let unknown =
+        run(&["latent", "retarget", &take, "--robot", "panda", "--output", &output, "--limb", "arm=a:b"]);
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("\"a\""), "{unknown:?}");
+}
+
+#[test]
+fn chapter_4_is_reproduced_from_a_folder_of_poses() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let arms = folder.path().join("human-robot-arms");
+    std::fs::create_dir(&arms).expect("a folder");
+    for (name, columns, phase) in
+        [("human", 7, 0.1), ("walkman", 6, 0.8), ("coman", 6, 2.1), ("centauro", 6, 1.1)]
+    {
+        poses(&arms.join(format!("{name}.csv")), columns, phase);
+    }
+    let [data, out] = [folder.path().to_path_buf(), folder.path().join("out")]
+        .map(|path| path.to_str().expect("a path of text").to_string());
+    let arguments = [
+        "reproduce",
+        "chapter4",
+        "--data",
+        &data,
+        "--output",
+        &out,
+        "--splits",
+        "2",
+        "--iterations",
+        "5",
+        "--json",
+    ];
+    let report = json(&arguments);
+    let claims = report["claims"].as_array().expect("claims");
+    assert_eq!(claims.len(), 10, "{report}");
+    assert!(
+        claims[0]["evidence"].as_str().is_some_and(|text| text.contains("of 12: coman q = 2 free")),
+        "{report}"
+    );
+    let chart = std::fs::read_to_string(folder.path().join("out/poses-coman.csv")).expect("a chart");
+    for series in
+        ["transferred; default; the pose", "alone; free latent; q = 6", "gaussian_process", "nearest"]
+    {
+        assert!(chart.contains(series), "no {series} in\n{chart}");
+    }
+}

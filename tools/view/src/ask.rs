@@ -1,4 +1,4 @@
-//! Requests of viewers to the run, between the server's threads and the follower of the run.
+//! Requests of viewers, passed from the server's threads to the thread that follows the run.
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
@@ -19,18 +19,18 @@ use crate::rights::Rights;
 pub(crate) enum Ask {
     /// The values of these parameters, or of all if none is named.
     Get(Vec<String>, GetParametersResponder),
-    /// To set parameters, with the right to.
+    /// Sets parameters; the client has the right to.
     Set(Vec<Parameter>, AnyClient, SetParametersResponder),
     /// A command, with the right to.
     Command(Command, Responder),
-    /// The values that do not change, of a topic that it has subscribed to.
+    /// Sends the constant messages of a topic to which the client has subscribed.
     Latched(String, Option<SinkId>),
 }
 
 /// A command to the run, called as a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Command {
-    /// Bring the robot to its safe state at once, and keep it there.
+    /// Brings the robot to its safe state immediately and latches it there.
     Stop,
     /// Release the robot from a stop.
     Resume,
@@ -54,7 +54,7 @@ impl Command {
     }
 }
 
-/// The server's senders of requests.
+/// Server callbacks that forward requests.
 #[derive(Debug, Clone)]
 pub(crate) struct Asks {
     pub(crate) sender: Sender<Ask>,
@@ -65,7 +65,8 @@ pub(crate) struct Asks {
 
 impl Asks {
     fn send(&self, ask: Ask) {
-        // The follower is gone and the program ends. Dropping the responder notifies the client.
+        // Nobody follows the run any more because the program is ending. The dropped responder reports this
+        // to the client.
         let _ = self.sender.send(ask);
     }
 }
@@ -124,8 +125,8 @@ impl Handler for Service {
     }
 }
 
-/// The playback service: plays, pauses and seeks in a recording. The page may use it without the token, since
-/// no robot moves.
+/// The service that plays, pauses and seeks a recording. The viewer's own page may call it without the token,
+/// since no robot moves.
 pub(crate) struct Play(pub(crate) Shared);
 
 /// Request of [`Play`].

@@ -1,4 +1,4 @@
-//! Files that viewers ask for: the meshes of robots.
+//! Files requested by viewers: the meshes of robots.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,17 +11,17 @@ const LONGEST: u64 = 64 * 1024 * 1024;
 const KINDS: [&str; 12] =
     ["dae", "stl", "obj", "glb", "gltf", "mtl", "png", "jpg", "jpeg", "bin", "urdf", "xml"];
 
-/// The places in which files of the robots of a run are found.
+/// Places that are searched for files of the robots of a run.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Assets {
     packages: PackagePath,
-    /// Robot files, in whose folders others are found.
+    /// Robot files, next to which other files are searched.
     robots: Vec<PathBuf>,
-    /// What has no file, by its name.
+    /// Texts without a file, by name.
     texts: BTreeMap<String, String>,
 }
 
-/// A file that is not sent.
+/// A file that cannot be sent.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum AssetError {
     #[error("`{uri}` names no file of a robot; expected `package://PACKAGE/PATH` or `file://PATH`, of one of the kinds {}", KINDS.join(", "))]
@@ -42,8 +42,8 @@ fn searched(tried: &[PathBuf]) -> String {
 }
 
 impl Assets {
-    /// Assets of robots with these folders of packages, in addition to the environment's, these files, and
-    /// these texts by their names.
+    /// Creates assets from these package folders (in addition to the environment's), robot files, and texts
+    /// by name.
     pub(crate) fn new(packages: Vec<PathBuf>, robots: Vec<PathBuf>, texts: BTreeMap<String, String>) -> Self {
         let mut path = PackagePath::from_env();
         path.folders.splice(0..0, packages);
@@ -71,7 +71,7 @@ impl Assets {
         Err(AssetError::Missing { uri: uri.to_string(), tried })
     }
 
-    /// Reads a file in a package folder, or below the folder of a robot's file or the two folders above it.
+    /// Reads a file in a package folder, in the folder of a robot's file, or below the two folders above it.
     fn read(&self, uri: &str, path: &Path) -> Result<Vec<u8>, AssetError> {
         let failed =
             |reason: std::io::Error| AssetError::Read { uri: uri.to_string(), reason: reason.to_string() };
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn meshes_resolve_by_package_and_by_folder() {
+    fn mesh_is_found_by_package_and_next_to_its_robot() {
         let (_folder, assets) = robot();
         for uri in ["package://arm/meshes/hand.stl", "../meshes/hand.stl"] {
             assert_eq!(assets.fetch(uri).unwrap(), b"solid", "{uri}");
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_that_is_missing_is_named_with_where_it_was_searched() {
+    fn missing_mesh_is_reported_with_searched_folders() {
         let (_folder, assets) = robot();
         let error = assets.fetch("package://leg/meshes/foot.stl").unwrap_err().to_string();
         assert!(error.contains("package://leg/meshes/foot.stl") && error.contains("arm/urdf"), "{error}");

@@ -16,12 +16,12 @@ use tungstenite::{Message, WebSocket};
 
 /// Names of the program, in order of preference.
 const NAMES: [&str; 5] = ["chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome"];
-/// Time that the browser may take to start.
+/// Maximum time for the browser to start.
 const START_WITHIN: Duration = Duration::from_secs(60);
-/// Time that it may take to answer.
+/// Maximum time for an answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// The browser is missing or does not respond to commands.
+/// The browser is missing or does not follow a command.
 #[derive(Debug, thiserror::Error)]
 pub enum BrowserError {
     /// None is installed.
@@ -32,13 +32,13 @@ pub enum BrowserError {
     Start {
         /// The program.
         program: PathBuf,
-        /// Its words, or the reason of the system.
+        /// Output of the browser, or the system's reason.
         reason: String,
     },
     /// Its connection broke.
     #[error("the browser does not answer: {0}")]
     Connection(#[from] Box<tungstenite::Error>),
-    /// It refused an order, or the page threw an error.
+    /// The browser rejected a command, or the page threw an error.
     #[error("the browser refuses `{method}`: {reason}")]
     Refused {
         /// The order.
@@ -48,7 +48,7 @@ pub enum BrowserError {
     },
 }
 
-/// A page in a browser of its own, which ends with this value.
+/// A page in a dedicated browser process, which ends when this value is dropped.
 ///
 /// ```no_run
 /// use motorium_view::browser::Browser;
@@ -93,11 +93,11 @@ impl Browser {
         command
             .args(["--headless=new", "--remote-debugging-port=0", "--no-first-run", "--mute-audio"])
             .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"])
-            // Only the robot is drawn as by a graphics card: tables and plots are faster without.
+            // Only the robot needs GPU-style drawing; tables and plots are faster without.
             .args(["--disable-accelerated-2d-canvas", "--disable-gpu-rasterization"])
             .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
             .args(["--no-default-browser-check", "--hide-scrollbars", "--disable-dev-shm-usage"])
-            // Pages of the browser's address bar, separate processes that start with the desired page.
+            // Pages of the browser's address bar would each start another process.
             .args(["--disable-extensions", "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup"])
             .arg(format!("--user-data-dir={}", profile.display()))
             .arg(format!("--window-size={width},{height}"))
@@ -143,10 +143,10 @@ impl Browser {
         Ok(answer["result"]["value"].take())
     }
 
-    /// A picture of the page as PNG.
+    /// Takes a screenshot of the page as PNG.
     ///
     /// # Errors
-    /// The browser does not make one.
+    /// The browser fails to take one.
     pub fn picture(&mut self) -> Result<Vec<u8>, BrowserError> {
         let method = "Page.captureScreenshot";
         let answer = self.order(method, json!({ "format": "png" }))?;
@@ -190,7 +190,7 @@ impl Drop for Browser {
 fn end(child: &mut Child, profile: &Path) {
     let _ = child.kill();
     let _ = child.wait();
-    // Its helpers end after it, and write into the folder until then.
+    // Its helper processes end later, and write to the folder until then.
     for _ in 0..50 {
         if std::fs::remove_dir_all(profile).is_ok() || !profile.exists() {
             return;
@@ -199,11 +199,11 @@ fn end(child: &mut Child, profile: &Path) {
     }
 }
 
-/// The address of its debugging protocol, from its standard error.
+/// Returns the address of the debugging protocol, which the browser prints on standard error.
 fn endpoint(child: &mut Child) -> Result<String, String> {
     let errors = child.stderr.take().ok_or("it has no standard error")?;
     let (sender, lines) = mpsc::channel();
-    // The lines are read to the end: a full pipe would hold the browser up.
+    // Read all lines: a full pipe would block the browser.
     std::thread::spawn(move || {
         for line in BufReader::new(errors).lines().map_while(Result::ok) {
             let _ = sender.send(line);

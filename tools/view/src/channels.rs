@@ -1,4 +1,4 @@
-//! The channels of a plan: its topics, and messages that never change.
+//! Channels that serve a plan: those of its topics, and those of constant messages.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,20 +13,19 @@ use crate::assets::Assets;
 use crate::graph;
 use crate::server::Server;
 
-/// The channels of a plan. They close when this is dropped: nothing more comes through them.
+/// Channels of a plan. They close when this value is dropped.
 #[derive(Debug)]
 pub(crate) struct Channels {
-    /// Of each topic, in the order of the plan.
+    /// Channels of each topic, in the order of the plan.
     topics: Vec<Vec<(Channel, Arc<RawChannel>)>>,
-    /// Messages that never change, by topic: sent to each that subscribes.
+    /// Constant messages by topic, sent to every new subscriber.
     latched: BTreeMap<String, (Arc<RawChannel>, Vec<u8>)>,
     message: Vec<u8>,
 }
 
 impl Channels {
-    /// Begins a session called `id`, and advertises the channels of those topics of the plan that are
-    /// `served`. Viewers are sent the timeline predicted by these overheads. The world is the plan's, drawn
-    /// as in `scene`.
+    /// Begins a session `id` and advertises the channels of the `served` topics. Viewers receive the timeline
+    /// predicted from these overheads. The world is the plan's, drawn as in `scene`.
     pub(crate) fn open(
         server: &Server,
         id: &str,
@@ -68,7 +67,7 @@ impl Channels {
         Ok(Self { topics, latched, message: Vec::with_capacity(16 * 1024) })
     }
 
-    /// True if a client subscribes to a topic, or to pictures whose format it describes.
+    /// Returns `true` if somebody has subscribed to a topic, or to images whose form it describes.
     pub(crate) fn is_watched(&self, topic: usize) -> bool {
         let mut watched = self.topics.iter().flatten().filter(|(_, raw)| raw.has_sinks());
         watched.any(|(channel, _)| channel.topic == topic || channel.form_topic() == Some(topic))
@@ -79,14 +78,14 @@ impl Channels {
         self.topics.iter_mut().flatten().for_each(|(channel, _)| channel.note(topic, bytes));
         for (channel, raw) in self.topics[topic].iter_mut().filter(|(_, raw)| raw.has_sinks()) {
             self.message.clear();
-            // A sample that does not fit its robot is not drawn; the exact channel has it.
+            // A sample that does not match its robot is not drawn; the exact channel contains it.
             if channel.encode(stamp, bytes, time_ns, &mut self.message).is_ok() {
                 raw.log_with_meta(&self.message, PartialMetadata { log_time: Some(time_ns) });
             }
         }
     }
 
-    /// Sends a message of a channel of a topic as it was recorded.
+    /// Sends a recorded message of a topic's channel.
     pub(crate) fn send_recorded(&self, topic: usize, channel: &str, message: &[u8], time_ns: u64) {
         for (_, raw) in self.topics[topic].iter().filter(|(_, raw)| raw.topic() == channel) {
             raw.log_with_meta(message, PartialMetadata { log_time: Some(time_ns) });
@@ -98,7 +97,7 @@ impl Channels {
         self.topics.iter().position(|all| all.iter().any(|(_, raw)| raw.topic() == channel))
     }
 
-    /// Sends the message of a constant topic to a new subscriber.
+    /// Sends the constant message of a topic to a new subscriber.
     pub(crate) fn send_latched(&self, topic: &str, sink: Option<SinkId>) {
         if let Some((channel, message)) = self.latched.get(topic) {
             channel.log_to_sink(message, sink);

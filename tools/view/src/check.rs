@@ -21,17 +21,16 @@ use crate::page_digest;
 const SIZE: (u32, u32) = (1280, 860);
 /// Time within which the robot must be in the picture.
 const PICTURE_WITHIN: Duration = Duration::from_secs(60);
-/// Compared samples of each robot, and the time limit for receiving them on both sides.
+/// Number of samples of each robot to compare, and the time within which they must be seen on both sides.
 const SAMPLES: usize = 10;
 const COMPARE_WITHIN: Duration = Duration::from_secs(30);
 /// Time over which pictures are counted.
 const COUNTED: Duration = Duration::from_secs(2);
-/// Largest distance between a link as the page draws it and as the run's kinematics have it, m. The page
-/// places links by 32 bit numbers.
+/// Maximum distance between a link on the page and the run's kinematics, m. The page uses 32-bit floats.
 const NEAR: f64 = 1e-5;
 
-/// Opens the page, waits for the first picture of the robot, compares values on the page with the run's, and
-/// writes a picture. `began_ms` is the time of the command, ms since 1970.
+/// Opens the page, waits for the first image of the robot, compares values on the page with the run, and
+/// writes a screenshot. `began_ms` is the time of the command, ms since 1970.
 pub(crate) fn check(
     address: &str,
     picture: &Path,
@@ -70,7 +69,7 @@ pub(crate) fn check(
     let triangles = browser.evaluate("motorium.state().triangles")?;
     let rate = pictures / (after.1 - before.1).as_secs_f64();
     println!("{rate:.1} pictures a second of {triangles} triangles by {}", renderer.as_str().unwrap_or("?"));
-    // Joints and transforms come in two messages: now and then they are of one sample.
+    // Joints and transforms come in two messages, which sometimes belong to the same sample.
     let state = await_state(
         &mut browser,
         "joints and transforms of one sample",
@@ -100,7 +99,7 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// Keyword of the text in the picture that names the page it is of.
+/// Keyword of the text in the screenshot that identifies the page.
 const PAGE: &str = "page";
 
 /// Expression for the name of the page's renderer.
@@ -108,10 +107,10 @@ const RENDERER: &str = "(() => { const gl = document.createElement('canvas').get
                         const more = gl.getExtension('WEBGL_debug_renderer_info'); \
                         return gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER); })()";
 
-/// Expression for the time at which the browser began to load the page, ms since 1970.
+/// Expression for the time at which the browser started to load the page, ms since 1970.
 const ASKED: &str = "performance.timeOrigin";
 
-/// JavaScript expressions for the values on the page, and for the few available on a starting page.
+/// Expressions for the state of the page, and for the reduced state of a page that is still loading.
 const STATE: &str = "globalThis.motorium ? motorium.state() : null";
 const BEGUN: &str = "globalThis.motorium ? motorium.begun() : null";
 

@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Time that a run may take to end before it is left alone with its guard.
+/// Time allowed for a run to end before it is left to its guard.
 const END_WITHIN: Duration = Duration::from_secs(15);
 
 /// A graph whose run ended before the viewer saw it.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum NeverSeen {
-    /// It failed, with an exit code: `motorium run` has said why.
+    /// The run failed with an exit code; `motorium run` has printed the reason.
     #[error("`motorium run` ended with exit code {0} before the viewer saw its graph")]
     Failed(u8),
     /// A signal ended it.
@@ -64,15 +64,15 @@ impl Started {
         self.0.id()
     }
 
-    /// Its exit status, once it has ended.
+    /// Exit status, once the process has ended.
     pub(crate) fn ended(&mut self) -> Option<ExitStatus> {
         self.0.try_wait().ok().flatten()
     }
 
-    /// Ends it in good order: the robot enters its safe state first. `asked` is true if it already has the
-    /// request, as by `Ctrl-C` in the terminal it shares with the viewer.
-    pub(crate) fn end(&mut self, asked: bool) {
-        if !asked {
+    /// Ends the run gracefully: the robot enters its safe state first. `told` is `true` if the run has
+    /// already received the request, such as `Ctrl-C` in a shared terminal.
+    pub(crate) fn end(&mut self, told: bool) {
+        if !told {
             interrupt(self.pid());
         }
         let began = Instant::now();
@@ -93,12 +93,12 @@ impl Drop for Started {
 /// Requests the orderly end of a process.
 fn interrupt(pid: u32) {
     if let Some(pid) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
-        // It may have ended at this moment.
+        // The process may just have ended.
         let _ = kill_process(pid, Signal::INT);
     }
 }
 
-/// The times of a run as `motorium top --json` reads them, a line each half second.
+/// Times of a run from `motorium top --json`, one line every half second.
 #[derive(Debug)]
 pub(crate) struct Times {
     child: Child,
@@ -118,7 +118,7 @@ impl Times {
         let (sender, lines) = mpsc::channel();
         std::thread::spawn(move || {
             let read = BufReader::new(output).lines().map_while(Result::ok);
-            // The receiver is gone once nobody reads the times.
+            // The receiver is gone once nobody reads it.
             let _ = read.into_iter().try_for_each(|line| sender.send(line));
         });
         Ok(Self { child, lines })
@@ -137,7 +137,7 @@ impl Drop for Times {
     }
 }
 
-/// Runs a command of `motorium` on a run and returns its output: standard output on success.
+/// Runs a `motorium` command on a run and returns its standard output.
 pub(crate) fn command(motorium: &PathBuf, arguments: &[&str]) -> Result<String, String> {
     let output = Command::new(motorium).args(arguments).stdin(Stdio::null()).output();
     let output = output.map_err(|error| format!("{} does not start: {error}", motorium.display()))?;

@@ -3,8 +3,8 @@
 use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_setaffinity};
 
-/// Moves all threads of this process to these cores; threads that they make later stay there too. Without the
-/// right to, they stay where they are: at normal priority they delay no one.
+/// Moves all threads of this process to these cores, including threads created later. Without the privilege
+/// they stay where they are; at normal priority they delay nobody.
 pub(crate) fn stand_aside(cores: &[usize]) {
     let mut set = CpuSet::new();
     cores.iter().filter(|core| **core < CpuSet::MAX_CPU).for_each(|core| set.set(*core));
@@ -15,7 +15,7 @@ pub(crate) fn stand_aside(cores: &[usize]) {
     for thread in threads.flatten() {
         let number = thread.file_name().to_string_lossy().parse().ok().and_then(Pid::from_raw);
         if let Some(thread) = number {
-            // It may have ended at this moment.
+            // The thread may just have ended.
             let _ = sched_setaffinity(Some(thread), &set);
         }
     }

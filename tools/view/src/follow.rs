@@ -1,4 +1,4 @@
-//! Following the run: what one thread does between two looks at shared memory.
+//! Following a run: the polling loop over its shared memory.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,19 +22,18 @@ use crate::parameters;
 use crate::request::Request;
 use crate::server::Server;
 
-/// Time between two looks whether a run begins or ends.
+/// Poll interval for the start and end of runs.
 const LIFE_CHECK: Duration = Duration::from_millis(50);
-/// Time between two looks at parameters, which others may set, and between two reports of the state of the
-/// run.
+/// Poll interval for parameters, which other programs may set, and interval of run state reports.
 const SLOWLY: Duration = Duration::from_millis(500);
 
-/// Options of a checked run, which lasts until the check is complete.
+/// Options of a run under check: it continues until the check is complete and is then ended.
 const CHECKED_FOR: [&str; 3] = ["--for", "10min", "--no-expect"];
 
-/// Names of the channels that are there whatever runs.
+/// Names of the channels that exist independently of the run.
 pub(crate) const RUN: &str = "/motorium/run";
 const TIMES: &str = "/motorium/top";
-/// JSON Schema of the times, as for `motorium top --json`.
+/// JSON Schema of the times, the same as for `motorium top --json`.
 const TIMES_SCHEMA: &str = include_str!("../schema/top.schema.json");
 pub(crate) const RUN_SCHEMA: &str = include_str!("../schema/run.schema.json");
 
@@ -47,9 +46,9 @@ pub(crate) struct Follower {
     asks: Receiver<Ask>,
     started: Option<Started>,
     joined: Option<Joined>,
-    /// Name of the graph that was joined last: another run of it takes its place.
+    /// Name of the last joined graph; a new run of it is joined next.
     graph: Option<String>,
-    /// The run that was joined last: it is not joined again.
+    /// Id of the last joined run, which is not joined again.
     last: Option<String>,
     times: Option<Times>,
     run_channel: Arc<RawChannel>,
@@ -84,7 +83,7 @@ impl Follower {
         Ok(follower)
     }
 
-    /// Starts the graph of the request, if it names one and it does not run.
+    /// Starts the graph of the request, if one is named and it is not running.
     fn start(&mut self) -> anyhow::Result<()> {
         if let (Some(graph), None) = (&self.request.graph, &self.started) {
             let (checked, mut arguments) =
@@ -98,8 +97,8 @@ impl Follower {
         Ok(())
     }
 
-    /// Follows until `over` returns true. `interrupted` is set by a signal that a graph started here has
-    /// received too.
+    /// Follows until `over` is set. `interrupted` is set if the end was requested by a signal that also
+    /// reached a graph started here.
     pub(crate) fn follow(mut self, over: &AtomicBool, interrupted: &AtomicBool) -> anyhow::Result<()> {
         let period = Duration::from_secs_f64(1.0 / self.request.rate_hz);
         let begun = Instant::now();
@@ -114,7 +113,7 @@ impl Follower {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             let now = Instant::now();
-            // Periods that were lost are not made up for.
+            // Missed periods are skipped.
             next = (next + period).max(now);
             if let Some(joined) = &mut self.joined {
                 joined.send();
@@ -136,7 +135,7 @@ impl Follower {
         Ok(())
     }
 
-    /// Joins a new run, leaves a finished one.
+    /// Joins a run that starts and leaves one that has ended.
     fn check_life(&mut self) -> anyhow::Result<()> {
         if self.joined.as_ref().is_some_and(Joined::has_ended) {
             (self.joined, self.times) = (None, None);
@@ -153,7 +152,7 @@ impl Follower {
         if self.joined.is_none()
             && let Some(folder) = self.next_run()
         {
-            // A run that is being created or removed is checked again soon.
+            // A run that is being created or removed is retried soon.
             if let Err(error) = self.join(folder)
                 && self.graph.is_none()
                 && self.request.run.is_some()
@@ -164,7 +163,7 @@ impl Follower {
         Ok(())
     }
 
-    /// The run to join: the run of the graph started here, else the newest run of the last joined graph.
+    /// Returns the run to join: the graph started here, else the newest run of the last joined graph.
     fn next_run(&self) -> Option<RunFolder> {
         let is_new = |folder: &RunFolder| self.last.as_deref() != Some(folder.id());
         match (&self.started, &self.graph, &self.request.graph) {
@@ -192,7 +191,7 @@ impl Follower {
         Ok(())
     }
 
-    /// The state of the run as sent to viewers.
+    /// State of the run as sent to viewers.
     fn state(&self) -> String {
         let latch = self.joined.as_ref().and_then(|joined| joined.region.header().latched());
         let clock = self.joined.as_ref().map(|joined| joined.plan.clock);
@@ -213,12 +212,13 @@ impl Follower {
         .to_string()
     }
 
-    /// Sends the state of the run on every change, and periodically, since a slow viewer loses messages.
+    /// Reports the state of the run: immediately on a change, and periodically because slow viewers lose
+    /// messages.
     fn tell_run(&self) {
         self.run_channel.log(self.state().as_bytes());
     }
 
-    /// Sends parameters whose value has changed, by any program.
+    /// Reports parameters whose value has changed, whoever set them.
     fn tell_parameters(&mut self) {
         let Some(joined) = &self.joined else { return };
         let all = parameters::all(&joined.parameters);
@@ -227,7 +227,7 @@ impl Follower {
         self.shown = all;
     }
 
-    /// Forwards the times of the run, which are read while a client subscribes to them.
+    /// Forwards the times of the run, which are read only while there are subscribers.
     fn tell_times(&mut self) {
         let Some(joined) = self.joined.as_ref().filter(|_| self.times_channel.has_sinks()) else {
             self.times = None;
@@ -263,7 +263,7 @@ impl Follower {
         }
     }
 
-    /// Sets all parameters, or none if one cannot be set. Sends the resulting values to the viewer.
+    /// Sets parameters: all of them, or none if one is invalid. The viewer receives the resulting values.
     fn set(&mut self, parameters: &[Parameter], client: &AnyClient, responder: SetParametersResponder) {
         let Some(joined) = &self.joined else {
             client.send_error("no graph is running");
@@ -289,7 +289,7 @@ impl Follower {
         let now = parameters::all(&joined.parameters);
         let asked = |parameter: &&Parameter| parameters.iter().any(|asked| asked.name == parameter.name);
         responder.respond(now.iter().filter(asked).cloned().collect());
-        // The requesting client gets the refused value's state as well: its slider moves back.
+        // The rejected client also receives the values, so its slider returns.
         self.server.publish_parameters(now.iter().filter(asked).cloned().collect());
         self.shown = now;
     }
@@ -316,7 +316,7 @@ impl Follower {
             return respond(responder, Err("no graph is running".to_string()));
         };
         if command == Command::Stop {
-            // At once, whatever becomes of the process that waits for the outcome.
+            // Immediate, independent of the process that waits for the outcome.
             joined.region.header().latch(Latch::Stop);
         }
         let (motorium, run) = (self.motorium.clone(), joined.folder.id().to_string());

@@ -1,4 +1,4 @@
-//! The graph of a run as sent to viewers.
+//! Description of a run's graph for viewers.
 
 use std::path::PathBuf;
 
@@ -112,7 +112,7 @@ fn component(plan: &Plan, component: &ComponentPlan) -> Json {
     })
 }
 
-/// Each robot with the channels that pose it: of its joints, and of its base if that moves.
+/// Each robot with the channels that pose it: joints, and the base if it moves.
 fn drawn(plan: &Plan) -> Vec<Json> {
     let described = descriptions(plan);
     let robots = described.iter().map(|robot| {

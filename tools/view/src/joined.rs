@@ -1,4 +1,4 @@
-//! A run joined by the viewer: its topics, read by taps and sent to subscribers.
+//! A joined run: its topics are read by taps and sent to subscribers.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -19,12 +19,12 @@ use motorium_bridges::foxglove::world_scene;
 use crate::channels::Channels;
 use crate::server::Server;
 
-/// Time after which a topic that could not be joined is tried again: its places for taps were taken.
+/// Delay before a topic that could not be joined is retried; all its tap slots were occupied.
 const AGAIN: Duration = Duration::from_secs(1);
 /// Most samples of a stream that are sent in one go.
 const MOST: usize = 256;
 
-/// A run, its channels, and the taps of the subscribed topics.
+/// A run, its channels, and the taps of topics with subscribers.
 #[derive(Debug)]
 pub(crate) struct Joined {
     pub(crate) folder: RunFolder,
@@ -42,11 +42,11 @@ pub(crate) struct Joined {
 #[derive(Debug)]
 struct Topic {
     source: Option<Source>,
-    /// Time before which it is not joined again.
+    /// Time before which the topic is not joined again.
     not_before: Instant,
 }
 
-/// Samples read from a topic: the newest value of a state, every value of a stream.
+/// Values read from a topic: the newest value of a state, every value of a stream.
 #[derive(Debug)]
 enum Source {
     Newest(Box<TopicReader>),
@@ -64,7 +64,7 @@ impl Source {
 }
 
 impl Joined {
-    /// Joins a run and advertises its channels, with the timeline predicted by these overheads.
+    /// Joins a run and advertises its channels. Viewers receive the timeline predicted from these overheads.
     pub(crate) fn open(folder: RunFolder, server: &Server, overheads: &Overheads) -> anyhow::Result<Self> {
         let (plan, region) = (folder.plan()?, folder.region()?);
         anyhow::ensure!(
@@ -86,7 +86,8 @@ impl Joined {
         self.region.header().command() == Command::Stop || !self.folder.is_alive()
     }
 
-    /// Sends the newest sample of each subscribed state, and all samples of subscribed streams.
+    /// Sends the newest sample of each topic that somebody looks at, and all of those of which none may be
+    /// left out.
     pub(crate) fn send(&mut self) {
         for (index, topic) in self.topics.iter_mut().enumerate() {
             if !self.channels.is_watched(index) {

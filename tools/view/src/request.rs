@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use motorium::schedule::Overheads;
 use serde::Deserialize;
 
-/// First argument of the program when `motorium view` starts it; its order, as JSON, is the second.
+/// First argument of the program when started by `motorium view`; the second is the request as JSON.
 pub const SERVE: &str = "motorium-view";
 
 /// The order of `motorium view`.
@@ -21,18 +21,18 @@ pub const SERVE: &str = "motorium-view";
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// The `motorium` command that started the viewer; it also starts the graph.
+    /// Path of the `motorium` command that sent the request, used to start further processes.
     pub motorium: PathBuf,
-    /// The graph to start; `None` to show a run started elsewhere.
+    /// Graph to start; `None` to view a run started elsewhere.
     #[serde(default)]
     pub graph: Option<PathBuf>,
-    /// The recording to play; `None` to look at a run.
+    /// Recording to play; `None` to view a run.
     #[serde(default)]
     pub recording: Option<PathBuf>,
     /// Options for `motorium run`, besides the graph.
     #[serde(default)]
     pub arguments: Vec<String>,
-    /// Id of the run to look at first; then the newest run of its graph. Without it, and without a graph, any
+    /// Id of the first run to view, followed by newer runs of its graph. Without an id and a graph, the
     /// newest run.
     #[serde(default)]
     pub run: Option<String>,
@@ -40,11 +40,10 @@ pub struct Request {
     pub port: u16,
     /// Most samples of a topic that are sent a second.
     pub rate_hz: f64,
-    /// File for a picture of the page, made by a headless browser that also checks it; `None` to serve.
+    /// File for a screenshot from a headless browser that also checks the page; `None` to serve.
     #[serde(default)]
     pub headless_check: Option<PathBuf>,
-    /// True if a client of the viewer's own looks at everything that it serves, as measurements of its cost
-    /// need it.
+    /// `true` if an internal client subscribes to everything, for measurements of the viewer's cost.
     #[serde(default)]
     pub watched: bool,
     /// Overheads of this machine, for the predicted timeline; `None` for the cautious ones.
@@ -53,7 +52,7 @@ pub struct Request {
     /// Time of the command, ms since 1970.
     #[serde(default)]
     pub began_ms: Option<u64>,
-    /// The token for commands; `None` for a random one.
+    /// Token required for commands; `None` generates a random one.
     #[serde(default)]
     pub token: Option<String>,
 }

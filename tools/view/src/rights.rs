@@ -1,4 +1,4 @@
-//! The right to command: held by clients that know the token.
+//! The right to command, held by clients that know the token.
 
 use std::collections::HashSet;
 use std::sync::Mutex;
@@ -7,10 +7,10 @@ use foxglove::websocket::{ClientId, Parameter, ParameterValue};
 use motorium::os::random_bytes;
 use serde_json::json;
 
-/// The parameter by which a client gives the token.
+/// Parameter by which a client sends the token.
 pub(crate) const TOKEN: &str = "motorium/token";
 
-/// The clients that may command, and the token that gives the right.
+/// Clients with the right to command, and the token that grants it.
 #[derive(Debug)]
 pub(crate) struct Rights {
     token: String,
@@ -23,8 +23,8 @@ impl Rights {
         Self { token, holders: Mutex::default() }
     }
 
-    /// Takes the token out of parameters that a client sets, and gives it the right to command if it is the
-    /// right one. False if a wrong one is among them.
+    /// Removes the token from parameters set by a client, and grants the right if the token is correct.
+    /// Returns `false` if it is wrong.
     pub(crate) fn take_token(&self, client: ClientId, parameters: &mut Vec<Parameter>) -> bool {
         let mut right = true;
         parameters.retain(|parameter| {
@@ -52,18 +52,18 @@ impl Rights {
     }
 }
 
-/// A random token.
+/// Generates a random token.
 pub(crate) fn new_token() -> std::io::Result<String> {
     Ok(random_bytes::<16>()?.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Compares a token in constant time.
+/// Compares tokens in constant time.
 pub(crate) fn is_token(token: &str, given: &str) -> bool {
     let differences = token.bytes().zip(given.bytes()).fold(0, |all, (one, other)| all | (one ^ other));
     token.len() == given.len() && differences == 0
 }
 
-/// The message with which a client gives the token.
+/// Returns the message with which a client sends the token.
 pub(crate) fn grant(token: &str) -> String {
     json!({ "op": "setParameters", "parameters": [{ "name": TOKEN, "value": token }] }).to_string()
 }

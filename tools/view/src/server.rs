@@ -1,4 +1,4 @@
-//! The server of Foxglove's WebSocket protocol, and the channels that it advertises.
+//! Server of Foxglove's WebSocket protocol and its advertised channels.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, RwLock};
@@ -56,13 +56,13 @@ impl Server {
         Ok(Self { handle, context, assets })
     }
 
-    /// Its own address, behind the port of the viewer.
+    /// Internal address, behind the port of the viewer.
     pub(crate) fn address(&self) -> SocketAddr {
         ([127, 0, 0, 1], self.handle.port()).into()
     }
 
-    /// Notifies viewers that another run begins, so that they discard the previous one. Its channels are
-    /// advertised after this.
+    /// Starts a session for another run: viewers discard the previous one. Channels are advertised
+    /// afterwards.
     pub(crate) fn begin_session(&self, run: &str, assets: Assets) {
         self.handle.clear_session(Some(run.to_string()));
         *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) = assets;
@@ -89,12 +89,12 @@ impl Server {
         self.channel(topic, "json", Schema::new(name, "jsonschema", schema.as_bytes().to_vec()))
     }
 
-    /// Sends the playback state of a recording to viewers.
+    /// Sends the playback state to viewers.
     pub(crate) fn tell_playback(&self, state: PlaybackState) {
         self.handle.broadcast_playback_state(state);
     }
 
-    /// Sends the values of parameters to viewers.
+    /// Sends parameter values to viewers.
     pub(crate) fn publish_parameters(&self, parameters: Vec<Parameter>) {
         if !parameters.is_empty() {
             self.handle.publish_parameter_values(parameters);

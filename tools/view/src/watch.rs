@@ -1,4 +1,4 @@
-//! A client that subscribes to everything that the viewer serves, and reads it.
+//! A client that subscribes to everything the viewer serves, and reads it.
 
 use std::net::{Ipv4Addr, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -9,10 +9,10 @@ use serde_json::{Value as Json, json};
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::{Error, Message};
 
-/// Time after which it looks whether the viewer ends.
+/// Poll interval for the end of the viewer.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Reads all that the viewer on this port sends, until it ends.
+/// Reads everything the viewer on this port sends, until the viewer ends.
 pub(crate) fn watch(port: u16, over: &AtomicBool) -> anyhow::Result<()> {
     let mut request = format!("ws://localhost:{port}/").into_client_request()?;
     request.headers_mut().insert("sec-websocket-protocol", "foxglove.sdk.v1".parse()?);

@@ -1,5 +1,6 @@
-//! The caterpillar of 17 tasks on copper: `copper-caterpillar LOG COUNT` prints the way from the source to the last sink,
-//! ns, as a JSON list. Copper is one process: its tasks are calls, in an order that is fixed when it is compiled.
+//! The caterpillar of 17 tasks on copper: `copper-caterpillar LOG COUNT` prints the latency from the source
+//! to the last sink, ns, as a JSON list. Copper is one process: its tasks are calls in an order fixed at
+//! compile time.
 
 use std::sync::Mutex;
 
@@ -115,7 +116,7 @@ fn main() -> CuResult<()> {
         .next()
         .and_then(|count| count.parse().ok())
         .ok_or_else(|| CuError::from("expected a count"))?;
-    // No allocation while it is measured.
+    // No allocation during the measurement.
     SAMPLES.lock().expect("nobody panics with it").reserve(count + WARM_UP);
     let clock = RobotClock::new();
     let app = Caterpillar::builder()

@@ -1,5 +1,5 @@
-//! A node of the caterpillar on dora: `dora-caterpillar source|relay|sink COUNT [RESULT]`. The last sink writes how long
-//! each payload was on its way from the source, ns, to RESULT as a JSON list.
+//! A node of the caterpillar on dora: `dora-caterpillar source|relay|sink COUNT [RESULT]`. The last sink
+//! writes the latency of each payload from the source, ns, to RESULT as a JSON list.
 
 use std::error::Error;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let Event::Input { metadata, data, .. } = event else { continue };
         let parameters = metadata.parameters;
         match role.as_str() {
-            // 512 bytes, as the relays of motorium: all of them written and read
+            // 512 bytes, like motorium's relays: written and read completely
             "source" => {
                 node.send_output("out".into(), parameters, vec![now()?; 64])?;
                 sent += 1;

@@ -9,7 +9,7 @@ use super::{Derived, DerivedError, Drawing, DrawnError, Schema};
 /// A sequence of messages of one schema, made of the samples of one topic.
 #[derive(Debug, Clone)]
 pub struct Channel {
-    /// Its name: that of the topic, for a drawn channel with `/` and what it draws behind it.
+    /// Name of the channel: the topic name, for a drawn channel followed by `/` and the name of the drawing.
     pub name: String,
     /// Index of its topic in the plan.
     pub topic: usize,
@@ -35,7 +35,7 @@ impl Channel {
         }
     }
 
-    /// True if none of its messages may be left out: those of an exact channel, and lines of logs.
+    /// Returns `true` if no message may be skipped: exact channels and log lines.
     pub fn needs_every_sample(&self) -> bool {
         match &self.content {
             Content::Exact(_) => true,
@@ -43,8 +43,8 @@ impl Channel {
         }
     }
 
-    /// The topic, by its index in the plan, that tells how to read the samples of this one: of pictures that of their form. Its
-    /// samples are to be [noted](Self::note).
+    /// Index in the plan of the topic that describes this one's samples, such as the form of images. Its
+    /// samples must be passed to [`note`](Self::note).
     pub fn form_topic(&self) -> Option<usize> {
         match &self.content {
             Content::Exact(_) => None,
@@ -52,7 +52,7 @@ impl Channel {
         }
     }
 
-    /// Takes note of a sample of its [form topic](Self::form_topic); samples of other topics are passed over.
+    /// Records a sample of the [form topic](Self::form_topic); samples of other topics are ignored.
     pub fn note(&mut self, topic: usize, bytes: &[u8]) {
         if let Content::Drawn(drawing) = &mut self.content
             && drawing.form_topic() == Some(topic)
@@ -61,8 +61,8 @@ impl Channel {
         }
     }
 
-    /// Appends the message of a sample of its topic. `time_ns` is the time of the sample on the clock of the reader, since
-    /// 1970 or since the start of the run: drawn messages carry it.
+    /// Appends the message of a sample of its topic. `time_ns` is the time of the sample on the clock of the
+    /// reader, since 1970 or since the start of the run: drawn messages carry it.
     ///
     /// # Errors
     /// The sample does not fit its type or its robot; nothing is appended then.
@@ -84,8 +84,8 @@ impl Channel {
     }
 }
 
-/// The channels of one topic: the exact one first. A topic of slices has none of that kind, for they have no single layout: of
-/// pictures there is the drawn one, of others none.
+/// Returns the channels of one topic, the exact one first. A topic of slices has no exact channel, because
+/// slices have no fixed layout; images have a drawn channel only.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) -> Result<(), motorium_bridges::foxglove::DerivedError> {

@@ -15,13 +15,13 @@ use stamp::{STAMP, stamp_bytes, stamp_field, stamp_of};
 /// Version of the rule by which schemas are derived; the last part of their package.
 const PACKAGE_VERSION: &str = "v1";
 
-/// The messages of one type of samples, in a schema derived from its layout.
+/// Messages of one sample type, in a schema derived from its layout.
 ///
-/// The schema of `motorium.JointState` is `motorium.v1.JointState`: `v1` is the rule of derivation. Field 1 is the stamp, and
-/// the fields of the layout follow in its order from 2, so that a field keeps its number for as long as its type has it in its
-/// place. Numbers of an array are packed, those of bytes are `bytes`, bytes named `text` that are UTF-8 a `string`; of a
-/// counted array only the entries in use are written. In the names of fields `.`
-/// becomes `__`, and `[3]` becomes `_3`.
+/// The schema of `motorium.JointState` is `motorium.v1.JointState`: `v1` is the rule of derivation. Field 1
+/// is the stamp. The fields of the layout follow in order from 2, so a field keeps its number while its
+/// position in the type is unchanged. Arrays of numbers are packed, arrays of bytes are `bytes`, and UTF-8
+/// bytes named `text` are a `string`. Only the entries in use of a counted array are written. In field names
+/// `.` becomes `__`, and `[3]` becomes `_3`.
 ///
 /// ```
 /// use motorium::state::{Stamp, StateBuffer, Wrench};
@@ -44,7 +44,7 @@ pub struct Derived {
 /// A layout or a message that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DerivedError {
-    /// A field has a type that no state buffer has, or lies outside of it.
+    /// A field has a type that no state buffer contains, or exceeds the buffer.
     #[error(
         "field `{field}` of `{type_name}` is {kind} at byte {offset}, which cannot be written as protobuf"
     )]
@@ -53,9 +53,9 @@ pub enum DerivedError {
         type_name: String,
         /// The field.
         field: String,
-        /// Its type as the layout gives it.
+        /// Type of the field in the layout.
         kind: String,
-        /// Its place, bytes from the start.
+        /// Byte offset of the field.
         offset: usize,
     },
     /// A message that is damaged or cut short.
@@ -63,7 +63,7 @@ pub enum DerivedError {
     Message {
         /// Name of the schema.
         schema: String,
-        /// The field at fault, where it is known.
+        /// The faulty field, if known.
         field: Option<String>,
     },
 }
@@ -72,7 +72,7 @@ impl Derived {
     /// Derives the schema of a layout.
     ///
     /// # Errors
-    /// A field is neither a number nor an array of numbers, or lies outside of the type.
+    /// A field is neither a number nor an array of numbers, or exceeds the type.
     pub fn new(layout: &TypeLayout) -> Result<Self, DerivedError> {
         let (fields, stamp) = (field::fields(layout)?, field::fields(&Stamp::layout())?);
         let (package, name) = layout.type_name.rsplit_once('.').unwrap_or(("user", &layout.type_name));
@@ -119,7 +119,8 @@ impl Derived {
         self.fields.iter().for_each(|field| field.encode(bytes, out));
     }
 
-    /// The sample of a message: its stamp, and its bytes in the layout of the type. Entries beyond a count are zero.
+    /// The sample of a message: its stamp, and its bytes in the layout of the type. Entries beyond a count
+    /// are zero.
     ///
     /// # Errors
     /// The message is damaged, or of another type.

@@ -1,4 +1,4 @@
-//! Samples as the messages of Foxglove that viewers draw.
+//! Samples as Foxglove messages that viewers can draw.
 
 use foxglove::Encode;
 use foxglove::messages::{
@@ -53,13 +53,13 @@ enum Kind {
 /// A sample that cannot be drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum DrawnError {
-    /// It is cut short, or longer than its type.
+    /// The sample is truncated, or longer than its type.
     #[error("a sample of {0} bytes, which is not the size of its type")]
     Size(usize),
     /// A joint state with fewer joints than the robot has.
     #[error("a joint state with fewer joints than its robot")]
     Joints,
-    /// Bytes that are no picture of the form that was told.
+    /// The bytes do not match the announced form.
     #[error(transparent)]
     Picture(#[from] PictureError),
 }
@@ -69,7 +69,7 @@ fn pose(position: &[f64], orientation: &[f64]) -> Option<Pose> {
 }
 
 impl Drawing {
-    /// The drawings of a topic: none for a type that viewers cannot draw, or joints of a robot that cannot be loaded.
+    /// Returns the drawings of a topic; empty if viewers cannot draw the type or the robot cannot be loaded.
     pub fn of_topic(plan: &Plan, index: usize) -> Vec<Self> {
         let Some(topic) = plan.topics.get(index) else { return Vec::new() };
         if matches!(topic.pattern, TopicPattern::Slices { .. }) {
@@ -93,7 +93,8 @@ impl Drawing {
             Event::NAME => vec![Kind::Event(writer())],
             _ => Vec::new(),
         };
-        // The poses of one robot's links come from one topic, or they would jump between two that differ.
+        // One topic provides the poses of all links of a robot; two differing topics would make the links
+        // jump.
         let kinds = kinds.into_iter().filter(|kind| {
             !matches!(kind, Kind::Links(_)) || first_state(plan, index).is_none_or(|first| first == index)
         });
@@ -116,7 +117,7 @@ impl Drawing {
         Self { name, schema, kind }
     }
 
-    /// Name of what it draws, the last part of the name of its channel.
+    /// Name of the drawing, the last part of its channel's name.
     pub fn name(&self) -> &'static str {
         self.name
     }
@@ -126,8 +127,8 @@ impl Drawing {
         &self.schema
     }
 
-    /// True if every sample is a message of its own and none may be left out, such as a line of a log, or a picture, of which there
-    /// is no exact channel.
+    /// Returns `true` if no sample may be skipped, such as a log line, or an image, which has no exact
+    /// channel.
     pub fn needs_every_sample(&self) -> bool {
         matches!(self.kind, Kind::Pictures(_) | Kind::Text(_) | Kind::Event(_))
     }
@@ -237,12 +238,12 @@ pub fn log(time_ns: u64, level: Level, name: &str, message: &str) -> Log {
 
 fn append(message: &impl Encode, out: &mut Vec<u8>) {
     out.reserve(message.encoded_len().unwrap_or_default());
-    // Only a buffer of fixed size can be too short.
+    // Encoding fails only for a buffer of fixed size.
     let _ = message.encode(out);
 }
 
-/// The topic of joint states that the links of its robot are drawn from: the first in the order of the plan, the true state
-/// of a simulation.
+/// The topic of joint states that the links of its robot are drawn from: the first in the order of the plan,
+/// the true state of a simulation.
 fn first_state(plan: &Plan, index: usize) -> Option<usize> {
     let robot = &robot_of_topic(plan, index)?.name;
     let mut states = plan.topics.iter().enumerate().filter(|(other, topic)| {
@@ -254,7 +255,7 @@ fn first_state(plan: &Plan, index: usize) -> Option<usize> {
 
 /// Names of the objects of the world of the component that writes their poses.
 fn object_names(plan: &Plan, writer: usize) -> Vec<String> {
-    // Other keys are those of the component that simulates it.
+    // Other keys belong to the simulating component.
     let world = plan.components.get(writer).and_then(|component| {
         let told = &component.config["world"];
         let mut keys = serde_json::Map::new();

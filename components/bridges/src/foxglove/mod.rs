@@ -1,12 +1,14 @@
-//! The topics of a graph as Foxglove, Lichtblick, rerun and PlotJuggler read them: a library without a server.
+//! Topics of a graph in the format of Foxglove, Lichtblick, rerun and PlotJuggler. A library without a
+//! server.
 //!
 //! Each topic becomes one or two channels of messages in the protobuf encoding:
 //!
-//! - Its **exact** channel, named as the topic, holds every field and the stamp of a sample in a schema that is derived from
-//!   the layout of its type, `motorium.v1.JointState` for `motorium.JointState`. It loses nothing: [`Derived::decode`]
-//!   gives the sample back to the last bit.
-//! - A **drawn** channel, named after the topic and what it draws, holds one of Foxglove's own messages, for the types that
-//!   a viewer can draw: `panda/joint_state/transforms` holds the poses of all links by our kinematics.
+//! - Its **exact** channel, named as the topic, contains every field and the stamp of a sample in a schema
+//!   derived from the layout of its type, `motorium.v1.JointState` for `motorium.JointState`. It is lossless:
+//!   [`Derived::decode`] returns the sample bit for bit.
+//! - A **drawn** channel, named after the topic and its drawing, contains one of Foxglove's own messages, for
+//!   types that viewers can draw. `panda/joint_state/transforms` contains the poses of all links from
+//!   motorium's kinematics.
 //!
 //! | type | drawn channel | schema |
 //! |---|---|---|
@@ -20,10 +22,10 @@
 //! | `motorium.Text`, `motorium.Event` | `log` | `foxglove.Log` |
 //! | slices of `u8` of a component that publishes one `motorium.ImageInfo` | `image` | `foxglove.RawImage` |
 //!
-//! Pictures alone have no exact channel. The descriptions of robots ([`descriptions`]) and the ground and the objects of the world
-//! ([`world_scene`]) never change.
+//! Only images have no exact channel. The descriptions of robots ([`descriptions`]) and the ground and the
+//! objects of the world ([`world_scene`]) never change.
 //!
-//! [`channels`] gives the channels of a plan:
+//! [`channels`] returns the channels of a plan:
 //!
 //! ```
 //! use motorium::state::{JointState, Stamp, StateBuffer, encode};
@@ -70,7 +72,7 @@ pub use world::{WORLD_SCENE, world_scene};
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Schema {
-    /// Its full name, such as `foxglove.JointStates`.
+    /// Full name of the schema, such as `foxglove.JointStates`.
     pub name: String,
     /// Encoding of `data` and of the messages: always `protobuf`.
     pub encoding: &'static str,

@@ -6,7 +6,7 @@ use motorium::state::{ImageInfo, StateBuffer as _, from_bytes};
 
 use super::fields::timestamp;
 
-/// The pictures of a topic of slices of `u8`, in the form that their writer tells on another.
+/// Images in a topic of `u8` slices, whose form the writer publishes on another topic.
 #[derive(Debug, Clone)]
 pub(super) struct Pictures {
     form_topic: usize,
@@ -15,13 +15,13 @@ pub(super) struct Pictures {
     frame: String,
 }
 
-/// Bytes that cannot be drawn as a picture.
+/// The bytes cannot be drawn as an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PictureError {
-    /// Their form was not told yet.
+    /// The form has not been published yet.
     #[error("the form of the pictures is not known yet")]
     NoForm,
-    /// They do not have the form that was told.
+    /// The bytes do not match the published form.
     #[error("a picture of {found} bytes, of {width} x {height} pixels in encoding {encoding}")]
     Form {
         /// Bytes found.
@@ -36,7 +36,7 @@ pub enum PictureError {
 }
 
 impl Pictures {
-    /// The pictures of a topic, if it carries bytes and its writer tells the form of one kind of pictures.
+    /// Returns the images of a topic if it carries bytes and its writer publishes one kind of image form.
     pub(super) fn of_topic(plan: &Plan, index: usize) -> Option<Self> {
         let topic = plan.topics.get(index).filter(|topic| topic.layout.type_name == u8::NAME)?;
         let writer = plan.components.get(topic.writer)?;
@@ -48,7 +48,7 @@ impl Pictures {
         Some(Self { form_topic, form: None, frame: writer.name.clone() })
     }
 
-    /// The topic that tells their form.
+    /// Index of the topic with the form.
     pub(super) fn form_topic(&self) -> usize {
         self.form_topic
     }
@@ -58,7 +58,8 @@ impl Pictures {
         self.form = from_bytes(bytes).or(self.form);
     }
 
-    /// The message of a picture. One of a byte a pixel is grey, whatever the form says of those beside it.
+    /// Returns the message of an image. An image with one byte per pixel is grey, whatever the form of the
+    /// accompanying images.
     pub(super) fn image(&self, bytes: &[u8], time_ns: u64) -> Result<RawImage, PictureError> {
         let ImageInfo { width, height, stride, encoding, .. } = self.form.ok_or(PictureError::NoForm)?;
         let is_of = |stride: u32| u64::from(stride) * u64::from(height) == bytes.len() as u64;
@@ -92,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_has_the_encoding_of_its_form_and_grey_beside_depth_is_grey() {
+    fn image_encoding_follows_its_form() {
         for (encoding, stride, bytes, name) in [
             (ImageInfo::RGB_8, 12, 24, "rgb8"),
             (ImageInfo::BGR_8, 16, 32, "bgr8"),

@@ -10,10 +10,10 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use super::fields::{quaternion, timestamp, vector};
 use super::{Schema, wire};
 
-/// The frame in which robots and objects stand.
+/// Parent frame of robots and objects.
 pub(super) const WORLD: &str = "world";
 
-/// The description of a robot for viewers: what ROS calls `robot_description`.
+/// Description of a robot for viewers, called `robot_description` in ROS.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Description {
     /// Name of the robot in the graph.
@@ -22,16 +22,16 @@ pub struct Description {
     pub topic: String,
     /// The robot as URDF: the text of its file, or one written for a robot of MJCF.
     pub text: String,
-    /// The text of its file, where that is MJCF.
+    /// Text of the file, if it is MJCF.
     pub mjcf: Option<String>,
-    /// Meshes that have no file: the names that the text gives them, and their Wavefront OBJ texts.
+    /// Meshes without a file: their names in the description and their Wavefront OBJ texts.
     pub meshes: Vec<(String, String)>,
     /// Prefix of the names of its links in [`FrameTransforms`]: nothing, of one of several robots `ROBOT/`.
     pub frame_prefix: String,
 }
 
 impl Description {
-    /// The schema of its message: one text named `data`, as ROS has it.
+    /// Schema of the message: one text named `data`, as in ROS.
     pub fn schema(&self) -> Schema {
         let (mut field, mut message, mut file, mut data) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         wire::bytes(1, b"data", &mut field);
@@ -70,7 +70,7 @@ fn robots(plan: &Plan) -> Vec<&RobotReference> {
     robots
 }
 
-/// The descriptions of the robots of a plan. A robot whose file is no longer there is left out.
+/// Returns the descriptions of the robots of a plan. A robot whose file no longer exists is skipped.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) {
@@ -114,9 +114,10 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
     source.load()
 }
 
-/// The robot that the arrays of a topic belong to: that of its writer, else of a reader. `None` if neither has one.
+/// Returns the robot to which the arrays of a topic belong: the writer's robot, else a reader's. `None` if
+/// neither has one.
 ///
-/// Of a component with several robots it is the one whose port `ROBOT.PORT` the topic is wired to.
+/// For a component with several robots, it is the robot of the port `ROBOT.PORT` to which the topic is wired.
 pub fn robot_of_topic(plan: &Plan, index: usize) -> Option<&RobotReference> {
     let topic = plan.topics.get(index)?;
     let writer = std::iter::once((topic.writer, true));
@@ -140,13 +141,14 @@ fn robot_of<'p>(
     component.robots.iter().find(|known| known.name == robot)
 }
 
-/// The names of the joints to which the arrays of a topic belong: those of the robot of its writer, else of a reader, then its
-/// rotors. `None` where neither has one, or its file is no longer what it was.
+/// Names of the joints to which the arrays of a topic belong: the joints of its writer's robot, else a
+/// reader's, followed by the rotors. `None` if neither has a robot, or its file has changed.
 pub fn joints_of_topic(plan: &Plan, index: usize) -> Option<Vec<String>> {
     robot_of_topic(plan, index).and_then(|robot| load(robot).ok()).map(|loaded| joint_names(&loaded))
 }
 
-/// Names of the joints of a robot, then of its rotors, in the order of the arrays of joint states and commands.
+/// Names of the joints of a robot, then of its rotors, in the order of the arrays of joint states and
+/// commands.
 fn joint_names(loaded: &Loaded) -> Vec<String> {
     let rotors = loaded.profile.iter().flat_map(|profile| profile.rotors.keys());
     loaded.model.joint_names().iter().chain(rotors).cloned().collect()
@@ -172,17 +174,17 @@ pub struct RobotFrames {
     loaded: Loaded,
     kinematics: Kinematics,
     q: Vec<f64>,
-    /// The place of a base that stands; `None` if a topic tells where it is.
+    /// Pose of a fixed base; `None` if a topic provides it.
     base: Option<Isometry3<f64>>,
     prefix: String,
 }
 
 impl RobotFrames {
-    /// Loads a robot of a plan. `prefix` stands before the names of its links, as in [`Description::frame_prefix`]; `moves`
-    /// is true if a topic tells where its base is.
+    /// Loads a robot of a plan. `prefix` is prepended to link names, as in [`Description::frame_prefix`];
+    /// `moves` is `true` if a topic provides the pose of the base.
     ///
     /// # Errors
-    /// Its files cannot be read any more.
+    /// Its files can no longer be read.
     pub fn load(robot: &RobotReference, prefix: &str, moves: bool) -> Result<Self, RobotSourceError> {
         let loaded = load(robot)?;
         let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }.isometry());
@@ -217,8 +219,8 @@ impl RobotFrames {
         format!("{}{root}", self.prefix)
     }
 
-    /// The poses of all links beyond the root link at these joint positions, relative to it, at a time; and that of the root
-    /// link in the world if the base is fixed. `None` if the state has too few joints.
+    /// Returns the poses of all links except the root, relative to it, at these joint positions, and the pose
+    /// of the root in the world if the base is fixed. `None` if the state has too few joints.
     pub fn of_joints(&mut self, state: &JointState, time_ns: u64) -> Option<FrameTransforms> {
         let model = &self.loaded.model;
         let joints = model.joint_count();
@@ -251,7 +253,7 @@ impl RobotFrames {
     /// The pose of the root link in the world, at a time.
     pub fn of_base(&self, state: &BaseState, time_ns: u64) -> FrameTransforms {
         let [x, y, z, w] = state.orientation;
-        // The state is that of the base frame; the root link of a model is its base.
+        // The state describes the base frame; the root link of a model is its base.
         let pose = Isometry3::from_parts(
             Translation3::from(state.position),
             UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),

@@ -1,10 +1,10 @@
-//! The wire format of protobuf, as far as the derived schemas need it.
+//! The subset of the protobuf wire format used by derived schemas.
 
 /// Wire type of a varint.
 pub(super) const VARINT: u32 = 0;
 /// Wire type of eight bytes.
 pub(super) const FIXED_64: u32 = 1;
-/// Wire type of a length and so many bytes.
+/// Wire type of length-delimited data.
 pub(super) const BYTES: u32 = 2;
 /// Wire type of four bytes.
 pub(super) const FIXED_32: u32 = 5;
@@ -40,18 +40,18 @@ pub(super) fn unzigzag(form: u64) -> i64 {
     (form >> 1) as i64 ^ -((form & 1) as i64)
 }
 
-/// A field of a message as it is read.
+/// A decoded field of a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Read<'a> {
     /// A varint.
     Varint(u64),
     /// Four or eight bytes.
     Fixed(&'a [u8]),
-    /// A length and so many bytes.
+    /// Length-delimited bytes.
     Bytes(&'a [u8]),
 }
 
-/// Takes a varint from the start of a message; `None` if it is cut short or longer than ten bytes.
+/// Reads a varint from the start of a message; `None` if it is truncated or longer than ten bytes.
 pub(super) fn take_varint(message: &mut &[u8]) -> Option<u64> {
     let mut number = 0;
     for shift in (0..70).step_by(7) {
@@ -65,7 +65,7 @@ pub(super) fn take_varint(message: &mut &[u8]) -> Option<u64> {
     None
 }
 
-/// Takes a field from the start of a message: its number and content. `None` if it is damaged.
+/// Reads a field from the start of a message: number and content. `None` if it is damaged.
 pub(super) fn take<'a>(message: &mut &'a [u8]) -> Option<(u32, Read<'a>)> {
     let key = take_varint(message)?;
     let field = u32::try_from(key >> 3).ok()?;
@@ -94,14 +94,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_come_out_as_they_went_in() {
+    fn numbers_survive_encoding() {
         for number in [0, 1, 127, 128, 300, u64::from(u32::MAX), u64::MAX] {
             let mut out = Vec::new();
             varint(number, &mut out);
             assert_eq!(take_varint(&mut &out[..]), Some(number));
             assert_eq!(take_varint(&mut &out[..out.len() - 1]), None, "cut short");
         }
-        // as in the documentation of protobuf
+        // examples from the protobuf documentation
         for (number, form) in
             [(0, 0), (-1, 1), (1, 2), (-2, 3), (i64::MAX, u64::MAX - 1), (i64::MIN, u64::MAX)]
         {

@@ -19,15 +19,16 @@ pub const WORLD_SCENE: &str = "/world/scene";
 /// Sides of the part of the ground that is drawn, and its thickness, m.
 const PLANE: [f64; 3] = [6.0, 6.0, 0.002];
 
-/// Opacity of the plane: what lies below it can be seen.
+/// Opacity of the plane, so that objects below it stay visible.
 const THROUGH: f64 = 0.6;
 
 /// Points of a drawn terrain, at most about.
 const TERRAIN_POINTS: f64 = 15_000.0;
 
-/// The world of a plan as a scene in its colours: schema and message, a [`SceneUpdate`]. `None` if it has none.
+/// Returns the coloured world of a plan as a scene: schema and message, a [`SceneUpdate`]. `None` if the plan
+/// has no world.
 ///
-/// An object that moves stands in a frame of its own, of its name, if a topic tells where it is.
+/// A moving object has its own frame, with its name, if a topic provides its pose.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) {
@@ -50,7 +51,7 @@ pub fn world_scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     let looks = &world.appearance;
     let mut entities: Vec<SceneEntity> =
         world.objects.iter().map(|object| entity(object, &looks.object(object), told)).collect();
-    // What its files hold may have changed since the graph began.
+    // The files may have changed since the start of the graph.
     if let Ok(Some(field)) = world.height_field() {
         entities.push(terrain(&field, &looks.ground()));
     }
@@ -71,7 +72,7 @@ pub fn world_scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     Some((Schema::of::<SceneUpdate>(), message))
 }
 
-/// A terrain as triangles, coarser than it is where it has very many heights.
+/// Converts a terrain to triangles, at reduced resolution if it has very many heights.
 fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
     let (corner, counts) = field.grid();
     let lengths = counts.map(|count| (count.max(2) - 1) as f64 * field.spacing());
@@ -119,7 +120,7 @@ fn entity(object: &Object, colour: &Colour, told: bool) -> SceneEntity {
     entity
 }
 
-/// Adds what a shape looks like at a pose.
+/// Adds the appearance of a shape at a pose.
 fn add_shape(
     entity: &mut SceneEntity,
     shape: &ObjectShape,
@@ -143,7 +144,7 @@ fn add_shape(
             }
             entity.cylinders.push(CylinderPrimitive { pose, size, bottom_scale, top_scale, color });
         }
-        // A file may have gone since the graph began.
+        // The file may have been deleted since the start of the graph.
         ObjectShape::Mesh(ref mesh) => entity.triangles.extend(mesh.body().ok().map(|body| {
             let corners = body.visual.triangles().iter().flat_map(|triangle| triangle.corners);
             let points: Vec<Point3> = corners.map(|at| Point3 { x: at.x, y: at.y, z: at.z }).collect();
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_capsule_has_a_sphere_at_each_end_of_its_length() {
+    fn capsule_has_a_sphere_at_each_end() {
         let capsule = object(
             r#"{"name": "bar", "shape": {"capsule": {"radius": 0.1, "length": 0.6}}, "position": [1, 0, 0], "rpy": [0, 1.5707963267948966, 0]}"#,
         );
@@ -209,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_terrain_is_drawn_where_it_is_and_no_finer_than_is_of_use() {
+    fn terrain_is_drawn_in_place_at_limited_resolution() {
         let text = r#"{"size": [12, 6], "centre": [4, 0], "spacing": 0.02, "layers": [{"slope": {"angle": 0.1, "from": 1}}]}"#;
         let field = serde_json::from_str::<motorium_robots::Terrain>(text).unwrap().height_field().unwrap();
         let drawn = terrain(&field, &GREY);
@@ -219,7 +220,7 @@ mod tests {
             assert!((-2.0..=10.0).contains(&point.x) && (-3.0..=3.0).contains(&point.y), "{point:?}");
             assert!((point.z - field.height(point.x, point.y)).abs() < 1e-12);
         }
-        // Two triangles a square, all of them seen from above.
+        // Two triangles per square, all facing upwards.
         for corners in indices.as_chunks::<3>().0 {
             let [a, b, c] = corners.map(|index| &points[index as usize]);
             assert!((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > 0.0);
@@ -229,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fixed_object_stands_in_the_world_and_a_free_one_in_its_own_frame() {
+    fn fixed_objects_use_the_world_frame_free_ones_their_own() {
         let table =
             object(r#"{"name": "table", "shape": {"box": {"size": [1, 2, 0.04]}}, "position": [0.4, 0, 0]}"#);
         let ball = object(

@@ -8,7 +8,8 @@ use motorium::units::{Rate, TimeSpan, UnitError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
-/// The `config` table of `bridge.iceoryx2`: names and limits of its ports, which `subscribe` and `publish` wire.
+/// The `config` table of `bridge.iceoryx2`: names and limits of its ports, which `subscribe` and `publish`
+/// wire.
 ///
 /// ```toml
 /// out = ["joint_state"]
@@ -20,9 +21,9 @@ use serde::{Deserialize, Deserializer};
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Iceoryx2BridgeConfig {
-    /// Inputs whose topics are mirrored, of any type. Default none.
+    /// Inputs whose topics are mirrored to other programs, of any type. Default none.
     pub out: Vec<String>,
-    /// Outputs whose topics foreign programs feed, by name. Default none.
+    /// Outputs whose topics are fed by other programs, by name. Default none.
     #[serde(rename = "in")]
     pub inbound: BTreeMap<String, InboundConfig>,
 }
@@ -37,8 +38,8 @@ pub struct InboundConfig {
     /// Largest rate of publication, such as "500 Hz"; the newest value is published. Default 1 kHz.
     #[serde(default = "max_rate", deserialize_with = "rate")]
     pub max_rate: Rate,
-    /// Longest time that a value may have waited for a step of the bridge, such as "50 ms"; older ones are refused.
-    /// At least a period of the bridge. Default 100 ms.
+    /// Longest time that a value may have waited for a step of the bridge, such as "50 ms"; older ones are
+    /// refused. At least a period of the bridge. Default 100 ms.
     #[serde(default = "max_age")]
     pub max_age: TimeSpan,
 }

@@ -1,4 +1,4 @@
-//! The other end of an inbound topic: for programs that know a layout only, such as `motorium topic pub`.
+//! The sending end of an inbound topic, for programs that know only a layout, such as `motorium topic pub`.
 
 #![allow(unsafe_code)] // the service carries a layout, not a Rust type
 
@@ -12,9 +12,9 @@ use motorium::transport::{Domain, Shared};
 
 use super::service::detail;
 
-/// A publisher of the service `in/TOPIC`, from which a bridge takes the values of a topic.
+/// A publisher of the service `in/TOPIC`, from which a bridge reads the values of a topic.
 ///
-/// It never makes the service: where no bridge runs there is nothing to feed.
+/// It never creates the service: without a running bridge there is no topic to feed.
 #[derive(Debug)]
 pub struct Feed {
     port: Publisher<Shared, [CustomPayloadMarker], CustomHeaderMarker>,
@@ -37,7 +37,7 @@ impl Feed {
     /// Joins the service of an inbound topic in the domain of a run.
     ///
     /// # Errors
-    /// No bridge has made it, its layout is another one, or all places of publishers are taken.
+    /// No bridge has created the service, its layout differs, or the maximum number of publishers is reached.
     pub fn open(domain: &Domain, topic: &str, layout: &TypeLayout) -> Result<Self, FeedError> {
         let service = format!("in/{topic}");
         let fail = |reason: String| FeedError { service: service.clone(), reason };
@@ -49,8 +49,8 @@ impl Feed {
             .user_header::<CustomHeaderMarker>();
         let detail = detail(layout).map_err(|error| fail(format!("{error:?}")))?;
         let no_header = TypeDetail::new::<()>(TypeVariant::FixedSize);
-        // SAFETY: the details describe a `repr(C)` type of fixed size and no header; iceoryx2 compares them with the
-        // service's.
+        // SAFETY: the details describe a `repr(C)` type of fixed size and no header; iceoryx2 compares them
+        // with the service's.
         let builder = unsafe {
             builder
                 .__internal_set_payload_type_details(&detail)
@@ -66,10 +66,10 @@ impl Feed {
         Ok(Self { port, size: layout.size, _node: node })
     }
 
-    /// Sends a value to the bridge, which checks it again and publishes it at its next step.
+    /// Sends a value to the bridge, which validates it and publishes it at its next step.
     ///
     /// # Errors
-    /// It has another size than the type, or shared memory is short.
+    /// The size differs from the type's, or shared memory is exhausted.
     pub fn send(&self, bytes: &[u8]) -> Result<(), FeedError> {
         let fail = |reason: String| FeedError { service: "in".to_string(), reason };
         if bytes.len() != self.size {

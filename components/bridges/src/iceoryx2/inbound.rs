@@ -19,17 +19,19 @@ pub(super) struct Inbound {
     max_age_ns: u64,
     /// The value taken last.
     taken: Box<[u8]>,
-    /// The newest valid value, the step that took it (ns on the clock of stamps), and whether it is yet to be published.
+    /// Newest valid value, the time of the step that received it (ns on the stamp clock), and whether it is
+    /// unpublished.
     newest: Box<[u8]>,
     taken_ns: u64,
     is_pending: bool,
-    /// Time of the step that published last, ns since the run began.
+    /// Time of the last publishing step, ns since the start of the run.
     published_ns: Option<u64>,
     /// Time at which the queue was looked into last, ns.
     looked_ns: u64,
     /// Values of one publisher that can wait.
     waiting: usize,
-    /// The topic carries emergency stops: one that stops wins over newer values, over `max_rate` and over `max_age`.
+    /// The topic carries emergency stops: one that stops wins over newer values, over `max_rate` and over
+    /// `max_age`.
     is_emergency_stop: bool,
     counts: Counts,
 }
@@ -73,9 +75,9 @@ impl Inbound {
         }))
     }
 
-    /// Takes what came since the last step, and publishes the newest valid value if it is time.
+    /// Receives the values since the last step, and publishes the newest valid one if it is due.
     pub(super) fn step(&mut self, time_ns: u64, now_ns: u64, clock: &RunClock) {
-        // A waiting value arrived after the queue was last emptied, so it is no older than that.
+        // A queued value arrived after the queue was last emptied, which bounds its age.
         let is_old = now_ns.saturating_sub(self.looked_ns) > self.max_age_ns;
         self.looked_ns = now_ns;
         if is_old && core::mem::take(&mut self.is_pending) {
@@ -83,7 +85,7 @@ impl Inbound {
         }
         let mut taken = 0;
         while taken < PUBLISHERS * self.waiting {
-            // iceoryx2 allocates when a publisher comes or goes
+            // iceoryx2 allocates when a publisher connects or disconnects
             if !set_apart(|| receive(&self.port, &mut self.taken)) {
                 break;
             }
@@ -98,13 +100,13 @@ impl Inbound {
             }
         }
         if self.is_emergency_stop && taken >= self.waiting {
-            // The queue may have overflowed, and a value that stops may be lost.
+            // The queue may have overflowed, and an emergency stop may be lost.
             self.taken.copy_from_slice(&1_u64.to_ne_bytes());
             self.stop(time_ns, clock);
         }
         let is_time = self.published_ns.is_none_or(|last| time_ns.saturating_sub(last) >= self.period_ns);
         if is_time && core::mem::take(&mut self.is_pending) {
-            // A value that has waited for its turn is as old as the step that took it.
+            // The source time of a delayed value is the step that received it.
             match self.output.publish_from(&self.newest, self.taken_ns) {
                 Ok(()) => {
                     self.counts.published += 1;
@@ -112,12 +114,18 @@ impl Inbound {
                 }
                 Err(RawError::Content(defect)) => self.counts.refuse(defect),
                 // The time of a step is never in the future.
-                Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
+                Err(
+                    RawError::Late
+                    | RawError::SourceInFuture { .. }
+                    | RawError::Length { .. }
+                    | RawError::NotSent,
+                ) => self.counts.too_late += 1,
             }
         }
     }
 
-    /// Publishes the value taken last, which stops, at once. One that waits is older and is dropped.
+    /// Publishes the last received value, an emergency stop, immediately. A pending value is older and is
+    /// dropped.
     fn stop(&mut self, time_ns: u64, clock: &RunClock) {
         if core::mem::take(&mut self.is_pending) {
             self.counts.above_max_rate += 1;
@@ -128,11 +136,16 @@ impl Inbound {
                 self.published_ns = Some(time_ns);
             }
             Err(RawError::Content(defect)) => self.counts.refuse(defect),
-            Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
+            Err(
+                RawError::Late
+                | RawError::SourceInFuture { .. }
+                | RawError::Length { .. }
+                | RawError::NotSent,
+            ) => self.counts.too_late += 1,
         }
     }
 
-    /// Keeps the value taken last, in the step of this time, if it is valid.
+    /// Stores the last received value, from the step at this time, if it is valid.
     fn admit(&mut self, taken_ns: u64) {
         if let Err(defect) = self.output.check(&self.taken) {
             self.counts.refuse(defect);
@@ -159,7 +172,7 @@ impl Inbound {
     }
 }
 
-/// True if the bytes of an emergency stop say that it is pressed.
+/// Returns `true` if the bytes are a pressed emergency stop.
 fn is_pressed(value: &[u8]) -> bool {
     value.iter().any(|byte| *byte != 0)
 }
@@ -168,7 +181,7 @@ impl Counts {
     fn refuse(&mut self, defect: ContentDefect) {
         match defect {
             ContentDefect::NotFinite { .. } => self.not_finite += 1,
-            // the size is that of the service's type, which iceoryx2 compares when a program opens it
+            // the size equals the service's type size, which iceoryx2 compares when a program opens it
             ContentDefect::Count { .. } | ContentDefect::Size { .. } => self.count_too_large += 1,
         }
     }

@@ -17,11 +17,11 @@ use serde_json::{Map, Value, json};
 use inbound::Inbound;
 use outbound::Outbound;
 
-/// Mirrors topics of the graph to stock iceoryx2 programs, and publishes what they send on topics of the graph.
+/// Mirrors topics of the graph to stock iceoryx2 programs, and publishes their values on topics of the graph.
 ///
-/// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp) as user
-/// header. An inbound topic `NAME` is fed by the service `in/NAME`, which has no user header: a value gets the bridge's
-/// own stamp, with the step that took it from the service as source time.
+/// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp)
+/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`, which has no user header. A value
+/// gets the bridge's own stamp; its source time is the step that received it.
 pub struct Iceoryx2Bridge {
     outbound: Vec<Outbound>,
     inbound: Vec<Inbound>,

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::service::{OutboundPort, publish, send};
 
-/// A mirrored topic: its newest value is sent once, at the first step that finds it.
+/// A mirrored topic. Its newest value is sent once, at the first step that sees it.
 pub(super) struct Outbound {
     input: RawInput,
     port: OutboundPort,
@@ -27,7 +27,7 @@ impl Outbound {
 
     pub(super) fn step(&mut self) {
         let Some(value) = self.input.next_unread() else { return };
-        // iceoryx2 allocates when a subscriber comes or goes
+        // iceoryx2 allocates when a subscriber connects or disconnects
         if set_apart(|| send(&self.port, value.stamp, value.bytes)) {
             self.mirrored += 1;
         } else {

@@ -14,9 +14,9 @@ use motorium::transport::Shared;
 
 /// Values of each foreign publisher that wait for the bridge at most; the oldest are dropped.
 const WAITING: usize = 8;
-/// The same of an emergency stop, of which none may be lost.
+/// Queue length for an emergency stop, which must not be lost.
 const STOPS_WAITING: usize = 64;
-/// Publishers of a service: one, and the place of one that was killed.
+/// Maximum number of publishers of a service: one, and the slot of a killed one.
 pub(super) const PUBLISHERS: usize = 2;
 /// Foreign subscribers of a mirrored topic.
 const SUBSCRIBERS: usize = 8;
@@ -90,14 +90,14 @@ pub(super) fn subscribe(
         .map_err(|error| fail(&error))
 }
 
-/// Sends a value and its stamp; false if it could not be.
+/// Sends a value and its stamp; returns `false` on failure.
 pub(super) fn send(port: &OutboundPort, stamp: &Stamp, bytes: &[u8]) -> bool {
     // SAFETY: the service was made for one value of fixed size.
     let Ok(mut sample) = (unsafe { port.loan_custom_payload(1) }) else { return false };
     let header = (&raw mut *sample.user_header_mut()).cast::<Stamp>();
     let payload = sample.payload_mut().as_mut_ptr().cast::<u8>();
-    // SAFETY: the service was made with `Stamp` as user header and with a payload of the layout that `bytes` has; the
-    // sample is lent to this call alone, and all of it is filled.
+    // SAFETY: the service was created with `Stamp` as user header and a payload with the layout of `bytes`.
+    // The sample is loaned to this call only and is filled completely.
     let sample = unsafe {
         header.write(*stamp);
         payload.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
@@ -106,14 +106,16 @@ pub(super) fn send(port: &OutboundPort, stamp: &Stamp, bytes: &[u8]) -> bool {
     sample.send().is_ok()
 }
 
-/// Copies the next value into `value`, which has the size of the service's type; false if there is none.
+/// Copies the next value into `value`, which has the size of the service's type; returns `false` if there is
+/// none.
 ///
-/// A foreign program may go on writing to the memory of what it has sent: only the copy is looked at.
+/// A foreign program may still write to the memory of a sent value, so only the copy is inspected.
 pub(super) fn receive(port: &InboundPort, value: &mut [u8]) -> bool {
-    // An error means that a connection could not be made to a publisher that is just dying or being born.
+    // An error means that the connection to a starting or dying publisher failed.
     let Some(sample) = port.receive().ok().flatten() else { return false };
     let payload = sample.payload().as_ptr().cast::<u8>();
-    // SAFETY: the service was made for one value of the size of `value`; iceoryx2 keeps it mapped while it is held.
+    // SAFETY: the service was created for one value of the size of `value`; iceoryx2 keeps the sample mapped
+    // while it is held.
     unsafe { value.as_mut_ptr().copy_from_nonoverlapping(payload, value.len()) };
     true
 }

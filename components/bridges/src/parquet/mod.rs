@@ -1,7 +1,8 @@
 //! Parquet files: tables by columns, which pandas, polars, DuckDB and LeRobot read.
 //!
-//! A writer of the part of the format that recordings need: columns without missing values, lists (of lists) and groups of them, no
-//! compression, one page for each column of a row group. <https://parquet.apache.org/docs/file-format/>
+//! A writer of the part of the format that recordings need: columns without missing values, lists (of lists)
+//! and groups of them, no compression, one page for each column of a row group.
+//! <https://parquet.apache.org/docs/file-format/>
 
 mod thrift;
 
@@ -57,10 +58,10 @@ pub enum Values {
     List {
         /// Number of entries of the list of each row.
         lengths: Vec<usize>,
-        /// The entries of all lists, one after the other; they may be lists themselves.
+        /// Entries of all lists, one after the other; they may be lists themselves.
         entries: Box<Values>,
     },
-    /// Groups of values with names; neither lists nor groups themselves, as many of each.
+    /// Groups of named values, all with the same number of rows; a value is neither a list nor a group.
     Group(Vec<Column>),
 }
 
@@ -79,12 +80,12 @@ impl Values {
         }
     }
 
-    /// True if there is no row.
+    /// Returns `true` if there are no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Number of the physical type, and of the converted one. A group has that of none of its columns.
+    /// Numbers of the physical and the converted type. A group has the type of none of its columns.
     fn kind(&self) -> (i64, Option<i64>) {
         match self {
             Self::Int64(_) => (INT64, None),
@@ -105,8 +106,8 @@ impl Values {
         }
     }
 
-    /// Tells the repetition and definition levels of the next `count` values at a depth, in runs. `first` is the repetition level of
-    /// the first of them, `next` the index of the next value at each depth.
+    /// Reports the repetition and definition levels of the next `count` values at a depth, in runs. `first`
+    /// is the repetition level of the first value, `next` the index of the next value at each depth.
     fn shred(
         &self,
         (count, depth): (usize, usize),
@@ -125,7 +126,8 @@ impl Values {
             next[depth] += 1;
             let repeats = if place == 0 { first } else { depth };
             match length {
-                // Parquet stores an entry for an empty list, too; its definition level marks the list as empty.
+                // Parquet stores an entry for an empty list, too; its definition level marks the list as
+                // empty.
                 0 => emit(repeats, depth, 1),
                 _ => entries.shred((length, depth + 1), repeats, next, emit),
             }
@@ -173,7 +175,8 @@ impl Column {
     }
 }
 
-/// Writes a table. `groups` are the numbers of rows of its row groups, together all of them; `facts` stand in its footer.
+/// Writes a table. `groups` are the numbers of rows of its row groups, together all of them; `facts` stand in
+/// its footer.
 ///
 /// ```
 /// use motorium_bridges::parquet::{Column, Values, write};
@@ -232,7 +235,8 @@ pub fn write(
     file.write_all(MAGIC)
 }
 
-/// The tree of columns, flattened: the root, then each column; each level of lists adds two levels, a group one.
+/// The tree of columns, flattened: the root, then each column; each level of lists adds two levels, a group
+/// one.
 fn schema(columns: &[Column]) -> Vec<Struct> {
     let mut schema = vec![Struct::new().text(4, "schema").i32(5, columns.len() as i64)];
     let group =
@@ -298,7 +302,7 @@ fn starts(values: &Values, row: usize) -> Vec<usize> {
     starts
 }
 
-/// Levels in runs of equal ones. A level takes a byte, as there are few.
+/// Levels in runs of equal values. A level fits a byte, as there are few.
 #[derive(Default)]
 struct Runs {
     encoded: Vec<u8>,
@@ -361,9 +365,9 @@ mod tests {
         assert_eq!(out, [7, 0, 0, 0, 2, 0, 4, 1, 200, 1, 0]);
     }
 
-    /// The levels are those of the paper of Dremel: a level of repetition is that at which the list goes on.
+    /// Levels as in the Dremel paper: the repetition level is the depth at which the list continues.
     #[test]
-    fn lists_of_lists_have_the_level_at_which_they_go_on() {
+    fn nested_lists_have_dremel_levels() {
         let inner =
             Values::List { lengths: vec![2, 1, 3], entries: Box::new(Values::Int64((0..6).collect())) };
         let outer = Values::List { lengths: vec![2, 0, 1], entries: Box::new(inner) };
@@ -376,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_whose_columns_differ_in_length_is_refused() {
+    fn table_with_unequal_columns_is_rejected() {
         let column =
             |name: &str, rows: usize| Column { name: name.to_string(), values: Values::Int64(vec![7; rows]) };
         let error = write(&mut Vec::new(), &[column("a", 3), column("b", 2)], &[3], &[]).unwrap_err();

@@ -1,4 +1,4 @@
-//! Structures in Thrift's compact protocol, in which Parquet writes all that is no data.
+//! Structures in Thrift's compact protocol, which Parquet uses for all metadata.
 
 const I32: u8 = 5;
 const I64: u8 = 6;
@@ -22,7 +22,7 @@ pub(super) fn varint(mut value: u64, out: &mut Vec<u8>) {
     out.push(value as u8);
 }
 
-/// An integer so that small ones are short, whatever their sign.
+/// Zigzag encoding: small integers of either sign are short.
 fn zigzag(value: i64, out: &mut Vec<u8>) {
     varint((value << 1 ^ value >> 63) as u64, out);
 }
@@ -37,7 +37,7 @@ impl Struct {
         Self::default()
     }
 
-    /// The head of a field: how far its number is from that of the last one, at most 15, and its type.
+    /// Writes the header of a field: its type and the difference of its number to the last field's, at most 15.
     fn field(&mut self, number: u8, kind: u8) {
         self.bytes.push((number - self.last) << 4 | kind);
         self.last = number;
@@ -95,7 +95,7 @@ impl Struct {
         self
     }
 
-    /// Its bytes, with the mark of its end.
+    /// Returns the bytes, with the stop marker.
     pub(super) fn finish(mut self) -> Vec<u8> {
         self.bytes.push(0);
         self.bytes

@@ -15,7 +15,7 @@ pub struct Analysis {
     pub duration_s: f64,
     /// Each topic.
     pub topics: Vec<TopicAnalysis>,
-    /// Each topic of joint commands with the state that its actuator makes of it.
+    /// Each topic of joint commands with the resulting state of its actuator.
     pub tracking: Vec<Tracking>,
     /// Events in the order of their times.
     pub events: Vec<EventLine>,
@@ -30,7 +30,7 @@ pub struct TopicAnalysis {
     pub type_name: String,
     /// Samples in the recording.
     pub samples: u64,
-    /// Samples between the first and the last one that are not in the recording.
+    /// Number of samples missing between the first and the last.
     pub gaps: u64,
     /// Times from the source of a sample to its publication, ns, rising.
     pub latency_ns: Vec<u64>,
@@ -45,7 +45,7 @@ pub struct Tracking {
     pub command: String,
     /// The topic of the states.
     pub state: String,
-    /// Of each joint: root mean square and greatest distance of its position from the commanded one, rad or m.
+    /// Root mean square and maximum deviation of each joint's position from the command, rad or m.
     pub joints: Vec<(f64, f64)>,
 }
 
@@ -62,7 +62,7 @@ pub struct EventLine {
     pub text: String,
 }
 
-/// The value below which this part of rising values lies; 0 without values.
+/// Returns the quantile `part` of sorted values; 0 without values.
 pub fn quantile(rising: &[u64], part: f64) -> u64 {
     let index = (part * rising.len() as f64).ceil() as usize;
     rising.get(index.saturating_sub(1).min(rising.len().saturating_sub(1))).copied().unwrap_or(0)
@@ -78,7 +78,7 @@ struct Sums {
     count: f64,
 }
 
-/// Reads a recording and tells what it holds.
+/// Reads a recording and analyses its content.
 ///
 /// # Errors
 /// A message is damaged.
@@ -135,7 +135,7 @@ pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError
     Ok(analysis)
 }
 
-/// Topics of commands, each with the first topic of states that the component publishes which reads it.
+/// Pairs each topic of commands with the first topic of states published by its reader.
 fn pairs(recording: &Recording, plan: &Plan) -> Vec<Sums> {
     let mut by_command = BTreeMap::new();
     for (index, topic) in plan.topics.iter().enumerate() {
@@ -145,7 +145,7 @@ fn pairs(recording: &Recording, plan: &Plan) -> Vec<Sums> {
         let outputs = topic.readers.iter().flat_map(|reader| {
             let component = &plan.components[*reader];
             let input = component.inputs.iter().find(|input| input.topic == Some(index));
-            // Of several robots: the port with the same name before the dot.
+            // With several robots: the port with the same name before the dot.
             let of = |port: &str| port.split_once('.').map(|(robot, _)| robot.to_string());
             let robot = input.and_then(|input| of(&input.port));
             component.outputs.iter().filter(move |output| of(&output.port) == robot)
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_quantile_is_the_least_value_that_so_many_do_not_exceed() {
+    fn quantile_is_the_smallest_sufficient_value() {
         let values: Vec<u64> = (1..=100).collect();
         assert_eq!((quantile(&values, 0.5), quantile(&values, 0.99), quantile(&values, 1.0)), (50, 99, 100));
         assert_eq!((quantile(&[], 0.5), quantile(&[7], 0.01)), (0, 7));

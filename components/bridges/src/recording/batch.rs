@@ -1,4 +1,4 @@
-//! Messages on their way to the file.
+//! Batches of messages on their way to the file.
 
 use std::collections::VecDeque;
 
@@ -7,12 +7,12 @@ use motorium::state::Stamp;
 
 use super::file::Writer;
 
-/// Messages that were read and not yet written.
+/// Messages that are read but not yet written.
 #[derive(Default)]
 pub(super) struct Batch {
     bytes: Vec<u8>,
     messages: Vec<Message>,
-    /// An error was told in the run meanwhile.
+    /// An error was reported in the run meanwhile.
     pub(super) has_failed: bool,
 }
 
@@ -51,7 +51,7 @@ impl Batch {
 }
 
 impl Batch {
-    /// True if there is nothing to write.
+    /// Returns `true` if there is nothing to write.
     pub(super) fn is_empty(&self) -> bool {
         self.messages.is_empty() && !self.has_failed
     }
@@ -61,7 +61,8 @@ impl Batch {
         self.bytes.len()
     }
 
-    /// Writes its messages in the order of their times, to the file, or into a ring if there is one; it is empty then.
+    /// Writes its messages in the order of their times, to the file, or into a ring if there is one; it is
+    /// empty then.
     pub(super) fn write(
         &mut self,
         writer: &mut Writer,

@@ -8,7 +8,8 @@ use mcap::records::{ChunkHeader, Record, op};
 
 use super::framing::Frame;
 
-/// Longest chunk that is decompressed \[bytes\]. Writers make chunks of a few megabytes; a few kilobytes can expand to gigabytes.
+/// Longest chunk that is decompressed \[bytes\]. Writers make chunks of a few megabytes; a few kilobytes can
+/// expand to gigabytes.
 const LONGEST: usize = 128 << 20;
 /// Names of the compressions that writers use.
 const COMPRESSIONS: [&str; 3] = ["", "lz4", "zstd"];
@@ -18,19 +19,19 @@ const HEAD: usize = 9;
 /// A chunk, decompressed and checked.
 #[derive(Debug, Clone)]
 pub(super) struct Chunk<'a> {
-    /// Times of its first and its last message, as its header states them, ns.
+    /// Times of the first and the last message, as stated by the header, ns.
     pub(super) times: (u64, u64),
     content: Cow<'a, [u8]>,
     position: usize,
     /// Starts of the messages that the index of the chunk lists, in ascending order.
     messages: Vec<usize>,
-    /// Bytes of the chunk differ from those that were written.
+    /// Bytes of the chunk are corrupted.
     pub(super) is_damaged: bool,
     /// The end of the chunk is missing: its writer was interrupted, or the file was cut.
     pub(super) is_open: bool,
     /// Reason for which the chunk cannot be read.
     pub(super) unreadable: Option<String>,
-    /// Bytes that belong to no record.
+    /// Number of bytes that belong to no record.
     pub(super) skipped: u64,
 }
 
@@ -81,7 +82,7 @@ impl<'a> Chunk<'a> {
         (is_known && end <= self.content.len()).then_some(end)
     }
 
-    /// The start of the first listed message behind a place.
+    /// Returns the start of the first listed message after an offset.
     fn next_message(&self, start: usize) -> Option<usize> {
         self.messages.get(self.messages.partition_point(|message| *message <= start)).copied()
     }
@@ -92,7 +93,7 @@ impl<'a> Chunk<'a> {
         let Some(next) = self.next_message(start) else { return Some(end) };
         let mut place = end;
         while place < next {
-            // All messages are listed: between them are definitions.
+            // All messages are listed; definitions are between them.
             place = self.framed(place).filter(|_| self.content[place] != op::MESSAGE)?;
         }
         (place == next).then_some(end)
@@ -129,8 +130,8 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// The header of a chunk, its stored bytes, and whether the lengths in the header add up to the length of the record.
-/// Where they do not, the name of the compression is taken from the lengths with which they would.
+/// Returns the header of a chunk, its stored bytes, and whether the lengths in the header add up to the
+/// length of the record. If not, the name of the compression is derived from the lengths that would add up.
 fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8], bool)> {
     let number = |start: usize| Some(u64::from_le_bytes(*body.get(start..)?.first_chunk()?));
     let short = |start: usize| Some(u32::from_le_bytes(*body.get(start..)?.first_chunk()?));
@@ -157,7 +158,7 @@ fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8], bool)> {
     Some((header, body.get(40 + name..)?, is_consistent))
 }
 
-/// The content of a chunk, and whether it has the stated size.
+/// Returns the content of a chunk, and whether it has the stated size.
 fn decompress<'a>(header: &ChunkHeader, stored: &'a [u8]) -> Result<(Cow<'a, [u8]>, bool), String> {
     let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
     if header.compression.is_empty() {
@@ -168,7 +169,7 @@ fn decompress<'a>(header: &ChunkHeader, stored: &'a [u8]) -> Result<(Cow<'a, [u8
         return Err(format!("a compressed chunk of {size} bytes, expected at most {LONGEST}"));
     }
     let mut content = Vec::new();
-    // One byte more shows that the chunk is longer than stated.
+    // One extra byte detects a chunk longer than stated.
     let limit = size.min(LONGEST) as u64 + 1;
     let read = match header.compression.as_str() {
         "zstd" => match ruzstd::decoding::StreamingDecoder::new(stored) {

@@ -1,8 +1,8 @@
 //! `log.record`: records every sample of chosen topics into an MCAP file.
 //!
-//! In real time a thread reads the topics by taps, on the shared cores and with the least real-time priority, and another one
-//! writes the file at normal priority: the steps of the component do nothing, and the writers of the topics do not know of it. In lockstep, where time waits, the steps record, so that nothing
-//! is lost however fast it passes.
+//! In real time, one thread reads the topics by taps, on the shared cores with the lowest real-time priority.
+//! Another thread writes the file at normal priority. The steps of the component do nothing, and the
+//! publishers are not affected. In lockstep the steps record, so no sample is lost at any speed.
 //!
 //! An error that ends a recording, such as a full disk, does not end the run.
 
@@ -21,10 +21,10 @@ use super::recorder::Recorder;
 use super::settings::Settings;
 use super::threads;
 
-/// Longest time between two looks at the topics. Each look takes the processor from others and the lines of what was published from
-/// the cache of its writer: they are few.
+/// Longest interval between two polls of the topics. Each poll takes processor time from others and cache
+/// lines from the publishers, so polls are infrequent.
 const POLL: Duration = Duration::from_millis(50);
-/// Time between two looks at topics of which nobody knows how soon their memory is full.
+/// Poll interval for topics whose memory fills at an unknown rate.
 const OFTEN: Duration = Duration::from_millis(5);
 
 /// Configuration of `log.record`.
@@ -39,21 +39,21 @@ const OFTEN: Duration = Duration::from_millis(5);
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecordConfig {
-    /// The file, relative to the folder of the graph; one that is there is replaced.
+    /// Path of the file, relative to the folder of the graph; an existing file is replaced.
     pub output: PathBuf,
-    /// Names of the topics, in which `*` stands for any characters. Default all that carry single values.
+    /// Names of the topics; `*` matches any characters. Default: all topics of single values.
     #[serde(default = "all")]
     pub topics: Vec<String>,
-    /// Least time between two messages of a channel for viewers, such as the poses of links; exact channels hold every sample.
-    /// Default 20 ms.
+    /// Least time between two messages of a channel for viewers, such as the poses of links; exact channels
+    /// hold every sample. Default 20 ms.
     #[serde(default = "drawn_every")]
     pub drawn_every: TimeSpan,
-    /// Time for which the graph keeps values of each state, 1 ms to 10 s. The recorder looks four times within it, at least every 50 ms:
-    /// held up for longer than what is left, it loses samples. Default 200 ms.
+    /// Time for which the graph keeps values of each state, 1 ms to 10 s. The recorder polls four times
+    /// within it, at least every 50 ms. A longer delay of the recorder loses samples. Default 200 ms.
     #[serde(default = "bridges")]
     pub bridges: TimeSpan,
-    /// Time before the end of a run that ends badly, by an error, which is kept in memory and written then; after a good run no
-    /// file is left. Default none: the whole run is written.
+    /// Length of the period before a failure that is kept in memory and written when the run ends with an
+    /// error. After a successful run no file is left. Default none: the whole run is written.
     #[serde(default)]
     pub last: Option<TimeSpan>,
     /// Files to attach to the recording. Default none.
@@ -144,7 +144,7 @@ impl Component for Record {
         let (reading, writing) = threads::link();
         let told = outcome.clone();
         setup.helper("recorder", move |stop| {
-            // The taps belong to the thread that opens them.
+            // Taps belong to the thread that opens them.
             match Recorder::open(observer, settings) {
                 Ok((recorder, file)) => {
                     let (readers, sink) = recorder.split();
@@ -158,7 +158,7 @@ impl Component for Record {
             receiver.recv().map_err(|_| ConfigureError::failed("its recorder ended before it began"))?;
         let (sink, file) = opened.map_err(ConfigureError::failed)?;
         let told = outcome.clone();
-        // It ends when the other one has, whatever is left to write.
+        // The writer ends after the reader, when everything is written.
         setup.helper("writer", move |_| threads::write(sink, &writing, &told))?;
         setup.helper("sync", move |stop| threads::sync(&file, stop))?;
         Ok(Self { output, recorder: None, outcome })
@@ -170,7 +170,7 @@ impl Component for Record {
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
-        // What the episode before has published is still there.
+        // The samples of the previous episode are still available.
         self.drain();
         Ok(())
     }
@@ -210,7 +210,7 @@ impl Record {
     }
 }
 
-/// The shortest time after which a topic overwrites what it has published.
+/// Returns the shortest time after which a topic overwrites its values.
 fn bridged(plan: &Plan, taps: &Taps) -> Option<Duration> {
     let of_topics = plan.topics.iter().filter(|topic| taps.includes(&topic.name)).map(|topic| {
         let values = match topic.pattern {
@@ -222,7 +222,8 @@ fn bridged(plan: &Plan, taps: &Taps) -> Option<Duration> {
     of_topics.min()
 }
 
-/// Time between two looks: four before a value is overwritten, and four within the time that the recorder may be held up.
+/// Poll interval: four polls before a value is overwritten, and four within the permitted delay of the
+/// recorder.
 fn poll(bridged: Option<Duration>, bridges: Duration) -> Duration {
     let often = OFTEN.min(bridges / 4);
     (bridged.unwrap_or(bridges).min(bridges) / 4).clamp(often, POLL.max(often))
@@ -233,7 +234,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn topics_are_looked_at_four_times_before_a_value_is_overwritten_and_no_oftener_than_that() {
+    fn topics_are_polled_four_times_before_overwriting() {
         let looks = |bridged: u64, bridges: u64| {
             poll(Some(Duration::from_millis(bridged)), Duration::from_millis(bridges)).as_micros()
         };

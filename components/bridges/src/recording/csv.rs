@@ -18,9 +18,9 @@ pub enum TableError {
     Write(#[from] io::Error),
 }
 
-/// Writes a topic as a table of comma-separated values: a row for each sample with its time since 1970 or since the start of a
-/// run in lockstep, its stamp, and a column for each number. Of an array with a count there are as many columns as its
-/// first sample has entries in use. Numbers are written so that they are read back to the last bit.
+/// Writes a topic as a table of comma-separated values: one row per sample with its time (since 1970, or
+/// since the start of a lockstep run), its stamp, and one column per number. A counted array has one column
+/// per entry in use in the first sample. Numbers can be read back bit for bit.
 ///
 /// # Errors
 /// The recording cannot be read, or the table cannot be written.

@@ -1,5 +1,5 @@
-//! Joint commands before the first that was recorded and behind the last: a robot is brought to the start pose, and to rest,
-//! within limits of its joints.
+//! Joint commands before the first that was recorded and behind the last: a robot is brought to the start
+//! pose, and to rest, within limits of its joints.
 
 use motorium::declare::RobotReference;
 use motorium::state::{JointCommand, JointState, StateBuffer as _, from_bytes};
@@ -7,9 +7,11 @@ use motorium::units::TimeSpan;
 
 use crate::foxglove::load_robot;
 
-/// Share of the velocity and acceleration limits of a joint that is used: that of the way out of a safe state.
+/// Fraction of a joint's velocity and acceleration limits that is used, the same as on recovery from a safe
+/// state.
 const SHARE: f64 = 0.5;
-/// Time in which a joint reaches its velocity limit where nothing says how fast it may accelerate, s: as in its command gate.
+/// Time to reach the velocity limit for a joint without an acceleration limit, s; the same as in its command
+/// gate.
 const TO_SPEED: f64 = 0.2;
 /// Largest velocity and acceleration of the quintic of least jerk, for a distance of 1 in a time of 1.
 const QUINTIC: [f64; 2] = [1.875, 5.773_502_691_896_258];
@@ -27,7 +29,7 @@ pub(super) struct Rates {
 /// The error of leading a robot to a recording, or out of it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum EaseError {
-    /// Its files cannot be read any more.
+    /// The robot's files can no longer be read.
     #[error("the limits of robot `{robot}` are not known: {reason}")]
     Robot { robot: String, reason: String },
     /// A command without stiffness.
@@ -39,7 +41,7 @@ pub(super) enum EaseError {
     /// The measured joint states are of another robot.
     #[error("{measured} joints are measured, and the recorded commands are of {commanded}")]
     Joints { measured: usize, commanded: usize },
-    /// The start pose is too far away for the time.
+    /// The start pose is too far away for the available time.
     #[error(
         "joint `{joint}` is {distance:.3} from the first recorded command, which takes {needed} within half of its limits \
          ({velocity:.3} and {acceleration:.3} per second), and {given} are left: give it that by `--ease-in`"
@@ -69,7 +71,7 @@ pub(super) fn rates(robot: &RobotReference) -> Result<Vec<Rates>, EaseError> {
     Ok(model.joint_names().iter().enumerate().map(of_joint).collect())
 }
 
-/// A command, and the time at which it is due, ns.
+/// A command and its due time, ns.
 type Due = (JointCommand, u64);
 
 /// The first and the last command of an episode.
@@ -78,14 +80,14 @@ struct Ends {
     last: Due,
     /// Both as they were recorded.
     bytes: [Vec<u8>; 2],
-    /// Time in which the robot comes to rest, s.
+    /// Time for coming to rest, s.
     ramp: f64,
 }
 
-/// The commands that a robot follows while nothing of the recording is due.
+/// Commands outside the recording: approach to its start and deceleration after its end.
 pub(super) struct Ease {
     rates: Vec<Rates>,
-    /// Of each episode; `None` of one without a command.
+    /// First and last command of each episode; `None` for an episode without commands.
     episodes: Vec<Option<Ends>>,
     episode: usize,
     /// The positions that were measured at the beginning of the episode, and the time, ns.
@@ -98,7 +100,7 @@ pub(super) struct Ease {
 }
 
 impl Ease {
-    /// Of joints with these limits; `None` if the commands are none of joints.
+    /// Creates the commands for joints with these limits; `None` if the commands are not for joints.
     pub(super) fn new(rates: Vec<Rates>) -> Option<Self> {
         let layout = JointCommand::layout();
         let offset =
@@ -108,8 +110,7 @@ impl Ease {
         Some(Self { rates, episodes: Vec::new(), episode: 0, start: None, offsets, bytes, made: 0 })
     }
 
-    /// Adds an episode: its first and its last command with the times at which they are due, ns, and the time within which the
-    /// robot comes to rest.
+    /// Adds an episode: first and last command with their due times, ns, and the time for coming to rest.
     pub(super) fn push(
         &mut self,
         ends: Option<[(&[u8], u64); 2]>,
@@ -155,17 +156,17 @@ impl Ease {
         self.start = None;
     }
 
-    /// True as long as no joint state was measured from which to go.
+    /// Returns `true` until a joint state has been measured as the start.
     pub(super) fn needs_start(&self) -> bool {
         self.start.is_none()
     }
 
-    /// True at a time before the first command and behind the last.
+    /// Returns `true` before the first command and after the last.
     pub(super) fn is_due(&self, time_ns: u64) -> bool {
         self.ends().is_some_and(|ends| time_ns < ends.first.1 || time_ns > ends.last.1)
     }
 
-    /// Takes the joint state from which to go, measured at a time, ns.
+    /// Sets the measured joint state to start from, and its time, ns.
     pub(super) fn begin(&mut self, measured: &[u8], time_ns: u64) -> Result<(), EaseError> {
         let (Some(start), Some(ends)) = (from_bytes::<JointState>(measured), self.ends()) else {
             return Ok(());
@@ -190,8 +191,9 @@ impl Ease {
         Ok(())
     }
 
-    /// The command at a time at which the recording has none: before its first one on the quintic of least jerk from the measured
-    /// pose, behind its last one with a velocity that falls to zero. `None` while the pose is not known.
+    /// Returns the command at a time outside the recording. Before the first command it follows a
+    /// minimum-jerk quintic from the measured pose; after the last one the velocity falls to zero. `None`
+    /// while the pose is unknown.
     pub(super) fn command(&mut self, time_ns: u64) -> Option<&[u8]> {
         let Self { episodes, episode, start, offsets, bytes, .. } = self;
         let Ends { first, last, bytes: ends, ramp } = episodes.get(*episode)?.as_ref()?;
@@ -241,7 +243,7 @@ fn quintic(part: f64) -> (f64, f64) {
     (t.powi(3) * (10.0 + t * (6.0 * t - 15.0)), 30.0 * (t * (1.0 - t)).powi(2))
 }
 
-/// The way that is left behind and the velocity, when it falls to zero evenly within a time.
+/// Returns the distance covered and the velocity while decelerating uniformly to zero within a time.
 fn coast(velocity: f64, passed: f64, within: f64) -> (f64, f64) {
     if within <= 0.0 {
         return (0.0, 0.0);

@@ -4,7 +4,7 @@ use super::*;
 
 const MS: u64 = 1_000_000;
 
-/// Two joints: 1 rad/s and 4 rad/s^2 each are used, half of their limits.
+/// Two joints; 1 rad/s and 4 rad/s^2 are used, half of their limits.
 fn limits() -> Vec<Rates> {
     ["shoulder", "elbow"].map(|name| Rates { name: name.into(), velocity: 2.0, acceleration: 8.0 }).to_vec()
 }
@@ -33,7 +33,7 @@ fn command(ease: &mut Ease, time_ns: u64) -> JointCommand {
 }
 
 #[test]
-fn a_robot_goes_from_its_measured_pose_to_the_first_command_with_least_jerk() {
+fn approach_is_minimum_jerk_from_the_measured_pose() {
     let mut ease = eased(50.0, 2100, 500).unwrap();
     assert!(ease.needs_start() && ease.command(0).is_none(), "nothing is commanded before it was measured");
     ease.begin(&measured(), 100 * MS).unwrap();
@@ -42,7 +42,7 @@ fn a_robot_goes_from_its_measured_pose_to_the_first_command_with_least_jerk() {
         (begin.position(), begin.velocity(), begin.effort()[0]),
         (&[0.2, -0.5][..], &[0.0, 0.0][..], 0.0)
     );
-    // Half of the way at half of the time, at 15/8 of the mean speed, as Flash and Hogan (1985) have it.
+    // Half of the distance at half of the time, at 15/8 of the mean speed (Flash and Hogan 1985).
     let middle = command(&mut ease, 1100 * MS);
     assert!((middle.position()[0] - 0.6).abs() < 1e-12, "{:?}", middle.position());
     assert!((middle.velocity()[0] - 1.875 * 0.8 / 2.0).abs() < 1e-12, "{:?}", middle.velocity());
@@ -53,7 +53,7 @@ fn a_robot_goes_from_its_measured_pose_to_the_first_command_with_least_jerk() {
 }
 
 #[test]
-fn the_way_to_the_start_keeps_half_of_the_limits_or_is_not_taken() {
+fn approach_beyond_half_of_the_limits_is_rejected() {
     // 0.8 rad at no more than 1 rad/s takes 15/8 * 0.8 s = 1.5 s: the velocity decides.
     let mut ease = eased(50.0, 1500, 500).unwrap();
     ease.begin(&measured(), 0).unwrap();
@@ -77,14 +77,14 @@ fn the_way_to_the_start_keeps_half_of_the_limits_or_is_not_taken() {
 }
 
 #[test]
-fn behind_the_last_command_the_velocity_falls_evenly_to_zero_and_the_pose_is_held() {
+fn velocity_ramps_down_after_the_last_command() {
     let mut ease = eased(50.0, 2000, 500).unwrap();
     assert!(ease.is_due(5000 * MS + 1) && !ease.is_due(5000 * MS) && !ease.is_due(2000 * MS));
     ease.begin(&measured(), 0).unwrap();
-    // From 0.8 rad/s at 4 rad/s^2: within 0.2 s, and all joints together.
+    // From 0.8 rad/s at 4 rad/s^2: within 0.2 s, all joints together.
     let half = command(&mut ease, 5100 * MS);
     assert!((half.velocity()[0] - 0.4).abs() < 1e-12 && (half.velocity()[1] + 0.2).abs() < 1e-12);
-    // With an even deceleration: v t / 2 in all, three quarters of it in the first half.
+    // Uniform deceleration covers v t / 2 in total, three quarters of it in the first half.
     assert!((half.position()[0] - (2.0 + 0.75 * 0.5 * 0.8 * 0.2)).abs() < 1e-12);
     for time_ms in [5200, 9000] {
         let rest = command(&mut ease, time_ms * MS);
@@ -101,7 +101,7 @@ fn commands_of_effort_alone_bring_a_robot_nowhere() {
 }
 
 #[test]
-fn each_episode_is_led_to_its_own_first_command() {
+fn each_episode_is_approached_separately() {
     let mut ease = eased(50.0, 2000, 500).unwrap();
     ease.push(None, TimeSpan { ns: 0 }).unwrap();
     ease.begin(&measured(), 0).unwrap();
@@ -112,7 +112,7 @@ fn each_episode_is_led_to_its_own_first_command() {
 }
 
 #[test]
-fn a_catalogue_arm_has_the_limits_of_its_profile() {
+fn catalogue_arm_has_the_limits_of_its_profile() {
     let panda = RobotReference { name: "panda".into(), urdf: "panda".into(), ..RobotReference::default() };
     let limits = rates(&panda).unwrap();
     assert_eq!((&*limits[1].name, limits[1].velocity, limits[1].acceleration), ("panda_joint2", 2.175, 7.5));

@@ -1,4 +1,4 @@
-//! The samples and pictures of a recording, one after the other.
+//! Samples and images of a recording, in order.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -17,11 +17,11 @@ use crate::foxglove::DerivedError;
 pub struct RecordedSample {
     /// Index of its topic among [`Recording::topics`].
     pub topic: usize,
-    /// Time in the file, ns: since 1970, or since the start of a run in lockstep.
+    /// Time in the file, ns: since 1970, or since the start of a lockstep run.
     pub time_ns: u64,
     /// Its stamp.
     pub stamp: Stamp,
-    /// Its bytes, in the layout of its topic.
+    /// Bytes in the layout of the topic.
     pub bytes: Vec<u8>,
 }
 
@@ -32,7 +32,7 @@ pub struct RecordedPicture {
     pub pictures: usize,
     /// Time in the file, as of a sample, ns.
     pub time_ns: u64,
-    /// The message that stands in the file, a `foxglove.RawImage`.
+    /// The stored message, a `foxglove.RawImage`.
     pub message: Vec<u8>,
 }
 
@@ -78,23 +78,24 @@ impl Entry {
 }
 
 impl Recording {
-    /// All samples in the order of the file, which is almost that of their times. Of a torn file those before the damage.
+    /// Returns all samples in file order, which is nearly time order. A damaged file gives the samples before
+    /// the damage.
     pub fn samples(&self) -> Samples<'_> {
         Samples::new(self)
     }
 
-    /// All pictures in the order of the file. Samples are passed over without being decoded.
+    /// Returns all images in file order. Samples are skipped without decoding.
     pub fn images(&self) -> Images<'_> {
         Images::new(self)
     }
 
-    /// All samples and pictures in the order of the file.
+    /// Returns all samples and images in file order.
     pub fn entries(&self) -> Entries<'_> {
         Entries::new(self)
     }
 
-    /// The newest sample of each topic and the newest picture of each camera at a time, and those that come after it, in the
-    /// order of the file. What lies before is passed over without being decoded.
+    /// Returns the newest sample of each topic and the newest image of each camera at a time, and the
+    /// following entries in file order. Earlier entries are skipped without decoding.
     ///
     /// # Errors
     /// A message is damaged.
@@ -105,14 +106,14 @@ impl Recording {
     }
 }
 
-/// A message as it stands in the file.
+/// A stored message of the file.
 struct Message<'r> {
     source: Source,
     time_ns: u64,
     data: Cow<'r, [u8]>,
 }
 
-/// The messages of a recording, one after the other.
+/// Messages of a recording, in order.
 struct Messages<'r> {
     recording: &'r Recording,
     records: Records<'r>,
@@ -154,7 +155,7 @@ impl<'r> Messages<'r> {
     }
 }
 
-/// The samples of a recording, one after the other.
+/// Samples of a recording, in order.
 pub struct Samples<'r>(Messages<'r>);
 
 impl<'r> Samples<'r> {
@@ -176,7 +177,7 @@ impl Iterator for Samples<'_> {
     }
 }
 
-/// The pictures of a recording, one after the other.
+/// Images of a recording, in order.
 pub struct Images<'r>(Messages<'r>);
 
 impl<'r> Images<'r> {
@@ -198,10 +199,10 @@ impl Iterator for Images<'_> {
     }
 }
 
-/// The samples and pictures of a recording, one after the other.
+/// Samples and images of a recording, in order.
 pub struct Entries<'r> {
     messages: Messages<'r>,
-    /// A message that was looked at already.
+    /// A message that was already read ahead.
     next: Option<Message<'r>>,
 }
 
@@ -210,7 +211,7 @@ impl<'r> Entries<'r> {
         Self { messages: Messages::new(recording), next: None }
     }
 
-    /// Passes over what lies before a time; the newest of each topic and of each camera in it.
+    /// Skips the entries before a time and returns the newest one of each topic and camera among them.
     pub(super) fn pass(&mut self, time_ns: u64) -> Result<Vec<Entry>, ReadError> {
         let mut newest: BTreeMap<Source, Message<'r>> = BTreeMap::new();
         while let Some(message) = self.next.take().or_else(|| self.messages.next()) {

@@ -12,9 +12,9 @@ use mcap::{Attachment, McapError, WriteOptions};
 
 use crate::foxglove::Schema;
 
-/// Longest time that a message may wait to be handed to the system.
+/// Longest time before a message is handed to the system.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
-/// Bytes after which a chunk is written.
+/// Size at which a chunk is written, bytes.
 const CHUNK: u64 = 1 << 20;
 
 /// A recording that is being written: chunks of a megabyte, or of half a second if they fill more slowly.
@@ -24,7 +24,7 @@ pub(super) struct Writer {
     bytes: u64,
 }
 
-/// The error of the system behind one of the writer, or its own words.
+/// Returns the system error behind a writer's error, or the writer's own message.
 pub(super) fn reason(error: &McapError) -> String {
     match error {
         McapError::Io(error) => error.to_string(),
@@ -33,7 +33,7 @@ pub(super) fn reason(error: &McapError) -> String {
 }
 
 impl Writer {
-    /// Begins a file; one that is there is replaced.
+    /// Creates a file; an existing one is replaced.
     pub(super) fn create(path: &Path) -> Result<(Self, File), McapError> {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder)?;
@@ -100,7 +100,7 @@ impl Writer {
         self.mcap.write_metadata(&Metadata { name: name.to_string(), metadata: values })
     }
 
-    /// Hands what was added to the system, if the last time was half a second ago.
+    /// Flushes to the system if the last flush was at least half a second ago.
     pub(super) fn flush_if_due(&mut self) -> Result<(), McapError> {
         if self.flushed.elapsed() < FLUSH_EVERY {
             return Ok(());
@@ -108,7 +108,7 @@ impl Writer {
         self.flush()
     }
 
-    /// Hands what was added to the system.
+    /// Flushes to the system.
     pub(super) fn flush(&mut self) -> Result<(), McapError> {
         self.flushed = Instant::now();
         self.mcap.flush()

@@ -1,7 +1,8 @@
-//! Records at the top level of an MCAP file, found in spite of damaged lengths.
+//! Top-level records of an MCAP file, found despite damaged lengths.
 //!
-//! A damaged length would otherwise hide everything behind it. The framing continues at the next chunk: one that the index at
-//! the end of the file lists, or, without an index, the next bytes whose lengths agree as those of a chunk do.
+//! A damaged length would otherwise hide everything after it. The framing continues at the next chunk listed
+//! in the index at the end of the file or, without an index, at the next bytes whose lengths are consistent
+//! with a chunk.
 
 use mcap::MAGIC;
 use mcap::read::parse_record;
@@ -23,7 +24,8 @@ pub(super) struct Frame<'a> {
     pub(super) end: usize,
     /// The file ends with the record.
     pub(super) is_last: bool,
-    /// The length of the record is damaged or was never written; the content ends where the next record or the file does.
+    /// The length of the record is damaged or was never written; the content ends where the next record or
+    /// the file does.
     pub(super) is_cut: bool,
 }
 
@@ -34,14 +36,14 @@ pub(super) struct Frames<'a> {
     position: usize,
     /// Starts of the chunks that the index lists, in ascending order.
     chunks: &'a [usize],
-    /// Bytes that belong to no record.
+    /// Number of bytes that belong to no record.
     pub(super) skipped: u64,
     /// The footer was reached.
     pub(super) has_footer: bool,
 }
 
 impl<'a> Frames<'a> {
-    /// The records of a file whose index, if there is one, lists these chunks.
+    /// Creates an iterator over the records of a file; `chunks` lists the chunks of its index, if any.
     pub(super) fn new(file: &'a [u8], chunks: &'a [usize]) -> Self {
         Self { file, position: MAGIC.len().min(file.len()), chunks, skipped: 0, has_footer: false }
     }
@@ -80,7 +82,7 @@ impl<'a> Frames<'a> {
         if let Some(chunk) = self.chunks.get(next) {
             return Some(*chunk);
         }
-        // Two records in a row, or the end of the file: bytes of a message rarely look like that.
+        // Two consecutive records, or the end of the file; bytes of a message rarely match this.
         let is_next = |start: &usize| {
             if is_open_chunk(self.file, *start) {
                 return true;
@@ -139,7 +141,8 @@ fn head(file: &[u8], start: usize) -> Option<(u8, usize)> {
     is_known.then(|| (kind, usize::try_from(length).unwrap_or(usize::MAX)))
 }
 
-/// Length of a chunk as its header states it; `usize::MAX` if it was never written, `None` if the header is not one of a chunk.
+/// Returns the length of a chunk as stated by its header; `usize::MAX` if it was never written, `None` if the
+/// header is not a chunk's.
 fn chunk_length(body: &[u8]) -> Option<usize> {
     let name = u32::from_le_bytes(*body.get(28..)?.first_chunk()?) as usize;
     if name > 16 {
@@ -150,12 +153,12 @@ fn chunk_length(body: &[u8]) -> Option<usize> {
     name_is_text.then(|| usize::try_from(stored).unwrap_or(usize::MAX).saturating_add(CHUNK_HEADER + name))
 }
 
-/// A chunk that its writer has begun and not ended: its lengths have placeholders.
+/// Returns `true` for an unfinished chunk, whose lengths are placeholders.
 fn is_open_chunk(file: &[u8], start: usize) -> bool {
     head(file, start).is_some_and(|(kind, length)| kind == op::CHUNK && length == usize::MAX)
 }
 
-/// The end of a file: definitions, counts and index, as far as they are there and undamaged.
+/// The end of a file: definitions, counts and index, as far as they exist and are undamaged.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     /// Schemas and channels, as records.
@@ -165,7 +168,7 @@ pub(super) struct Summary {
     pub(super) chunks: Vec<usize>,
     /// The footer is there.
     pub(super) has_footer: bool,
-    /// Bytes of the summary differ from those that were written.
+    /// Bytes of the summary are corrupted.
     pub(super) is_damaged: bool,
 }
 

@@ -1,4 +1,5 @@
-//! The beginning of a file: facts of the run, its plan, machine and graph, the descriptions of its robots, and its world.
+//! The beginning of a file: facts of the run, its plan, machine and graph, the descriptions of its robots,
+//! and its world.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +11,7 @@ use super::settings::{Settings, unix_ns};
 use super::{PLAN, RUN, machine};
 use crate::foxglove::{WORLD_SCENE, descriptions, world_scene};
 
-/// Writes it; its times are those of the start.
+/// Writes the head; its times are the start of the run.
 pub(super) fn head(
     writer: &mut Writer,
     plan: &Plan,

@@ -1,18 +1,19 @@
-//! Recordings: MCAP files of every sample of a run, written by `log.record`, read by the tools of the command.
+//! Recordings: MCAP files of every sample of a run, written by `log.record` and read by the command-line
+//! tools.
 //!
-//! A file holds the channels of [`foxglove`](crate::foxglove) for each topic, and beside them:
+//! A file contains the channels of [`foxglove`](crate::foxglove) for each topic, and in addition:
 //!
 //! | name | holds |
 //! |---|---|
 //! | channel `/log` | the events of the run, `foxglove.Log` |
 //! | channel `motorium/events` | the same with their kinds, severities and values, `motorium.v1.Event` |
 //! | channel `/robot_description` | the robot's URDF, once |
-//! | attachments `plan.json`, the graph file, `machine.json`, `ROBOT.urdf` | what the run was, and on what machine |
+//! | attachments `plan.json`, the graph file, `machine.json`, `ROBOT.urdf` | description of the run and the machine |
 //! | metadata `motorium` | version, graph, clock, seed, time of the start |
 //! | metadata `recording`, at the end | samples and losses of each topic |
 //!
-//! Times of messages are those of the publications: since 1970 for a run in real time, since the start of the run in lockstep,
-//! where each episode follows on the one before.
+//! Message times are publication times: since 1970 for a real-time run, since the start of the run in
+//! lockstep, with consecutive episodes.
 
 mod analysis;
 mod batch;
@@ -68,13 +69,14 @@ pub use verify::{Difference, Verification, VerifyError, What, verify};
 const RUN: &str = "motorium";
 /// Name of the metadata record with the counts of the recording.
 const COUNTS: &str = "recording";
-/// Key of that record in a recording of the last moments of a run: their longest time in ns. Its counts are of the whole run.
+/// Key of that record in a recording of the last moments of a run: their longest time in ns. Its counts are
+/// of the whole run.
 const KEPT: &str = "kept ns";
 /// Name of the metadata record with the losses of a recording that was recovered.
 const RECOVERED: &str = "recovered";
 /// Name of the attachment with the plan.
 const PLAN: &str = "plan.json";
-/// Key of the metadata of a channel: the topic that it is made of.
+/// Metadata key of a channel: the topic from which it is derived.
 const TOPIC: &str = "topic";
 /// Key of the metadata of an exact channel: the layout of its type, as JSON.
 const LAYOUT: &str = "layout";

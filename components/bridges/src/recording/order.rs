@@ -5,13 +5,13 @@ use std::collections::BinaryHeap;
 
 use super::{ReadError, RecordedSample, Recording, Samples};
 
-/// The samples of a recording in the order of their times, those of one time in that of the file. Only as many are in memory as the
-/// file has out of order.
+/// Samples of a recording in time order; samples with equal times are in file order. Memory is proportional
+/// to the disorder of the file.
 pub struct InOrder<'r> {
     samples: Samples<'r>,
-    /// Samples that others may come before.
+    /// Samples that may still be preceded by others.
     waiting: BinaryHeap<Reverse<Waiting>>,
-    /// Longest time by which a sample of the file lies before one that stands before it, ns.
+    /// Longest time by which a message precedes an earlier one in the file, ns.
     disorder_ns: u64,
     /// Latest time so far, ns.
     latest_ns: u64,
@@ -50,7 +50,7 @@ impl Ord for Waiting {
 }
 
 impl Recording {
-    /// All samples in the order of their times.
+    /// Returns all samples in time order.
     ///
     /// ```no_run
     /// use motorium_bridges::recording::Recording;
@@ -72,7 +72,7 @@ impl Recording {
         }
     }
 
-    /// The same, all at once.
+    /// Returns all samples in time order as a list.
     ///
     /// # Errors
     /// A message is damaged.
@@ -117,7 +117,7 @@ mod tests {
     use crate::foxglove::Derived;
 
     #[test]
-    fn samples_come_in_the_order_of_their_times_and_those_of_one_time_in_that_of_the_file() {
+    fn samples_are_sorted_by_time_stably() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.mcap");
         let (mut writer, _) = Writer::create(&file).unwrap();

@@ -1,4 +1,4 @@
-//! What has come of a recording so far.
+//! Progress and outcome of a recording.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -8,13 +8,13 @@ use super::settings::{Counts, RecordError};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Outcome {
     pub(super) counts: Counts,
-    /// Processor time of the threads that read and write, ns; none in lockstep.
+    /// Processor time of the reading and the writing thread, ns; `None` in lockstep.
     pub(super) cpu_ns: [Option<u64>; 2],
-    /// The reason for which it ended before the run.
+    /// Reason why the recording ended before the run.
     pub(super) ended: Option<String>,
 }
 
-/// Notes what has come of a recording, and tells if it ended before the run.
+/// Updates the outcome of a recording, and reports if it ended before the run.
 pub(super) fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, RecordError>) {
     let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(counts) = counts {

@@ -84,12 +84,13 @@ fn told(error: &McapError) -> String {
     }
 }
 
-/// The reason why a file of this many bytes, which ends before its first message, is refused.
+/// Returns the reason for rejecting a file of this many bytes that ends before its first message.
 pub(super) fn cut_off(bytes: usize) -> String {
     format!("it is cut off after {bytes} bytes, before anything was recorded")
 }
 
-/// The error of reading a recording. Its words hold those of its reason, which is therefore not its source as well.
+/// An error of reading a recording. The message includes its cause, which is therefore not exposed as
+/// `source`.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be read.
@@ -118,12 +119,12 @@ pub enum ReadError {
         /// The error.
         reason: Box<DerivedError>,
     },
-    /// The recording does not hold what was asked for.
+    /// The recording lacks the requested part.
     #[error("{path}: {reason}", path = .path.display())]
     Missing {
         /// The file.
         path: PathBuf,
-        /// The part that is missing, and what there is.
+        /// The missing part, and the available ones.
         reason: String,
     },
     /// The file is no recording of motorium.
@@ -137,10 +138,10 @@ pub enum ReadError {
 }
 
 impl Recording {
-    /// Opens a recording, torn or whole, and reads what it holds but the samples.
+    /// Opens a complete or truncated recording and reads everything except the samples.
     ///
     /// # Errors
-    /// The file cannot be read, or is no recording.
+    /// The file cannot be read, or is not a recording.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let map = map_file(path)?;
         let foreign = |reason: String| ReadError::Foreign { path: path.to_path_buf(), reason };
@@ -160,7 +161,7 @@ impl Recording {
         self.scan.of_channel.get(&channel).copied()
     }
 
-    /// Longest time by which a message lies before one that stands before it in the file, ns.
+    /// Longest time by which a message precedes an earlier one in the file, ns.
     pub(super) fn disorder_ns(&self) -> u64 {
         self.scan.disorder_ns
     }
@@ -170,13 +171,12 @@ impl Recording {
         self.scan.is_whole
     }
 
-    /// Messages that the file states and does not hold.
+    /// Number of messages stated by the file but missing from it.
     pub fn missing(&self) -> u64 {
         self.scan.missing
     }
 
-    /// Faults of the file in spite of which it can be read: its end is missing, messages are missing, or bytes of it are not those
-    /// that were written.
+    /// Returns the faults of a readable file: a missing end, missing messages, or corrupted bytes.
     pub fn faults(&self) -> Vec<String> {
         let Scan { is_whole, damage, missing, times, metadata, .. } = &self.scan;
         let mut faults = Vec::new();
@@ -209,7 +209,8 @@ impl Recording {
         faults
     }
 
-    /// Times of the first and the last sample, as [`RecordedSample::time_ns`](super::RecordedSample::time_ns); `None` if there is no sample.
+    /// Times of the first and the last sample, as
+    /// [`RecordedSample::time_ns`](super::RecordedSample::time_ns); `None` without samples.
     pub fn times(&self) -> Option<(u64, u64)> {
         self.scan.times
     }
@@ -224,8 +225,8 @@ impl Recording {
         &self.scan.topics
     }
 
-    /// The pictures of cameras that were recorded. They have no place among the [topics](Self::topics): their channels hold
-    /// messages for viewers alone.
+    /// Recorded camera images. They are not among the [topics](Self::topics), because their channels contain
+    /// viewer messages only.
     pub fn pictures(&self) -> &[RecordedPictures] {
         &self.scan.pictures
     }
@@ -240,7 +241,8 @@ impl Recording {
         self.scan.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
     }
 
-    /// The last message of a channel that belongs to no topic, such as [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
+    /// Last message of a channel that belongs to no topic, such as
+    /// [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
     pub fn latched(&self, channel: &str) -> Option<&[u8]> {
         self.scan.latched.get(channel).map(Vec::as_slice)
     }
@@ -255,15 +257,15 @@ impl Recording {
         self.scan.metadata.get(RUN)?.get(name).map(String::as_str)
     }
 
-    /// The samples of a topic that were lost, where the recording has its end.
+    /// Number of lost samples of a topic, if the recording is complete.
     pub fn lost(&self, topic: &str) -> Option<u64> {
         self.scan.metadata.get(COUNTS)?.get(&format!("lost {topic}"))?.parse().ok()
     }
 
-    /// The plan of the run.
+    /// Returns the plan of the run.
     ///
     /// # Errors
-    /// The file holds none that this version reads.
+    /// The file has no plan that this version can read.
     pub fn plan(&self) -> Result<Plan, ReadError> {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
         let missing = || match (self.scan.is_whole, self.fact("version")) {
@@ -278,7 +280,7 @@ impl Recording {
 /// Maps an MCAP file into memory.
 pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
     let io = |reason| ReadError::Io { path: path.to_path_buf(), reason };
-    // Looked up before it is opened: opening a pipe waits for its other end.
+    // Check the metadata before opening: opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path).map_err(io)?;
     if !metadata.is_file() {
         let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
@@ -288,7 +290,8 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
         return Err(ReadError::Missing { path: path.to_path_buf(), reason: "it is empty".to_string() });
     }
     let file = File::open(path).map_err(io)?;
-    // SAFETY: recordings are written once. One that is cut while it is mapped ends the program, and damages nothing else.
+    // SAFETY: recordings are written once. Truncating a mapped file ends the program but damages nothing
+    // else.
     let map = unsafe { Mmap::map(&file) }.map_err(io)?;
     if !map.starts_with(MAGIC) {
         let reason = Box::new(McapError::BadMagic);
@@ -297,7 +300,7 @@ pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
     Ok(map)
 }
 
-/// Faults of the chunks of these times, whose file begins at `begin` \[ns\].
+/// Returns the faults of chunks with these times, for a file that starts at `begin` \[ns\].
 fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     let (from, to) = (chunks.iter().map(|(from, _)| from).min()?, chunks.iter().map(|(_, to)| to).max()?);
     let since = |time: &u64| time.saturating_sub(begin) as f64 * 1e-9;
@@ -310,7 +313,7 @@ fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
     ))
 }
 
-/// Reason for which a file with channels of another program is not a recording.
+/// Returns the reason why a file written by another program is not a recording.
 fn other_writer(scan: &Scan) -> Option<String> {
     const SHOWN: usize = 5;
     let (profile, library) = &scan.writer;

@@ -25,7 +25,8 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Opens the file and all taps. Gives the file once more, so that another thread can bring it to the disk.
+    /// Opens the file and all taps. Also returns a second handle of the file, with which another thread syncs
+    /// it to disk.
     pub(super) fn open(observer: Observer, settings: Settings) -> Result<(Self, File), RecordError> {
         let path = settings.output.clone();
         let of_file = |source| RecordError::File { path: path.clone(), source };
@@ -46,13 +47,13 @@ impl Recorder {
                 Ok::<_, RecordError>(Recorded { id, channel, due_ns: 0 })
             });
             let channels = channels.collect::<Result<Vec<_>, _>>()?;
-            // of slices that nobody can draw
+            // slices without a drawing have no channel
             if !channels.is_empty() {
                 chosen.push((index, channels));
             }
         }
         writer.flush().map_err(of_file)?;
-        // From here on nothing waits for the file: what is published is read.
+        // From here on, reading does not wait for the file: every published value is read.
         let opened = chosen.into_iter().map(|(index, channels)| {
             Ok::<_, RecordError>(Topic { index, tap: observer.tap(index)?, channels, samples: 0 })
         });
@@ -63,12 +64,12 @@ impl Recorder {
         Ok((Self { readers, sink, batch: Batch::default() }, file))
     }
 
-    /// Its two halves, for a thread each.
+    /// Splits into two halves for separate threads.
     pub(super) fn split(self) -> (Readers, Sink) {
         (self.readers, self.sink)
     }
 
-    /// Writes what was published since the last call.
+    /// Writes the values published since the last call.
     pub(super) fn drain(&mut self) -> Result<(), RecordError> {
         self.readers.read(&mut self.batch);
         self.sink.write(&mut self.batch)
@@ -79,7 +80,8 @@ impl Recorder {
         Counts { bytes: self.sink.bytes(), ..self.readers.counts() }
     }
 
-    /// Writes what is left, and ends the file. One that was to keep the end of a bad run is removed after a good one.
+    /// Writes the remaining values and ends the file. If only a failure was to be recorded, the file is
+    /// removed after a successful run.
     pub(super) fn finish(mut self) -> Result<Counts, RecordError> {
         self.readers.read_last(&mut self.batch);
         self.sink.write(&mut self.batch)?;

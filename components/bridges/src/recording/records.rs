@@ -1,4 +1,4 @@
-//! All records of an MCAP file, at the top level and in chunks, and what of them is damaged.
+//! All records of an MCAP file, at the top level and in chunks, with their damage.
 
 use mcap::MAGIC;
 use mcap::read::parse_record;
@@ -10,15 +10,15 @@ use super::framing::{Frame, Frames, Summary};
 /// Damage that was found while the records of a file were read.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Damage {
-    /// Times of the first and the last message of each chunk whose bytes differ from those that were written, ns.
+    /// Times of the first and the last message of each corrupted chunk, ns.
     pub(super) chunks: Vec<(u64, u64)>,
-    /// Names of the attachments whose bytes differ from those that were written.
+    /// Names of corrupted attachments.
     pub(super) attachments: Vec<String>,
     /// Chunks that cannot be read, and the reasons.
     pub(super) unreadable: Vec<String>,
-    /// Bytes that belong to no record.
+    /// Number of bytes that belong to no record.
     pub(super) skipped: u64,
-    /// Bytes outside of chunks and attachments differ from those that were written.
+    /// Bytes outside chunks and attachments are corrupted.
     pub(super) has_other: bool,
 }
 
@@ -97,7 +97,7 @@ impl<'a> Records<'a> {
         if !self.checks_all || stated == 0 || !is_clean {
             return;
         }
-        // Writers differ in whether the sum covers the first bytes of the file.
+        // Writers differ in whether the checksum covers the first bytes of the file.
         let mut with_magic = crc32fast::Hasher::new();
         with_magic.update(MAGIC);
         let mut data = crc32fast::Hasher::new();
@@ -151,7 +151,7 @@ impl<'a> Iterator for Records<'a> {
     }
 }
 
-/// An attachment, and true if its bytes differ from those that were written. `None` if its lengths do not agree.
+/// Returns an attachment, and `true` if its bytes are corrupted. `None` if its lengths are inconsistent.
 fn attachment(body: &[u8]) -> (Option<Record<'_>>, bool) {
     if !attachment_fits(body) {
         return (None, true);
@@ -159,7 +159,7 @@ fn attachment(body: &[u8]) -> (Option<Record<'_>>, bool) {
     if let Ok(record) = parse_record(op::ATTACHMENT, body) {
         return (Some(record), false);
     }
-    // Without a sum the parser accepts what is there.
+    // Without a checksum, the parser accepts the bytes.
     let mut unsummed = body.to_vec();
     let end = unsummed.len() - 4;
     unsummed[end..].fill(0);
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unfinished_chunk_is_read_to_its_end() {
+    fn unfinished_chunk_is_read_to_its_end() {
         let (whole, chunks) = file(None);
         let last = *chunks.last().unwrap();
         let all = messages(&whole[..last]).0.len();

@@ -18,29 +18,29 @@ use super::records::Records;
 use super::scan::Scan;
 use super::{RECOVERED, ReadError};
 
-/// Counts of what was recovered of a file, and of what is damaged or lost.
+/// Counts of recovered, damaged and lost parts of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
     /// Messages of all channels.
     pub messages: u64,
-    /// Bytes of the file that belong to no readable record, such as its unfinished end.
+    /// Number of bytes in no readable record, such as the unfinished end.
     pub lost_bytes: u64,
-    /// True if the file had its end.
+    /// `true` if the file was complete.
     pub was_whole: bool,
-    /// Messages that the file states and that cannot be read.
+    /// Number of messages stated by the file but unreadable.
     pub missing_messages: u64,
-    /// Chunks whose bytes differ from those that were written. Their messages are copied, without a checksum.
+    /// Number of corrupted chunks. Their messages are copied without a checksum.
     pub damaged_chunks: u64,
-    /// Attachments whose bytes differ from those that were written. They are copied, without a checksum.
+    /// Number of corrupted attachments. They are copied without a checksum.
     pub damaged_attachments: u64,
-    /// Chunks that cannot be read, such as those of an unknown compression.
+    /// Number of unreadable chunks, such as chunks with an unknown compression.
     pub unreadable_chunks: u64,
-    /// True if bytes outside of chunks and attachments differ from those that were written.
+    /// `true` if bytes outside chunks and attachments are corrupted.
     pub has_other_damage: bool,
 }
 
 impl Recovered {
-    /// True if at most the unfinished end of the file was lost, and nothing before it is damaged.
+    /// Returns `true` if at most the unfinished end of the file was lost and nothing before it is damaged.
     pub fn is_clean(&self) -> bool {
         let counts =
             [self.missing_messages, self.damaged_chunks, self.damaged_attachments, self.unreadable_chunks];
@@ -48,7 +48,7 @@ impl Recovered {
         counts.iter().all(|count| *count == 0) && !self.has_other_damage && !has_gap
     }
 
-    /// The losses by their names, those that are not zero.
+    /// Returns the nonzero losses by name.
     pub fn losses(&self) -> BTreeMap<String, String> {
         let other = u64::from(self.has_other_damage);
         let all = [
@@ -64,10 +64,10 @@ impl Recovered {
     }
 }
 
-/// Writes what can be read of an MCAP file, of whichever writer, into a new one with its index and its end.
+/// Copies the readable content of an MCAP file from any writer to a new, complete file with an index.
 ///
-/// Reading continues behind damage at the next message or chunk. What was damaged gets no checksum in the new file, and the
-/// metadata record `recovered` lists the losses, so that readers of the new file still report them.
+/// Reading continues after damage at the next message or chunk. Damaged parts get no checksum in the new
+/// file, and the metadata record `recovered` lists the losses, so readers of the new file still report them.
 ///
 /// ```no_run
 /// let recovered = motorium_bridges::recording::recover("torn.mcap".as_ref(), "whole.mcap".as_ref())?;
@@ -76,7 +76,8 @@ impl Recovered {
 /// ```
 ///
 /// # Errors
-/// One of the files cannot be read or written, or the first is not an MCAP file or ends before it holds anything.
+/// One of the files cannot be read or written, or the first is not an MCAP file or ends before its first
+/// record.
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     let io = |path: &Path| {
         let path = path.to_path_buf();
@@ -91,7 +92,8 @@ pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     }
     let file = File::create(whole).map_err(io(whole))?;
     let recovered = Copy::new(&source, &summary).write(file).map_err(|error| {
-        // Part of a recording with an end would look like all of it. What is not a file, such as a device, stays.
+        // Part of a complete recording would look like all of it. Anything other than a file, such as a
+        // device, is kept.
         if std::fs::symlink_metadata(whole).is_ok_and(|there| there.is_file()) {
             let _ = std::fs::remove_file(whole);
         }
@@ -108,7 +110,7 @@ struct Copy<'a> {
 }
 
 impl<'a> Copy<'a> {
-    /// Finds what is damaged, before anything is written.
+    /// Finds the damage before anything is written.
     fn new(source: &'a [u8], summary: &'a Summary) -> Self {
         let mut records = Records::new(source, summary, true);
         let mut messages = 0;
@@ -117,7 +119,7 @@ impl<'a> Copy<'a> {
         }
         let stated = summary.statistics.as_ref().map_or(0, |statistics| statistics.message_count);
         let by_index = stated.saturating_sub(messages);
-        // Layouts that this version does not read do not matter here.
+        // Layouts that this version cannot read do not matter here.
         let missing = Scan::of_file(source, summary).map_or(by_index, |scan| scan.missing);
         let damage = &records.damage;
         let recovered = Recovered {
@@ -143,7 +145,7 @@ impl<'a> Copy<'a> {
             Some(Record::Header(header)) => (header.profile.clone(), header.library.clone()),
             _ => (String::new(), String::new()),
         };
-        // A sum over all data would cover what is damaged.
+        // A checksum over all data would cover the damage.
         let options = WriteOptions::new()
             .compression(None)
             .profile(profile)

@@ -1,4 +1,4 @@
-//! Plans in which a recording takes the place of components.
+//! Plans in which a recording replaces components.
 
 use motorium::declare::ClockKind;
 use motorium::plan::{
@@ -13,11 +13,11 @@ use super::spans::Spans;
 use super::{ReadError, Recording};
 use crate::foxglove::robot_of_topic;
 
-/// The plan of a recording in which a `log.replay` takes the place of each of these components, with its activation and its
-/// order.
+/// Returns the plan of a recording with each of these components replaced by a `log.replay` that keeps its
+/// activation and order.
 ///
 /// # Errors
-/// The recording has no plan, or the plan no such component.
+/// The recording has no plan, or the plan has no such component.
 pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadError> {
     let mut plan = recording.plan()?;
     let missing = |reason| ReadError::Missing { path: recording.path().to_path_buf(), reason };
@@ -40,8 +40,8 @@ pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadErr
     Ok(plan)
 }
 
-/// The plan of a replay: a `log.replay` takes the place of every component but those that are `live`, in lockstep, for as long as
-/// was recorded, of one episode or of all.
+/// Returns the plan of a replay in lockstep: every component except the `live` ones is replaced by a
+/// `log.replay`. The run lasts as long as the recorded episode, or all episodes.
 ///
 /// # Errors
 /// The recording has no plan, it cannot be read, or it has no such component or episode.
@@ -53,7 +53,7 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     }
     let spans = Spans::of(recording, episode)?;
     if let Some(episode) = episode.filter(|_| spans.count() == 0) {
-        let count = Spans::of(recording, None)?.count();
+        let count = spans.episodes();
         let episodes = if count == 1 { "one".to_string() } else { count.to_string() };
         return Err(missing(format!("it has no episode {episode}, but {episodes}, counted from 0")));
     }
@@ -82,9 +82,10 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     Ok(plan)
 }
 
-/// Lets a replay begin later, and robots come to the start pose meanwhile: those whose actuators `live` run themselves and follow
-/// joint commands of the recording, from the joint states that a component which is live as well measures. Behind the last
-/// command they come to rest. Names of the components whose commands are eased; the plan lasts for as much longer.
+/// Delays the start of a replay while robots approach the start pose. This applies to robots whose actuators
+/// are `live` and follow recorded joint commands, with joint states measured by a live component. After the
+/// last command they come to rest. Returns the names of the components with eased commands; the plan is
+/// extended accordingly.
 pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: TimeSpan) -> Vec<String> {
     let is_live = |index: usize| live.contains(&plan.components[index].name);
     let is_followed = |topic: usize| {
@@ -102,7 +103,7 @@ pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: Time
                 continue;
             };
             let robot = robot_of_topic(plan, commands);
-            // Of several robots each has joint states of its own.
+            // With several robots, each has its own joint states.
             let is_own =
                 |topic: usize| robot_of_topic(plan, topic).map(|it| &it.name) == robot.map(|it| &it.name);
             let measured = component.inputs.iter().enumerate().find_map(|(input, port)| {
@@ -115,8 +116,8 @@ pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: Time
             eased.push(Eased { port: output.port.clone(), measured });
         }
         if let Some((input, topic)) = released_by {
-            // The topic that triggered it may be silent before the recording begins and after its end; joint states are published
-            // throughout.
+            // The recorded trigger topic may be silent before and after the recording; joint states are
+            // published throughout.
             let activation = match component.activation {
                 Activation::Triggered { topic: other, period_ns, .. } if !is_measured(other) => {
                     Some(Activation::Triggered { topic, input, period_ns })
@@ -136,7 +137,7 @@ pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: Time
     for (index, eased, activation) in &all {
         let component = &mut plan.components[*index];
         component.config["eased"] = serde_json::json!(eased);
-        // A robot that is too far away is not led at all.
+        // A robot that is too far away is not moved at all.
         (component.on_error, component.on_failure) = (OnError::Fail, OnFailure::SafeStop);
         component.restart.when = RestartWhen::Never;
         if let Some(Activation::Triggered { input, .. }) = activation {
@@ -156,7 +157,7 @@ fn is_logger(component: &ComponentPlan) -> bool {
     matches!(&component.program, Program::Builtin { kind } if kind.starts_with("log.") && kind != Replay::KIND)
 }
 
-/// The components of a plan that write what happens and publish nothing: a replay does without them.
+/// Returns the components of a plan that only log and publish nothing; a replay omits them.
 pub fn loggers(plan: &Plan) -> Vec<String> {
     let loggers = plan.components.iter().filter(|component| is_logger(component));
     loggers.map(|component| component.name.clone()).collect()

@@ -1,4 +1,4 @@
-//! `log.replay`: publishes what a recording has of a component, in its place.
+//! `log.replay`: publishes the recorded values of a component in its place.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -28,24 +28,24 @@ use crate::foxglove::robot_of_topic;
 pub struct ReplayConfig {
     /// The recording, relative to the folder of the graph.
     pub recording: PathBuf,
-    /// Name of the component in the recorded graph. Its ports are those of this one.
+    /// Name of the component in the recorded graph, whose ports this component has.
     pub component: String,
-    /// Index of the one episode that is replayed. Default all, one after the other.
+    /// Index of the only episode to replay. Default: all, in order.
     #[serde(default)]
     pub episode: Option<u64>,
-    /// Time that passes before the recording begins. Default none.
+    /// Delay before the start of the recording. Default 0.
     #[serde(default)]
     pub lead: TimeSpan,
-    /// Time that passes behind its end. Default none.
+    /// Time after the end of the recording. Default 0.
     #[serde(default)]
     pub ramp_down: TimeSpan,
-    /// Ports of joint commands that bring a robot to the start pose within the lead, and to rest within `ramp_down`. Default
-    /// none.
+    /// Ports of joint commands that bring a robot to the start pose within the lead and to rest within
+    /// `ramp_down`. Default none.
     #[serde(default)]
     pub eased: Vec<Eased>,
 }
 
-/// A port of joint commands that a robot follows which is not at the pose where the recording begins.
+/// A port of joint commands for a robot that is not at the start pose of the recording.
 ///
 /// ```
 /// let eased = motorium_bridges::recording::Eased { port: "joint_command".into(), measured: "joint_state".into() };
@@ -60,24 +60,25 @@ pub struct Eased {
     pub measured: String,
 }
 
-/// A component that publishes what a recording has of another, at the times of the recording since its start.
+/// A component that publishes the recorded values of another component at their recorded times since the
+/// start.
 pub struct Replay {
     outputs: Vec<Replayed>,
-    /// The value that causes its own, and measured joint states.
+    /// The input that triggered its outputs, and measured joint states.
     inputs: Vec<(String, RawInput)>,
     is_lockstep: bool,
     episode: u64,
-    /// The ends of episodes that were over before the plan says, ns, and the right to end them.
+    /// Times at which episodes ended earlier than planned, ns, and the right to end them.
     ends: Vec<Option<u64>>,
     end: Option<EpisodeEnd>,
     counts: Counts,
 }
 
-/// An output, and what is left to be published there.
+/// An output and its remaining values.
 struct Replayed {
     output: RawOutput,
     queue: VecDeque<Recorded>,
-    /// The commands around those of the recording, and the port of the measured joint states.
+    /// Commands outside the recording, and the port of the measured joint states.
     ease: Option<(Ease, String)>,
 }
 
@@ -85,11 +86,11 @@ struct Replayed {
 struct Counts {
     published: u64,
     refused: u64,
-    /// Samples of episodes that were over before they were due.
+    /// Number of samples not yet due when their episode ended.
     left: u64,
 }
 
-/// A sample that is to be published; its times are since the start of its episode.
+/// A sample to publish; its times are relative to the start of its episode.
 struct Recorded {
     episode: u64,
     due_ns: u64,
@@ -133,7 +134,7 @@ impl Component for Replay {
                 outputs.push((port.port.clone(), setup.raw_output(&port.port)?));
             }
         }
-        let mut spans = Spans::new(config.episode);
+        let mut spans = Spans::new(recorded.clock, config.episode);
         for sample in recording.samples() {
             let sample = sample.map_err(ConfigureError::failed)?;
             if recording.topics()[sample.topic].name == EVENTS {
@@ -157,7 +158,8 @@ impl Component for Replay {
         }
         let around_ns = config.lead.ns + config.ramp_down.ns;
         let ends = spans.early_ends(&recorded).into_iter().map(|end| Some(end? + around_ns)).collect();
-        // Of its inputs two kinds are read: the one whose times its outputs carry on, and measured joint states.
+        // It reads two kinds of inputs: the one whose source times its outputs carry, and measured joint
+        // states.
         let cause = own.cause.map(|index| &own.inputs[index].port);
         let is_read =
             |port: &String| cause == Some(port) || config.eased.iter().any(|eased| eased.measured == *port);
@@ -190,7 +192,7 @@ impl Component for Replay {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        // In real time a sample that was published just after its step is due in it again.
+        // In real time, a sample published just after its step is due in the same step of the replay.
         let until_ns = match self.is_lockstep {
             true => tick.time_ns,
             false => tick.deadline_ns,
@@ -206,7 +208,7 @@ impl Component for Replay {
         for Replayed { output, queue, ease } in &mut self.outputs {
             let mut newest = None;
             while queue.front().is_some_and(|next| next.episode == self.episode && next.due_ns <= until_ns) {
-                // Publications of one step are told apart by nobody but a tap: all of them go out.
+                // Only a tap can distinguish publications of one step, so all of them are published.
                 if let Some(value) = newest.replace(queue.pop_front()).flatten() {
                     publish(output, &value, tick, self.is_lockstep, &mut self.counts);
                 }
@@ -258,7 +260,8 @@ impl Component for Replay {
 }
 
 impl Eased {
-    /// The commands around those of the port, within the limits of the robot; `None` if it carries none of joints.
+    /// Returns the commands before and after the recorded ones, within the limits of the robot; `None` if the
+    /// port does not carry joint commands.
     fn around(
         &self,
         robot: Option<&RobotReference>,
@@ -281,7 +284,7 @@ impl Eased {
 }
 
 fn publish(output: &mut RawOutput, value: &Recorded, tick: &Tick, is_lockstep: bool, counts: &mut Counts) {
-    // In lockstep the clock of stamps is that of ticks; in real time the age begins anew.
+    // In lockstep the stamp clock counts ticks; in real time ages restart.
     let sent = match is_lockstep {
         true => output.publish_from(&value.bytes, tick.time_ns.saturating_sub(value.age_ns)),
         false => output.publish(&value.bytes),
@@ -308,8 +311,9 @@ fn single(port: &PortPlan) -> bool {
     port.topic.is_some() && !matches!(port.pattern, TopicPattern::Slices { .. })
 }
 
-/// The kind `log.replay`, for programs that host the plans of [`replaced`]: it stands in no graph that a person writes.
-// Not inlined, as `Kind::of` asks for.
+/// The kind `log.replay`, for host programs of the plans from [`replaced`]. It is not meant for hand-written
+/// graphs.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn replay_kind() -> Kind {
     Kind::of::<Replay>()

@@ -1,4 +1,4 @@
-//! One pass over a file: everything a recording holds but its samples.
+//! Scan of a file: everything in a recording except its samples.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use crate::foxglove::Derived;
 /// Name of the schema of pictures.
 const PICTURES: &str = "foxglove.RawImage";
 
-/// Everything that a file holds but its samples.
+/// Everything in a file except its samples.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
     pub(super) topics: Vec<RecordedTopic>,
@@ -22,15 +22,15 @@ pub(super) struct Scan {
     /// Kind of the messages of each channel, by the number of the channel.
     pub(super) of_channel: BTreeMap<u16, Source>,
     pub(super) attachments: Vec<(String, Vec<u8>)>,
-    /// The last message of each channel that belongs to no topic.
+    /// Last message of each channel that belongs to no topic.
     pub(super) latched: BTreeMap<String, Vec<u8>>,
     pub(super) metadata: BTreeMap<String, BTreeMap<String, String>>,
     pub(super) is_whole: bool,
     pub(super) times: Option<(u64, u64)>,
-    /// Longest time by which a message lies before one that stands before it in the file, ns.
+    /// Longest time by which a message precedes an earlier one in the file, ns.
     pub(super) disorder_ns: u64,
     pub(super) damage: Damage,
-    /// Messages that the file states and does not hold.
+    /// Number of messages stated by the file but missing from it.
     pub(super) missing: u64,
     /// Profile and library of the header.
     pub(super) writer: (String, String),
@@ -53,7 +53,7 @@ impl Scan {
             match record {
                 Record::Message { header, data } => {
                     if !scan.channels.contains_key(&header.channel_id) {
-                        // The chunk that defines the channel is damaged: the end of the file repeats it.
+                        // The chunk with the channel's definition is damaged; the end of the file repeats it.
                         scan.define(summary, header.channel_id)?;
                     }
                     scan.message(header.channel_id, header.log_time, &data);
@@ -133,8 +133,8 @@ impl Scan {
         self.disorder_ns = self.disorder_ns.max(last.saturating_sub(time_ns));
     }
 
-    /// Messages that the counts at the end of the file state and the file does not hold: the index counts every channel, the
-    /// recorder its topics.
+    /// Messages that the counts at the end of the file state and the file does not hold: the index counts
+    /// every channel, the recorder its topics.
     fn missing_messages(&self, summary: &Summary) -> u64 {
         let stated = summary.statistics.iter().flat_map(|statistics| &statistics.channel_message_counts);
         let by_index: u64 = stated

@@ -35,7 +35,7 @@ pub(super) struct Settings {
     pub(super) taps: Taps,
     /// Least time between two messages of a drawn channel, ns.
     pub(super) drawn_every_ns: u64,
-    /// Time before the end of a run that ends badly which is kept, ns; the whole run if `None`.
+    /// Length of the kept period before a failure, ns; `None` keeps the whole run.
     pub(super) last_ns: Option<u64>,
     /// Files to attach, by their names.
     pub(super) attachments: Vec<(String, Vec<u8>)>,

@@ -8,8 +8,8 @@ use motorium::state::{DecodeError, Decoder, FieldValue, Number};
 
 use super::{ReadError, Recording};
 
-/// Some numbers of a topic: `panda/joint_state.position[0..7]`, `panda/joint_state.position[2]`, `panda/target.position`, or
-/// all numbers of a topic by its name alone.
+/// Some numbers of a topic: `panda/joint_state.position[0..7]`, `panda/joint_state.position[2]`,
+/// `panda/target.position`, or all numbers of a topic by its name alone.
 ///
 /// ```
 /// use motorium_bridges::recording::Signal;
@@ -29,10 +29,10 @@ pub struct Signal {
     pub entries: Option<Range<usize>>,
 }
 
-/// A text that names no signal.
+/// The text does not name a signal.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{0}` is no signal: expected TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B], such as panda/joint_state.position[0..7]"
+    "`{0}` is not a signal: expected TOPIC.FIELD, TOPIC.FIELD[I] or TOPIC.FIELD[A..B], such as panda/joint_state.position[0..7]"
 )]
 pub struct SignalError(String);
 
@@ -109,7 +109,7 @@ pub enum SignalsError {
         /// The one that was probably meant, or all.
         advice: String,
     },
-    /// No sample has so many entries.
+    /// No sample has this many entries.
     #[error(
         "`{name}` has {} in this recording, found {}..{}; entries are counted from 0, and the end is not one of them",
         counted(*.most), .entries.start, .entries.end
@@ -119,10 +119,10 @@ pub enum SignalsError {
         name: String,
         /// The most entries of a sample.
         most: usize,
-        /// The entries that were asked for.
+        /// Requested entries.
         entries: Range<usize>,
     },
-    /// A field that holds no numbers.
+    /// The field contains no numbers.
     #[error(
         "`{name}` has no numbers in this recording: it is a text, or an array of which no entry was in use"
     )]
@@ -225,7 +225,8 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
 }
 
 impl Curve {
-    /// The curve with at most about this many points: of each stretch of time its least and its greatest value.
+    /// The curve with at most about this many points: of each stretch of time its least and its greatest
+    /// value.
     #[must_use]
     pub fn thinned(&self, points: usize) -> Vec<(f64, f64)> {
         let per_stretch = self.points.len().div_ceil((points / 2).max(1));
@@ -250,7 +251,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_thinned_curve_keeps_its_peaks() {
+    fn decimated_curve_keeps_its_peaks() {
         let points: Vec<(f64, f64)> = (0..10_000).map(|i| (f64::from(i), f64::from(i % 7))).collect();
         let mut curve = Curve { name: String::new(), entry: None, points };
         curve.points[5_432].1 = 99.0;

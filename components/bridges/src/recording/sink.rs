@@ -10,18 +10,19 @@ use super::file::Writer;
 use super::settings::RecordError;
 use super::{COUNTS, KEPT};
 
-/// The file of a recorder. Of one that keeps the last moments only, what is written at the end.
+/// The file of a recorder. If only the last moments are kept, they are written at the end.
 pub(super) struct Sink {
     path: PathBuf,
     writer: Writer,
-    /// The messages of the last moments, of a recorder that keeps no more.
+    /// Buffer of the last moments, if only they are kept.
     ring: Option<Ring>,
-    /// An error was told: the run ends badly.
+    /// An error was reported: the run fails.
     has_failed: bool,
 }
 
 impl Sink {
-    /// The file that `writer` has begun. With a time \[ns\] it gets only what lies so close before the end of a bad run.
+    /// Creates a sink for the file of `writer`. With `last_ns` \[ns\] it contains only this period before a
+    /// failure.
     pub(super) fn new(path: PathBuf, writer: Writer, last_ns: Option<u64>) -> Self {
         Self { path, writer, ring: last_ns.map(Ring::new), has_failed: false }
     }
@@ -38,8 +39,8 @@ impl Sink {
         self.writer.bytes()
     }
 
-    /// Ends the file with a summary; gives the bytes of its messages. One that was to keep the end of a bad run is removed after
-    /// a good one.
+    /// Ends the file with a summary and returns the number of message bytes. If only a failure was to be
+    /// recorded, the file is removed after a successful run.
     pub(super) fn finish(mut self, mut summary: BTreeMap<String, String>) -> Result<u64, RecordError> {
         let failed = |path: PathBuf| move |source| RecordError::File { path, source };
         if let Some(ring) = self.ring.take() {

@@ -12,8 +12,9 @@ use crate::parquet::{Column, Values, write};
 /// Rows of a row group.
 const GROUP: usize = 1 << 16;
 
-/// Writes a topic as a Parquet table: a row for each sample with its time since 1970, or since the start of a run in lockstep,
-/// its stamp, and a column for each field; an array is a list of its entries in use. Returns the number of rows.
+/// Writes a topic as a Parquet table: a row for each sample with its time since 1970, or since the start of a
+/// run in lockstep, its stamp, and a column for each field; an array is a list of its entries in use. Returns
+/// the number of rows.
 ///
 /// # Errors
 /// The recording cannot be read, or the table cannot be written.
@@ -57,8 +58,8 @@ fn stamp(sample: &RecordedSample) -> [u64; 5] {
     [sample.time_ns, stamp.sequence, stamp.publish_time, stamp.source_time, stamp.episode]
 }
 
-/// A column for values of this type. An array that is empty in the first sample is taken for one of doubles, which all arrays
-/// with a count are.
+/// Creates an empty column for values of this type. An array that is empty in the first sample is assumed to
+/// contain doubles, like all counted arrays.
 fn empty(value: &FieldValue) -> Values {
     let of = |number: Option<&Number>| match number {
         Some(Number::Natural(_)) => Values::UInt64(Vec::new()),

@@ -14,14 +14,15 @@ use super::batch::Batch;
 use super::settings::{Counts, unix_ns};
 use crate::foxglove::{Channel, Derived, log};
 
-/// Most samples of one topic that are read at a time: a writer that never rests must not hold up the others.
+/// Maximum number of samples read from one topic at a time, so that a fast publisher does not delay the
+/// others.
 const AT_A_TIME: usize = 4096;
 
 /// Taps of all chosen topics, and the events of the run.
 pub(super) struct Readers {
     observer: Observer,
     topics: Vec<Topic>,
-    /// Topics that tell how to read others.
+    /// Topics that describe how to read others.
     told: Vec<usize>,
     events: Events,
     clock: Clock,
@@ -54,12 +55,13 @@ pub(super) struct Recorded {
     pub(super) due_ns: u64,
 }
 
-/// From times of stamps to times in the file.
+/// Converts stamp times to file times.
 pub(super) struct Clock {
     /// Time since 1970 at time zero of the stamps; 0 in lockstep.
     pub(super) zero_ns: u64,
-    /// In lockstep: the episode, the time in the file at which it began, and the last one in it.
-    episode: (u64, u64, u64),
+    /// In lockstep, where time restarts with each episode: the episode, the time in the file at which it
+    /// began, and the last one in it.
+    episode: Option<(u64, u64, u64)>,
 }
 
 impl Clock {
@@ -68,11 +70,13 @@ impl Clock {
             ClockKind::Realtime => unix_ns().saturating_sub(observer.now_ns()),
             ClockKind::Lockstep => 0,
         };
-        Self { zero_ns, episode: (0, 0, 0) }
+        Self { zero_ns, episode: (plan.clock == ClockKind::Lockstep).then_some((0, 0, 0)) }
     }
 
     fn of(&mut self, stamp: &Stamp) -> u64 {
-        let (episode, began, last) = &mut self.episode;
+        let Some((episode, began, last)) = &mut self.episode else {
+            return self.zero_ns + stamp.publish_time;
+        };
         if stamp.episode > *episode {
             (*episode, *began) = (stamp.episode, *last);
         }
@@ -91,18 +95,19 @@ impl Readers {
         drawn_every_ns: u64,
     ) -> Self {
         let told: Vec<usize> = topics.iter().flat_map(Topic::forms).collect();
-        // A topic that describes another is read before it.
+        // Topics that describe others are read first.
         topics.sort_by_key(|topic| !told.contains(&topic.index));
         Self { observer, topics, told, events, clock, drawn_every_ns }
     }
 
-    /// Adds the last samples to a batch. A run whose launcher has died ends badly, though no event may say so yet.
+    /// Adds the last samples to a batch. A run whose launcher died counts as failed, although no event
+    /// reports it yet.
     pub(super) fn read_last(&mut self, batch: &mut Batch) {
         batch.has_failed |= self.observer.is_orphaned();
         self.read(batch);
     }
 
-    /// Adds what was published since the last call to a batch.
+    /// Adds the values published since the last call to a batch.
     pub(super) fn read(&mut self, batch: &mut Batch) {
         let Self { topics, told, clock, drawn_every_ns, .. } = self;
         for place in 0..topics.len() {
@@ -137,17 +142,13 @@ impl Readers {
         for record in self.observer.events(&mut self.events.reader) {
             self.events.told += 1;
             batch.has_failed |= record.severity == EventSeverity::Error;
-            let (episode, publish_time) = match record.simulated {
-                Some(simulated) if lockstep => simulated,
-                _ if lockstep => (0, 0),
-                _ => (0, record.time_ns),
-            };
+            let publish_time = if lockstep { record.simulated_ns.unwrap_or(0) } else { record.time_ns };
             let stamp = Stamp {
                 sequence: self.events.told,
                 source_time: publish_time,
                 publish_time,
                 state_time: publish_time,
-                episode,
+                episode: record.episode,
                 publisher: record.component.map_or(u32::MAX, |index| index as u32),
                 restart_count: 0,
             };
@@ -171,7 +172,7 @@ impl Readers {
         }
     }
 
-    /// Samples read so far, and those that were overwritten before they could be.
+    /// Number of samples read, and of samples overwritten before they were read.
     pub(super) fn counts(&self) -> Counts {
         Counts {
             samples: self.topics.iter().map(|topic| topic.samples).sum(),
@@ -180,7 +181,7 @@ impl Readers {
         }
     }
 
-    /// The same of each topic, as the file has them.
+    /// The same counts per topic, in the format of the file.
     pub(super) fn summary(&self) -> BTreeMap<String, String> {
         let counts = self.counts();
         let mut values = BTreeMap::from([
@@ -197,7 +198,7 @@ impl Readers {
 }
 
 impl Topic {
-    /// The topics that tell how to read this one.
+    /// Topics that describe how to read this one.
     fn forms(&self) -> impl Iterator<Item = usize> {
         self.channels.iter().filter_map(|recorded| recorded.channel.form_topic())
     }

@@ -1,7 +1,7 @@
-//! The threads of a recorder in real time: one reads, one writes, one asks the system to bring the file to the disk.
+//! The threads of a recorder in real time: a reader, a writer, and one that syncs the file to disk.
 //!
-//! A file can hold its writer up for longer than the slots of a state last, as on a disk that others write to. The thread
-//! that reads waits for it only when so many messages wait in memory that it must.
+//! A busy disk can block the writer for longer than the slots of a state last. The reader waits for the
+//! writer only when the message memory is full.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -20,17 +20,18 @@ use super::taps::Readers;
 
 /// Time between two requests to the system to bring the file to the disk.
 const SYNC_EVERY: Duration = Duration::from_millis(500);
-/// Longest time between two looks whether the file is due to be handed to the system.
+/// Longest interval between checks for a due flush.
 const FLUSH_CHECK: Duration = Duration::from_millis(250);
-/// Batches on their way from one thread to the other.
+/// Number of batches in transit between the threads.
 const BATCHES: usize = 2;
-/// Bytes of messages in one batch, where the file is slow: with those on their way, the one that is filled and the one that is
-/// written 64 MiB wait in memory. Beyond them the reading waits, and samples may be lost.
+/// Maximum bytes of messages per batch when the file is slow. With the batches in transit, the one being
+/// filled and the one being written, 64 MiB are buffered. Beyond that the reader waits, and samples may be
+/// lost.
 const WAITING: usize = (64 << 20) / (BATCHES + 2);
-/// Niceness of the thread that reads while it hands over, and where it may not have a real-time priority.
+/// Niceness of the reader while it hands batches over, and whenever it has no real-time priority.
 const NICENESS: i32 = -10;
 
-/// An order of the thread that reads to the thread that writes.
+/// A command from the reader to the writer.
 pub(super) enum Order {
     /// Messages to write.
     Write(Batch),
@@ -38,7 +39,7 @@ pub(super) enum Order {
     End(Counts, BTreeMap<String, String>),
 }
 
-/// The end of the thread that reads: its orders, and emptied batches on their way back.
+/// The reader's end: its commands, and emptied batches on their way back.
 pub(super) type Reading = (Sender<Order>, Receiver<Batch>);
 /// The end of the thread that writes.
 pub(super) type Writing = (Receiver<Order>, Sender<Batch>);
@@ -50,7 +51,7 @@ pub(super) fn link() -> (Reading, Writing) {
     ((orders, batches), (taken, emptied))
 }
 
-/// Reads what is published until the component has stopped, or the file has ended.
+/// Reads published values until the component has stopped or the file has ended.
 pub(super) fn read(
     mut readers: Readers,
     (orders, emptied): Reading,
@@ -58,12 +59,12 @@ pub(super) fn read(
     poll: Duration,
     outcome: &Mutex<Outcome>,
 ) {
-    // Without the right to, it has its turns as all others have.
+    // Without the privilege, the reader is scheduled like any other thread.
     let _ = rustix::process::setpriority_process(None, NICENESS);
     let mut batch = Batch::default();
     loop {
-        // It reads before all that is not real-time, so that busy programs make it lose nothing; it takes about 0.1 ms. What follows
-        // may wait for the thread that writes.
+        // Reading runs before everything that is not real-time, so busy programs cause no losses; it lasts
+        // about 0.1 ms. The rest may wait for the writer.
         wake_first();
         let last_round = stop.wait(poll);
         if last_round {
@@ -73,13 +74,13 @@ pub(super) fn read(
         }
         leave_realtime();
         let counts = readers.counts();
-        // The one that writes may be held up while it has the lock: the next round tells.
+        // The writer may be preempted while it holds the lock; the next round reports the counts.
         if let Ok(mut outcome) = outcome.try_lock() {
             (outcome.counts.samples, outcome.counts.lost) = (counts.samples, counts.lost);
             outcome.cpu_ns[0] = Some(thread_cpu_ns());
         }
         if last_round {
-            // The one that writes has told if it cannot go on.
+            // The writer has already reported if it cannot continue.
             let _ = orders
                 .send(Order::Write(batch))
                 .and_then(|()| orders.send(Order::End(counts, readers.summary())));
@@ -116,14 +117,14 @@ fn hand_over(orders: &Sender<Order>, batch: Batch) -> Handed {
     }
 }
 
-/// Writes what was read until the reading ends, or the file cannot be written.
+/// Writes batches until reading ends or the file cannot be written.
 pub(super) fn write(mut sink: Sink, (orders, emptied): &Writing, outcome: &Mutex<Outcome>) {
     let mut nothing = Batch::default();
     loop {
         let written = match orders.recv_timeout(FLUSH_CHECK) {
             Ok(Order::Write(mut batch)) => {
                 let written = sink.write(&mut batch);
-                // One more than there is room for is dropped.
+                // A batch beyond the capacity is dropped.
                 let _ = emptied.try_send(batch);
                 written
             }
@@ -133,7 +134,7 @@ pub(super) fn write(mut sink: Sink, (orders, emptied): &Writing, outcome: &Mutex
                 return note(outcome, None, ended);
             }
             Err(error) if error.is_timeout() => sink.write(&mut nothing),
-            // The thread that reads has panicked, which the component tells.
+            // The reader panicked, which the component reports.
             Err(_) => return,
         };
         {
@@ -146,10 +147,10 @@ pub(super) fn write(mut sink: Sink, (orders, emptied): &Writing, outcome: &Mutex
     }
 }
 
-/// Brings what was written to the disk, twice a second.
+/// Syncs the file to disk, twice per second.
 pub(super) fn sync(file: &File, stop: &StopRequest) {
     while !stop.wait(SYNC_EVERY) {
-        // The writer finds out when the disk takes nothing more.
+        // The writer detects a full disk.
         let _ = file.sync_data();
     }
 }
@@ -167,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_file_makes_the_batch_wait_and_grow_and_an_ended_one_ends_the_reading() {
+    fn slow_file_delays_batches_and_ended_file_stops_reading() {
         let ((orders, _emptied), (taken, given_back)) = link();
         for _ in 0..BATCHES {
             assert!(matches!(hand_over(&orders, batch(10)), Handed::Taken));
@@ -182,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_batch_of_all_that_may_wait_in_memory_is_handed_over_before_more_is_read() {
+    fn full_batch_is_handed_over_before_more_is_read() {
         let ((orders, _emptied), (taken, _given_back)) = link();
         let slow = std::thread::spawn(move || {
             std::thread::sleep(Duration::from_millis(50));

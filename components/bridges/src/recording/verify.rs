@@ -1,4 +1,4 @@
-//! Running a recorded graph again, and comparing all that it publishes.
+//! Verification: runs a recorded graph again and compares everything it publishes.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -14,7 +14,7 @@ use motorium::worker::Registry;
 use super::spans::Spans;
 use super::{EVENTS, ReadError, RecordedTopic, Recording, Samples, loggers, replaced};
 
-/// Simulated time between two looks at the topics: not more than the least that a recorder bridges.
+/// Simulated time between two polls, at most the shortest period that a recorder bridges.
 const AT_A_TIME: Duration = Duration::from_millis(1);
 
 /// The outcome of a verification.
@@ -24,16 +24,16 @@ pub struct Verification {
     pub samples: u64,
     /// Simulated time that was run again, of all episodes.
     pub time: Duration,
-    /// The first difference; `None` if there is none.
+    /// First difference, if any.
     pub difference: Option<Difference>,
 }
 
-/// A sample that is not as it was recorded.
+/// A sample that differs from the recorded one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
     /// The topic.
     pub topic: String,
-    /// Number of the sample among those of its topic.
+    /// Sequence number of the sample within its topic.
     pub sequence: u64,
     /// Index of the episode.
     pub episode: u64,
@@ -50,16 +50,16 @@ pub struct Difference {
 pub enum What {
     /// A field of the sample or of its stamp.
     Field {
-        /// Its name, with the index of an entry, such as `position[3]` or `stamp.source_time`.
+        /// Name of the field, with the index of an entry, such as `position[3]` or `stamp.source_time`.
         field: String,
         /// Its value in the recording.
         recorded: String,
         /// Its value now.
         now: String,
     },
-    /// It was recorded, and is not published any more.
+    /// The sample was recorded but is not published again.
     Missing,
-    /// It was not recorded, and is published now.
+    /// The sample was not recorded but is published now.
     Unexpected,
 }
 
@@ -98,7 +98,7 @@ pub enum VerifyError {
         "it was recorded in real time, whose timing no machine repeats: record a run with `--clock lockstep` to verify it"
     )]
     RealTime,
-    /// Episodes that a program began, whose seeds and times no graph says.
+    /// The recording has episodes started by a program, whose seeds and times are not in the graph.
     #[error(
         "it holds episodes that the graph does not plan: a program has begun them, and is needed to repeat them. Runs with \
          `--episodes N` can be verified"
@@ -134,13 +134,13 @@ struct Compared<'r> {
     decoder: Decoder,
     /// Period of its writer, ns.
     period_ns: u64,
-    /// Samples of the recording that were read and not yet compared.
+    /// Recorded samples that are read but not yet compared.
     waiting: VecDeque<(Stamp, Vec<u8>)>,
     message: Vec<u8>,
 }
 
-/// Runs the graph of a recording in lockstep again, and compares each sample with the recording to the last bit, up to its end.
-/// `log.replay` takes the place of the components `replace`.
+/// Runs the graph of a recording in lockstep again, and compares each sample with the recording to the last
+/// bit, up to its end. `log.replay` takes the place of the components `replace`.
 ///
 /// # Errors
 /// The recording is not one that can be verified, or its graph does not run.
@@ -170,7 +170,7 @@ pub fn verify(
         .iter()
         .map(|topic| (topic.name.clone(), plan.components[topic.writer].period_ns()))
         .collect();
-    let recorded_episodes = Spans::of(recording, None)?.count();
+    let recorded_episodes = Spans::of(recording, None)?.episodes();
     if recorded_episodes == 0 {
         return Err(VerifyError::Nothing);
     }
@@ -200,7 +200,7 @@ pub fn verify(
             // A single step could go beyond the end of the episode.
             match session.step_until(end.min(session.time() + AT_A_TIME)) {
                 Ok(()) => {}
-                // A run that was recorded to its failure fails again; what is missing then is told below.
+                // A run recorded until its failure fails again; missing samples are reported below.
                 Err(SessionError::Ended(_)) => break 'run,
                 Err(error) => return Err(error.into()),
             }
@@ -220,7 +220,7 @@ pub fn verify(
         }
     }
     if outcome.difference.is_none() {
-        // Actuators publish as they go to their safe state, after the last step.
+        // Actuators still publish after the last step, on their way to the safe state.
         outcome.difference = compare(&mut compared, &mut recorded, &mut outcome.samples)?;
     }
     if outcome.difference.is_none() {
@@ -230,14 +230,14 @@ pub fn verify(
     Ok(outcome)
 }
 
-/// The samples of the recording that were not yet compared.
+/// Recorded samples that are not yet compared.
 struct Recorded<'r> {
     samples: Samples<'r>,
     left: u64,
 }
 
 impl Recorded<'_> {
-    /// Reads on until a topic has a sample; false if there is none.
+    /// Reads ahead until a topic has a sample; returns `false` if there is none.
     fn fill(&mut self, compared: &mut [Compared<'_>], wanted: usize) -> Result<bool, ReadError> {
         while compared[wanted].waiting.is_empty() {
             let Some(sample) = self.samples.next().transpose()? else { return Ok(false) };
@@ -249,7 +249,7 @@ impl Recorded<'_> {
     }
 }
 
-/// Compares what was published since the last call. The earliest difference.
+/// Compares the values published since the last call. Returns the earliest difference.
 fn compare(
     compared: &mut [Compared<'_>],
     recorded: &mut Recorded<'_>,
@@ -265,11 +265,11 @@ fn compare(
             }
             let now = topic.derived().decode(message);
             let topic = topic.name.clone();
-            // What was encoded just now can be decoded.
+            // A sample that was just encoded can be decoded.
             let (stamp, bytes) =
                 now.map_err(|error| ReadError::Message { path: "".into(), topic, reason: Box::new(error) })?;
             if !recorded.fill(compared, index)? {
-                // The recording ends here, as one that was interrupted does.
+                // The recording ends here, like an interrupted one.
                 continue;
             }
             let this = &mut compared[index];
@@ -293,7 +293,7 @@ fn compare(
     Ok(first)
 }
 
-/// The earliest sample that was recorded and not published again.
+/// Returns the earliest sample that was recorded but not published again.
 fn missing(
     compared: &mut [Compared<'_>],
     recorded: &mut Recorded<'_>,
@@ -327,7 +327,7 @@ impl Compared<'_> {
         }
     }
 
-    /// The first field in which two samples differ.
+    /// Returns the first field in which two samples differ.
     fn difference(
         &self,
         (was, recorded): &(Stamp, Vec<u8>),
@@ -371,7 +371,7 @@ fn of_field(name: &str, was: &FieldValue, is: &FieldValue) -> Option<What> {
         return field(name.to_string(), format!("{was} entries"), format!("{is} entries"));
     }
     let many = matches!(was, FieldValue::Many(_));
-    // Written out in full, so that -0 and 0 differ.
+    // Compared as text, so that -0 and 0 differ.
     let differs = |(was, is): &(String, String)| was != is;
     let texts = was_all.iter().zip(is_all).map(|(was, is)| (format!("{was:?}"), format!("{is:?}")));
     let (index, (recorded, now)) = texts.enumerate().find(|(_, pair)| differs(pair))?;

@@ -46,7 +46,7 @@ impl Component for Walk {
     }
 }
 
-/// Publishes the sum of what it reads, in the first of two joints.
+/// Publishes the sum of its inputs in the first of two joints.
 struct Sum {
     wrench: Input<Wrench>,
     joints: Output<JointState>,

@@ -16,10 +16,10 @@ use crate::limits::{AccelerationLimit, PositionLimit};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AccelerationConfig {
-    /// Fraction of the accelerations that may be used, more than 0, at most 1. Default 1.
+    /// Fraction of the acceleration limits to use, above 0, at most 1. Default 1.
     pub fraction: f64,
-    /// Largest acceleration, rad/s2 or m/s2, more than 0: one number, or one per joint. Default: that of the robot's profile; a joint
-    /// without one is not limited.
+    /// Maximum acceleration, rad/s2 or m/s2, above 0: one number, or one per joint. Default: the limits in
+    /// the robot's profile; a joint without a limit is unlimited.
     pub most: Option<PerJoint>,
 }
 

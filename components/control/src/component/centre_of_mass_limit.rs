@@ -1,4 +1,5 @@
-//! The table `limits.centre_of_mass_velocity` of `control.qp`: the centre of mass stays within largest speeds.
+//! The table `limits.centre_of_mass_velocity` of `control.qp`: the centre of mass stays within largest
+//! speeds.
 
 use motorium::prelude::*;
 use motorium_robots::Model;

@@ -6,7 +6,7 @@ use motorium::prelude::*;
 use motorium_robots::{Model, PerJoint};
 use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-/// The value, if it is within `range`. An end of `f64::MIN` or `f64::MAX` stands for no limit.
+/// Returns the value if it is within `range`. `f64::MIN` and `f64::MAX` as ends mean no limit.
 pub(super) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
     if range.contains(&value) {
         return Ok(value);
@@ -19,7 +19,7 @@ pub(super) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Res
     Err(ConfigError::key(key, format!("{value}, expected {expected}")))
 }
 
-/// One finite number for each independent joint of `model`, or one for all of them.
+/// One finite number per independent joint of `model`, or one for all.
 pub(super) fn per_joint(key: &str, given: &PerJoint, model: &Model) -> Result<DVector<f64>, ConfigError> {
     let values = given.resolve(model.joint_count()).map_err(|error| {
         ConfigError::key(key, error.to_string())
@@ -31,15 +31,16 @@ pub(super) fn per_joint(key: &str, given: &PerJoint, model: &Model) -> Result<DV
     Ok(DVector::from_vec(values))
 }
 
-/// True if `name` can be the name of a task or an input: a lower-case letter, then lower-case letters, digits and
-/// underscores.
+/// True if `name` can be the name of a task or an input: a lower-case letter, then lower-case letters, digits
+/// and underscores.
 pub(super) fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
 }
 
-/// The pose of a message: a position \[m\] and an orientation, the quaternion x, y, z, w. `None` where a number is not finite, or the length of
-/// the quaternion is below 0.5 or from 2 up: rounding errors do not take a unit quaternion so far.
+/// Converts a position \[m\] and a quaternion (x, y, z, w) to a pose. `None` if a number is not finite, or if
+/// the length of the quaternion is below 0.5 or at least 2; rounding errors do not change a unit quaternion
+/// that far.
 pub(super) fn pose_of(position: [f64; 3], orientation: [f64; 4]) -> Option<Isometry3<f64>> {
     let [x, y, z, w] = orientation;
     let rotation = Quaternion::new(w, x, y, z);

@@ -1,4 +1,4 @@
-//! The table `limits.collision` of `control.qp`: distances that links keep.
+//! The table `limits.collision` of `control.qp`: minimum distances of links.
 
 use motorium::prelude::*;
 use motorium::state::MAX_OBJECTS;
@@ -12,7 +12,8 @@ use serde::Deserialize;
 use super::checks::in_range;
 use crate::limits::{CollisionLimit, CollisionSettings};
 
-/// Distances that the links of the robot keep from one another, from the ground and from objects of the world, in all levels.
+/// Minimum distances of the robot's links from each other, from the ground and from objects of the world.
+/// Enforced at every level.
 ///
 /// ```toml
 /// distance = 0.03
@@ -23,23 +24,25 @@ use crate::limits::{CollisionLimit, CollisionSettings};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CollisionConfig {
-    /// Distance that is kept, m, at least 0. Default 0.02.
+    /// Minimum distance, m, at least 0. Default 0.02.
     pub distance: f64,
     /// Distance within which pairs are considered, m, more than `distance`. Default 0.2.
     pub range: f64,
-    /// Share of what is left of a distance that may be covered per second, 1/s, at least 1e-3. Default 5.
+    /// Fraction of the remaining distance that may be covered per second, 1/s, at least 1e-3. Default 5.
     pub rate: f64,
     /// Speed with which pairs that are nearer than `distance` part, m/s, at most, 0 to 1. Default 0.01.
     pub recovery: f64,
     /// Largest number of pairs of solids, the nearest ones, 1 to 256. Default 16.
     pub pairs: usize,
-    /// Level ground that links keep away from: its height, m, or "world", the ground of the world. Default: no ground.
+    /// Level ground for the minimum distances: its height, m, or "world", the ground of the world. Default:
+    /// no ground.
     pub ground: Option<LevelGround>,
-    /// Objects of the world that links keep away from: a list of names, or "all". Where those that have a mass are among them the input
-    /// `object_poses` is needed. Default: none.
+    /// Objects of the world for the minimum distances: a list of names, or "all". If one of them has a mass,
+    /// the input `object_poses` is required. Default: none.
     pub objects: Option<WorldObjects>,
-    /// Pairs of links, or of a link and "ground" or an object, that do not count. Pairs of links, and of links and the ground, that are
-    /// nearer than `distance` at home never count: they are so by the build of the robot.
+    /// Pairs of links, or of a link and "ground" or an object, that do not count. Pairs of links, and of
+    /// links and the ground, that are nearer than `distance` at home never count: they are so by the build of
+    /// the robot.
     pub ignore: Vec<[String; 2]>,
 }
 
@@ -90,7 +93,7 @@ impl Default for CollisionConfig {
 const GROUND: &str = "ground";
 
 impl CollisionConfig {
-    /// The limit, checked; `path` is that of the table.
+    /// Builds and checks the limit; `path` is the path of the table.
     pub(super) fn build(
         &self,
         path: &str,
@@ -127,7 +130,7 @@ impl CollisionConfig {
             }
             solids.exclude(one, other);
         }
-        // what is fixed to the world does not move towards anything that stands in it
+        // links fixed to the world do not move towards fixed objects
         let fixed: Vec<bool> = (0..solids.solid_count())
             .map(|solid| !model.base().floating && solids.attachment(solid) == Attachment::Base)
             .collect();
@@ -153,7 +156,7 @@ impl CollisionConfig {
         Ok(CollisionLimit::new(model, solids, settings).objects(moving))
     }
 
-    /// True if an object that it names moves.
+    /// Returns `true` if a named object moves.
     pub(super) fn has_moving_objects(&self, world: &World) -> bool {
         let named = |object: &&Object| match &self.objects {
             None => false,
@@ -163,7 +166,8 @@ impl CollisionConfig {
         world.objects.iter().filter(named).any(Object::is_dynamic)
     }
 
-    /// Adds the objects as obstacles. Returns the index of each in the world, that of its solid, and the frame of this in the object.
+    /// Adds the objects as obstacles. Returns for each its index in the world, the index of its solid, and
+    /// the solid's frame in the object.
     fn add_objects(
         &self,
         key: &str,
@@ -227,8 +231,8 @@ impl LevelGround {
     }
 }
 
-/// Leaves out the pairs of links, and of links and the ground, that are nearer than `distance` at home. A link so near to an object is
-/// refused by `refusal`: a limit for it would be lost without a word.
+/// Leaves out the pairs of links, and of links and the ground, that are nearer than `distance` at home. A
+/// link so near to an object is refused by `refusal`: a limit for it would be lost without a word.
 fn leave_out_near(
     solids: &mut CollisionModel,
     model: &Model,

@@ -14,7 +14,8 @@ use super::tasks::TaskConfig;
 use super::torque::{InfeasiblePolicy, InverseDynamicsConfig};
 use crate::limits::{PositionLimit, VelocityLimit};
 
-/// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay empty.
+/// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay
+/// empty.
 ///
 /// ```toml
 /// tasks = [
@@ -26,23 +27,25 @@ use crate::limits::{PositionLimit, VelocityLimit};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct QpControllerConfig {
-    /// Tasks, as a weighted sum, at least one. Default: the only end effector follows `target`, the joints stay near the home pose.
+    /// Tasks, as a weighted sum, at least one. Default: the only end effector follows `target`, the joints
+    /// stay near the home pose.
     pub tasks: Option<Vec<TaskConfig>>,
-    /// Settings of levels of the tasks. Default: none of their own.
+    /// Settings per level. Default: none.
     pub levels: Vec<LevelConfig>,
     /// Limits of the commanded motion.
     pub limits: LimitsConfig,
-    /// With this table the controller computes torques, by whole-body inverse dynamics. Robots with a floating base need it.
+    /// With this table the controller computes torques by whole-body inverse dynamics. Required for robots
+    /// with a floating base.
     pub inverse_dynamics: Option<InverseDynamicsConfig>,
-    /// Proportional gain of the joints, Nm/rad or N/m: one number, or one per joint. Default: that of the robot's
-    /// profile.
+    /// Proportional gain of the joints, Nm/rad or N/m: one number, or one per joint. Default: the gains in
+    /// the robot's profile.
     pub kp: Option<PerJoint>,
-    /// Derivative gain of the joints, Nms/rad or Ns/m: one number, or one per joint. Default: that of the robot's
-    /// profile.
+    /// Derivative gain of the joints, Nms/rad or Ns/m: one number, or one per joint. Default: the gains in
+    /// the robot's profile.
     pub kd: Option<PerJoint>,
     /// Compensation of the robot's weight by a feed-forward effort. Default true.
     pub gravity_compensation: bool,
-    /// Feed-forward of the efforts that accelerate the robot as the setpoint does. Default false.
+    /// Feed-forward of the efforts for the acceleration of the setpoint. Default false.
     pub inertia_compensation: bool,
     /// Gravity in the world frame, m/s^2. Default [0, 0, -9.81].
     pub gravity: [f64; 3],
@@ -50,21 +53,22 @@ pub struct QpControllerConfig {
     pub world: World,
     /// Joint positions at which the tasks are evaluated. Default "measured".
     pub feedback: Feedback,
-    /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is pushed with
-    /// at most `kp` times this. Default 0.1.
+    /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is
+    /// pushed with at most `kp` times this. Default 0.1.
     pub max_lead: f64,
-    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without one of their own. Default
-    /// 1e-7.
+    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without one of
+    /// their own. Default 1e-7.
     pub damping: f64,
-    /// Age from which a joint state is not acted upon: nothing is commanded then, and the drives go to their safe
-    /// state. Default 10 ms.
+    /// Maximum age of the joint state. Beyond it nothing is commanded, and the drives enter their safe state.
+    /// Default 10 ms.
     pub state_timeout: TimeSpan,
-    /// Age from which a target counts as standing still where it was. Default 50 ms.
+    /// Age beyond which a target is treated as stationary. Default 50 ms.
     pub target_timeout: TimeSpan,
-    /// Time within which a change of a gain or a weight of a task takes effect, evenly, and within which a task whose weight becomes 0, or
-    /// more than 0, fades out or in. Default 200 ms; 0: at once.
+    /// Duration of a linear ramp for changes of a gain or weight. A task whose weight becomes 0, or nonzero,
+    /// is faded out or in over this time. Default 200 ms; 0 applies changes immediately.
     pub task_ramp: TimeSpan,
-    /// Course of action where constraints contradict each other, without `inverse_dynamics`, which has a key of its own. Default "hold".
+    /// Policy for contradictory constraints without `inverse_dynamics`, which has its own key. Default
+    /// "hold".
     pub on_infeasible: Option<InfeasiblePolicy>,
 }
 
@@ -100,10 +104,11 @@ impl Default for QpControllerConfig {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LevelConfig {
-    /// Number of the level, that of at least one task.
+    /// Number of the level, which at least one task must have.
     pub level: u32,
-    /// Tikhonov regularisation of the level in place of `damping`, 1e-12 to 1: cost of any joint velocity, 1/(rad/s)^2, or with
-    /// `inverse_dynamics` of any acceleration and contact force. It calms what the level decides, and closes no motion to those below.
+    /// Tikhonov regularisation of the level, replacing `damping`, 1e-12 to 1: cost of joint velocities,
+    /// 1/(rad/s)^2, or with `inverse_dynamics` of accelerations and contact forces. It smooths this level and
+    /// does not restrict the levels below.
     pub damping: f64,
 }
 
@@ -113,11 +118,11 @@ pub struct LevelConfig {
 pub enum Feedback {
     /// The measured ones: errors of the drives are corrected.
     Measured,
-    /// The commanded ones: noise of the sensors does not come back, errors of the drives remain.
+    /// Commanded positions and velocities: free of sensor noise, but drive errors remain.
     Setpoint,
 }
 
-/// Limits of the commanded motion. They always hold for the setpoint.
+/// Limits of the commanded motion, always enforced on the setpoint.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitsConfig {
@@ -131,8 +136,8 @@ pub struct LimitsConfig {
     pub frames: Vec<FrameLimitConfig>,
     /// Largest speeds of the centre of mass. Default: none.
     pub centre_of_mass_velocity: Option<CentreOfMassLimitConfig>,
-    /// Distances between links, and from the ground and objects of the world. Default: none are kept.
+    /// Minimum distances between links, and from the ground and objects of the world. Default: none.
     pub collision: Option<CollisionConfig>,
-    /// A point that stays above the support. Default: none.
+    /// A point that must stay above the support. Default: none.
     pub support: Option<SupportConfig>,
 }

@@ -1,4 +1,4 @@
-//! Constraints that contradict each other, in the words of the configuration.
+//! Names of contradictory constraints, as in the configuration.
 
 use motorium_robots::Model;
 
@@ -8,13 +8,13 @@ use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact};
 use crate::solver::Side;
 use crate::{IkConflict, IkConstraint};
 
-/// Names of the rows of limits, and of tasks that are constraints, in the order in which a controller adds them.
+/// Names of the rows of limits and constraint tasks, in the order in which a controller adds them.
 pub(super) struct ConstraintRows {
     held: Rows,
     limits: Rows,
 }
 
-/// Names, each of so many rows.
+/// Names with their numbers of rows.
 #[derive(Default)]
 struct Rows(Vec<(String, usize)>);
 
@@ -23,7 +23,7 @@ impl Rows {
         self.0.push((name, rows));
     }
 
-    /// The name of a row, and its number among those of this name.
+    /// Returns the name of a row and its index among the rows of this name.
     fn name(&self, row: usize) -> String {
         let mut first = 0;
         for (name, rows) in &self.0 {
@@ -54,7 +54,7 @@ impl ConstraintRows {
         Self { held, limits }
     }
 
-    /// The names of the constraints of velocities that contradict each other, in the words of the configuration.
+    /// Names the contradictory velocity constraints as in the configuration.
     pub(super) fn describe_velocities(&self, conflict: &IkConflict, model: &Model) -> String {
         let base = model.nv() - model.joint_count();
         let words = conflict.constraints().map(|constraint| match constraint {
@@ -71,7 +71,7 @@ impl ConstraintRows {
         words.collect::<Vec<_>>().join(", ")
     }
 
-    /// The names of the constraints of torques and forces that contradict each other, in the words of the configuration.
+    /// Names the contradictory torque and force constraints as in the configuration.
     pub(super) fn describe_torques(
         &self,
         conflict: &Conflicting,

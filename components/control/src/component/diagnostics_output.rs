@@ -10,7 +10,8 @@ use crate::IkConstraint;
 use crate::inverse_dynamics::{ConstraintName, InverseDynamics};
 use crate::solver::{Side, Solution};
 
-/// The output of [`ControlDiagnostics`]. Unwired it costs nothing: no figure is computed, no time is taken.
+/// Output of [`ControlDiagnostics`]. It costs nothing unless it is wired: no figure is computed and no time
+/// is measured.
 pub(super) struct DiagnosticsOutput {
     output: Output<ControlDiagnostics>,
     /// True in real time. In lockstep a measured time would differ from run to run.
@@ -30,7 +31,7 @@ impl DiagnosticsOutput {
         Ok(Self { output: setup.output("diagnostics")?, timed, began: None, solve_ns: 0 })
     }
 
-    /// A step begins, in which the solver has taken no time yet.
+    /// Starts a step with zero solver time.
     pub(super) fn begin_step(&mut self) {
         self.solve_ns = 0;
     }
@@ -45,8 +46,8 @@ impl DiagnosticsOutput {
         self.solve_ns += self.began.take().map_or(0, |began| began.elapsed().as_nanos() as u64);
     }
 
-    /// Publishes what `write` fills in, if the output is wired. The message begins with the time of the solver, a residual of
-    /// zero for each of `tasks`, and zeros.
+    /// Publishes the message completed by `write`, if the output is wired. Initially the message contains the
+    /// solver time, a zero residual per task of `tasks`, and zeros.
     pub(super) fn publish(
         &mut self,
         tasks: usize,
@@ -86,7 +87,7 @@ pub(super) fn push_bounds(message: &mut ControlDiagnostics, solution: &Solution)
     }
 }
 
-/// Adds a constraint of inverse kinematics that contradicts others; the velocities of the base are the first `base`.
+/// Adds a contradictory constraint of inverse kinematics; the first `base` velocities belong to the base.
 pub(super) fn push_conflict(message: &mut ControlDiagnostics, constraint: IkConstraint, base: usize) {
     let (constraint, index, side) = match constraint {
         IkConstraint::Held { row } => (ControlDiagnostics::ROW, row, 0),

@@ -1,4 +1,4 @@
-//! The list `limits.frames` of `control.qp`: where frames may be, and how fast.
+//! The list `limits.frames` of `control.qp`: limits of position and velocity of frames.
 
 use motorium::prelude::*;
 use motorium_robots::{Model, Profile};
@@ -9,11 +9,12 @@ use serde::Deserialize;
 use super::checks::in_range;
 use crate::limits::{CartesianPositionLimit, CartesianVelocityLimit, RowLimit};
 
-/// Limits of one frame, in all levels of tasks: a box of the world that its origin does not leave, and largest velocities.
+/// Limits of one frame, in all levels of tasks: a box of the world that its origin does not leave, and
+/// largest velocities.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FrameLimitConfig {
-    /// Link whose frame is limited. Default: that of the robot's only end effector.
+    /// Link whose frame is limited. Default: the robot's only end effector.
     pub frame: Option<String>,
     /// Least and largest coordinate of its origin along x of the world, m. Default: no limit.
     pub x: Option<[f64; 2]>,
@@ -47,7 +48,7 @@ impl Default for FrameLimitConfig {
 }
 
 impl FrameLimitConfig {
-    /// Appends the limits, checked; `path` is that of the table.
+    /// Builds, checks and appends the limits; `path` is the path of the table.
     pub(super) fn build(
         &self,
         path: &str,

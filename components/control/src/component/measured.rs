@@ -6,7 +6,7 @@ use motorium_robots::{BasePose, Kinematics, Loaded, Model, RobotSource};
 use crate::RobotState;
 use crate::inverse_dynamics::MotionState;
 
-/// Loads the robot that the graph gives a component.
+/// Loads the robot that the graph assigns to a component.
 pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     let source = RobotSource {
         name: &robot.name,
@@ -20,7 +20,8 @@ pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> 
     source.load().map_err(|error| ConfigError::key("robot", error.to_string()))
 }
 
-/// Configuration and velocity of a robot, with its kinematics, as the newest states of its joints and its base say.
+/// Configuration and velocity of a robot, with its kinematics, as the newest states of its joints and its
+/// base say.
 pub(super) struct MeasuredState {
     joint_state: Input<JointState>,
     /// Of a floating base.
@@ -38,7 +39,7 @@ pub(super) struct MeasuredState {
 pub(super) enum Freshness {
     /// There was none yet.
     Missing,
-    /// It is too old to act upon.
+    /// The state is too old.
     Stale,
     /// It was read.
     Fresh,
@@ -58,7 +59,7 @@ impl MeasuredState {
         })
     }
 
-    /// Reads the newest state of joints and base, which may be `timeout_ns` old.
+    /// Reads the newest state of joints and base, with a maximum age of `timeout_ns`.
     pub(super) fn read(&mut self, timeout_ns: u64) -> Result<Freshness, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(Freshness::Missing) };
         self.time_ns = state.time_ns();

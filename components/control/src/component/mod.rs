@@ -1,4 +1,5 @@
-//! `control.qp`: a controller that moves a robot towards the targets of its tasks, by velocities or by torques.
+//! `control.qp`: a controller that moves a robot towards the targets of its tasks, by velocities or by
+//! torques.
 
 mod acceleration_limit;
 mod centre_of_mass_limit;
@@ -45,14 +46,14 @@ use setup::ControllerSetup;
 use torque::TorqueController;
 use velocity::VelocityController;
 
-/// A controller that turns targets into joint commands, once per step: by differential inverse kinematics
+/// A controller that converts targets to joint commands once per step, by differential inverse kinematics
 /// ([`DifferentialIk`](crate::DifferentialIk)) or, with `inverse_dynamics`, by whole-body inverse dynamics
 /// ([`InverseDynamics`](crate::inverse_dynamics::InverseDynamics)).
 ///
-/// It begins with the first joint state, at the measured positions; after a crash at the setpoint before the crash, if
-/// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe
-/// state by themselves, and begins anew with the next one. Where constraints contradict each other the policy of
-/// the graph decides: by default the setpoint stands still, and torques are relaxed.
+/// It starts at the measured positions of the first joint state. After a crash it continues from the previous
+/// setpoint if the robot is still near it. Without a fresh joint state it commands nothing, so the drives
+/// enter their safe state; it restarts with the next joint state. For contradictory constraints the graph
+/// selects a policy: by default velocity control holds the setpoint, and torque control relaxes constraints.
 pub struct QpController(Formulation);
 
 /// Level at which it computes.
@@ -88,7 +89,7 @@ impl Component for QpController {
         parts.row_limits(config)?;
         parts.acceleration_limit(config)?;
         MovingObjects::declare(config, &parts, declare);
-        // no check and no default of a parameter depends on the period
+        // checks and parameter defaults do not depend on the period
         for (place, task) in parts.tasks(0.0) {
             task.declare(&place, declare)?;
             task.parameters().into_iter().for_each(|parameter| parameter.declare(task.head().name, declare));
@@ -96,8 +97,7 @@ impl Component for QpController {
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of kp of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of kd of all joints");
         if parts.limits_velocities() {
-            let (fraction, doc) =
-                (config.limits.velocity.fraction, "fraction of the velocity limits that is used");
+            let (fraction, doc) = (config.limits.velocity.fraction, "fraction of the velocity limits to use");
             declare.float("velocity_fraction", fraction, 0.0..=1.0, "", doc);
         }
         if let Some(dynamics) = &config.inverse_dynamics {
@@ -162,13 +162,13 @@ fn period_ns(tick: &Tick) -> u64 {
     u64::try_from(tick.period.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// The kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for a host program.
 ///
 /// ```
 /// let names: Vec<_> = motorium_control::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"control.qp"));
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> [Kind; 4] {
     [

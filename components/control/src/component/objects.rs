@@ -1,4 +1,4 @@
-//! The objects of the world that limits keep links away from, as they move.
+//! Moving objects of the world from which limits keep links away.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,23 +18,23 @@ use crate::limits::RowLimit;
 /// Name of the input.
 pub(super) const INPUT: &str = "object_poses";
 
-/// Time between two looks of the helper thread at what was refused.
+/// Poll interval of the helper thread that reports rejected poses.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// The poses of the objects, for limits that need them. The controller refuses an invalid pose, one with a number that is not finite or with an
-/// orientation that is no unit quaternion: for the limits the object stays where its last valid pose was.
+/// Poses of the objects for limits that need them. An invalid pose is rejected: one that is not finite, or
+/// whose orientation is not a unit quaternion. The limits then use the object's last valid pose.
 pub(super) struct MovingObjects {
-    /// `None` where no limit is about an object that moves.
+    /// `None` if no limit involves a moving object.
     input: Option<Input<ObjectPoses>>,
     /// Pose of each object of the world at the start.
     starts: Vec<Isometry3<f64>>,
     refusals: Arc<Refusals>,
-    /// Poses that were refused in this episode, and the first of them.
+    /// Number of rejected poses in this episode, and the first of them.
     refused: u64,
     first: Option<Refused>,
 }
 
-/// An invalid pose that was refused, and the object it was of.
+/// A rejected pose and its object.
 #[derive(Clone, Copy, Debug)]
 struct Refused {
     object: usize,
@@ -43,7 +43,7 @@ struct Refused {
     orientation: [f64; 4],
 }
 
-/// Numbers of poses that were refused so far, between the steps and the thread that tells of them.
+/// Counts of rejected poses, shared between the steps and the reporting thread.
 struct Refusals {
     /// Name of each object of the world.
     names: Vec<String>,
@@ -51,7 +51,8 @@ struct Refusals {
 }
 
 impl Refusals {
-    /// Tells where refusals began since the last look: each line of a component is an event of the run.
+    /// Reports the objects whose poses started or stopped being rejected since the last poll. Each printed
+    /// line is an event of the run.
     fn tell(&self, told: &mut [u64], is_refused: &mut [bool]) {
         for (object, name) in self.names.iter().enumerate() {
             let count = self.counts[object].load(Ordering::Relaxed);
@@ -70,7 +71,7 @@ impl Refusals {
 }
 
 impl MovingObjects {
-    /// Declares the input where a limit needs it.
+    /// Declares the input if a limit requires it.
     pub(super) fn declare(config: &QpControllerConfig, parts: &ControllerSetup, declare: &mut Declare) {
         if Self::are_needed(config, parts) {
             declare.input::<ObjectPoses>(
@@ -122,8 +123,8 @@ impl MovingObjects {
             || parts.tasks(0.0).any(|(_, task)| task.has_moving_objects(world))
     }
 
-    /// Moves the obstacles of the limits that `each` visits, if there is a newer message. Before the first one the objects stand where
-    /// the world has them.
+    /// Moves the obstacles of the limits visited by `each`, if there is a newer message. Before the first
+    /// message the objects are at their poses in the world description.
     pub(super) fn update(
         &mut self,
         mut each: impl FnMut(&mut dyn FnMut(&mut dyn RowLimit)),
@@ -153,7 +154,7 @@ impl MovingObjects {
         Ok(())
     }
 
-    /// Puts the obstacles back to where the world has them, for a new episode.
+    /// Resets the obstacles to their poses in the world description, for a new episode.
     pub(super) fn reset(&mut self, mut each: impl FnMut(&mut dyn FnMut(&mut dyn RowLimit))) {
         (self.refused, self.first) = (0, None);
         for (object, pose) in self.starts.iter().enumerate().filter(|_| self.input.is_some()) {
@@ -161,7 +162,7 @@ impl MovingObjects {
         }
     }
 
-    /// Its entry in the result of a run.
+    /// Entry in the result of a run.
     pub(super) fn add_to(&self, result: &mut Value) {
         if self.input.is_some() {
             let first = self.first.map(|Refused { object, position, orientation }| {

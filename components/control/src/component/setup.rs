@@ -27,7 +27,7 @@ const LEVELS: u32 = 8;
 /// Range of every regularisation.
 const DAMPING: core::ops::RangeInclusive<f64> = 1e-12..=1.0;
 
-/// A robot, the tasks it is given, and the gains and efforts of its drives.
+/// A robot, its tasks, and the gains and effort limits of its drives.
 pub(super) struct ControllerSetup {
     pub(super) model: Model,
     pub(super) profile: Option<Profile>,
@@ -43,7 +43,8 @@ pub(super) struct ControllerSetup {
 }
 
 impl ControllerSetup {
-    /// Loads the robot and checks everything but the tasks' own tables. Paths of the world begin at `folder`.
+    /// Loads the robot and checks everything except the tasks' tables. File paths of the world are relative
+    /// to `folder`.
     pub(super) fn new(
         config: &QpControllerConfig,
         robot: &RobotReference,
@@ -92,7 +93,7 @@ impl ControllerSetup {
             None => Vec::new(),
         };
         let (gravity, mut world) = (config.gravity.into(), config.world.clone());
-        // what its file leaves out the simulation of the world tells
+        // defects of its files are reported by the simulation of the world
         world.locate(folder).map_err(|error| ConfigError::key("world", error.to_string()))?;
         let setup =
             Self { model, profile, torque, unknowns, gravity, world, contacts, tasks, gains, feed_forward };
@@ -106,12 +107,12 @@ impl ControllerSetup {
         Ok(setup)
     }
 
-    /// True if its parameter `velocity_fraction` has an effect: forces alone move no joint.
+    /// Returns `true` if the parameter `velocity_fraction` has an effect; forces alone move no joint.
     pub(super) fn limits_velocities(&self) -> bool {
         self.unknowns != Unknowns::Forces
     }
 
-    /// The tasks with their places, for a controller that steps every `period` seconds.
+    /// Tasks with their build context, for a controller with a period of `period` seconds.
     pub(super) fn tasks(&self, period: f64) -> impl Iterator<Item = (TaskPlace<'_>, &dyn TaskKind)> {
         self.tasks.iter().enumerate().map(move |(index, task)| {
             let (key, kind) = task.kind();
@@ -132,8 +133,8 @@ impl ControllerSetup {
         })
     }
 
-    /// The levels that its tasks have, each once, the highest first. Where all are constraints there is one: of all that satisfies
-    /// them its regularisation chooses the least.
+    /// Levels of the tasks, without duplicates, highest first. If all tasks are constraints there is one
+    /// level, whose regularisation selects the smallest solution.
     pub(super) fn levels(&self) -> impl Iterator<Item = u32> {
         let bare = self.tasks.iter().all(|task| task.kind().1.is_constraint());
         let of = |level: u32| {
@@ -152,12 +153,12 @@ impl ControllerSetup {
             let key = |name: &str| format!("levels[{index}].{name}");
             let used: Vec<_> = found.iter().map(|(level, _)| level.to_string()).collect();
             let Some((_, of_level)) = found.iter_mut().find(|(other, _)| other == level) else {
-                let message = format!("no task has level {level}");
+                let message = format!("no task is on level {level}");
                 return Err(ConfigError::key(key("level"), message)
                     .advise(format!("the tasks have level {}", used.join(", "))));
             };
             if config.levels[..index].iter().any(|other| other.level == *level) {
-                let message = format!("level {level} is there twice");
+                let message = format!("level {level} is listed twice");
                 return Err(ConfigError::key(key("level"), message).advise("keep one of the two"));
             }
             *of_level = in_range(&key("damping"), *damping, DAMPING)?;
@@ -165,7 +166,7 @@ impl ControllerSetup {
         Ok(found.into_iter().map(|(_, damping)| damping).collect())
     }
 
-    /// Number of parameters that its tasks have together.
+    /// Total number of task parameters.
     pub(super) fn parameter_count(&self) -> usize {
         self.tasks.iter().map(|task| task.kind().1.parameters().len()).sum()
     }
@@ -210,7 +211,7 @@ impl ControllerSetup {
         for (place, kind) in self.tasks(0.0) {
             let TaskHead { name, level, target, wrench, formulations, acts_on } = kind.head();
             if !is_name(name) || names.contains(&name) {
-                let message = format!("task name `{name}` is used twice or is no name");
+                let message = format!("task name `{name}` is used twice or is invalid");
                 return Err(ConfigError::key("tasks", message)
                     .advise("give each task its own `name`: lower-case letters, digits and underscores"));
             }
@@ -263,7 +264,7 @@ pub(super) struct RowLimits {
     /// Key of each in the configuration.
     pub(super) names: Vec<String>,
     pub(super) support: Option<HeldSupport>,
-    /// Smallest distance of links from one another and from obstacles so far, m.
+    /// Smallest distance of the links from each other and from obstacles so far, m.
     smallest: f64,
 }
 
@@ -274,7 +275,7 @@ impl RowLimits {
         self.rows.iter().map(|limit| limit.rows()).sum::<usize>() + support
     }
 
-    /// Takes note of the distances at which the limits were written.
+    /// Records the distances at which the limits were evaluated.
     pub(super) fn observe(&mut self) {
         let distances = self.rows.iter().filter_map(|limit| limit.smallest_distance());
         self.smallest = distances.fold(self.smallest, f64::min);
@@ -309,7 +310,7 @@ fn check_numbers(config: &QpControllerConfig) -> Result<(), ConfigError> {
     Ok(())
 }
 
-/// Refuses keys that inverse dynamics has no use for.
+/// Rejects keys that have no effect with inverse dynamics.
 fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> {
     let default = QpControllerConfig::default();
     let given = [
@@ -333,7 +334,7 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
     }
 }
 
-/// The gains of the configuration, or else those of the profile.
+/// Gains of the configuration, else of the profile.
 fn gains(
     config: &QpControllerConfig,
     model: &Model,

@@ -17,11 +17,13 @@ pub struct SupportConfig {
     pub of: SupportedPoint,
     /// Distance kept from the edges of the hull, m, at least 0. Default 0.01.
     pub margin: f64,
-    /// Of the centre of mass: share of the remaining distance to an edge that may be covered per second, 1/s, at least 1e-3. Default 5.
+    /// For the centre of mass: fraction of the remaining distance to an edge that may be covered per second,
+    /// 1/s, at least 1e-3. Default 5.
     pub rate: f64,
-    /// Of the capture point: height of the ground, m. Default 0.
+    /// For the capture point: height of the ground, m. Default 0.
     pub ground: f64,
-    /// Points of the support, x and y of the world, m. Default: the points of the contacts of `inverse_dynamics` that are switched on.
+    /// Points of the support, x and y of the world, m. Default: the points of the contacts of
+    /// `inverse_dynamics` that are switched on.
     pub points: Option<Vec<[f64; 2]>>,
 }
 
@@ -42,16 +44,16 @@ impl Default for SupportConfig {
     }
 }
 
-/// A limit whose support may follow the contacts.
+/// A limit whose support polygon may follow the contacts.
 pub(super) struct HeldSupport {
     pub(super) limit: SupportLimit,
-    /// True if the support is that of the contacts.
+    /// `true` if the contacts form the support.
     pub(super) follows: bool,
     points: Vec<Vector2<f64>>,
 }
 
 impl SupportConfig {
-    /// The limit, checked, for contacts that have `contact_points` points together.
+    /// Builds and checks the limit, for contacts with `contact_points` points in total.
     pub(super) fn build(
         &self,
         model: &Model,
@@ -88,7 +90,7 @@ impl SupportConfig {
 }
 
 impl HeldSupport {
-    /// Takes the points that `visit` is called with for its support.
+    /// Sets the support to the points passed by `visit`.
     pub(super) fn follow(&mut self, each: impl FnOnce(&mut dyn FnMut(Vector3<f64>))) {
         self.points.clear();
         each(&mut |point| self.points.push(point.xy()));

@@ -20,25 +20,26 @@ use crate::{
     limits::{AccelerationLimit, PositionLimit, RowLimit, VelocityLimit},
 };
 
-/// Cost of a velocity beyond a task that is a constraint, where it gives way, 1/(m/s) or 1/(rad/s).
+/// Cost of violating a constraint task when it is relaxed, 1/(m/s) or 1/(rad/s).
 const RELAXATION: f64 = 100.0;
 
-/// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
+/// A controller that converts targets to joint commands once per step; see [`DifferentialIk`].
 ///
-/// It begins with the first joint state, at the measured positions; after a crash at the setpoint before the crash, if
-/// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe
-/// state by themselves, and begins anew with the next one. Where constraints contradict each other it follows its policy.
+/// It starts at the measured positions of the first joint state. After a crash it continues from the previous
+/// setpoint if the robot is still near it. Without a fresh joint state it commands nothing, so the drives
+/// enter their safe state; it restarts with the next joint state. Contradictory constraints are handled by
+/// its policy.
 pub(super) struct VelocityController {
     joint_state: Input<JointState>,
     joint_command: Output<JointCommand>,
     diagnostics: DiagnosticsOutput,
     model: Model,
-    /// At the joint positions the tasks are evaluated at.
+    /// Kinematics at the joint positions where the tasks are evaluated.
     kinematics: Kinematics,
     /// At the measured joint positions.
     measured: Kinematics,
     q: DVector<f64>,
-    /// In the order of the configuration.
+    /// Tasks in the order of the configuration.
     tasks: Vec<Held>,
     fades: Fades,
     position: PositionLimit,
@@ -62,9 +63,9 @@ pub(super) struct VelocityController {
     /// The setpoint before a crash.
     remembered: Option<Vec<f64>>,
     clock: RunClock,
-    /// Time that the newest joint state is for, ns since the run began.
+    /// Time of the newest joint state, ns since the start of the run.
     state_ns: u64,
-    /// Time that the last step that commanded something was for, ns since the run began.
+    /// Time of the last step with a command, ns since the start of the run.
     last_ns: Option<u64>,
     policy: InfeasiblePolicy,
     figures: VelocityFigures,
@@ -150,7 +151,8 @@ impl VelocityController {
         if unbroken.is_none() {
             self.begin();
         }
-        // where steps were missed, the setpoints go on as the time does: else they would fall back behind the robot
+        // after missed steps the setpoints advance by the elapsed time; otherwise they would fall behind the
+        // robot
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
         let bounds = self.prepare(dt, unbroken.is_none())?;
         let solved = self.solve(&bounds);
@@ -160,7 +162,7 @@ impl VelocityController {
         }
         self.checkpoint.save(self.setpoint.position().iter().copied());
         match (solved, self.policy) {
-            // where the drives go by themselves, the next setpoint begins there
+            // the drives move on their own, so the next setpoint starts from there
             (false, InfeasiblePolicy::SafeStop) => {
                 self.setpoint.reset(self.q.as_slice());
                 self.feed_forward.reset();
@@ -207,14 +209,14 @@ impl VelocityController {
         Ok(true)
     }
 
-    /// Begins at the measured positions, or at the setpoint before a crash.
+    /// Starts at the measured positions, or at the setpoint before a crash.
     fn begin(&mut self) {
         let near = |setpoint: &Vec<f64>| {
             setpoint.iter().zip(&self.q).all(|(setpoint, q)| (setpoint - q).abs() <= self.max_lead)
         };
         let remembered = self.remembered.as_ref().filter(|setpoint| near(setpoint));
         self.setpoint.reset(remembered.map_or(self.q.as_slice(), Vec::as_slice));
-        // it is stale from now on; emptied in place, for its memory is not to be given back within a step
+        // it becomes stale now; emptied in place, because memory must not be freed within a step
         if let Some(remembered) = &mut self.remembered {
             remembered.fill(f64::NAN);
         }
@@ -284,7 +286,7 @@ impl VelocityController {
         solved
     }
 
-    /// Solves the stack of the tasks as they are weighed.
+    /// Solves the task stack with the current weights.
     fn solve_tasks(&mut self, dt: f64) -> bool {
         let (kinematics, q) = match self.feedback {
             Feedback::Measured => (&self.measured, self.q.as_slice()),
@@ -370,7 +372,7 @@ impl VelocityController {
     }
 }
 
-/// Visits the limits of combinations of velocities, also those that give way.
+/// Visits all limits of velocity combinations, including soft ones.
 fn visit_limits(rows: &mut RowLimits, tasks: &mut [Held], visit: &mut dyn FnMut(&mut dyn RowLimit)) {
     rows.rows.iter_mut().for_each(|limit| visit(limit.as_mut()));
     for (limits, _) in tasks.iter_mut().filter_map(|held| held.task.limits()) {

@@ -11,7 +11,7 @@ pub(super) struct VelocityFigures {
     /// Names of the constraints.
     names: ConstraintRows,
     first_conflict: Option<IkConflict>,
-    /// Largest amount by which a task that holds exactly was missed, m/s or rad/s.
+    /// Largest violation of a constraint task, m/s or rad/s.
     slack: f64,
     relaxed: u64,
     hurried: u64,
@@ -50,7 +50,7 @@ impl VelocityFigures {
         (self.step_iterations, self.step_undecided) = (0, 0);
     }
 
-    /// Takes note of the work and of constraints that contradicted each other, after each solution.
+    /// Records effort and contradictory constraints after each solution.
     pub(super) fn observe(&mut self, ik: &DifferentialIk) {
         self.step_iterations += ik.iterations();
         self.step_undecided += ik.undecided();

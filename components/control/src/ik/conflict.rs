@@ -1,19 +1,19 @@
-//! Names of the constraints of inverse kinematics, and what is left of those that contradict each other.
+//! Names of the constraints of inverse kinematics, and the outcome of contradictory ones.
 
 use super::DifferentialIk;
 use crate::solver::{Conflict, Constraint, QpSolver, Side};
 
-/// One scalar constraint of an inverse kinematics.
+/// One scalar constraint of inverse kinematics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum IkConstraint {
-    /// Row of a contact that is held, or of a task that is a constraint.
+    /// Row of a held contact or of a constraint task.
     Held {
-        /// Its number among the rows of all of them, in the order that they were added.
+        /// Index among the rows of all of them, in order of addition.
         row: usize,
     },
     /// Row of a limit of velocities.
     Limit {
-        /// Its number among the rows of all limits, in the order that they were added.
+        /// Index among the rows of all limits, in order of addition.
         row: usize,
         /// Which side.
         side: Side,
@@ -27,7 +27,7 @@ pub enum IkConstraint {
     },
 }
 
-/// Constraints that no velocity satisfies together, and how a tick was solved nevertheless.
+/// Contradictory constraints that no velocity satisfies, and the relaxed solution of the tick.
 ///
 /// ```
 /// use motorium_control::{DifferentialIk, IkConstraint, IkRows, IkSettings, RobotState, tasks::{PostureSettings, PostureTask, Task}};
@@ -59,7 +59,7 @@ pub enum IkConstraint {
 pub struct IkConflict {
     conflict: Conflict,
     motions: usize,
-    /// Largest amount by which a row of what holds exactly was missed, times its weight \[m/s or rad/s\]; 0 if the tick has no solution.
+    /// Largest weighted violation of an exact row \[m/s or rad/s\]; 0 if the tick has no solution.
     pub slack: f64,
 }
 
@@ -68,7 +68,7 @@ impl IkConflict {
         Self { conflict, motions, slack: 0.0 }
     }
 
-    /// The constraints that carry most of the conflict, strongest first.
+    /// Iterates over the constraints that contribute most to the conflict, strongest first.
     pub fn constraints(&self) -> impl Iterator<Item = IkConstraint> + '_ {
         self.conflict.constraints().filter_map(|constraint| match constraint {
             Constraint::Equality(row) => Some(IkConstraint::Held { row }),
@@ -82,7 +82,7 @@ impl IkConflict {
 }
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// The constraints that contradicted each other in the last [`solve`](Self::solve), whether it could be relaxed or not.
+    /// Returns the contradictory constraints of the last [`solve`](Self::solve), relaxed or not.
     pub fn conflict(&self) -> Option<&IkConflict> {
         self.conflict.as_ref()
     }

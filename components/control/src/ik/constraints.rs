@@ -1,4 +1,4 @@
-//! Constraints of one tick: contacts that are held, tasks that hold exactly, limits, and limits that may give way.
+//! Constraints of one tick: held contacts, constraint tasks, limits and soft limits.
 
 use super::DifferentialIk;
 use crate::{
@@ -10,10 +10,10 @@ use crate::{
 };
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// Updates `contact` at `state` and holds its frame still, above all levels; its weight does not count.
+    /// Updates `contact` at `state` and holds its frame still, above all levels; its weight is ignored.
     ///
     /// # Panics
-    /// If the solver was built for fewer rows than the contacts have together.
+    /// If the solver was built for fewer contact rows in total.
     pub fn hold(&mut self, state: &RobotState<'_>, contact: &mut ContactTask) {
         contact.update(state);
         let (first, count) = (self.next_equality, contact.rows());
@@ -33,8 +33,9 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.next_equality += count;
     }
 
-    /// Updates `task` at `state` and makes it a constraint above all levels: `A v = b` holds exactly for the rows that have a weight.
-    /// A task that no velocity within the limits fulfils leaves the tick without a solution.
+    /// Updates `task` at `state` and makes it a constraint above all levels: `A v = b` holds exactly for the
+    /// rows that have a weight. A task that no velocity within the limits fulfils leaves the tick without a
+    /// solution.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, IkRows, IkSettings, RobotState, tasks::{CartesianTask, PostureTask, Task}};
@@ -80,11 +81,12 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Adds the rows of `limit` for a tick of `dt` seconds as a task of a level: where the tasks above it, or of its own level, want
-    /// more, the limit gives way by `s`, and `1/2 weight^2 |s|^2` is part of the level's cost.
+    /// Adds the rows of `limit` for a tick of `dt` seconds as a soft limit of a level. Where tasks above or
+    /// on the same level demand more, the limit is violated by `s`, at the cost `1/2 weight^2 |s|^2` on its
+    /// level.
     ///
     /// # Panics
-    /// If there is no such level, or the solver was built for fewer soft rows than the limits have together.
+    /// If there is no such level, or the solver was built for fewer soft rows in total.
     pub fn add_soft_limit(
         &mut self,
         state: &RobotState<'_>,
@@ -121,20 +123,21 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Amounts by which the soft limits gave way in the last [`solve`](Self::solve), a number for each of their rows, in the order
-    /// that they were added \[m/s or rad/s\].
+    /// Violations of the soft limits in the last [`solve`](Self::solve), one per row, in order of addition
+    /// \[m/s or rad/s\].
     pub fn slack(&self) -> &[f64] {
         &self.velocity[self.motions..]
     }
 
-    /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.
+    /// Intersects the bounds with the bounds of `limit` for a tick of `dt` seconds.
     pub fn add_limit(&mut self, state: &RobotState<'_>, limit: &dyn Limit, dt: f64) {
         limit.intersect(state, dt, &mut self.problem);
     }
 
-    /// Narrows the bounds by those of `limit` for a tick of `dt` seconds, after all limits of positions and velocities; `before` are the
-    /// velocities of the tick before. Where constraints contradict it, it is given up for the tick before any other is: for joints that brake,
-    /// and where a contact or a task that holds exactly asks for it for joints that speed up, too.
+    /// Narrows the bounds by `limit` for a tick of `dt` seconds, after all limits of positions and
+    /// velocities; `before` are the velocities of the previous tick. If constraints contradict it, it is the
+    /// first limit to be given up for the tick: for braking joints, and for accelerating joints if a contact
+    /// or an exact task requires it.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState, tasks::{PostureSettings, PostureTask}};
@@ -162,7 +165,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// ```
     ///
     /// # Panics
-    /// If `before` has not one entry for each velocity.
+    /// If the length of `before` differs from the number of velocities.
     pub fn add_acceleration_limit(
         &mut self,
         state: &RobotState<'_>,
@@ -178,7 +181,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         limit.narrow(state, before, dt, &mut self.problem);
     }
 
-    /// True if the last [`solve`](Self::solve) let joints brake, or speed up, beyond the limit of accelerations.
+    /// Returns `true` if the last [`solve`](Self::solve) exceeded the acceleration limit.
     pub fn is_hurried(&self) -> bool {
         self.is_hurried
     }

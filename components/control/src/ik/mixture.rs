@@ -4,11 +4,11 @@ use super::DifferentialIk;
 use crate::solver::QpSolver;
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// Adds the velocity of the last [`solve`](Self::solve) to a mixture, by `share`. A mixture whose shares are not negative and sum
-    /// up to 1 keeps all limits that its solutions keep.
+    /// Adds the velocity of the last [`solve`](Self::solve) to a mixture, weighted by `share`. A mixture with
+    /// nonnegative shares that sum to 1 satisfies all limits that its solutions satisfy.
     ///
-    /// A task in a level of its own decides as much with a small weight as with a large one, so that it cannot leave by its weight
-    /// alone. The mixture of the solutions with and without it goes from one to the other.
+    /// A task alone on its level acts the same with a small weight as with a large one, so reducing its
+    /// weight cannot fade it out. Mixing the solutions with and without it can.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
@@ -45,7 +45,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Makes the mixture the [`velocity`](Self::velocity), and begins a new one.
+    /// Makes the mixture the [`velocity`](Self::velocity), and starts a new one.
     pub fn take_mixture(&mut self) -> &[f64] {
         std::mem::swap(&mut self.velocity, &mut self.mixture);
         self.mixture.fill(0.0);

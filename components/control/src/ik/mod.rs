@@ -25,11 +25,12 @@ use crate::{
 /// Settings of [`DifferentialIk`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkSettings {
-    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. Keeps the solution unique where the
-    /// tasks leave a joint open.
+    /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. Keeps the solution unique where
+    /// the tasks leave a joint open.
     pub damping: f64,
-    /// Weight with which contacts that are held and tasks that are constraints are kept where not all constraints can be: cost of a
-    /// velocity beyond them \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. `None`, the default: such a tick has no solution.
+    /// Weight of held contacts and constraint tasks when constraints are contradictory: cost of violating
+    /// them \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. With `None`, the default, such a tick has no
+    /// solution.
     pub relaxation: Option<f64>,
 }
 
@@ -39,7 +40,7 @@ impl Default for IkSettings {
     }
 }
 
-/// A tick without a joint velocity. The safe answer is to stand still.
+/// The tick has no joint velocity. The safe reaction is to stand still.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
     /// The state, a target or a setting is not a number, or the limits cross.
@@ -50,22 +51,22 @@ pub enum IkError {
     Solve(#[from] SolveError),
 }
 
-/// A differential inverse kinematics: the joint velocity `v` \[rad/s or m/s\] that minimises a weighted sum of task
-/// costs within all limits.
+/// Differential inverse kinematics: computes the joint velocity `v` \[rad/s or m/s\] that minimises a
+/// weighted sum of task costs within all limits.
 ///
 /// ```text
 /// minimise   sum_tasks 1/2 |W (A v - b)|^2 + 1/2 damping |v|^2
 /// subject to lower <= v <= upper,   lower <= G v <= upper,   A_c v = b_c
 /// ```
 ///
-/// `A_c` are the rows of the contacts that are [held](Self::hold), frames that rest exactly whatever the tasks cost, and of tasks
-/// that are [constraints](Self::constrain). A limit may give way, as a [task](Self::add_soft_limit) of any level.
+/// `A_c` contains the rows of [held](Self::hold) contacts, whose frames rest exactly, and of
+/// [constraint](Self::constrain) tasks. Limits may be soft, as a [task](Self::add_soft_limit) of any level.
 ///
-/// With [`levels`](Self::levels) there are several such sums, in strict priority: each level minimises its own over the
-/// velocities that leave `A v` of all tasks of the levels above as it is.
+/// [`levels`](Self::levels) adds strict priorities: each level minimises its own sum over the velocities that
+/// leave `A v` of all higher levels unchanged.
 ///
-/// The unknown is the velocity, not the step `v dt`: steps are so small that a solver's absolute tolerances would be
-/// as large as the limits.
+/// The unknown is the velocity rather than the step `v dt`, because steps are so small that a solver's
+/// absolute tolerances would exceed the limits.
 #[derive(Debug)]
 pub struct DifferentialIk<S = ActiveSetSolver> {
     settings: IkSettings,
@@ -75,28 +76,28 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     /// The mixture of solutions so far.
     mixture: Vec<f64>,
     below: Option<Below>,
-    /// First row that no limit has taken yet.
+    /// First unused row for limits.
     next_row: usize,
-    /// First equality that no contact and no task has taken yet.
+    /// First unused equality for contacts and tasks.
     next_equality: usize,
-    /// Number of velocities; the unknowns after them are what soft limits give way by.
+    /// Number of velocities; the following unknowns are violations of soft limits.
     motions: usize,
-    /// First unknown that no soft limit has taken yet.
+    /// First unused unknown for soft limits.
     next_slack: usize,
     /// Rows of the task that becomes a constraint.
     constrained: Rows,
     relaxed: Option<Relaxed>,
     conflict: Option<IkConflict>,
-    /// Bounds without the limit of accelerations, and whether there is one.
+    /// Bounds without the acceleration limit, and whether there is one.
     unhurried: [DVector<f64>; 2],
     is_narrowed: bool,
-    /// Velocities of the tick before, where there is one.
+    /// Velocities of the previous tick, if any.
     before: DVector<f64>,
-    /// True if the last solution is beyond it.
+    /// `true` if the last solution exceeds it.
     is_hurried: bool,
-    /// For each row whether its limit may give way.
+    /// For each row, `true` if its limit is soft.
     is_soft: Vec<bool>,
-    /// Iterations of all solvers in the last solution, and levels below the first that it leaves undecided.
+    /// Total iterations of the last solution, and the number of undecided levels below the first.
     iterations: u32,
     undecided: u32,
 }
@@ -104,11 +105,11 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
 /// Numbers of rows that a [`DifferentialIk`] has room for besides the bounds of the joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IkRows {
-    /// Rows of contacts that are held, and of tasks that are constraints.
+    /// Rows of held contacts and of constraint tasks.
     pub held: usize,
     /// Rows of limits.
     pub limits: usize,
-    /// Rows of limits that may give way.
+    /// Rows of soft limits.
     pub soft: usize,
 }
 
@@ -123,21 +124,22 @@ struct Below {
 }
 
 impl DifferentialIk {
-    /// For `model`, with default settings and the active-set solver.
+    /// Creates a solver for `model` with default settings and the active-set method.
     pub fn new(model: &Model) -> Self {
         let solver = ActiveSetSolver::new(Self::structure(model), ActiveSetSettings::default());
         Self::with_solver(solver, IkSettings::default())
     }
 
-    /// For `model` and limits that have `rows` rows together, with default settings and the active-set solver.
+    /// Creates a solver for `model` and limits with `rows` rows in total, with default settings and the
+    /// active-set method.
     pub fn with_rows(model: &Model, rows: usize) -> Self {
         let structure = Self::structure(model).rows(rows, Sides::Both);
         let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
         Self::with_solver(solver, IkSettings::default())
     }
 
-    /// For `model`, contacts that have `held` rows together and limits that have `rows`, with default settings and the active-set
-    /// solver.
+    /// Creates a solver for `model`, contacts with `held` rows in total and limits with `rows` rows, with
+    /// default settings and the active-set method.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, RobotState, tasks::{CentreOfMassTask, ContactTask, Task}};
@@ -167,7 +169,7 @@ impl DifferentialIk {
         Self::with_room(model, IkRows { held, limits: rows, soft: 0 }, IkSettings::default())
     }
 
-    /// For `model`, with room for these rows, and the active-set solver.
+    /// Creates a solver for `model` with capacity for these rows and the active-set method.
     pub fn with_room(model: &Model, rows: IkRows, settings: IkSettings) -> Self {
         let IkRows { held, limits, soft } = rows;
         let structure = Structure::new(model.nv() + soft).bounds(Sides::Both);
@@ -176,14 +178,15 @@ impl DifferentialIk {
         Self { motions: model.nv(), ..Self::with_solver(solver, settings) }
     }
 
-    /// The structure of the problem for `model`: one bounded unknown per velocity, six of a floating base among them.
+    /// The structure of the problem for `model`: one bounded unknown per velocity, six of a floating base
+    /// among them.
     pub fn structure(model: &Model) -> Structure {
         Structure::new(model.nv()).bounds(Sides::Both)
     }
 }
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// With a solver built for [`DifferentialIk::structure`].
+    /// Uses a solver built for [`DifferentialIk::structure`].
     pub fn with_solver(solver: S, settings: IkSettings) -> Self {
         let problem = Problem::new(solver.structure());
         let variables = solver.structure().variables();
@@ -211,8 +214,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Levels of strict priority, the highest first; for each the number of [`rows`](Task::rows) that its tasks and soft limits
-    /// have together, the most that it ever has.
+    /// Sets levels of strict priority, highest first. Each entry is the maximum total number of
+    /// [`rows`](Task::rows) of the level's tasks and soft limits.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
@@ -252,8 +255,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         self
     }
 
-    /// Regularises each level by its own cost of any joint velocity \[1/(rad/s)^2\], the highest level first, in place of
-    /// [`IkSettings::damping`].
+    /// Sets a separate regularisation per level, the cost of joint velocities \[1/(rad/s)^2\], highest level
+    /// first. Replaces [`IkSettings::damping`].
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
@@ -283,7 +286,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// ```
     ///
     /// # Panics
-    /// If it is not one number for each level.
+    /// If the number of entries differs from the number of levels.
     #[must_use]
     pub fn level_damping(mut self, of_levels: &[f64]) -> Self {
         let below = self.below.as_mut().map_or(&mut [][..], |below| &mut below.levels);
@@ -295,7 +298,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         self
     }
 
-    /// Poses the problem of one tick of `dt` seconds: [`begin`](Self::begin), every task in the first level, every limit.
+    /// Poses the problem of one tick of `dt` seconds: [`begin`](Self::begin), every task on the first level,
+    /// every limit.
     pub fn assemble(
         &mut self,
         state: &RobotState<'_>,
@@ -312,7 +316,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Starts a tick with no task and no limit.
+    /// Starts a tick without tasks and limits.
     pub fn begin(&mut self) {
         self.problem.hessian.fill(0.0);
         self.problem.hessian.fill_diagonal(self.settings.damping);
@@ -373,14 +377,14 @@ impl<S: QpSolver> DifferentialIk<S> {
         &self.velocity[..self.motions]
     }
 
-    /// Iterations of all solvers in the last [`solve`](Self::solve), whatever it took: those of the first level, each time that it was
-    /// solved, relaxed or not, and those of the levels below it.
+    /// Total iterations of the last [`solve`](Self::solve): all solutions of the first level, relaxed or not,
+    /// and the levels below.
     pub fn iterations(&self) -> u32 {
         self.iterations
     }
 
-    /// Levels below the first that the last [`solve`](Self::solve) left undecided, for their solver found no solution: they move nothing,
-    /// and what the levels above decide holds.
+    /// Number of levels below the first that the last [`solve`](Self::solve) left undecided because their
+    /// solver found no solution. They cause no motion; the solution of the levels above holds.
     pub fn undecided(&self) -> u32 {
         self.undecided
     }

@@ -1,16 +1,17 @@
-//! A tick whose constraints contradict each other: contacts and tasks that hold exactly give way.
+//! A tick with contradictory constraints: contacts and exact tasks are relaxed.
 
 use crate::ik::IkError;
 use crate::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Structure};
 
-/// The relaxed problem: what holds exactly as a cost.
+/// The relaxed problem: exact rows become costs.
 ///
 /// ```text
 /// minimise   (cost of the tasks) + 1/2 weight^2 |A_c v - b_c|^2
 /// subject to lower <= v <= upper,   lower <= G v <= upper
 /// ```
 ///
-/// The rows of `A_c` carry the weights of their tasks, which decide what gives way. Limits admit `v = 0`: it always has a solution.
+/// The rows of `A_c` are weighted by their tasks, which determines the distribution of the violation. Limits
+/// admit `v = 0`, so there is always a solution.
 #[derive(Debug)]
 pub(super) struct Relaxed {
     weight: f64,

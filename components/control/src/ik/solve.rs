@@ -1,25 +1,30 @@
-//! The solution of a tick: the first level, those below it, and ticks whose constraints contradict each other.
+//! Solution of a tick: the first level, the levels below, and contradictory constraints.
 
 use super::{Below, DifferentialIk, IkConflict, IkError};
 use crate::limits::are_alike;
 use crate::solver::{Conflict, Constraint, QpSolver, Side, SolveError};
 
-/// Solutions of a tick in which only those give way that a contradiction names, before all do.
+/// Maximum number of solutions in which only constraints named by a conflict are relaxed; then all are.
 const NAMED: u32 = 8;
-/// Share of the largest change of a velocity by which a way back is to become faster in a tick: what is left is for the other rows.
+/// Fraction of the maximum velocity change by which a return behind a limit may accelerate in a tick; the
+/// rest is left for other rows.
 const HASTE: f64 = 0.5;
-/// Number of times that ways back halve this change, before they are given up.
+/// Number of times this change is halved before returns are given up.
 const EASED: u32 = 2;
 
 impl<S: QpSolver> DifferentialIk<S> {
-    /// Solves the posed problem and returns the joint velocity, exactly within its bounds.
+    /// Solves the assembled problem and returns the joint velocity, exactly within its bounds.
     ///
-    /// A row beyond its limit comes back at a speed that the limit of accelerations allows. Where constraints contradict each other,
-    /// first of what comes back and has a part in the contradiction that [stays](crate::limits::LimitRows::push_barrier) which is least
-    /// beyond its limit. Then joints brake faster than the limit of [accelerations](Self::add_acceleration_limit) has it, those first that
-    /// have a part in the contradiction; none speeds up faster, unless a contact or a task that holds exactly asks for it. At last, with a
-    /// [relaxation](super::IkSettings::relaxation), contacts and tasks that hold exactly give way;
-    /// [`conflict`](Self::conflict) names what contradicts, and says by how much.
+    /// A row beyond its limit returns at a speed permitted by the acceleration limit. Contradictory
+    /// constraints are relaxed in this order:
+    ///
+    /// 1. Among the returning rows of the conflict, the one least beyond its limit
+    ///    [stays](crate::limits::LimitRows::push_barrier) there.
+    /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), those of the conflict
+    ///    first. Joints accelerate beyond it only if a contact or an exact task requires it.
+    /// 3. With a [relaxation](super::IkSettings::relaxation), contacts and exact tasks are violated.
+    ///
+    /// [`conflict`](Self::conflict) returns the contradictory constraints and the violation.
     ///
     /// # Errors
     /// [`IkError`]; [`velocity`](Self::velocity) is zero then.
@@ -56,7 +61,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         Ok(&self.velocity[..self.motions])
     }
 
-    /// Decides the velocity by the first level alone.
+    /// Computes the velocity of the first level alone.
     fn solve_first(&mut self) -> Result<(), IkError> {
         self.velocity.fill(0.0);
         self.solver.update(&self.problem)?;
@@ -67,7 +72,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         Ok(())
     }
 
-    /// Keeps the bounds exactly: an interior-point solution may touch one from outside by its tolerance.
+    /// Enforces the bounds exactly: an interior-point solution may violate one by its tolerance.
     fn clamp(&mut self) {
         let limits = self.problem.lower.iter().zip(&self.problem.upper);
         for (v, (lower, upper)) in self.velocity.iter_mut().zip(limits) {
@@ -75,14 +80,14 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Lets that row of a contradiction stay beyond its limit which is least beyond it, with the rows that are alike; if nothing of it has to
-    /// come back, lets the joints that it names brake at once. False if it names neither.
+    /// Lets the row of a conflict that is least beyond its limit stay there, with equal rows. If no row has
+    /// to return, lets the named joints brake immediately. Returns `false` if the conflict has neither.
     fn give_up_named(&mut self, conflict: &Conflict) -> bool {
         let mut least: Option<(f64, usize)> = None;
         for constraint in conflict.constraints() {
             let Constraint::Row(row, _) = constraint else { continue };
             let wanted = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
-            // of those that are equally fast the nearest pairs, which come first, come back
+            // among equally fast ones, the nearest pairs, which come first, return
             let less = least.is_none_or(|(other, before)| wanted < other || wanted == other && row > before);
             if self.returns(row) && less {
                 least = Some((wanted, row));
@@ -106,7 +111,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         brakes
     }
 
-    /// Lets what is beyond a limit stay there. False if nothing has to come back.
+    /// Lets everything beyond a limit stay there. Returns `false` if nothing has to return.
     fn give_up_return(&mut self) -> bool {
         let mut stays = false;
         for row in 0..self.next_row {
@@ -125,12 +130,12 @@ impl<S: QpSolver> DifferentialIk<S> {
         returns
     }
 
-    /// True if a row has to come back. A soft limit gives way by itself.
+    /// Returns `true` if a row has to return. Soft limits yield anyway.
     fn returns(&self, row: usize) -> bool {
         !self.is_soft[row] && (self.problem.row_lower[row] > 0.0 || self.problem.row_upper[row] < 0.0)
     }
 
-    /// With a limit of accelerations, lets what comes back become faster by [`HASTE`] of what it could at most.
+    /// With an acceleration limit, limits the acceleration of returning rows to [`HASTE`] of the maximum.
     fn slow_returns(&mut self) {
         if !self.is_narrowed {
             return;
@@ -150,7 +155,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Halves the changes of velocity that ways back ask for. False if the contradiction names no way back, or no joint that could hurry.
+    /// Halves the velocity changes of returning rows. Returns `false` if the conflict has no returning row or
+    /// no joint that could accelerate more.
     fn ease_returns(&mut self, conflict: &Conflict) -> bool {
         let names = |wanted: &dyn Fn(Constraint) -> bool| conflict.constraints().any(wanted);
         let returns = names(&|constraint| matches!(constraint, Constraint::Row(row, _) if self.returns(row)));
@@ -189,7 +195,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         (now, least, largest)
     }
 
-    /// Lets all joints brake as fast as they have to. False if they may already.
+    /// Lets all joints brake as fast as required. Returns `false` if they already may.
     fn brake(&mut self) -> bool {
         (0..self.motions).fold(false, |brakes, variable| {
             let sides = [Side::Lower, Side::Upper].map(|side| self.brake_at(variable, side));
@@ -197,7 +203,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         })
     }
 
-    /// The same for one joint: a bound that excludes standing still goes to zero, which all limits but that of accelerations admit.
+    /// The same for one joint: a bound that excludes rest moves to zero, which all limits except the
+    /// acceleration limit admit.
     fn brake_at(&mut self, variable: usize, side: Side) -> bool {
         let excludes_rest = match side {
             Side::Lower => self.problem.lower[variable] > 0.0,
@@ -214,7 +221,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         true
     }
 
-    /// Lets joints change their velocities as fast as what holds exactly asks for. False without that, or without a limit of accelerations.
+    /// Lets joints change their velocities as fast as exact rows require. Returns `false` without exact rows
+    /// or an acceleration limit.
     fn give_up_acceleration(&mut self) -> bool {
         if self.next_equality == 0 || !std::mem::replace(&mut self.is_narrowed, false) {
             return false;
@@ -225,7 +233,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         true
     }
 
-    /// Lets go what holds exactly, if the settings say so.
+    /// Relaxes exact rows if the settings permit it.
     fn relax(&mut self, conflict: Conflict) -> Result<(), IkError> {
         let mut found = IkConflict::new(conflict, self.motions);
         let relaxed = match &mut self.relaxed {
@@ -242,8 +250,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         Ok(())
     }
 
-    /// Moves the velocity of the first level by what the levels below decide. What is decided above a level without a solution is a
-    /// solution, too.
+    /// Adds the solution of the lower levels to the first level's velocity. Higher levels keep their solution
+    /// if a lower one has none.
     fn solve_below(&mut self) -> Result<(), IkError> {
         let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
         freedom.open();
@@ -254,7 +262,7 @@ impl<S: QpSolver> DifferentialIk<S> {
             self.iterations += solver.iterations;
             match solved {
                 Err(IkError::Solve(error)) => {
-                    // at its limit the solver goes on in the next tick
+                    // at its iteration limit the solver continues in the next tick
                     if !matches!(error, SolveError::MaxIterations { .. }) {
                         solver.reset();
                     }

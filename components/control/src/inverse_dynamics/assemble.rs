@@ -34,7 +34,7 @@ impl InverseDynamics {
         self.leave_out();
     }
 
-    /// The rows of the equation of motion: those of the base as equalities, those of the joints within the torque limits.
+    /// Rows of the equation of motion: equalities for the base, torque limits for the joints.
     fn pose_motion(&mut self) {
         let Self { order, mass, bias, problem, contacts, torque_limit, .. } = self;
         let base = order.base;
@@ -79,8 +79,8 @@ impl InverseDynamics {
         }
     }
 
-    /// Contacts that do not move, friction pyramids if there are no cones, and forces that only push. One that is not active has no force and holds
-    /// nothing still.
+    /// Contact constraints: no motion, friction pyramids unless there are cones, and unilateral forces. An
+    /// inactive contact has no force and constrains no motion.
     fn pose_contacts(&mut self) {
         let Self { order, problem, contacts, settings, .. } = self;
         for place in contacts.iter() {

@@ -1,4 +1,4 @@
-//! A level below the first, where friction is a cone.
+//! A level below the first with friction cones.
 
 use nalgebra::DVector;
 
@@ -62,7 +62,7 @@ impl BelowSolver {
     }
 }
 
-/// A level in the unknowns `(x, z)`, since a cone holds for unknowns and not for combinations of them:
+/// A level in the unknowns `(x, z)`, since a cone constrains unknowns rather than combinations of them:
 ///
 /// ```text
 /// minimise   1/4 x'Px + 1/2 q'x + 1/4 z'(Z'PZ)z + 1/2 (Z'(P x* + q))'z
@@ -70,7 +70,7 @@ impl BelowSolver {
 ///            limits, rows and friction cones of x
 /// ```
 ///
-/// The cost stands in both by a half, so that both are scaled by it.
+/// The cost is split equally between both, so that both are scaled.
 #[derive(Debug)]
 pub(super) struct ConeLevel {
     problem: Problem,
@@ -132,7 +132,7 @@ impl ConeLevel {
                 .view_mut((0, n + j), (n, 1))
                 .zip_apply(&direction, |to, from| *to = -from);
             if j >= open {
-                // what is not open has no direction, and a cost of its own
+                // inactive columns have no direction; give them a unit cost
                 problem.hessian[(n + j, n + j)] = 1.0;
                 continue;
             }

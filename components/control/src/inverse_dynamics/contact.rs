@@ -15,14 +15,15 @@ pub enum ContactShape {
         /// Its radius \[m\].
         radius: f64,
     },
-    /// A rectangle in the plane of x and y of the frame, centred at its origin; z points away from the ground.
+    /// A rectangle in the plane of x and y of the frame, centred at its origin; z points away from the
+    /// ground.
     Sole {
-        /// Its sides along x and y \[m\].
+        /// Lengths along x and y \[m\].
         sides: [f64; 2],
     },
 }
 
-/// A place on the robot that stands on the world, which does not move.
+/// A contact of the robot with the fixed world.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::{Contact, ContactShape};
@@ -46,19 +47,21 @@ pub struct Contact {
     pub friction: f64,
     /// Largest normal force at each of its points \[N\]. Default infinite.
     pub max_force: f64,
-    /// Distance that the centre of pressure of a sole keeps from its edges \[m\]: forces act at the corners of a rectangle that is
-    /// smaller by it on each side. At most half of the shorter side counts. Default 0: the sole is about to tip at its edge.
+    /// Distance that the centre of pressure of a sole keeps from its edges \[m\]: forces act at the corners
+    /// of a rectangle that is smaller by it on each side. At most half of the shorter side counts. Default 0:
+    /// the sole is about to tip at its edge.
     pub margin: f64,
-    /// Limits of the whole wrench of a sole, besides those of its points. Default none; of another shape it does not count.
+    /// Limits of the total wrench of a sole, in addition to its points. Default none; ignored for other
+    /// shapes.
     pub wrench: Option<WrenchCone>,
-    /// Normal of the world's surface, of a point or a ball; a sole has that of its frame. Default up.
+    /// Surface normal for a point or a ball; a sole uses its frame's. Default up.
     pub normal: Vector3<f64>,
 }
 
 /// A foot of a profile that cannot be a contact.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ContactError {
-    /// It names a frame that the robot does not have.
+    /// The robot does not have the frame.
     #[error(transparent)]
     Frame(#[from] UnknownFrame),
 }
@@ -92,7 +95,7 @@ impl Contact {
         }
     }
 
-    /// Number of motions that it holds still.
+    /// Number of constrained motions.
     pub fn rows(&self) -> usize {
         match self.shape {
             ContactShape::Point | ContactShape::Ball { .. } => 3,
@@ -118,19 +121,20 @@ impl Contact {
 #[derive(Clone, Debug)]
 pub(super) struct ContactPlace {
     pub(super) contact: Contact,
-    /// False while it does not touch: it then neither holds anything still nor has a force.
+    /// `false` without contact: no motion is constrained and there is no force.
     pub(super) active: bool,
-    /// First of its forces among those of all contacts, counted in points.
+    /// Index of its first force among all contacts, in points.
     pub(super) first_point: usize,
-    /// First of its rows among those of all contacts.
+    /// Index of its first row among all contacts.
     pub(super) first_row: usize,
-    /// Two tangents and the normal, as columns, in the world.
+    /// Two tangents and the normal as columns, in the world.
     pub(super) axes: Matrix3<f64>,
     /// Points relative to the origin of the frame, in world axes \[m\].
     pub(super) arms: Vec<Vector3<f64>>,
     /// Jacobian of the frame, world axes, 6 x nv.
     pub(super) jacobian: Matrix6xX<f64>,
-    /// Velocity of what is held still, and its drift `Jdot v`; the first [`Contact::rows`] count.
+    /// Velocity of the constrained motion, and its drift `Jdot v`; the first [`Contact::rows`] entries are
+    /// used.
     pub(super) velocity: Vector6<f64>,
     pub(super) drift: Vector6<f64>,
 }
@@ -152,8 +156,9 @@ impl ContactPlace {
 
     /// Evaluates places, Jacobian, velocity and drift.
     ///
-    /// The contact point of a ball is at a constant `c` from its centre, in world axes: where it rolls, the velocity
-    /// `v + w x c` of the point of the ball that touches is zero, and stays zero if `dv/dt + dw/dt x c` is.
+    /// The contact point of a ball is at a constant `c` from its centre, in world axes: where it rolls, the
+    /// velocity `v + w x c` of the point of the ball that touches is zero, and stays zero if `dv/dt + dw/dt x
+    /// c` is.
     pub(super) fn update(&mut self, model: &Model, kinematics: &Kinematics) {
         let frame = self.contact.frame;
         kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut self.jacobian);
@@ -177,7 +182,8 @@ impl ContactPlace {
         }
     }
 
-    /// Place of a point relative to where `jacobian` is taken, in world axes \[m\]: that of a ball is taken at its contact point.
+    /// Position of a point relative to the origin of `jacobian`, in world axes \[m\]. For a ball the origin
+    /// is the contact point.
     pub(super) fn lever_arm(&self, point: usize) -> Vector3<f64> {
         match self.contact.shape {
             ContactShape::Ball { .. } => Vector3::zeros(),
@@ -195,7 +201,7 @@ fn lever(motion: &mut [f64], arm: &Vector3<f64>) {
     }
 }
 
-/// Two tangents and the normal as columns: right-handed, the first tangent as near to the world's x as can be.
+/// Two tangents and the normal as columns: right-handed, the first tangent closest to the world's x.
 fn tangents(normal: &Vector3<f64>) -> Matrix3<f64> {
     let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let first = (near - normal * normal.dot(&near)).normalize();

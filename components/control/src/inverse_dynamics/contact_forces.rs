@@ -1,4 +1,4 @@
-//! Contacts of an inverse dynamics: their forces at the last solution, and what is set for them between ticks.
+//! Contacts of an inverse dynamics: forces of the last solution, and settings that change between ticks.
 
 use motorium_robots::Twist;
 use nalgebra::Vector3;
@@ -7,7 +7,8 @@ use super::InverseDynamics;
 use super::contact::{Contact, ContactShape};
 
 impl InverseDynamics {
-    /// Force of a contact and its torque about the origin of the contact's frame, world axes \[N, Nm\], at the last solution.
+    /// Force of a contact and its torque about the origin of the contact's frame, world axes \[N, Nm\], at
+    /// the last solution.
     pub fn wrench(&self, contact: usize) -> Twist {
         let place = &self.contacts[contact];
         let mut wrench = Twist::zero();
@@ -20,10 +21,11 @@ impl InverseDynamics {
         wrench
     }
 
-    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, at the last solution: the point about
-    /// which its normal forces have no torque. `None` for a contact of another shape, and for one without a force.
+    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, at the last
+    /// solution: the point about which its normal forces have no torque. `None` for other shapes and unloaded
+    /// contacts.
     ///
-    /// On level ground it is what is called the zero-moment point of the foot. It stays within the sole, less its
+    /// On level ground it equals the zero-moment point of the foot. It stays within the sole, less its
     /// [margin](Contact::margin), since the forces at the corners only push.
     pub fn centre_of_pressure(&self, contact: usize) -> Option<[f64; 2]> {
         let place = &self.contacts[contact];
@@ -37,18 +39,18 @@ impl InverseDynamics {
         (normal > 0.0).then(|| [moment.x / normal, moment.y / normal])
     }
 
-    /// The contacts, in the order they were given.
+    /// Contacts in the order of construction.
     pub fn contacts(&self) -> impl ExactSizeIterator<Item = &Contact> {
         self.contacts.iter().map(|place| &place.contact)
     }
 
-    /// Number of a point of a contact among those of all contacts: the place of its force in the
-    /// [forces](InverseDynamicsSolution::forces), in threes.
+    /// Index of a contact's point among the points of all contacts: the position of its force in the
+    /// [forces](InverseDynamicsSolution::forces), in triples.
     pub fn point_number(&self, contact: usize, point: usize) -> usize {
         self.contacts[contact].first_point + point
     }
 
-    /// Makes a contact active or not from the next [`begin`](Self::begin) on.
+    /// Activates or deactivates a contact from the next [`begin`](Self::begin).
     pub fn set_active(&mut self, contact: usize, active: bool) {
         self.contacts[contact].active = active;
     }
@@ -58,18 +60,19 @@ impl InverseDynamics {
         self.contacts[contact].active
     }
 
-    /// Sets the largest normal force at each point of a contact \[N\] from the next [`begin`](Self::begin) on. A contact that is to
-    /// be lifted is unloaded by a limit that falls to zero.
+    /// Sets the maximum normal force at each point of a contact \[N\] from the next [`begin`](Self::begin).
+    /// Ramp it to zero to unload a contact before lifting it.
     pub fn set_max_force(&mut self, contact: usize, force: f64) {
         self.contacts[contact].contact.max_force = force;
     }
 
-    /// Sets the normal of the world's surface at a contact, of unit length, from the next [`begin`](Self::begin) on. A sole has that of its frame.
+    /// Sets the surface normal at a contact, of unit length, from the next [`begin`](Self::begin). A sole
+    /// uses its frame's normal.
     pub fn set_normal(&mut self, contact: usize, normal: Vector3<f64>) {
         self.contacts[contact].contact.normal = normal;
     }
 
-    /// Sets the friction of a contact from the next [`begin`](Self::begin) on.
+    /// Sets the friction of a contact from the next [`begin`](Self::begin).
     pub fn set_friction(&mut self, contact: usize, friction: f64) {
         self.contacts[contact].contact.friction = friction;
     }

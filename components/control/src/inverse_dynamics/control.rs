@@ -17,8 +17,9 @@ use super::{JointAccelerationLimits, MotionState, WrenchCone};
 use crate::levels::{Freedom, Level, Rows};
 use crate::solver::{Problem, Sides, Structure};
 
-/// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of task costs within all
-/// constraints, and the torques for them; see the [module](super). Nothing allocates after construction.
+/// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of
+/// task costs within all constraints, and the torques for them; see the [module](super). Nothing allocates
+/// after construction.
 #[derive(Debug)]
 pub struct InverseDynamics {
     pub(super) settings: InverseDynamicsSettings,
@@ -35,9 +36,9 @@ pub struct InverseDynamics {
     pub(super) reduced: Option<Reduced>,
     pub(super) relaxed: Option<Relaxed>,
     pub(super) below: Option<Below>,
-    /// The robot of the next tick, where there are limits of velocities.
+    /// Robot state at the next tick, if velocities are limited.
     pub(super) predicted: Option<Predicted>,
-    /// Rows of limits, and of constrained tasks, that are taken.
+    /// Number of used rows of limits and constraint tasks.
     pub(super) next_limit: usize,
     pub(super) next_constrained: usize,
     /// Rows of the task that becomes a constraint.
@@ -59,7 +60,7 @@ pub(super) struct Below {
 }
 
 impl InverseDynamics {
-    /// For `model`, which stands on `contacts`, with default settings. All contacts are active.
+    /// Creates an inverse dynamics for `model` on `contacts`, with default settings. All contacts are active.
     pub fn new(model: &Model, contacts: Vec<Contact>) -> Self {
         Self::with_settings(model, contacts, InverseDynamicsSettings::default())
     }
@@ -69,7 +70,7 @@ impl InverseDynamics {
         Self::with_room(model, contacts, settings, DynamicsRows::default())
     }
 
-    /// With these settings, and room for limits and for tasks that are constraints.
+    /// Creates an inverse dynamics with these settings and capacity for limits and constraint tasks.
     pub fn with_room(
         model: &Model,
         contacts: Vec<Contact>,
@@ -138,8 +139,8 @@ impl InverseDynamics {
         }
     }
 
-    /// Levels of strict priority, the highest first; for each the number of rows that its tasks have together, the most that it
-    /// ever has ([`AccelerationTask::rows`]). A tick that has to be relaxed decides the first level only.
+    /// Sets levels of strict priority, highest first. Each entry is the maximum total number of rows of the
+    /// level's tasks ([`AccelerationTask::rows`]). A relaxed tick decides the first level only.
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let cones = has_cones(&self.settings);
@@ -157,11 +158,11 @@ impl InverseDynamics {
         self
     }
 
-    /// Regularises each level by its own cost of any acceleration and force, the highest level first, in place of
-    /// [`InverseDynamicsSettings::damping`].
+    /// Sets a separate regularisation per level, the cost of accelerations and forces, highest level first.
+    /// Replaces [`InverseDynamicsSettings::damping`].
     ///
     /// # Panics
-    /// If it is not one number for each level.
+    /// If the number of entries differs from the number of levels.
     #[must_use]
     pub fn level_damping(mut self, of_levels: &[f64]) -> Self {
         let below = self.below.as_mut().map_or(&mut [][..], |below| &mut below.levels);
@@ -190,7 +191,7 @@ impl InverseDynamics {
         if let Some(below) = &mut self.below {
             below.first.clear();
             let held = self.order.equalities() - self.order.constrained;
-            // accelerations alone do not see the equations of motion
+            // accelerations alone do not involve the equations of motion
             let first = if self.settings.unknowns == Unknowns::Accelerations { self.order.base } else { 0 };
             for row in self.problem.equality_matrix.rows(first, held - first).row_iter() {
                 below.first.push(0.0).iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
@@ -244,8 +245,8 @@ impl InverseDynamics {
         &self.solution
     }
 
-    /// Distance of a task from what it asks for, at the last solution: `|A x - b|` over the rows that have a weight, in the
-    /// units of the task \[m/s2, rad/s2, N\].
+    /// Residual of a task in the last solution: `|A x - b|` over the rows with nonzero weight, in the units
+    /// of the task \[m/s2, rad/s2, N\].
     pub fn residual(&self, task: &dyn AccelerationTask) -> f64 {
         task.cost().residual(self.x.as_slice())
     }
@@ -260,7 +261,8 @@ impl InverseDynamics {
         &self.mass
     }
 
-    /// Bias `C(q, v) v + g(q)`, and the damping of the joints as far as the settings count it, at the last [`begin`](Self::begin), nv.
+    /// Bias `C(q, v) v + g(q)`, with the joint damping included by the settings, at the last
+    /// [`begin`](Self::begin), nv.
     pub fn bias(&self) -> &DVector<f64> {
         &self.bias
     }
@@ -275,12 +277,12 @@ impl InverseDynamics {
         &self.settings
     }
 
-    /// Changes the limits of the joints from the next [`begin`](Self::begin) on.
+    /// Changes the joint limits from the next [`begin`](Self::begin).
     pub fn set_joint_limits(&mut self, limits: JointAccelerationLimits) {
         self.settings.joints = limits;
     }
 
-    /// Calls `visit` with each constraint, other than equalities, that has a force on the solution of the first level.
+    /// Calls `visit` with each inequality constraint that is active in the solution of the first level.
     pub fn visit_active(&self, visit: &mut dyn FnMut(super::ConstraintName)) {
         self.solver.visit_active(&mut |constraint| {
             let constraint = match &self.reduced {
@@ -308,7 +310,7 @@ impl InverseDynamics {
     }
 }
 
-/// True if the first level has cones of friction: accelerations alone have no forces.
+/// Returns `true` if the first level has friction cones; accelerations alone have no forces.
 fn has_cones(settings: &InverseDynamicsSettings) -> bool {
     settings.friction_model == FrictionModel::Cone && settings.unknowns != Unknowns::Accelerations
 }

@@ -1,17 +1,18 @@
-//! Torques of a robot that is held where it is.
+//! Torques that hold a robot in place.
 
 use super::MotionState;
 use super::control::InverseDynamics;
 
 impl InverseDynamics {
-    /// Writes the torques \[Nm or N, one for each independent joint\] that bear the weight of the robot at rest, within the torque limits:
+    /// Writes the torques \[Nm or N, one for each independent joint\] that bear the weight of the robot at
+    /// rest, within the torque limits:
     ///
     /// ```text
     /// tau = g(q) - J_a' f        f: the contact forces of the last solution, of the contacts that are active
     /// ```
     ///
-    /// `state` is that of the last [`begin`](Self::begin). It is the feed-forward of joints that are held because a tick has no solution:
-    /// the torques of the solution before would go on accelerating them.
+    /// `state` is the state of the last [`begin`](Self::begin). These torques are the feed-forward of joints
+    /// held because a tick has no solution; the previous torques would continue to accelerate them.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{InverseDynamics, MotionState};
@@ -33,7 +34,7 @@ impl InverseDynamics {
     /// ```
     ///
     /// # Panics
-    /// If `torque` has not one number for each independent joint.
+    /// If the length of `torque` differs from the number of independent joints.
     pub fn write_holding_torque(&mut self, state: &MotionState<'_>, torque: &mut [f64]) {
         let Self { order, dynamics, weight, settings, contacts, problem, solution, torque_limit, .. } = self;
         dynamics.gravity(state.model, state.q, settings.gravity, weight.as_mut_slice());

@@ -4,19 +4,20 @@ use motorium_robots::Model;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Bounds of the acceleration that keep a joint within its position and velocity limits, and leave it able to brake.
+/// Acceleration bounds that keep a joint within its position and velocity limits and able to brake.
 ///
-/// Over a tick of `dt` with constant acceleration the joint goes from `(q, v)` to `q+ = q + v dt + a dt^2 / 2`,
-/// `v+ = v + a dt`. It must end below its limits, and slow enough to stop before them with the deceleration `braking`:
+/// Over a tick of `dt` with constant acceleration the joint moves from `(q, v)` to `q+ = q + v dt + a dt^2 /
+/// 2`, `v+ = v + a dt`. It must end within its limits, and slowly enough to stop before them with the
+/// deceleration `braking`:
 ///
 /// ```text
 /// v+ <= v_max,   v+^2 <= 2 braking (q_max - q+)   or   v+ <= 0
 /// ```
 ///
 /// and likewise on the other side (viability; Del Prete, *Joint position and velocity bounds in discrete-time
-/// acceleration/torque control of robot arms*, IEEE RA-L 2018). A joint that is too fast to stop before its limit, or already
-/// beyond it, has to stop within the tick, as far as the largest deceleration allows: it may stay or come back but not go
-/// farther.
+/// acceleration/torque control of robot arms*, IEEE RA-L 2018). A joint that is too fast to stop before its
+/// limit, or already beyond it, must stop within the tick, as far as the maximum deceleration allows. It may
+/// stay or return but not move farther.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::JointAccelerationLimits;
@@ -35,7 +36,8 @@ pub struct JointAccelerationLimits {
     pub braking: f64,
     /// Largest acceleration and deceleration, rad/s2 or m/s2, at least `braking`. Default 1000.
     pub max_acceleration: f64,
-    /// Distance kept from the position limits of the robot, rad or m, at least 0; at most half the range is taken. Default 0.
+    /// Distance kept from the position limits of the robot, rad or m, at least 0; at most half the range is
+    /// taken. Default 0.
     pub margin: f64,
     /// Fraction of the robot's velocity limits that may be used, more than 0, at most 1. Default 1.
     pub velocity_fraction: f64,
@@ -48,8 +50,8 @@ impl Default for JointAccelerationLimits {
 }
 
 impl JointAccelerationLimits {
-    /// Lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint at position `q` and velocity `v`, whose
-    /// limits are `range` and `speed`, for a tick of `dt` seconds.
+    /// Lower and upper bound of the acceleration \[rad/s2 or m/s2\] of a joint at position `q` and velocity
+    /// `v`, whose limits are `range` and `speed`, for a tick of `dt` seconds.
     pub fn bounds(&self, q: f64, v: f64, range: (f64, f64), speed: f64, dt: f64) -> (f64, f64) {
         let margin = self.margin.min(0.5 * (range.1 - range.0));
         let speed = self.velocity_fraction * speed;
@@ -69,7 +71,7 @@ impl JointAccelerationLimits {
         let half = 0.5 * self.braking * dt;
         let root = half * half + self.braking * (2.0 * room - v * dt);
         let fastest = if root > 0.0 { (root.sqrt() - half).max(0.0) } else { 0.0 };
-        // the last tick before the limit: no farther than it
+        // the last tick before the limit: do not overshoot it
         let arrive = if room >= 0.0 { 2.0 * (room - v * dt) / (dt * dt) } else { f64::INFINITY };
         let bound = ((fastest.min(speed) - v) / dt).min(arrive.max(-self.braking));
         bound.clamp(-self.max_acceleration, self.max_acceleration)

@@ -1,4 +1,4 @@
-//! Constraints of a tick besides those of physics: limits of velocities at the level of accelerations, and tasks that hold exactly.
+//! Further constraints of a tick: velocity limits at acceleration level, and exact tasks.
 
 use motorium_robots::{Kinematics, Model};
 use nalgebra::Vector3;
@@ -27,30 +27,30 @@ pub(super) struct Predicted {
     step: Vec<f64>,
     /// True if it was computed in this tick.
     pub(super) ready: bool,
-    /// Rows that ask for a way back behind their limit.
+    /// Rows that must return behind their limit.
     returning: Vec<Return>,
 }
 
-/// A row that asks for a way back behind its limit.
+/// A row that must return behind its limit.
 #[derive(Clone, Copy, Debug)]
 struct Return {
     row: usize,
-    /// Speed with which it is to come back.
+    /// Speed of its return.
     speed: f64,
-    /// Bounds of the acceleration that bring it to this speed, and those by which it stays where it is.
+    /// Acceleration bounds that reach this speed, and bounds that keep the row in place.
     back: (f64, f64),
     stay: (f64, f64),
-    /// Share of the first that it asks for; 0 where it stays.
+    /// Requested fraction of the former; 0 to stay in place.
     share: f64,
 }
 
 impl Return {
-    /// Asks for less, if that may be of use, or for nothing but to stay.
+    /// Reduces the request if that can help, else lets the row stay in place.
     fn give_way(&mut self, eases: bool) {
         self.share = if eases && self.share > LEAST { self.share * EASE } else { 0.0 };
     }
 
-    /// The bounds of its acceleration: it keeps at least its speed while it comes back.
+    /// Acceleration bounds: the row keeps at least its speed while it returns.
     fn bounds(&self) -> (f64, f64) {
         let (Self { back, stay, share, .. }, mut bounds) = (*self, self.stay);
         if share > 0.0 && back.0 > stay.0 {
@@ -65,10 +65,10 @@ impl Return {
     }
 }
 
-/// Share of itself that a way back asks for when constraints contradict it, and the share of all at which it stays instead.
+/// Factor by which a contradicted return is reduced, and fraction at which the row stays instead.
 const EASE: f64 = 0.125;
 const LEAST: f64 = 0.1;
-/// Solutions of a tick in which only ways back give way that a contradiction names, before all do.
+/// Maximum number of solutions in which only returns named by a conflict are relaxed; then all are.
 const NAMED: u32 = 8;
 
 impl Predicted {
@@ -84,12 +84,12 @@ impl Predicted {
 }
 
 impl InverseDynamics {
-    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`, as bounds of the accelerations of a tick
-    /// of `dt` seconds.
+    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`, as bounds of the
+    /// accelerations of a tick of `dt` seconds.
     ///
-    /// It is the control-barrier form of second order. A limit of a distance `h` asks for `h' >= -rate h`, and so defines a second
-    /// barrier `e = upper - G v`, which may shrink no faster than `barrier_rate` e. In discrete time, with the robot `q' = q + v dt` of
-    /// the next tick,
+    /// This is a second-order control barrier. A limit of a distance `h` requires `h' >= -rate h`, which
+    /// defines a second barrier `e = upper - G v` that may shrink no faster than `barrier_rate` e. In
+    /// discrete time, with the robot at `q' = q + v dt` in the next tick,
     ///
     /// ```text
     /// e = upper(q') - G(q') v
@@ -97,10 +97,11 @@ impl InverseDynamics {
     /// G(q') a <= e / dt                        else: back within the tick
     /// ```
     ///
-    /// so that `e >= 0` and with it `h >= 0` hold from every state in which they do, up to `a dt^2 / 2`. (Nguyen and Sreenath,
-    /// *Exponential control barrier functions for enforcing high relative-degree safety-critical constraints*, 2016.) Where constraints
-    /// contradict each other, of what is beyond a limit and has a part in it the least first comes back more slowly, or stays there; where
-    /// torques or contacts do not even allow that, limits give way as those of the joints do.
+    /// so that `e >= 0` and with it `h >= 0` hold from every state in which they do, up to `a dt^2 / 2`.
+    /// (Nguyen and Sreenath, *Exponential control barrier functions for enforcing high relative-degree
+    /// safety-critical constraints*, 2016.) For contradictory constraints, the involved row that is least
+    /// beyond its limit returns more slowly or stays in place. If torques or contacts do not permit even
+    /// that, limits are relaxed like joint limits.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
@@ -132,7 +133,7 @@ impl InverseDynamics {
     /// ```
     ///
     /// # Panics
-    /// If there is no room for the rows of the limit.
+    /// If the capacity for rows is exceeded.
     pub fn add_row_limit(&mut self, state: &MotionState<'_>, limit: &mut dyn RowLimit, dt: f64) {
         let MotionState { model, q, v, .. } = *state;
         let Self { predicted, problem, order, next_limit, settings, .. } = self;
@@ -166,8 +167,8 @@ impl InverseDynamics {
         }
     }
 
-    /// Solves the first level. Where constraints contradict each other, of the ways back behind a limit that have a part in it that gives
-    /// way which is the slowest: first it asks for less acceleration, then for none. The others come back.
+    /// Solves the first level. For contradictory constraints, the slowest involved return is reduced first
+    /// and then dropped; the others continue.
     pub(super) fn solve_returning(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
         let mut decided = self.solve_first()?;
         let mut named = NAMED;
@@ -185,18 +186,19 @@ impl InverseDynamics {
         Ok(decided)
     }
 
-    /// Lets the slowest way back that a contradiction names ask for less, with the rows that are alike. False if it names none.
+    /// Reduces the slowest return named by a conflict, with equal rows. Returns `false` if the conflict names
+    /// none.
     fn give_up_named(&mut self, conflict: &Conflict) -> bool {
         let Some(predicted) = &mut self.predicted else { return false };
         let problem = &mut self.problem;
         let named =
             |row| conflict.constraints().any(|found| matches!(found, Constraint::Row(of, _) if of == row));
         let asking = predicted.returning.iter().filter(|way| way.share > 0.0 && named(way.row));
-        // of those that are equally fast the nearest pairs, which come first, come back
+        // among equally fast ones, the nearest pairs, which come first, return
         let Some(slowest) = asking.rev().min_by(|a, b| a.speed.total_cmp(&b.speed)).map(|way| way.row) else {
             return false;
         };
-        // distances that contradict each other do so at any acceleration
+        // distance limits that contradict each other do so at any acceleration
         let first = self.order.first_limit();
         let eases =
             !conflict.constraints().all(|found| matches!(found, Constraint::Row(row, _) if row >= first));
@@ -209,7 +211,7 @@ impl InverseDynamics {
         true
     }
 
-    /// Lets all that is beyond a limit stay there. False if nothing has to come back.
+    /// Lets everything beyond a limit stay there. Returns `false` if nothing has to return.
     fn give_up_return(&mut self) -> bool {
         let Some(predicted) = &mut self.predicted else { return false };
         let mut gave_up = false;
@@ -221,7 +223,7 @@ impl InverseDynamics {
         gave_up
     }
 
-    /// Decides the unknowns by the first level alone.
+    /// Computes the unknowns by the first level alone.
     fn solve_first(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
         let posed = match &mut self.reduced {
             Some(reduced) => reduced.pose(&self.order, &mut self.problem),
@@ -243,11 +245,11 @@ impl InverseDynamics {
         Ok(Ok(()))
     }
 
-    /// Updates `task` at `state` and makes it a constraint above all levels: `A x = b` holds exactly for the rows that have a weight.
-    /// Where constraints conflict it gives way as contacts at rest do.
+    /// Updates `task` at `state` and makes it a constraint above all levels: `A x = b` holds exactly for the
+    /// rows that have a weight. For contradictory constraints it is relaxed like contacts at rest.
     ///
     /// # Panics
-    /// If there is no room for the rows of the task.
+    /// If the capacity for rows is exceeded.
     pub fn constrain(&mut self, state: &MotionState<'_>, task: &mut dyn AccelerationTask) {
         task.update(state, self);
         self.constrained.clear();
@@ -265,11 +267,11 @@ impl InverseDynamics {
         }
     }
 
-    /// Leaves so many rows of constraints free in this tick, those of a task that does not count: the rows of the tasks after it have the
-    /// same numbers in each tick.
+    /// Skips constraint rows of an inactive task in this tick, so that the rows of later tasks keep their
+    /// indices.
     ///
     /// # Panics
-    /// If there is no room for them.
+    /// If the capacity for rows is exceeded.
     pub fn skip_constraint(&mut self, rows: usize) {
         self.next_constrained += rows;
         assert!(
@@ -278,7 +280,8 @@ impl InverseDynamics {
         );
     }
 
-    /// Calls `visit` with each point of the contacts that are active, in the world, as of the last [`begin`](Self::begin) at `state`.
+    /// Calls `visit` with each point of the active contacts, in the world, as of the last
+    /// [`begin`](Self::begin) at `state`.
     pub fn visit_support(&self, state: &MotionState<'_>, visit: &mut dyn FnMut(Vector3<f64>)) {
         for place in self.contacts.iter().filter(|place| place.active) {
             let origin = state.kinematics.pose(state.model, place.contact.frame).translation.vector;
@@ -323,7 +326,7 @@ impl InverseDynamics {
                     problem.row_matrix[(row, first + 2)] = c[2] + y * c[3] - x * c[4];
                 }
                 let (least, largest) = match place.active {
-                    // what is being lifted is not kept loaded
+                    // a contact being lifted has no minimum load
                     true => (if force < least { 0.0 } else { least }, largest),
                     false => (f64::NEG_INFINITY, f64::INFINITY),
                 };

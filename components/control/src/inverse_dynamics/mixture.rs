@@ -27,9 +27,10 @@ impl Mixture {
 }
 
 impl InverseDynamics {
-    /// Adds the last [`solution`](Self::solution) to a mixture, by `share`, as
-    /// [that of velocities](crate::DifferentialIk::mix). Mixed are accelerations and contact forces; friction, unilateral contacts and
-    /// torque limits are convex, so that a mixture whose shares are not negative and sum up to 1 keeps them.
+    /// Adds the last [`solution`](Self::solution) to a mixture, weighted by `share`, [as for
+    /// velocities](crate::DifferentialIk::mix). Accelerations and contact forces are mixed. Friction,
+    /// unilateral contacts and torque limits are convex, so a mixture with nonnegative shares that sum to 1
+    /// satisfies them.
     pub fn mix(&mut self, share: f64) {
         let Self { mixture, x, solution, .. } = self;
         mixture.x.axpy(share, x, 1.0);
@@ -41,8 +42,8 @@ impl InverseDynamics {
         };
     }
 
-    /// Makes the mixture the [`solution`](Self::solution), with the torques for it, and begins a new one. Iterations and undecided levels
-    /// are those of all its solutions together, the slack is the largest.
+    /// Makes the mixture the [`solution`](Self::solution), with its torques, and starts a new one. Iterations
+    /// and undecided levels are summed over the solutions; the slack is the maximum.
     pub fn take_mixture(&mut self) -> &InverseDynamicsSolution {
         self.x.copy_from(&self.mixture.x);
         let Self { mixture, solution, .. } = self;

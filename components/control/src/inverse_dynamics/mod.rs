@@ -1,6 +1,8 @@
-//! Whole-body inverse dynamics: tasks at acceleration level, contacts, torque limits, for fixed and floating bases.
+//! Whole-body inverse dynamics: tasks at acceleration level, contacts, torque limits, for fixed-base and
+//! floating-base robots.
 //!
-//! Each control tick is one quadratic program in the generalised accelerations `a` and the contact forces `f`:
+//! Each control tick is one quadratic program in the generalised accelerations `a` and the contact forces
+//! `f`:
 //!
 //! ```text
 //! minimise   sum_tasks 1/2 |W (A x - b)|^2 + 1/2 damping |x|^2 + 1/2 force_weight^2 |f|^2,   x = (a, f)
@@ -13,26 +15,29 @@
 //!            C w <= 0                                               limits of the whole wrench w of a sole
 //! ```
 //!
-//! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The torques
-//! `tau = M_a a - J_a' f + h_a` are eliminated: they are computed from the solution. The friction pyramid lies inside Coulomb's
-//! cone; the cone itself may [take its place](FrictionModel).
+//! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The
+//! torques `tau = M_a a - J_a' f + h_a` are eliminated: they are computed from the solution. The friction
+//! pyramid is inscribed in Coulomb's cone; the cone itself is [available](FrictionModel) as well.
 //!
-//! - [`tasks`] are costs on `a` or `f`, weighed against one another or in [levels](InverseDynamics::levels).
-//! - [`Contact`] is a point, a ball or a sole that stands on the world.
-//! - [`WrenchCone`] limits the whole wrench of a sole: normal force, friction, centre of pressure, yaw torque.
-//! - [Limits of velocities](InverseDynamics::add_row_limit) hold as barriers of second order; a [task](InverseDynamics::constrain) may
-//!   be a constraint.
-//! - [`JointAccelerationLimits`] turn limits of position and velocity into bounds of the acceleration.
-//! - [`Unknowns`] leaves accelerations and forces, accelerations alone, or forces alone to decide.
-//! - [`InverseDynamics`] assembles and solves. Where nothing satisfies all constraints it says which ones conflict, by
-//!   [`ConstraintName`], and may [relax](InverseDynamicsSettings::relaxation) those that physics allows to relax.
+//! - [`tasks`] are costs on `a` or `f`, with weights or in [levels](InverseDynamics::levels).
+//! - [`Contact`] is a point, a ball or a sole on the ground.
+//! - [`WrenchCone`] limits the total wrench of a sole: normal force, friction, centre of pressure, yaw
+//!   torque.
+//! - [Limits of velocities](InverseDynamics::add_row_limit) are second-order barriers; a
+//!   [task](InverseDynamics::constrain) may be a constraint.
+//! - [`JointAccelerationLimits`] convert position and velocity limits to acceleration bounds.
+//! - [`Unknowns`] selects accelerations and forces, accelerations only, or forces only.
+//! - [`InverseDynamics`] assembles and solves. If the constraints are infeasible, it returns the conflicting
+//!   ones as [`ConstraintName`] and can [relax](InverseDynamicsSettings::relaxation) those that are not
+//!   physical laws.
 //!
-//! Del Prete, Mansard, Ramos, Stasse and Nori, *Implementing torque control with high-ratio gear boxes and without joint-torque
-//! sensors*, 2016 (the formulation in `(a, f)`); Wieber, Tedrake and Kuindersma, *Modeling and control of legged robots*, 2016.
+//! Del Prete, Mansard, Ramos, Stasse and Nori, *Implementing torque control with high-ratio gear boxes and
+//! without joint-torque sensors*, 2016 (the formulation in `(a, f)`); Wieber, Tedrake and Kuindersma,
+//! *Modeling and control of legged robots*, 2016.
 //!
 //! # Example
 //!
-//! A humanoid stands on its two soles:
+//! A humanoid standing on two soles:
 //!
 //! ```
 //! use motorium_control::inverse_dynamics::{

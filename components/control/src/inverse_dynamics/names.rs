@@ -10,12 +10,13 @@ use crate::solver::{Conflict, Constraint, Side};
 /// One scalar constraint of inverse dynamics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ConstraintName {
-    /// Equation of motion of a floating base: force along x, y, z, then torque about them, in the axes of the base.
+    /// Equation of motion of a floating base: force along x, y, z, then torque about them, in the axes of the
+    /// base.
     Base {
         /// 0 to 5.
         axis: usize,
     },
-    /// A contact stays where it is: along x, y, z of the world, then about them.
+    /// A contact does not move: along x, y, z of the world, then about them.
     Motion {
         /// Index of the contact.
         contact: usize,
@@ -52,14 +53,14 @@ pub enum ConstraintName {
     },
     /// Row of a limit of velocities.
     Limit {
-        /// Its number among the rows of all limits.
+        /// Index among the rows of all limits.
         row: usize,
         /// Which side.
         side: Side,
     },
     /// Row of a task that is a constraint.
     Task {
-        /// Its number among the rows of all of them.
+        /// Index among the rows of all constraint tasks.
         row: usize,
     },
     /// Position, velocity or acceleration limit of a joint.
@@ -125,7 +126,7 @@ impl fmt::Display for Described<'_> {
     }
 }
 
-/// The constraints that carry most of a conflict, strongest first.
+/// The constraints that contribute most to a conflict, strongest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conflicting([Option<ConstraintName>; Conflict::CAPACITY]);
 

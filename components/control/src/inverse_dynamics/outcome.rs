@@ -13,12 +13,13 @@ use crate::solver::{SolveError, UpdateError};
 pub struct InverseDynamicsSettings {
     /// Acceleration of free fall in the world \[m/s2\]. Default (0, 0, -9.81).
     pub gravity: Vector3<f64>,
-    /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\]. Default 1e-7.
+    /// Tikhonov regularisation: cost of any acceleration \[1/(rad/s2)^2\] and of any contact force \[1/N^2\].
+    /// Default 1e-7.
     pub damping: f64,
-    /// Cost of a contact force \[1/N\] in every level: spreads the load over the contact points, and closes no motion to the levels
-    /// below. Default 1e-3.
+    /// Cost of a contact force \[1/N\] in every level: spreads the load over the contact points, and closes
+    /// no motion to the levels below. Default 1e-3.
     pub force_weight: f64,
-    /// Rate at which the velocity of a contact that slips decays \[1/s\]. Default 20.
+    /// Decay rate of the velocity of a slipping contact \[1/s\]. Default 20.
     pub contact_damping: f64,
     /// Form of the friction of the contacts. Default a pyramid.
     pub friction_model: FrictionModel,
@@ -26,20 +27,20 @@ pub struct InverseDynamicsSettings {
     pub unknowns: Unknowns,
     /// Limits of the joints.
     pub joints: JointAccelerationLimits,
-    /// Share of the viscous damping of the joints, as the robot's file has it, that belongs to the bias: their drives then overcome
-    /// it. Default 0: files often state a damping that no joint has.
+    /// Fraction of the viscous joint damping in the robot's file that is included in the bias and compensated
+    /// by the drives. Default 0, because files often state damping that the joint does not have.
     pub joint_damping: f64,
-    /// Rate at which the room between a velocity and its [limit](super::InverseDynamics::add_row_limit) may be used up \[1/s\]; at most
-    /// the tick rate is taken. Default 100.
+    /// Rate at which the margin between a velocity and its [limit](super::InverseDynamics::add_row_limit) may
+    /// shrink \[1/s\]; limited to the tick rate. Default 100.
     pub barrier_rate: f64,
-    /// Fraction of the torque limits that may be used. Default 1.
+    /// Fraction of the torque limits to use. Default 1.
     pub torque_fraction: f64,
-    /// Weight with which contacts at rest and limits of the joints are kept where not all constraints can be: cost of an
-    /// acceleration beyond them \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are never relaxed:
-    /// they are what physics and drives can do, and always leave a solution. `None`: such a tick has no solution. Default 100.
+    /// Weight of contacts at rest and joint limits when constraints are contradictory: cost of violating them
+    /// \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are physical constraints,
+    /// are never relaxed, and always admit a solution. With `None` such a tick has no solution. Default 100.
     pub relaxation: Option<f64>,
-    /// Largest number of iterations of all solvers in a tick together, the bound of its time. With a relaxation half of them are left to it;
-    /// what is left after the first level is for the levels below. Default 500.
+    /// Maximum total number of iterations in a tick, which bounds its time. Half of them are reserved for the
+    /// relaxation, if enabled; the remainder after the first level is available to lower levels. Default 500.
     pub max_iterations: u32,
 }
 
@@ -62,20 +63,21 @@ impl Default for InverseDynamicsSettings {
     }
 }
 
-/// Quantities that a problem decides: the level at which it controls.
+/// The decision variables of a problem.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Unknowns {
-    /// Accelerations and contact forces: inverse dynamics, in which motions and forces depend on one another.
+    /// Accelerations and contact forces: inverse dynamics, which couples motions and forces.
     #[default]
     AccelerationsAndForces,
-    /// Accelerations of base and joints alone: contacts stay at rest, joints and velocities keep their limits, and nothing limits forces
-    /// and torques. Contact forces for the accelerations that were decided are chosen after it, within friction, and the torques by the
-    /// model: `tau = M_a a - J_a' f + h_a`.
+    /// Accelerations of base and joints alone: contacts stay at rest, joints and velocities keep their
+    /// limits, and nothing limits forces and torques. Contact forces for the accelerations that were decided
+    /// are chosen after it, within friction, and the torques by the model: `tau = M_a a - J_a' f + h_a`.
     Accelerations,
-    /// Contact forces alone, by which the base of a robot moves whose joints rest: `M_b a_b = J_b' f - h_b`. Friction, forces that only push,
-    /// wrenches of soles and torque limits hold. A task on a motion of the body is a task on the forces; as a
-    /// [constraint](super::InverseDynamics::constrain) it is an equality of the floating base. Torques are `tau = M_ab a_b - J_a' f + h_a`.
+    /// Contact forces alone, by which the base of a robot moves whose joints rest: `M_b a_b = J_b' f - h_b`.
+    /// Friction, forces that only push, wrenches of soles and torque limits hold. A task on a motion of the
+    /// body is a task on the forces; as a [constraint](super::InverseDynamics::constrain) it is an equality
+    /// of the floating base. Torques are `tau = M_ab a_b - J_a' f + h_a`.
     Forces,
 }
 
@@ -83,12 +85,12 @@ pub enum Unknowns {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FrictionModel {
-    /// Four faces inside the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`: along the tangents it gives away 29 % of the friction,
-    /// between them nothing. Solved by the active-set method.
+    /// Four faces inscribed in the cone, `|f_x|, |f_y| <= mu / sqrt(2) f_n`: loses 29 % of the friction along
+    /// the tangents, nothing between them. Solved by the active-set method.
     #[default]
     Pyramid,
-    /// The cone itself, solved by Clarabel: all of the friction in every direction, at tens of times the time of a pyramid, and
-    /// with one allocation a level and tick. Where constraints conflict and give way, it is a pyramid again.
+    /// The exact cone, solved by Clarabel: full friction in every direction, at tens of times the cost of a
+    /// pyramid and with one allocation per level and tick. Relaxed ticks use a pyramid.
     Cone,
 }
 
@@ -109,7 +111,7 @@ pub enum InverseDynamicsError {
 /// Amounts by which a relaxed tick misses its constraints.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slack {
-    /// Largest acceleration of a contact beyond the one it was to have \[m/s2 or rad/s2\].
+    /// Largest violation of a contact's acceleration \[m/s2 or rad/s2\].
     pub contact: f64,
     /// Largest acceleration of a joint beyond its limits \[rad/s2 or m/s2\].
     pub joint: f64,
@@ -143,12 +145,12 @@ pub struct InverseDynamicsSolution {
     pub torque: DVector<f64>,
     /// Contact forces: for each point of each contact two tangential components and the normal one \[N\].
     pub forces: DVector<f64>,
-    /// Limits that were relaxed, if any had to be.
+    /// Violations of relaxed limits, if any.
     pub slack: Option<Slack>,
-    /// Iterations of all solvers in the tick, whatever it took: those of the first level, each time that it was solved, relaxed or not, and
-    /// those of the levels below it.
+    /// Total iterations in the tick: all solutions of the first level, relaxed or not, and the levels below.
     pub iterations: u32,
-    /// Levels below the first that were left undecided, for their solver reached its limit: they move nothing.
+    /// Number of levels below the first left undecided because their solver reached its limit; they cause no
+    /// motion.
     pub undecided: u32,
     /// Constraints with a force on the solution: torque limits, faces of friction pyramids, bounds.
     pub active: usize,

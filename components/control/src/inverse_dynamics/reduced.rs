@@ -1,4 +1,4 @@
-//! Formulations with fewer unknowns: accelerations alone, or contact forces alone.
+//! Formulations with fewer unknowns: accelerations only, or contact forces only.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
@@ -19,7 +19,7 @@ use crate::solver::{
 #[derive(Debug)]
 pub(super) struct Reduced {
     unknowns: Unknowns,
-    /// First of the unknowns that are kept.
+    /// Index of the first unknown that is kept.
     first: usize,
     map: DMatrix<f64>,
     offset: DVector<f64>,
@@ -76,7 +76,7 @@ impl Reduced {
         Some((reduced, structure))
     }
 
-    /// The map, whose columns are the motions that are open to all levels.
+    /// The map whose columns span the motions available to all levels.
     pub(super) fn map(&self) -> &DMatrix<f64> {
         &self.map
     }
@@ -99,13 +99,13 @@ impl Reduced {
         self.offset.rows_mut(0, 6).copy_from(&at_rest);
     }
 
-    /// Writes the reduced problem of `posed`, whose Hessian is made whole.
+    /// Writes the reduced problem of `posed`, whose Hessian is symmetrised.
     pub(super) fn pose(&mut self, order: &Order, posed: &mut Problem) -> &Problem {
         let Self { unknowns, first, map, offset, problem, product, slope, .. } = self;
         posed.hessian.fill_lower_triangle_with_upper_triangle();
         slope.copy_from(&posed.gradient);
         slope.gemv(1.0, &posed.hessian, &*offset, 1.0);
-        // the first of the equalities and rows that have a part in it
+        // first equality and row of the reduced problem
         let (equality, row) = first_constraints(order, *unknowns);
         let (equalities, rows) = (problem.equality_matrix.nrows(), problem.row_matrix.nrows());
         for (j, direction) in map.column_iter().enumerate() {
@@ -138,18 +138,18 @@ impl Reduced {
         problem
     }
 
-    /// All accelerations and forces of a solution.
+    /// Expands a solution to all accelerations and forces.
     pub(super) fn expand(&self, found: &DVector<f64>, x: &mut DVector<f64>) {
         x.copy_from(&self.offset);
         x.gemv(1.0, &self.map, found, 1.0);
     }
 
-    /// Iterations for the forces of the last tick, where they are no unknowns.
+    /// Iterations for the forces of the last tick, if they are not unknowns.
     pub(super) fn iterations(&self) -> u32 {
         self.forces.as_ref().map_or(0, |forces| forces.solver.iterations())
     }
 
-    /// Forces for the accelerations of `x`, where they are no unknowns, within `most` iterations.
+    /// Computes the forces for the accelerations of `x`, if they are not unknowns, within `most` iterations.
     ///
     /// # Errors
     /// The solver reached its limit.
@@ -169,7 +169,7 @@ impl Reduced {
         }
     }
 
-    /// A constraint of the reduced problem among those of the whole one.
+    /// Maps a constraint of the reduced problem to the full problem.
     pub(super) fn of_whole(&self, order: &Order, constraint: Constraint) -> Constraint {
         let (equality, row) = first_constraints(order, self.unknowns);
         match constraint {
@@ -180,7 +180,7 @@ impl Reduced {
         }
     }
 
-    /// A conflict of the reduced problem in those of the whole one.
+    /// Maps a conflict of the reduced problem to the full problem.
     pub(super) fn conflict(&self, order: &Order, conflict: &Conflict) -> Conflict {
         Conflict::new(conflict.constraints().map(|constraint| self.of_whole(order, constraint)))
     }
@@ -196,7 +196,7 @@ fn product_of((one, other): (&f64, &f64)) -> f64 {
     one * other
 }
 
-/// First equality and first row of the whole problem that the reduced one has.
+/// First equality and first row of the full problem that are in the reduced one.
 fn first_constraints(order: &Order, unknowns: Unknowns) -> (usize, usize) {
     match unknowns {
         Unknowns::AccelerationsAndForces => (0, 0),
@@ -212,7 +212,7 @@ fn first_constraints(order: &Order, unknowns: Unknowns) -> (usize, usize) {
 /// subject to friction pyramids, wrenches of soles, forces that only push
 /// ```
 ///
-/// No force at all is always possible: it always has a solution.
+/// Zero force is always feasible, so there is always a solution.
 #[derive(Debug)]
 struct ForcesOf {
     weight: f64,
@@ -250,7 +250,7 @@ impl ForcesOf {
                 let other = posed.equality_matrix.column(first + i);
                 problem.hessian[(i, j)] = other.rows(0, order.base).dot(&column);
             }
-            // a robot whose base is fixed needs none of them
+            // a robot with a fixed base needs no contact forces
             problem.hessian[(j, j)] += weight.powi(2).max(1e-12);
             problem.gradient[j] = -column.dot(missing);
             problem.lower[j] = posed.lower[first + j];
@@ -270,8 +270,8 @@ impl ForcesOf {
 }
 
 impl InverseDynamics {
-    /// Takes out of the problem what a formulation with fewer unknowns does not decide: with forces alone joints rest and contacts have no
-    /// motion of their own, with accelerations alone torques have no limits.
+    /// Removes the constraints that a reduced formulation does not decide. With forces only, joints rest and
+    /// contacts have no motion. With accelerations only, torques have no limits.
     pub(super) fn leave_out(&mut self) {
         let Self { order, problem, settings, .. } = self;
         match settings.unknowns {

@@ -1,4 +1,4 @@
-//! A tick whose constraints contradict each other: contacts and limits of the joints give way.
+//! A tick with contradictory constraints: contacts and joint limits are relaxed.
 
 use super::names::Order;
 use super::outcome::{InverseDynamicsError, Slack};
@@ -6,21 +6,21 @@ use crate::solver::{
     ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Sides, Solution, Structure,
 };
 
-/// The relaxed problem: contact motion and constrained tasks as a cost, and the limits of the joints and of velocities with a slack `s`
-/// each that costs as much.
+/// The relaxed problem: contact motion and constraint tasks become costs, and limits of joints and velocities
+/// get a slack `s` with the same cost.
 ///
 /// ```text
 /// minimise   (cost of the tasks) + 1/2 weight^2 |J_c a - b|^2 + 1/2 weight^2 |s|^2,   x = (a, f, s)
 /// subject to M_u a - J_u' f = -h_u,  torque limits, friction, unilateral contact,  a_min <= a + s <= a_max
 /// ```
 ///
-/// Zero torques and no contact force are always possible, since no sole has to be loaded: it always has a solution.
+/// Zero torques and forces are always feasible, since no sole has to be loaded. There is always a solution.
 #[derive(Debug)]
 pub(super) struct Relaxed {
     weight: f64,
     problem: Problem,
     solver: ActiveSetSolver,
-    /// True if the tick before was relaxed, too: its own working set is the best to begin with.
+    /// `true` if the previous tick was relaxed as well: its working set is the best initial guess.
     goes_on: bool,
 }
 
@@ -51,8 +51,8 @@ impl Relaxed {
         Self { weight, problem, solver, goes_on: false }
     }
 
-    /// Begins the solution of a tick within `most` iterations. The first of several in a row begins with the constraints that were active when
-    /// the contradiction was found, those of the problem that is not relaxed.
+    /// Starts the solution of a tick within `most` iterations. After an unrelaxed tick, the initial working
+    /// set is the one at which the contradiction was found.
     pub(super) fn begin(
         &mut self,
         order: &Order,
@@ -72,7 +72,7 @@ impl Relaxed {
         self.solver.begin_with(active.map(|(constraint, multiplier)| (here(constraint), multiplier)));
     }
 
-    /// Takes note of a tick that was not relaxed.
+    /// Records a tick without relaxation.
     pub(super) fn leave(&mut self) {
         self.goes_on = false;
     }
@@ -107,7 +107,7 @@ impl Relaxed {
         for wrench in order.first_limit() - order.wrenches.len()..order.first_limit() {
             problem.row_lower[wrench] = problem.row_lower[wrench].min(0.0);
         }
-        // friction cones become the pyramids inside them, for which this solver is made
+        // friction cones become the inscribed pyramids that this solver supports
         for point in 0..order.points.len() {
             let normal = order.velocities + 3 * point + 2;
             if posed.upper[normal] > 0.0 {

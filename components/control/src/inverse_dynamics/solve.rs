@@ -1,4 +1,4 @@
-//! The solution of a tick: the first level or what is relaxed of it, and the levels below.
+//! Solution of a tick: the first level, its relaxation, and the levels below.
 
 use super::control::{Below, InverseDynamics};
 use super::names::Conflicting;
@@ -7,10 +7,10 @@ use crate::ik::IkError;
 use crate::solver::{Solution, SolveError};
 
 impl InverseDynamics {
-    /// Solves the posed problem.
+    /// Solves the assembled problem.
     ///
     /// # Errors
-    /// [`InverseDynamicsError`]: nothing satisfies all constraints and nothing may be relaxed, or the solver reached its limit.
+    /// [`InverseDynamicsError`]: the constraints are infeasible and may not be relaxed, or the solver reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
         (self.solution.slack, self.solution.undecided, self.solution.iterations) = (None, 0, 0);
         match self.solve_returning()? {
@@ -43,7 +43,7 @@ impl InverseDynamics {
                         error => InverseDynamicsError::Solve(error),
                     });
                 };
-                // in fewer unknowns the constraints have other numbers
+                // the constraints have other indices in a reduced problem
                 let seed = self.reduced.is_none().then(|| self.solver.working_set());
                 let left = self.settings.max_iterations.saturating_sub(self.solution.iterations);
                 relaxed.begin(&self.order, seed.into_iter().flatten(), left);
@@ -60,7 +60,7 @@ impl InverseDynamics {
         Ok(&self.solution)
     }
 
-    /// Moves the solution of the first level by what the levels below decide.
+    /// Adds the solution of the lower levels to the first level's.
     fn solve_below(&mut self) -> Result<(), InverseDynamicsError> {
         let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
         match &self.reduced {
@@ -76,7 +76,7 @@ impl InverseDynamics {
             match solved {
                 Ok(()) => {}
                 Err(IkError::Pose(error)) => return Err(InverseDynamicsError::Pose(error)),
-                // what is decided above is a solution, too; at its limit the solver goes on in the next tick
+                // the levels above keep their solution; at its limit the solver continues in the next tick
                 Err(IkError::Solve(error)) => {
                     if !matches!(error, SolveError::MaxIterations { .. }) {
                         solver.reset();

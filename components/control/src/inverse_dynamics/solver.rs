@@ -7,14 +7,14 @@ use crate::solver::{
     QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError,
 };
 
-/// A solver that is made for one form of friction.
+/// A solver for one friction model.
 #[derive(Debug)]
 pub(super) enum FirstLevel {
     Pyramids(Box<ActiveSetSolver>),
     Cones(Box<ClarabelSolver>),
 }
 
-/// The cone of each contact point, whose forces begin at an unknown.
+/// Friction cones of the contact points; forces start at index `forces` of the unknowns.
 pub(super) fn friction_cones(order: &Order, forces: usize) -> Vec<FrictionCone> {
     let cone = |point: usize| {
         let first = forces + 3 * point;
@@ -23,7 +23,7 @@ pub(super) fn friction_cones(order: &Order, forces: usize) -> Vec<FrictionCone> 
     (0..order.points.len()).map(cone).collect()
 }
 
-/// Sets the coefficients of the cones; those of contacts that are not active are off.
+/// Sets the coefficients of the cones; cones of inactive contacts are disabled.
 pub(super) fn set_friction(solver: &mut ClarabelSolver, contacts: &[ContactPlace]) {
     for place in contacts {
         for point in 0..place.contact.points() {
@@ -34,12 +34,13 @@ pub(super) fn set_friction(solver: &mut ClarabelSolver, contacts: &[ContactPlace
 }
 
 impl FirstLevel {
-    /// For a problem with four faces of a pyramid for each contact point.
+    /// Creates a solver for a problem with a four-sided pyramid for each contact point.
     pub(super) fn pyramids(structure: Structure) -> Self {
         Self::Pyramids(Box::new(ActiveSetSolver::new(structure, ActiveSetSettings::default())))
     }
 
-    /// For the same problem, whose faces never bound, and a cone for each contact point; its forces begin at an unknown.
+    /// Creates a solver for the same problem with inactive pyramids and a cone for each contact point; forces
+    /// start at index `forces` of the unknowns.
     pub(super) fn cones(structure: Structure, order: &Order, forces: usize) -> Self {
         let cones = friction_cones(order, forces);
         let solver = ClarabelSolver::with_cones(structure, cones, ClarabelSettings::default());

@@ -1,6 +1,7 @@
 //! Limits of the whole wrench of a sole.
 
-/// Limits of the wrench that the world exerts on a sole, force `f` and torque `t` about the origin of its frame, in its axes:
+/// Limits of the wrench that the world exerts on a sole, force `f` and torque `t` about the origin of its
+/// frame, in its axes:
 ///
 /// ```text
 /// min_force <= f_z <= max_force                                             N
@@ -11,11 +12,12 @@
 ///  mu (X + Y) f_z - |Y f_x + mu t_x| - |X f_y + mu t_y|  >=  t_z
 /// ```
 ///
-/// Forces at the four corners of the rectangle within their friction pyramids have exactly these wrenches as their sums, so for a whole
-/// sole with its own friction they say nothing new; they tighten what the corners allow: a smaller rectangle or friction than that of
-/// the contact, a least force that keeps the foot loaded, a largest one of the whole foot, a largest yaw torque. Caron, Pham and
-/// Nakamura, *Stability of surface contacts for humanoid robots: closed-form formulae of the contact wrench for rectangular support
-/// areas*, ICRA 2015.
+/// Forces at the four corners of the rectangle within their friction pyramids have exactly these wrenches as
+/// their sums, so for a whole sole with its own friction they say nothing new; they tighten what the corners
+/// allow: a smaller rectangle or friction than that of the contact, a least force that keeps the foot loaded,
+/// a largest one of the whole foot, a largest yaw torque. Caron, Pham and Nakamura, *Stability of surface
+/// contacts for humanoid robots: closed-form formulae of the contact wrench for rectangular support areas*,
+/// ICRA 2015.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::WrenchCone;
@@ -32,7 +34,8 @@ pub struct WrenchCone {
     pub sides: [f64; 2],
     /// Coefficient of friction.
     pub friction: f64,
-    /// Least normal force of the whole sole \[N\]. Default 0. It gives way where constraints conflict, and while the contact is lifted.
+    /// Least normal force of the whole sole \[N\]. Default 0. It gives way where constraints conflict, and
+    /// while the contact is lifted.
     pub min_force: f64,
     /// Largest normal force of the whole sole \[N\]. Default infinite.
     pub max_force: f64,
@@ -80,7 +83,8 @@ impl WrenchCone {
         }
     }
 
-    /// Amount by which a wrench, force \[N\] then torque \[Nm\], exceeds the limit that it exceeds most; at most 0 for one within.
+    /// Amount by which a wrench, force \[N\] then torque \[Nm\], exceeds the limit that it exceeds most; at
+    /// most 0 for one within.
     pub fn excess(&self, wrench: &[f64; 6]) -> f64 {
         (0..Self::ROWS).fold(f64::NEG_INFINITY, |most, row| {
             let (coefficients, least, largest) = self.row(row);

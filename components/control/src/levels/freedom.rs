@@ -2,13 +2,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// A direction is open where the rows of a level see less of it than this, as a share of the longest row.
+/// A direction is free if the rows of a level have less of it than this, relative to the longest row.
 const UNSEEN: f64 = 1e-7;
 
-/// The weighted rows `W A` of the tasks of one level, and `W b`; at most as many as it was made for.
+/// Weighted rows `W A` of the tasks of one level, and `W b`, up to a fixed capacity.
 #[derive(Clone, Debug)]
 pub struct Rows {
-    /// Transposed, so that a row is a column in memory: n x most.
+    /// Transposed, so that a row is a contiguous column: n x capacity.
     transposed: DMatrix<f64>,
     /// `W b`.
     desired: DVector<f64>,
@@ -25,16 +25,16 @@ impl Rows {
         self.count = 0;
     }
 
-    /// The rows, each with what it is to be equal to.
+    /// Iterates over the rows with their targets.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (&[f64], f64)> {
         let rows = self.transposed.as_slice().chunks_exact(self.transposed.nrows().max(1));
         rows.zip(self.desired.iter().copied()).take(self.count)
     }
 
-    /// Appends a row of zeros, to be filled, that is to be equal to `desired`.
+    /// Appends a zero row with the target `desired`, to be filled.
     ///
     /// # Panics
-    /// If a task writes more rows than it has.
+    /// If a task writes more rows than declared.
     pub fn push(&mut self, desired: f64) -> &mut [f64] {
         self.desired[self.count] = desired;
         let variables = self.transposed.nrows();
@@ -45,7 +45,7 @@ impl Rows {
     }
 }
 
-/// A basis of the motions that no level so far has decided, orthonormal where every motion was open at first.
+/// A basis of the motions that no level has decided so far; orthonormal if all motions were free initially.
 #[derive(Clone, Debug)]
 pub(crate) struct Freedom {
     /// n x n; the first `count` columns are the basis, the others zero.
@@ -85,15 +85,15 @@ impl Freedom {
         self.count
     }
 
-    /// The basis, columns of zeros after it.
+    /// The basis, followed by zero columns.
     pub(crate) fn basis(&self) -> &DMatrix<f64> {
         &self.basis
     }
 
-    /// Closes the directions that `rows` see.
+    /// Removes the directions that `rows` determine.
     ///
-    /// Householder reflections with pivoting turn the basis so that its first columns span what the rows see of it; those
-    /// columns are dropped. Golub and Van Loan, *Matrix Computations*, 4th edition, 5.4.2.
+    /// Householder reflections with pivoting rotate the basis so that its first columns span the row space;
+    /// those columns are dropped. Golub and Van Loan, *Matrix Computations*, 4th edition, 5.4.2.
     pub(crate) fn close(&mut self, rows: &Rows) {
         let (n, open, count) = (self.basis.nrows(), self.count, rows.count);
         let mut longest = 0.0_f64;
@@ -114,7 +114,7 @@ impl Freedom {
                 break;
             }
             self.seen.swap_columns(closed, pivot);
-            // the reflection that turns this row's remainder onto the first direction left
+            // reflection that maps the remainder of this row to the first remaining direction
             let first = self.seen[(closed, closed)];
             self.seen[(closed, closed)] = first + length.copysign(first);
             let scale = 2.0 / self.seen.view((closed, closed), (open - closed, 1)).norm_squared();
@@ -154,7 +154,7 @@ mod tests {
         rows
     }
 
-    /// Asserts that the basis is orthonormal, and that the rows see nothing of it.
+    /// Asserts that the basis is orthonormal and orthogonal to the rows.
     fn check(freedom: &Freedom, rows: &Rows) {
         let basis = freedom.basis.columns(0, freedom.count);
         let gram = basis.transpose() * basis;
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn independent_rows_close_as_many_directions_and_dependent_ones_no_more() {
+    fn only_independent_rows_remove_directions() {
         let (one, two): (&[f64], &[f64]) = (&[1.0, 2.0, 0.5, -1.0], &[0.3, -1.0, 2.0, 0.7]);
         let sum: Vec<f64> = one.iter().zip(two).map(|(a, b)| 2.0 * a - b).collect();
         for (given, open) in [

@@ -8,18 +8,18 @@ use crate::{
     solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
 };
 
-/// The tasks of one level: their cost on the joint velocity, and the rows that decide which motions it closes.
+/// Tasks of one level: their cost on the joint velocity, and the rows that decide motions.
 #[derive(Debug)]
 pub(crate) struct Level {
     /// Cost on the joint velocity, without limits.
     pub(crate) cost: Problem,
     pub(crate) rows: Rows,
-    /// Regularisation: cost of each unknown. It closes no motion.
+    /// Regularisation: cost of each unknown. It decides no motion.
     pub(crate) damping: f64,
 }
 
 impl Level {
-    /// A level of tasks that have `rows` rows together, with this regularisation.
+    /// Creates a level of tasks with `rows` rows in total and this regularisation.
     pub(crate) fn new(variables: usize, rows: usize, damping: f64) -> Self {
         Self { cost: Problem::new(&Structure::new(variables)), rows: Rows::new(variables, rows), damping }
     }
@@ -35,15 +35,16 @@ impl Level {
 
 /// Solves a level within the motions that are open to it.
 ///
-/// With `v` the velocity decided so far and `Z` the basis of the open motions, the level decides `z` of `v + Z z`:
+/// With `v` the velocity decided so far and `Z` the basis of the open motions, the level decides `z` of `v +
+/// Z z`:
 ///
 /// ```text
 /// minimise   1/2 z' (Z'PZ) z + (Z'(P v + q))' z
 /// subject to lower - v <= Z z <= upper - v,   lg - G v <= G Z z <= ug - G v
 /// ```
 ///
-/// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size, whatever is
-/// open: unknowns without a motion have a cost of their own and stay zero.
+/// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size,
+/// whatever is open: unknowns without a motion have a cost of their own and stay zero.
 #[derive(Debug)]
 pub(crate) struct LevelSolver {
     problem: Problem,
@@ -59,7 +60,7 @@ pub(crate) struct LevelSolver {
 }
 
 impl LevelSolver {
-    /// For `variables` unknowns within bounds, and `rows` more limits of their combinations.
+    /// Creates a solver for `variables` bounded unknowns and `rows` limits of their combinations.
     pub(crate) fn new(variables: usize, rows: usize) -> Self {
         let structure = Structure::new(variables).rows(variables + rows, Sides::Both);
         Self {
@@ -72,10 +73,10 @@ impl LevelSolver {
         }
     }
 
-    /// Adds to `velocity` the motion that is best for the level, within the bounds and rows of `limits`.
+    /// Adds to `velocity` the optimal motion of the level, within the bounds and rows of `limits`.
     ///
     /// # Errors
-    /// The level has no solution; `velocity` is that of the levels above.
+    /// The level has no solution; `velocity` keeps the solution of the levels above.
     pub(crate) fn solve(
         &mut self,
         level: &mut Level,
@@ -109,7 +110,7 @@ impl LevelSolver {
         let (variables, rows) = (velocity.len(), limits.row_matrix.nrows());
         problem.row_matrix.rows_mut(0, variables).copy_from(freedom.basis());
         for (joint, velocity) in velocity.iter().enumerate() {
-            // what rounding took out of the limits is taken back
+            // undo the rounding of the limits
             problem.row_lower[joint] = (limits.lower[joint] - velocity).min(0.0);
             problem.row_upper[joint] = (limits.upper[joint] - velocity).max(0.0);
         }

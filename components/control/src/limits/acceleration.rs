@@ -1,4 +1,4 @@
-//! Joints accelerate and brake no faster than they can.
+//! Limits of joint accelerations and decelerations.
 
 use motorium_robots::Model;
 use nalgebra::DVector;
@@ -6,8 +6,8 @@ use nalgebra::DVector;
 use super::PositionLimit;
 use crate::{RobotState, solver::Problem};
 
-/// Joint velocities change from one tick to the next by no more than the largest acceleration `a` of each joint allows, and joints
-/// begin to brake in time for their position limits:
+/// Limits the change of joint velocities per tick by the maximum acceleration `a` of each joint, and makes
+/// joints brake in time for their position limits:
 ///
 /// ```text
 /// v' - a dt  <=  v  <=  v' + a dt                       v': velocity of the tick before
@@ -16,9 +16,10 @@ use crate::{RobotState, solver::Problem};
 /// b(l) = sqrt(2 a l - (a / r)^2)    else
 /// ```
 ///
-/// `b` is the speed from which a deceleration of `a` leads onto the exponential approach of [`PositionLimit`], whose `rate` and `margin`
-/// it shares. Limits of positions and velocities are kept where they ask for more. Unlike those this limit excludes standing still where a
-/// joint is moving: [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) gives it up where
+/// `b` is the speed from which a deceleration of `a` joins the exponential approach of [`PositionLimit`],
+/// whose `rate` and `margin` it shares. Limits of positions and velocities take precedence. Unlike those,
+/// this limit excludes immediate rest of a moving joint;
+/// [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) drops it if
 /// constraints contradict it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccelerationLimit {
@@ -27,10 +28,11 @@ pub struct AccelerationLimit {
 }
 
 impl AccelerationLimit {
-    /// With the largest acceleration of each joint \[rad/s2 or m/s2\], more than 0; an infinite one does not bound.
+    /// Creates a limit from the maximum acceleration of each joint \[rad/s2 or m/s2\], above 0; infinity
+    /// means no limit.
     ///
     /// # Panics
-    /// If it is not one number for each joint of `model`.
+    /// If the length differs from the number of joints of `model`.
     pub fn new(model: &Model, most: DVector<f64>, position: PositionLimit) -> Self {
         assert_eq!(most.len(), model.joint_count(), "one acceleration for each joint");
         Self { position, most }
@@ -41,7 +43,7 @@ impl AccelerationLimit {
         &self.most
     }
 
-    /// Narrows the bounds of `problem`, which admit 0; `before` are the velocities of the tick before.
+    /// Narrows the bounds of `problem`, which admit 0; `before` are the velocities of the previous tick.
     pub(crate) fn narrow(&self, state: &RobotState<'_>, before: &[f64], dt: f64, problem: &mut Problem) {
         let first = state.model.nv() - state.model.joint_count();
         let (lower, upper) = (state.model.lower(), state.model.upper());
@@ -59,10 +61,10 @@ impl AccelerationLimit {
         }
     }
 
-    /// The speed `b` with which a position limit may be approached from a distance.
+    /// Maximum speed `b` of approach to a position limit at a distance.
     fn approach(&self, left: f64, most: f64, dt: f64) -> f64 {
         let (left, rate) = (left.max(0.0), self.position.rate.min(dt.recip()));
-        // in steps the parabola asks for a little more than its own deceleration
+        // in discrete steps the parabola requires slightly more than its own deceleration
         let most = most * (1.0 - 0.5 * rate * dt);
         let slow = most / rate;
         if left * rate <= slow { rate * left } else { (2.0 * most * left - slow * slow).sqrt() }

@@ -6,35 +6,36 @@ use nalgebra::{Matrix6xX, Unit, Vector3};
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
 
-/// Speed with which a frame comes back from beyond a plane, at most \[m/s\].
+/// Maximum speed of a frame's return from beyond a plane \[m/s\].
 const RECOVERY: f64 = 0.01;
 
-/// The origin `p` of a frame stays within half-spaces `n' p <= d` of the world, less a margin:
+/// Keeps the origin `p` of a frame within half-spaces `n' p <= d` of the world, less a margin:
 ///
 /// ```text
 /// n' J_v v  <=  min(rate, 1/dt) (d - margin - n' p)               m/s, at least -0.01
 /// ```
 ///
-/// (OpenSoT's constraint.) A table below, a wall beside, a box around the hand. From beyond a plane the frame comes back, by at most
-/// 1 cm per second; where other limits do not let it, it stays.
+/// (OpenSoT's constraint.) Use it for a table, a wall or a box around the hand. A frame beyond a plane
+/// returns at up to 1 cm per second, or stays if other limits prevent the return.
 #[derive(Clone, Debug)]
 pub struct CartesianPositionLimit {
     frame: FrameId,
     rate: f64,
     margin: f64,
-    /// Outward normals and places along them.
+    /// Outward normals and offsets along them.
     planes: Vec<(Unit<Vector3<f64>>, f64)>,
     jacobian: Matrix6xX<f64>,
 }
 
 impl CartesianPositionLimit {
-    /// A limit for `frame` of `model` and these planes: the normal, which points out of the half-space, and the place `d` along it
-    /// \[m\]. The frame may cover a share of 5 of what is left of the way per second.
+    /// A limit for `frame` of `model` and these planes: the normal, which points out of the half-space, and
+    /// the offset `d` along it \[m\]. The default rate is 5 1/s.
     pub fn new(model: &Model, frame: FrameId, planes: Vec<(Unit<Vector3<f64>>, f64)>) -> Self {
         Self { frame, rate: 5.0, margin: 0.0, planes, jacobian: Matrix6xX::zeros(model.nv()) }
     }
 
-    /// Within a box along the axes of the world, between two corners \[m\]; an infinite coordinate does not bound.
+    /// Within a box along the axes of the world, between two corners \[m\]; an infinite coordinate does not
+    /// bound.
     pub fn within(model: &Model, frame: FrameId, lower: Vector3<f64>, upper: Vector3<f64>) -> Self {
         let mut planes = Vec::with_capacity(6);
         for (axis, unit) in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].into_iter().enumerate()
@@ -45,7 +46,8 @@ impl CartesianPositionLimit {
         Self::new(model, frame, planes)
     }
 
-    /// Sets the share of what is left of the way that may be covered per second \[1/s\], and the distance kept \[m\].
+    /// Sets the fraction of the remaining distance that may be covered per second \[1/s\], and the margin
+    /// \[m\].
     #[must_use]
     pub fn with(mut self, rate: f64, margin: f64) -> Self {
         (self.rate, self.margin) = (rate, margin);

@@ -23,7 +23,8 @@ pub struct CartesianVelocityLimit {
 }
 
 impl CartesianVelocityLimit {
-    /// A limit for `frame` of `model`: `linear` \[m/s\] and `angular` \[rad/s\], at least 0, along and about each axis.
+    /// A limit for `frame` of `model`: `linear` \[m/s\] and `angular` \[rad/s\], at least 0, along and about
+    /// each axis.
     pub fn new(model: &Model, frame: FrameId, linear: f64, angular: f64) -> Self {
         Self { frame, linear, angular, jacobian: Matrix6xX::zeros(model.nv()) }
     }

@@ -1,4 +1,4 @@
-//! Links keep their distance from one another, and from obstacles.
+//! Minimum distances of links from each other and from obstacles.
 
 use motorium_robots::{CollisionModel, Collisions, Model, Proximity};
 use nalgebra::Isometry3;
@@ -9,13 +9,13 @@ use crate::RobotState;
 /// Settings of a [`CollisionLimit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CollisionSettings {
-    /// Distance that is kept \[m\]. Default 0.02.
+    /// Minimum distance \[m\]. Default 0.02.
     pub distance: f64,
     /// Distance within which pairs are considered \[m\]. Default 0.2.
     pub range: f64,
-    /// Share of what is left of a distance that may be covered per second \[1/s\]. Default 5.
+    /// Fraction of the remaining distance that may be covered per second \[1/s\]. Default 5.
     pub rate: f64,
-    /// Speed with which pairs that are too near part, at most \[m/s\]. Default 0.01.
+    /// Maximum separation speed of pairs that are too close \[m/s\]. Default 0.01.
     pub recovery: f64,
     /// Largest number of pairs, the nearest ones. Default 16.
     pub pairs: usize,
@@ -30,23 +30,23 @@ impl Default for CollisionSettings {
     }
 }
 
-/// Pairs of solids of the robot, and of the robot and obstacles, approach each other ever more slowly:
+/// Slows down the approach of pairs of solids, of the robot or of robot and obstacle:
 ///
 /// ```text
 /// dd/dq v  >=  -min(rate, 1/dt) (d - distance)                    m/s, at most recovery
 /// ```
 ///
-/// with the distance `d` of a pair and its slope (Faverjon and Tournassoud, *A local based approach for path planning of
-/// manipulators with a high number of degrees of freedom*, 1987). Pairs that are too near part by `recovery` at most; where other limits do
-/// not let them, they stay as they are. The motion of an obstacle itself does not count in `dd/dq v`: the robot does not approach it,
-/// and does not flee from it faster than by `recovery`.
+/// with the distance `d` of a pair and its slope (Faverjon and Tournassoud, *A local based approach for path
+/// planning of manipulators with a high number of degrees of freedom*, 1987). Pairs that are too close
+/// separate at up to `recovery`, or stay if other limits prevent this. The motion of an obstacle is not part
+/// of `dd/dq v`: the robot does not approach the obstacle, and evades it at up to `recovery`.
 ///
-/// Of a pair with flat sides or edges the slope of the nearest points says nothing of the corner that is the nearest one after the next
-/// step. The nearest pairs have a row for each of their [witnesses](Collisions::witnesses) besides, 32 in all: two pairs all of them, a third
-/// at least eight.
+/// For pairs with flat faces or edges, the gradient at the nearest points does not cover the corner that is
+/// nearest after the next step. The nearest pairs therefore have an additional row per
+/// [witness](Collisions::witnesses), 32 in total: two pairs all of them, a third at least eight.
 ///
-/// Of a pair whose distance is not found, but only a [bound](Proximity::is_bound) of it, the solids do not approach each other beyond it, and do
-/// not part.
+/// If only a [bound](Proximity::is_bound) of a distance is known, the solids neither approach each other
+/// beyond it nor separate.
 ///
 /// ```
 /// use motorium_control::limits::{CollisionLimit, CollisionSettings, RowLimit};
@@ -74,7 +74,7 @@ pub struct CollisionLimit {
 }
 
 impl CollisionLimit {
-    /// A limit for the pairs of `collisions`, which is that of `model`.
+    /// Creates a limit for the pairs of `collisions`, built for `model`.
     pub fn new(model: &Model, collisions: CollisionModel, settings: CollisionSettings) -> Self {
         Self {
             settings,
@@ -87,8 +87,8 @@ impl CollisionLimit {
         }
     }
 
-    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object in the world, of its
-    /// solid in the collision model, and frame of the solid in the object.
+    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object
+    /// in the world, of its solid in the collision model, and frame of the solid in the object.
     #[must_use]
     pub fn objects(mut self, objects: impl IntoIterator<Item = (usize, usize, Isometry3<f64>)>) -> Self {
         self.objects = objects.into_iter().collect();
@@ -116,7 +116,7 @@ impl RowLimit for CollisionLimit {
         for points in nearest.iter().chain(&*witnesses) {
             collisions.distance_jacobian(state.model, state.kinematics, points, row);
             let left = points.distance - settings.distance;
-            // a bound, which may be far below the distance, is no reason to part
+            // a bound may be far below the distance and is no reason to separate
             let left = if points.is_bound { left.max(0.0) } else { left };
             rows.push_barrier(row.iter().copied(), left, rate, settings.recovery);
         }

@@ -4,20 +4,19 @@ use nalgebra::{DMatrix, Isometry3};
 
 use crate::{RobotState, solver::Problem};
 
-/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, but where something beyond its limit is to
-/// [come back](LimitRows::push_barrier).
+/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, except where
+/// something beyond its limit must [return](LimitRows::push_barrier).
 pub trait RowLimit {
-    /// Number of rows of `G`, the most that it ever has.
+    /// Maximum number of rows of `G`.
     fn rows(&self) -> usize;
 
-    /// Writes its rows for a tick of `dt` seconds; rows that are not written do not bound.
+    /// Writes its rows for a tick of `dt` seconds; unwritten rows are unbounded.
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>);
 
-    /// Takes the pose of an object of the world that moves, given by its index among the objects. A limit that has nothing to do with
-    /// it ignores it.
+    /// Updates the pose of a moving object of the world, given by its index. Unrelated limits ignore it.
     fn move_object(&mut self, _object: usize, _pose: &Isometry3<f64>) {}
 
-    /// The smallest distance at the last tick \[m\], of a limit of distances that had one in its range.
+    /// Smallest distance at the last tick \[m\], for a distance limit with a pair in range.
     fn smallest_distance(&self) -> Option<f64> {
         None
     }
@@ -36,7 +35,8 @@ impl<'a> LimitRows<'a> {
         Self { problem, next: first, end: first + count }
     }
 
-    /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. Zero is kept within the bounds.
+    /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. Zero is kept
+    /// within the bounds.
     ///
     /// # Panics
     /// If the limit has no more rows.
@@ -44,17 +44,17 @@ impl<'a> LimitRows<'a> {
         self.write(row, lower.min(0.0), upper.max(0.0));
     }
 
-    /// Appends a control barrier: `row` is the slope of what is left of a way, now `left` \[m\], of which a share of `rate` may be covered
-    /// per second.
+    /// Appends a control barrier: `row` is the gradient of a remaining distance, currently `left` \[m\], of
+    /// which the fraction `rate` may be covered per second.
     ///
     /// ```text
     /// row v >= -rate left                              if left >= 0
     /// row v >=  min(-rate left, recovery)              else: it comes back, no faster than `recovery` [m/s]
     /// ```
     ///
-    /// A step along the tangent of a curved way leaves it by its square, and the limit of the next step begins where it ended: without
-    /// the way back such steps add up. Where no velocity fulfils all limits, what is beyond its limit stays where it is. What is left that
-    /// is no number counts as 0.
+    /// A step along the tangent of a curved constraint violates it in second order. Such errors would
+    /// accumulate without the return. If no velocity satisfies all limits, a row beyond its limit stays in
+    /// place. A distance that is NaN counts as 0.
     ///
     /// # Panics
     /// If the limit has no more rows.
@@ -63,7 +63,7 @@ impl<'a> LimitRows<'a> {
         self.write(row, (-rate * left).min(recovery), f64::INFINITY);
     }
 
-    /// The same for a `row` along which the way shrinks: `row v <= max(rate left, -recovery)`.
+    /// The same for a `row` along which the distance shrinks: `row v <= max(rate left, -recovery)`.
     ///
     /// # Panics
     /// If the limit has no more rows.
@@ -92,7 +92,7 @@ impl<'a> LimitRows<'a> {
 /// Cosine of the angle between rows that are nearly the same.
 const ALIKE: f64 = 0.9;
 
-/// True if two rows move by nearly the same motions, as those of one pair of solids do.
+/// Returns `true` if two rows involve nearly the same motions, like rows of one pair of solids.
 pub(crate) fn are_alike(rows: &DMatrix<f64>, row: usize, other: usize) -> bool {
     let (row, other) = (rows.row(row), rows.row(other));
     row.dot(&other) >= ALIKE * row.norm() * other.norm()

@@ -6,13 +6,13 @@ use nalgebra::{Matrix3xX, Vector2};
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
 
-/// The point that a [`SupportLimit`] keeps above the support.
+/// Point kept above the support by a [`SupportLimit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Supported {
-    /// The centre of mass, which may cover this share of what is left of the way to an edge per second \[1/s\].
+    /// Centre of mass, which may cover this fraction of the remaining distance to an edge per second \[1/s\].
     CentreOfMass(f64),
-    /// The capture point `c + c' / o`, with `o = sqrt(gravity / h)` and the height `h` of the centre of mass above the ground: the
-    /// robot can always come to rest without a step.
+    /// The capture point `c + c' / o`, with `o = sqrt(gravity / h)` and the height `h` of the centre of mass
+    /// above the ground: the robot can always come to rest without a step.
     CapturePoint {
         /// Acceleration of free fall \[m/s2\].
         gravity: f64,
@@ -21,15 +21,16 @@ pub enum Supported {
     },
 }
 
-/// The centre of mass `c` of the robot, or its capture point, stays above the convex hull of some points of the ground, less a
-/// margin. For each edge of the hull, with its outward normal `n` of length 1 and its place `d = n' p`,
+/// The centre of mass `c` of the robot, or its capture point, stays above the convex hull of some points of
+/// the ground, less a margin. For each edge of the hull, with its outward normal `n` of length 1 and its
+/// place `d = n' p`,
 ///
 /// ```text
 /// n' J_com v  <=  rate max(d - margin - n' c, 0)          x and y of the world; rate: that of the centre of mass, 1/s
 /// ```
 ///
-/// (OpenSoT's convex hull and capture point: `n' (c + c' / o) <= d - margin` is the same with the rate `o`). No rate is larger
-/// than one step allows. Outside of the hull it may stay or come back.
+/// (OpenSoT's convex hull and capture point: `n' (c + c' / o) <= d - margin` is the same with the rate `o`).
+/// No rate is larger than one step allows. Outside of the hull it may stay or come back.
 ///
 /// ```
 /// use motorium_control::limits::{SupportLimit, Supported};
@@ -56,7 +57,7 @@ pub struct SupportLimit {
 }
 
 impl SupportLimit {
-    /// A limit for `model` on at most `most` points, without a support: it does not bound.
+    /// Creates a limit for `model` with up to `most` support points. Without a support it does not bound.
     pub fn new(model: &Model, most: usize, supported: Supported) -> Self {
         Self {
             supported,
@@ -76,11 +77,11 @@ impl SupportLimit {
         self
     }
 
-    /// Sets the points of the support \[m, x and y of the world\] in any order. Fewer than three, or points in one line, do not
-    /// bound. It allocates nothing.
+    /// Sets the points of the support \[m, x and y of the world\] in any order. Fewer than three points, or
+    /// collinear points, do not bound. Does not allocate.
     ///
     /// # Panics
-    /// If there are more points than it was made for.
+    /// If there are more points than the capacity.
     pub fn set_support(&mut self, points: &[Vector2<f64>]) {
         assert!(points.len() <= self.most, "{} points of a support of {}", points.len(), self.most);
         self.points.clear();
@@ -98,7 +99,7 @@ impl SupportLimit {
         }
     }
 
-    /// Outward normals of the edges, and their places along them \[m\].
+    /// Outward normals of the edges, and their offsets \[m\].
     pub fn edges(&self) -> &[(Vector2<f64>, f64)] {
         &self.edges
     }

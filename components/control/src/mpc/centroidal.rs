@@ -11,17 +11,17 @@ const STATE: usize = 12;
 /// A state as one column: turn, position, angular momentum, velocity.
 type Column = SVector<f64, STATE>;
 
-/// Model-predictive control of the centroidal motion; see the [module](super). Nothing allocates after construction.
+/// Model-predictive control of the centroidal motion; see the [module](super). Only construction allocates.
 #[derive(Debug)]
 pub struct CentroidalMpc {
     settings: MpcSettings,
     points: usize,
-    /// Two tangents and the normal of the ground, as columns: the axes of the forces that are decided.
+    /// Two tangents and the normal of the ground, as columns: the axes of the decided forces.
     axes: Matrix3<f64>,
     horizon: Vec<HorizonStep>,
     /// States that were predicted, from the beginning to the end of the horizon.
     predicted: Vec<CentroidalState>,
-    /// True if `predicted` is that of the horizon before.
+    /// `true` if `predicted` is from the previous horizon.
     predicts: bool,
     problem: Problem,
     solver: ActiveSetSolver,
@@ -33,7 +33,7 @@ pub struct CentroidalMpc {
 }
 
 impl CentroidalMpc {
-    /// For as many points of contact as there are coefficients of `friction`.
+    /// Creates a controller with one contact point per coefficient of `friction`.
     ///
     /// # Panics
     /// If the horizon has no step.
@@ -80,22 +80,24 @@ impl CentroidalMpc {
         &mut self.horizon
     }
 
-    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns: friction is about its normal.
+    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns: friction
+    /// is about its normal.
     pub fn set_ground_axes(&mut self, axes: &Matrix3<f64>) {
         self.axes = *axes;
     }
 
-    /// Forgets the horizon before: the next solve computes what a new one would.
+    /// Discards the previous horizon: the next solve equals that of a new controller.
     pub fn reset(&mut self) {
         self.predicts = false;
         self.solver.reset();
     }
 
-    /// Decides the forces of the horizon that begins at `state`, `elapsed` seconds after the one before. `inertia` is that of the whole
-    /// robot about its centre of mass, axes of the world \[kg m2\], while the reference has this `heading` \[rad\].
+    /// Computes the forces of the horizon from `state`, `elapsed` seconds after the previous one. `inertia`
+    /// is the whole robot's, about its centre of mass in world axes \[kg m2\], at the reference's `heading`
+    /// \[rad\].
     ///
     /// # Errors
-    /// [`SolveError`]. No force at all is always possible, so that none is infeasible.
+    /// [`SolveError`]. Zero force is always feasible, so no horizon is infeasible.
     pub fn solve(
         &mut self,
         state: &CentroidalState,
@@ -161,7 +163,7 @@ impl CentroidalMpc {
             let slot = variable / 3;
             let step = &self.horizon[slot / slots];
             if step.points[slot % slots].is_none() {
-                // nothing else has a part in it: it is zero
+                // no other term involves it, so it becomes zero
                 self.problem.hessian[(variable, variable)] = 1.0;
                 continue;
             }
@@ -172,7 +174,8 @@ impl CentroidalMpc {
         }
     }
 
-    /// Chooses the point about which the arms of each step are taken: the measured one at first, then that of the horizon before.
+    /// Chooses the reference point of the lever arms of each step: the measured centre of mass initially,
+    /// then the previous prediction.
     fn place_arms(&mut self, state: &CentroidalState, elapsed: f64) {
         let h = self.settings.step;
         for (step, horizon) in self.horizon.iter_mut().enumerate() {

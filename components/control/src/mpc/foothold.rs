@@ -1,4 +1,4 @@
-//! Where feet land, and how they get there.
+//! Footholds and swing motions of the feet.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -9,7 +9,7 @@ use super::GroundPlane;
 pub struct FootPlan {
     /// Centre of mass then \[m\].
     pub position: Vector3<f64>,
-    /// Its velocity now, and that of the reference \[m/s\].
+    /// Current velocity and reference velocity \[m/s\].
     pub velocity: Vector3<f64>,
     /// Velocity of the reference \[m/s\].
     pub wanted: Vector3<f64>,
@@ -25,15 +25,16 @@ pub struct FootPlan {
     pub ground: GroundPlane,
 }
 
-/// The place on the ground at which a foot lands: below its place at rest, `rest` from the centre of mass in the axes of the heading,
-/// in the middle of the stance that follows, and further on by the capture point's share of a velocity error, at most `most`.
+/// The place on the ground at which a foot lands: below its place at rest, `rest` from the centre of mass in
+/// the axes of the heading, in the middle of the stance that follows, and further on by the capture point's
+/// share of a velocity error, at most `most`.
 ///
 /// ```text
 /// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)          x and y;   z: that of the ground
 /// ```
 ///
-/// Raibert, *Legged Robots That Balance*, 1986; Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward humanoid push recovery*,
-/// Humanoids 2006.
+/// Raibert, *Legged Robots That Balance*, 1986; Pratt, Carff, Drakunov and Goswami, *Capture point: a step
+/// toward humanoid push recovery*, Humanoids 2006.
 ///
 /// ```
 /// use motorium_control::mpc::{FootPlan, GroundPlane, foothold};
@@ -59,27 +60,27 @@ pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64>
     place
 }
 
-/// A swing of a foot: from where it left the ground to a foothold that may still move.
+/// A swing of a foot from its lift-off position to a foothold that may still move.
 ///
 /// ```text
 /// p(s) = from + b(s) (to - from) + clearance 64 s^3 (1 - s)^3 z          b = 10 s^3 - 15 s^4 + 6 s^5,   s: share of the swing
 /// ```
 ///
-/// It begins and ends at rest, without acceleration.
+/// It starts and ends at rest without acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swing {
-    /// Place at which it began \[m\].
+    /// Position at lift-off \[m\].
     pub from: Vector3<f64>,
     /// Foothold \[m\].
     pub to: Vector3<f64>,
-    /// Height by which it is lifted half-way \[m\].
+    /// Height at mid-swing \[m\].
     pub clearance: f64,
     /// Time of the whole swing \[s\].
     pub time: f64,
 }
 
 impl Swing {
-    /// Place \[m\] and velocity \[m/s\] after `elapsed` seconds.
+    /// Position \[m\] and velocity \[m/s\] after `elapsed` seconds.
     pub fn at(&self, elapsed: f64) -> (Vector3<f64>, Vector3<f64>) {
         let s = (elapsed / self.time).clamp(0.0, 1.0);
         let way = s * s * s * (10.0 + s * (6.0 * s - 15.0));
@@ -103,7 +104,7 @@ mod tests {
     };
 
     #[test]
-    fn a_swing_begins_and_ends_at_rest_at_its_ends_and_is_lifted_half_way() {
+    fn swing_starts_and_ends_at_rest_with_clearance() {
         assert_eq!(SWING.at(0.0), (SWING.from, Vector3::zeros()));
         let (end, velocity) = SWING.at(0.2);
         assert!((end - SWING.to).norm() < 1e-15 && velocity.norm() < 1e-15);
@@ -113,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn the_velocity_of_a_swing_is_the_slope_of_its_place() {
+    fn swing_velocity_is_the_position_derivative() {
         for step in 1..40 {
             let time = 0.005 * f64::from(step);
             let slope = (SWING.at(time + 1e-6).0 - SWING.at(time - 1e-6).0) / 2e-6;
@@ -121,9 +122,10 @@ mod tests {
         }
     }
 
-    /// On a linear inverted pendulum, whose foot stands in a point, a mass that steps onto its capture point comes to rest.
+    /// For a linear inverted pendulum with a point foot, a mass that steps onto its capture point comes to
+    /// rest.
     #[test]
-    fn a_pendulum_that_steps_by_the_capture_share_of_its_velocity_comes_to_rest_above_its_foot() {
+    fn capture_step_brings_a_pendulum_to_rest() {
         let (height, gravity) = (0.5_f64, 9.81_f64);
         let (position, velocity) = (Vector3::new(0.0, 0.0, height), Vector3::new(0.3, -0.2, 0.0));
         let (wanted, ground) = (Vector3::zeros(), GroundPlane::default());

@@ -1,6 +1,6 @@
 //! Gaits: which feet touch the ground when.
 
-/// A periodic gait: each foot stands for a share of the period, then swings.
+/// A periodic gait: each foot is in stance for a fraction of the period, then swings.
 ///
 /// ```
 /// use motorium_control::mpc::Gait;
@@ -17,23 +17,23 @@ pub struct Gait {
     offsets: Vec<f64>,
 }
 
-/// An error of numbers that make no gait.
+/// Invalid parameters of a gait.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaitError {
     /// A period that is not positive.
     #[error("a period of {0} s, expected more than 0")]
     Period(f64),
-    /// A duty that is no share of the period.
+    /// The duty is not a fraction of the period.
     #[error("a foot that stands for {0} of the period, expected more than 0 and less than 1")]
     Duty(f64),
-    /// An offset that is no share of the period.
+    /// The offset is not a fraction of the period.
     #[error("an offset of {0} periods, expected from 0 to 1")]
     Offset(f64),
 }
 
 impl Gait {
-    /// A gait of this period \[s\], in which each foot stands for the share `duty` of it, and begins to stand at the share
-    /// `offsets` of it.
+    /// Creates a gait with this period \[s\]. Each foot is in stance for the fraction `duty` of the period,
+    /// starting at its phase in `offsets`.
     ///
     /// # Errors
     /// [`GaitError`].
@@ -55,7 +55,7 @@ impl Gait {
         (1.0 - self.duty) * self.period
     }
 
-    /// Time for which a foot stands \[s\].
+    /// Duration of the stance of a foot \[s\].
     pub fn stance_time(&self) -> f64 {
         self.duty * self.period
     }
@@ -72,10 +72,10 @@ impl Gait {
     }
 }
 
-/// A gait that begins and ends: before it begins, and after it ended, all feet stand.
+/// A gait with a start and an end. All feet are in stance before and after.
 ///
-/// A foot that would be in the air at the beginning stands until its next swing; one that is in the air at the end lands as planned. So
-/// the schedule that is predicted is the one that is executed.
+/// A foot that would be in mid-swing at the start stays in stance until its next swing. A foot in the air at
+/// the end lands as planned. The executed schedule therefore equals the predicted one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stepping {
     gait: Gait,
@@ -97,10 +97,10 @@ impl Stepping {
         &self.gait
     }
 
-    /// Begins or ends at `time` \[s\], unless it did.
+    /// Starts or stops stepping at `time` \[s\]; no effect if already in that state.
     pub fn set(&mut self, steps: bool, time: f64) {
         match (steps, self.began, self.ends) {
-            // it begins anew once all feet have landed
+            // it starts again once all feet have landed
             (true, None, _) => (self.began, self.ends) = (Some(time), None),
             (true, Some(_), Some(ends)) if time >= ends + self.gait.swing_time() => {
                 (self.began, self.ends) = (Some(time), None);
@@ -115,7 +115,7 @@ impl Stepping {
         (self.began, self.ends) = (None, None);
     }
 
-    /// Beginning and end of the swing that `foot` is in at `time` \[s\]; `None` while it stands.
+    /// Start and end of the swing of `foot` at `time` \[s\]; `None` during stance.
     pub fn swing(&self, foot: usize, time: f64) -> Option<(f64, f64)> {
         let start = self.began?;
         let began = start + self.gait.swing_began(foot, time - start + SAME)?;
@@ -123,7 +123,7 @@ impl Stepping {
         swings.then(|| (began, began + self.gait.swing_time()))
     }
 
-    /// Beginning of the next swing of a foot that stands at `time` \[s\]; infinite if it does not swing any more.
+    /// Start of the next swing of a foot in stance at `time` \[s\]; infinite if there is none.
     pub fn lifts(&self, foot: usize, time: f64) -> f64 {
         let Some(start) = self.began else { return f64::INFINITY };
         let gait = &self.gait;
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trot_swings_its_diagonals_in_turn_for_the_share_that_is_left() {
+    fn trot_alternates_its_diagonals() {
         let mut stepping = trot();
         stepping.set(true, 10.0);
         // the first swings begin at 0.6 of the period; those of the other diagonal, 0.5 later, at 0.1 of it
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_swing_is_the_same_whenever_it_is_asked_for() {
+    fn swing_times_do_not_depend_on_the_query_time() {
         let mut stepping = trot();
         stepping.set(true, 1.0);
         for step in 0..1600 {
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn feet_stand_before_the_beginning_and_a_foot_in_the_air_at_the_end_lands_as_planned() {
+    fn feet_stand_before_the_start_and_land_after_the_end() {
         let mut stepping = trot();
         assert_eq!(swings(&stepping, 5.0), [false; 4]);
         assert_eq!(stepping.lifts(0, 5.0), f64::INFINITY);
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_gait_is_refused() {
+    fn invalid_gaits_are_rejected() {
         let gait = |period, duty, offset| Gait::new(period, duty, vec![0.0, offset]).unwrap_err();
         assert_eq!(gait(0.0, 0.5, 0.5), GaitError::Period(0.0));
         assert_eq!(gait(0.4, 1.0, 0.5), GaitError::Duty(1.0));

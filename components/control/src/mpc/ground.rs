@@ -2,19 +2,19 @@
 
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
-/// Steepest slope that a fit may find, the tangent of 35 degrees.
+/// Steepest slope of a fit, the tangent of 35 degrees.
 const STEEPEST: f64 = 0.7;
 
-/// Spread of the feet below which a slope is not seen \[m2\].
+/// Minimum spread of the feet for the estimation of a slope \[m2\].
 const LEAST_SPREAD: f64 = 1e-4;
 
 /// Knowledge of a planner about the ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum GroundModel {
-    /// Level, at the mean height of the feet that stand.
+    /// Level, at the mean height of the stance feet.
     #[default]
     Level,
-    /// A plane of this normal, of unit length, through the mean place of the feet that stand.
+    /// A plane with this unit normal through the mean position of the stance feet.
     Normal(Vector3<f64>),
     /// A plane fitted to the places at which each foot stood last, smoothed by this time constant \[s\].
     Fitted {
@@ -80,8 +80,8 @@ impl GroundPlane {
         self.tilt().into_inner()
     }
 
-    /// Approaches the least-squares plane of some places by `share`, from 0 to 1. A slope that the places do not show, because they lie in a
-    /// line or at one point, stays as it is.
+    /// Moves towards the least-squares plane of the given positions by the fraction `share`, 0 to 1. A slope
+    /// that is unobservable, because the positions are collinear or coincide, is kept.
     pub fn fit(&mut self, places: impl Iterator<Item = Vector3<f64>> + Clone, share: f64) {
         let (sum, count) =
             places.clone().fold((Vector3::zeros(), 0.0), |(sum, n), place| (sum + place, n + 1.0));
@@ -102,7 +102,7 @@ impl GroundPlane {
         if steep > STEEPEST {
             slope *= STEEPEST / steep;
         }
-        // smoothed at the places, not at the far origin
+        // smoothed at the feet, not at the distant origin
         let height = self.height(&mean.xy());
         self.slope += (slope - self.slope) * share;
         let height = height + (mean.z - height) * share;
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn four_feet_on_a_slope_find_it_wherever_they_stand() {
+    fn four_feet_determine_the_slope() {
         let slope = |x: f64, y: f64| 0.3 + 0.2 * x - 0.1 * y;
         for centre in [[0.0, 0.0], [50.0, -20.0]] {
             let mut ground = GroundPlane::default();
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_share_of_the_way_is_gone_at_the_feet_and_a_wall_is_no_ground() {
+    fn fit_moves_by_a_share_and_rejects_a_wall() {
         let mut ground = GroundPlane::default();
         let feet = rectangle([10.0, 0.0], |x, _| 0.1 * (x - 10.0) + 0.2);
         ground.fit(feet.into_iter(), 0.5);

@@ -1,11 +1,12 @@
-//! What a horizon of centroidal motion is made of.
+//! Components of a horizon of centroidal motion.
 
 use nalgebra::Vector3;
 
 /// Motion of a whole robot about its centre of mass, axes of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CentroidalState {
-    /// Rotation vector by which the base is turned from the reference at the beginning of the horizon \[rad\].
+    /// Rotation vector by which the base is turned from the reference at the beginning of the horizon
+    /// \[rad\].
     pub turn: Vector3<f64>,
     /// Centre of mass \[m\].
     pub position: Vector3<f64>,
@@ -22,18 +23,19 @@ impl Default for CentroidalState {
     }
 }
 
-/// Costs of errors, in the axes of the heading: along it, across it, up.
+/// Costs of errors, in heading axes: ahead, left, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MpcWeights {
-    /// Of the orientation about each axis \[1/rad\]. Default 1, 1, 1.
+    /// Weight of the orientation about each axis \[1/rad\]. Default 1, 1, 1.
     pub turn: Vector3<f64>,
-    /// Of the centre of mass \[1/m\]. Default 10, 10, 20.
+    /// Weight of the centre of mass \[1/m\]. Default 10, 10, 20.
     pub position: Vector3<f64>,
-    /// Of the mean angular velocity `I^-1 k` \[1/(rad/s)\]. Default 0.05, 0.05, 0.05.
+    /// Weight of the mean angular velocity `I^-1 k` \[1/(rad/s)\]. Default 0.05, 0.05, 0.05.
     pub angular_velocity: Vector3<f64>,
-    /// Of the velocity of the centre of mass \[1/(m/s)\]. Default 0.5, 0.5, 0.5.
+    /// Weight of the velocity of the centre of mass \[1/(m/s)\]. Default 0.5, 0.5, 0.5.
     pub velocity: Vector3<f64>,
-    /// Of the difference of a force from its share of the weight, in weights of the robot. Default 0.5.
+    /// Weight of the deviation of a force from its share of the weight, in units of the robot's weight.
+    /// Default 0.5.
     pub force: f64,
 }
 
@@ -90,9 +92,9 @@ pub struct HorizonStep {
     pub angular_velocity: Vector3<f64>,
     /// Heading of the reference: its angle about the vertical \[rad\].
     pub heading: f64,
-    /// Place of each point that touches \[m\]; `None` for one that does not.
+    /// Position of each point in contact \[m\]; `None` for the others.
     pub points: Vec<Option<Vector3<f64>>>,
-    /// Point about which the torques of the forces are taken \[m\].
+    /// Reference point of the torques \[m\].
     pub(super) centre: Vector3<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! A leg on its way: places, swings, and landings that come before or after their time.
+//! State of one leg: positions, swings, and early or late touchdown.
 
 use motorium_robots::FrameId;
 use nalgebra::{Rotation3, Vector3};
@@ -10,8 +10,8 @@ use super::{GroundPlane, Stepping, Swing};
 pub struct PlannedFoot {
     /// Its frame.
     pub frame: FrameId,
-    /// Points at which the ground pushes, from the ground below the origin of the frame, in its axes \[m\]: the corners of a sole, or zero
-    /// alone.
+    /// Points at which the ground pushes, from the ground below the origin of the frame, in its axes \[m\]:
+    /// the corners of a sole, or zero alone.
     pub points: Vec<Vector3<f64>>,
     /// Distance of the ground below the origin of the frame: the radius of a ball \[m\].
     pub radius: f64,
@@ -19,14 +19,15 @@ pub struct PlannedFoot {
     pub friction: f64,
 }
 
-/// Reaction of a planner to feet that touch the ground before or after their time, where their contacts are measured.
+/// Reaction to early and late touchdown, if contacts are measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landing {
-    /// Share of a swing from which a contact ends it, 0 to 1. Default 0.5.
+    /// Fraction of a swing after which a contact ends it, 0 to 1. Default 0.5.
     pub early_from: f64,
-    /// Speed at which a foot that has not touched at the end of its swing is moved on into the ground \[m/s\]. Default 0.3.
+    /// Speed at which a foot without contact at the end of its swing is moved into the ground \[m/s\].
+    /// Default 0.3.
     pub search_speed: f64,
-    /// Longest time for which it is \[s\]; it then counts as standing all the same. Default 0.08.
+    /// Maximum duration of this search \[s\]; then the foot counts as standing. Default 0.08.
     pub search_for: f64,
 }
 
@@ -41,30 +42,30 @@ impl Default for Landing {
 pub(super) struct Leg {
     /// Place of the ground below it in the pose at rest, from the centre of mass, axes of the heading \[m\].
     pub(super) rest: Vector3<f64>,
-    /// First of its points among those of all feet.
+    /// Index of its first point among the points of all feet.
     pub(super) first: usize,
-    /// Place of the ground below it \[m\], and the orientation of its frame.
+    /// Position of the ground below it \[m\], and the orientation of its frame.
     pub(super) place: Vector3<f64>,
     pub(super) axes: Rotation3<f64>,
-    /// Place at which it stood last \[m\].
+    /// Last stance position \[m\].
     pub(super) stood: Vector3<f64>,
     pub(super) swing: Option<Swing>,
-    /// Time at which it landed \[s\].
+    /// Time of touchdown \[s\].
     pub(super) landed: f64,
     pub(super) load: f64,
     /// Target of the ground below it \[m\], and its velocity \[m/s\].
     pub(super) target: (Vector3<f64>, Vector3<f64>),
     /// Number of its swings.
     pub(super) swings: u64,
-    /// True if its sensor feels a contact; `None` where nothing is known.
+    /// `true` if its sensor detects a contact; `None` if unknown.
     pub(super) touches: Option<bool>,
     /// End of its last swing by the gait \[s\].
     lands: f64,
-    /// Beginning of the swing that a contact ended before its time \[s\].
+    /// Start of the swing that an early contact ended \[s\].
     early: Option<f64>,
-    /// True while it is still moved towards the ground after its swing.
+    /// `true` while it searches for the ground after its swing.
     late: bool,
-    /// Numbers of swings that ended before and after their time.
+    /// Number of early and late touchdowns.
     pub(super) landings: [u64; 2],
 }
 
@@ -93,23 +94,24 @@ impl Leg {
         }
     }
 
-    /// On the ground, at the beginning.
+    /// Starts on the ground.
     pub(super) fn begin(&mut self, place: Vector3<f64>) {
         *self = Self { axes: self.axes, touches: self.touches, ..Self::new(self.rest, self.first, place) };
     }
 
-    /// Beginning and end of the swing that it is in at `time` \[s\] as the gait has it, unless that has ended by a contact.
+    /// Start and end of its swing at `time` \[s\] according to the gait, unless a contact has ended the
+    /// swing.
     pub(super) fn swing_at(&self, stepping: &Stepping, index: usize, time: f64) -> Option<(f64, f64)> {
         let early = |began: f64| self.early.is_some_and(|early| (early - began).abs() < SAME);
         stepping.swing(index, time).filter(|(began, _)| !early(*began))
     }
 
-    /// True while it is moved on towards the ground after its swing.
+    /// Returns `true` while it searches for the ground after its swing.
     pub(super) fn is_late(&self) -> bool {
         self.late
     }
 
-    /// Compares the gait with what is felt at `now`: ends a swing before its time, or moves the foot on after it.
+    /// Compares the gait with the measured contact at `now`: ends a swing early, or extends it.
     pub(super) fn watch(
         &mut self,
         (stepping, index): (&Stepping, usize),
@@ -120,7 +122,7 @@ impl Leg {
         match self.swing_at(stepping, index, now) {
             Some((began, lands)) => {
                 if std::mem::take(&mut self.late) {
-                    // it never touched: it swings on from where it is
+                    // it never touched, so it swings on from its current position
                     self.swing = None;
                 }
                 self.lands = lands;

@@ -1,37 +1,39 @@
 //! Model-predictive control of the centroidal motion of a legged robot.
 //!
-//! The state `s = (t, c, k, v)` of the whole robot is the rotation vector `t` by which its base is turned from the reference, the
-//! place `c` and velocity `v` of its centre of mass, and its angular momentum `k` about it, all in the axes of the world. The contact
-//! forces `f_i` at the points `p_i` move it, whatever its joints do. With the mass `m`, the inertia `I` about the centre of mass in the
-//! present posture, and the angular velocity `w*` of the reference,
+//! The state `s = (t, c, k, v)` of the whole robot consists of the rotation vector `t` of its base relative
+//! to the reference, position `c` and velocity `v` of its centre of mass, and the angular momentum `k` about
+//! it, all in world axes. The contact forces `f_i` at the points `p_i` move it, independently of the joints.
+//! With the mass `m`, the inertia `I` about the centre of mass in the current posture, and the angular
+//! velocity `w*` of the reference,
 //!
 //! ```text
 //! t' = I^-1 k - w*          c' = v          k' = sum (p_i - c) x f_i          v' = sum f_i / m + g
 //! ```
 //!
-//! A horizon of `N` steps of `h` seconds, within which forces are constant and the arms `p_i - c` are those of the last prediction, is one
-//! quadratic program in the forces:
+//! A horizon of `N` steps of `h` seconds, with constant forces per step and the lever arms `p_i - c` of the
+//! last prediction, is one quadratic program in the forces:
 //!
 //! ```text
 //! minimise   sum_k 1/2 |Q (s_k - s*_k)|^2 + sum_k,i 1/2 (r / m g)^2 |f_k,i - f*_k,i|^2
 //! subject to |f_x|, |f_y| <= friction / sqrt(2) f_z,   0 <= f_z <= max_force,   of points that touch the ground
 //! ```
 //!
-//! with a share `f*` of the weight for each point that touches. The states are eliminated. Forces of points that do not touch have no
-//! part in it: they are zero.
+//! with a share `f*` of the weight for each point in contact. The states are eliminated. Forces of other
+//! points are zero.
 //!
-//! - [`Gait`] and [`Stepping`] say which feet touch when.
+//! - [`Gait`] and [`Stepping`] define which feet are in contact.
 //! - [`CentroidalMpc`] solves the program.
-//! - [`LegPlanner`] does all of it for the feet of a robot that follows a velocity.
-//! - [`Swing`] moves a foot from where it left the ground to its [foothold](foothold).
+//! - [`LegPlanner`] combines them for a legged robot that follows a velocity.
+//! - [`Swing`] moves a foot from its lift-off position to its [foothold](foothold).
 //!
-//! Di Carlo, Wensing, Katz, Bledt and Kim, *Dynamic locomotion in the MIT Cheetah 3 through convex model-predictive control*, IROS 2018
-//! (the program); Orin, Goswami and Lee, *Centroidal dynamics of a humanoid robot*, 2013 (the state); Diehl, Bock and Schlöder, *A
-//! real-time iteration scheme for nonlinear optimization in optimal feedback control*, 2005 (arms of the last prediction).
+//! Di Carlo, Wensing, Katz, Bledt and Kim, *Dynamic locomotion in the MIT Cheetah 3 through convex
+//! model-predictive control*, IROS 2018 (the program); Orin, Goswami and Lee, *Centroidal dynamics of a
+//! humanoid robot*, 2013 (the state); Diehl, Bock and Schlöder, *A real-time iteration scheme for nonlinear
+//! optimization in optimal feedback control*, 2005 (arms of the last prediction).
 //!
 //! # Example
 //!
-//! A block of 10 kg on two points comes to stand above their middle:
+//! A block of 10 kg on two points settles above their midpoint:
 //!
 //! ```
 //! use motorium_control::mpc::{CentroidalMpc, CentroidalState, MpcSettings};

@@ -14,19 +14,19 @@ use crate::solver::SolveError;
 /// Settings of a [`LegPlanner`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannerSettings {
-    /// The horizon; its mass is that of the model.
+    /// Settings of the horizon; the mass comes from the model.
     pub mpc: MpcSettings,
     /// Time between two solutions \[s\]; 0: each step has one.
     pub solve_every: f64,
     /// Largest acceleration of the reference \[m/s2, rad/s2\].
     pub acceleration: f64,
-    /// Height of the centre of mass above the ground \[m\]; none: that of the pose at rest.
+    /// Height of the centre of mass above the ground \[m\]; `None` uses the height of the rest pose.
     pub height: Option<f64>,
     /// Largest distance of the reference from the measured centre of mass in the plane \[m\].
     pub max_lead: f64,
     /// Largest angle of the reference from the measured heading \[rad\].
     pub max_turn: f64,
-    /// Height by which a foot is lifted half-way \[m\].
+    /// Height of a foot at mid-swing \[m\].
     pub clearance: f64,
     /// Largest distance by which a step is moved against a velocity error \[m\].
     pub max_capture: f64,
@@ -34,12 +34,12 @@ pub struct PlannerSettings {
     pub ramp: f64,
     /// Knowledge of the ground.
     pub ground: GroundModel,
-    /// Reaction to feet that touch before or after their time.
+    /// Reaction to early and late touchdown.
     pub landing: Landing,
 }
 
-/// A planner of the forces of the feet, by [`CentroidalMpc`], of the contacts, by a gait, and of the swings between them. Nothing
-/// allocates after construction.
+/// A planner of the forces of the feet, by [`CentroidalMpc`], of the contacts, by a gait, and of the swings
+/// between them. Nothing allocates after construction.
 #[derive(Debug)]
 pub struct LegPlanner {
     settings: PlannerSettings,
@@ -54,12 +54,13 @@ pub struct LegPlanner {
     /// Time of the last solution \[s\].
     solved: Option<f64>,
     time: f64,
-    /// Time at which the last step began \[s\].
+    /// Start time of the last step \[s\].
     began: f64,
 }
 
 impl LegPlanner {
-    /// For these feet of `model`, a robot with a floating base, which stands on them at the configuration `rest` (nq).
+    /// Creates a planner for these feet of `model`, a robot with a floating base that stands on them in the
+    /// configuration `rest` (nq).
     pub fn new(
         model: &Model,
         feet: Vec<PlannedFoot>,
@@ -112,15 +113,16 @@ impl LegPlanner {
         self.find_ground(1.0);
     }
 
-    /// Sets what the contact sensor of a foot says from the next step on; `None` where nothing is known, and the gait alone counts.
+    /// Sets the measured contact of a foot from the next step; with `None` only the gait is used.
     pub fn set_touching(&mut self, foot: usize, touches: Option<bool>) {
         self.legs[foot].touches = touches;
     }
 
-    /// Plans a step of `dt` seconds from the measured state: in strides at a wanted velocity, or at rest on all feet.
+    /// Plans a step of `dt` seconds from the measured state: stepping at the velocity `wanted`, or at rest on
+    /// all feet.
     ///
     /// # Errors
-    /// [`SolveError`]: the forces before still hold.
+    /// [`SolveError`]: the previous forces remain valid.
     pub fn step(
         &mut self,
         state: &MotionState<'_>,
@@ -166,12 +168,13 @@ impl LegPlanner {
         solved
     }
 
-    /// Share of its load that a foot may carry: 0 while it swings.
+    /// Load fraction of a foot: 0 during its swing.
     pub fn load(&self, foot: usize) -> f64 {
         self.legs[foot].load
     }
 
-    /// Force of the ground on a foot, and its torque about the origin of the foot's frame, axes of the world \[N, Nm\].
+    /// Force of the ground on a foot, and its torque about the origin of the foot's frame, axes of the world
+    /// \[N, Nm\].
     pub fn wrench(&self, foot: usize) -> Twist {
         let (mut wrench, leg) = (Twist::zero(), &self.legs[foot]);
         let (Some(solved), true) = (self.solved, leg.load > 0.0) else { return wrench };
@@ -198,7 +201,7 @@ impl LegPlanner {
         self.legs[foot].swings
     }
 
-    /// Numbers of swings of a foot that a contact ended before their time, and that went on after it.
+    /// Number of early and late touchdowns of a foot.
     pub fn early_and_late(&self, foot: usize) -> [u64; 2] {
         self.legs[foot].landings
     }
@@ -277,7 +280,7 @@ impl LegPlanner {
         }
     }
 
-    /// Finds the ground under the feet, of a fit by a share of the way.
+    /// Estimates the ground under the feet; a fit is updated by the fraction `share`.
     fn find_ground(&mut self, share: f64) {
         let now = self.time;
         let (mut sum, mut standing) = (Vector3::zeros(), 0.0);
@@ -309,11 +312,11 @@ impl LegPlanner {
             let begins = step as f64 * h;
             (horizon.position, horizon.velocity, horizon.heading) = self.reference.after(begins + h);
             horizon.angular_velocity = self.reference.angular_velocity(begins + h);
-            // in the first step the contacts are those of now
+            // the first step uses the current contacts
             let time = now + if step == 0 { 0.0 } else { begins + 0.5 * h };
             for (index, (foot, leg)) in self.feet.iter().zip(&self.legs).enumerate() {
                 let points = &mut horizon.points[leg.first..][..foot.points.len()];
-                // one that is late is expected at the next step
+                // a late foot is expected to touch at the next step
                 let late = step == 0 && leg.is_late();
                 if late || leg.swing_at(&self.stepping, index, time).is_some() {
                     points.fill(None);

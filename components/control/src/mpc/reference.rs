@@ -1,4 +1,4 @@
-//! The motion that a planner asks for.
+//! Reference motion of a planner.
 
 use std::f64::consts::PI;
 
@@ -15,7 +15,8 @@ pub struct PlanarVelocity {
     pub yaw_rate: f64,
 }
 
-/// The wanted motion of a centre of mass: it follows a velocity within an acceleration, at a height above the ground.
+/// Reference motion of a centre of mass: follows a velocity with limited acceleration at a height above the
+/// ground.
 ///
 /// ```
 /// use motorium_control::mpc::{PlanarVelocity, Reference};
@@ -39,7 +40,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// At rest at the origin, at this height above the ground \[m\].
+    /// Creates a reference at rest at the origin, at this height above the ground \[m\].
     pub fn new(height: f64) -> Self {
         let place = Vector2::zeros();
         Self {
@@ -71,8 +72,8 @@ impl Reference {
         self.velocity.yaw_rate += (wanted.yaw_rate - self.velocity.yaw_rate).clamp(-step, step);
     }
 
-    /// Moves by `dt` seconds, and stays near the measured centre of mass and heading: within these distances in the plane \[m\] and about
-    /// the vertical \[rad\].
+    /// Moves by `dt` seconds, and stays near the measured centre of mass and heading: within these distances
+    /// in the plane \[m\] and about the vertical \[rad\].
     pub fn advance(
         &mut self,
         dt: f64,
@@ -91,7 +92,8 @@ impl Reference {
         (self.place, self.heading) = (measured + lead, heading - beyond);
     }
 
-    /// Place \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the present velocity: an arc of a circle.
+    /// Place \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the present velocity: an arc
+    /// of a circle.
     pub fn after(&self, time: f64) -> (Vector3<f64>, Vector3<f64>, f64) {
         let PlanarVelocity { linear, yaw_rate } = self.velocity;
         let turn = yaw_rate * time;
@@ -118,14 +120,15 @@ impl Reference {
         self.heading
     }
 
-    /// Orientation of a base that is parallel to the ground after `time` seconds: from above, its x points along the heading.
+    /// Orientation of a base that is parallel to the ground after `time` seconds: from above, its x points
+    /// along the heading.
     pub fn orientation(&self, time: f64) -> Rotation3<f64> {
         let (ahead, normal) = (self.ahead(time).normalize(), self.ground.normal());
         Rotation3::from_basis_unchecked(&[ahead, normal.cross(&ahead), normal])
     }
 
-    /// Angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the ground, such that the heading turns at the yaw
-    /// rate.
+    /// Angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the ground, such
+    /// that the heading turns at the yaw rate.
     pub fn angular_velocity(&self, time: f64) -> Vector3<f64> {
         // from above, an angle `t` of the slope is `t normal_z |ahead|^2`
         let normal = self.ground.normal();
@@ -159,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_arc_is_what_many_small_steps_along_it_sum_up_to() {
+    fn arc_equals_the_sum_of_small_steps() {
         let mut reference = Reference::new(0.3);
         reference.begin(&Vector3::new(1.0, 2.0, 0.0), 0.7);
         let wanted = PlanarVelocity { linear: Vector2::new(0.4, -0.2), yaw_rate: 0.9 };
@@ -175,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_gains_speed_within_its_acceleration_and_waits_for_who_falls_behind() {
+    fn reference_limits_acceleration_and_lead() {
         let mut reference = Reference::new(0.3);
         let wanted = PlanarVelocity { linear: Vector2::new(0.6, 0.8), yaw_rate: -2.0 };
         reference.follow(&wanted, 2.0, 0.1);

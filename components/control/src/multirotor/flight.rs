@@ -18,9 +18,9 @@ pub struct Flight {
 pub struct FlightSettings {
     /// Frequency of the position, critically damped \[rad/s\].
     pub position: f64,
-    /// Frequency of the attitude, critically damped \[rad/s\]: several times that of the position.
+    /// Bandwidth of the critically damped attitude control \[rad/s\]: several times the position bandwidth.
     pub attitude: f64,
-    /// Rate at which a lasting error of the position is taken away \[1/s\].
+    /// Rate of integral action on a persistent position error \[1/s\].
     pub integral: f64,
     /// Largest lean of the thrust from the vertical \[rad\].
     pub max_tilt: f64,
@@ -41,7 +41,7 @@ pub struct FlightTarget {
     pub yaw: [f64; 2],
 }
 
-/// Largest acceleration that the integral asks for \[m/s2\].
+/// Maximum acceleration of the integral term \[m/s2\].
 const MOST_INTEGRAL: f64 = 3.0;
 
 /// A position and attitude controller; see [the module](super).
@@ -49,7 +49,7 @@ const MOST_INTEGRAL: f64 = 3.0;
 pub struct FlightControl {
     flight: Flight,
     settings: FlightSettings,
-    /// Acceleration that the integral asks for \[m/s2\].
+    /// Acceleration of the integral term \[m/s2\].
     lasting: Vector3<f64>,
 }
 
@@ -64,8 +64,8 @@ impl FlightControl {
         self.lasting = Vector3::zeros();
     }
 
-    /// Thrust along z of the base \[N\] and torque in its axes \[Nm\], for a base at `pose`, with its velocities
-    /// \[m/s, rad/s\] in its own axes, after a time step \[s\].
+    /// Thrust along z of the base \[N\] and torque in its axes \[Nm\], for a base at `pose`, with its
+    /// velocities \[m/s, rad/s\] in its own axes, after a time step \[s\].
     pub fn update(
         &mut self,
         target: &FlightTarget,
@@ -83,7 +83,7 @@ impl FlightControl {
         let feedback = -w * w * e_x - 2.0 * w * e_v;
         let mut acceleration =
             feedback + self.lasting + target.acceleration + Vector3::new(0.0, 0.0, gravity);
-        // the thrust stays between its limits, and leans no further than it may
+        // limit the magnitude and the tilt of the thrust
         let lowest = 0.1 * gravity;
         acceleration.z = acceleration.z.max(lowest);
         let aside = acceleration.xy().norm();
@@ -112,7 +112,7 @@ impl FlightControl {
     }
 }
 
-/// The attitude whose third axis is along a force and whose first points as far to `yaw` as it can.
+/// Attitude whose third axis is along a force and whose first axis is closest to `yaw`.
 fn attitude_of(force: &Vector3<f64>, yaw: f64) -> Rotation3<f64> {
     let third = force.normalize();
     let heading = Vector3::new(yaw.cos(), yaw.sin(), 0.0);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn it_comes_to_its_goal_and_turns_as_asked() {
+    fn reaches_goal_position_and_yaw() {
         let mut body = Body::at(0.0, 0.0, 0.0, UnitQuaternion::identity());
         let mut control = FlightControl::new(flight(), settings());
         let worst = body.fly(&mut control, still(0.4, -0.3, 1.0, 2.0), 24.0);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn thrown_on_its_back_it_rights_itself() {
+    fn recovers_from_an_inverted_attitude() {
         let back = UnitQuaternion::from_euler_angles(2.9, 0.2, 0.0);
         let mut body = Body::at(0.0, 0.0, 5.0, back);
         let worst = body.fly(&mut FlightControl::new(flight(), settings()), still(0.0, 0.0, 5.0, 0.0), 16.0);
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_mass_leaves_no_lasting_error_and_without_the_integral_it_does() {
+    fn integral_removes_the_error_of_a_wrong_mass() {
         let fly = |integral: f64| {
             let mut body = Body::at(0.0, 0.0, 1.0, UnitQuaternion::identity());
             body.mass *= 1.1;
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_is_followed_and_without_its_acceleration_only_within_what_that_leaves() {
+    fn circle_is_tracked_with_acceleration_feed_forward() {
         let circle = |time: f64, known: f64| {
             let (sin, cos) = (0.5 * time).sin_cos();
             FlightTarget {

@@ -2,12 +2,12 @@
 
 use nalgebra::{DMatrix, Matrix4, Vector3, Vector4};
 
-/// One rotor, in the axes of the robot and relative to its centre of mass.
+/// One rotor, in robot axes relative to the centre of mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Propeller {
     /// Place \[m\].
     pub position: Vector3<f64>,
-    /// Direction in which it pulls, a unit vector.
+    /// Direction of thrust, a unit vector.
     pub direction: Vector3<f64>,
     /// Largest thrust \[N\].
     pub max_thrust: f64,
@@ -15,7 +15,7 @@ pub struct Propeller {
     pub torque_per_thrust: f64,
 }
 
-/// Rotors that do not determine thrust and torque.
+/// The rotors do not determine thrust and torque.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MixerError {
     /// Too few.
@@ -24,7 +24,7 @@ pub enum MixerError {
         /// Number found.
         found: usize,
     },
-    /// Places and senses of rotation from which some torque cannot be had.
+    /// Positions and spin directions leave some torque unavailable.
     #[error("the places and senses of rotation of the rotors leave a torque that they cannot give")]
     Dependent,
 }
@@ -40,10 +40,10 @@ pub struct Mixer {
 }
 
 impl Mixer {
-    /// For rotors of a robot.
+    /// Creates a mixer for the rotors of a robot.
     ///
     /// # Errors
-    /// [`MixerError`]: too few, or in places from which some torque cannot be had.
+    /// [`MixerError`]: there are too few rotors, or their arrangement leaves some torque unavailable.
     pub fn new(rotors: &[Propeller]) -> Result<Self, MixerError> {
         if rotors.len() < 4 {
             return Err(MixerError::Few { found: rotors.len() });
@@ -90,9 +90,9 @@ impl Mixer {
         (row(0), Vector3::new(row(1), row(2), row(3)))
     }
 
-    /// Shares a thrust \[N\] and a torque \[Nm\] among the rotors. Each stays between zero and its largest thrust: first the
-    /// torque about z is given up, then the torques about x and y, and the thrust only as far as it is more than the rotors
-    /// have. True if nothing was.
+    /// Distributes a thrust \[N\] and a torque \[Nm\] among the rotors. Each rotor stays between zero and its
+    /// maximum thrust. The torque about z is reduced first, then the torques about x and y, and the thrust
+    /// only if it exceeds the rotors' total. Returns `true` if nothing was reduced.
     pub fn mix(&self, thrust: f64, torque: &Vector3<f64>, thrusts: &mut [f64]) -> bool {
         let mut whole = true;
         for (rotor, out) in thrusts.iter_mut().enumerate() {
@@ -104,7 +104,7 @@ impl Mixer {
         whole & self.add(thrusts, |share| share[3] * torque.z)
     }
 
-    /// Adds as much of a torque as fits. True if all of it does.
+    /// Adds the largest feasible fraction of a torque. Returns `true` for all of it.
     fn add(&self, thrusts: &mut [f64], of: impl Fn(&[f64; 4]) -> f64) -> bool {
         let part = |rotor: usize| of(&std::array::from_fn(|column| self.share[(rotor, column)]));
         let mut fits = 1.0_f64;
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn rotors_give_the_thrust_and_the_torque_that_they_are_asked_for() {
+    fn rotors_produce_the_requested_thrust_and_torque() {
         let mut rotors = square();
         // neither square nor upright
         rotors[0].position.x = 0.05;
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn torque_is_given_up_before_thrust_and_that_about_z_first() {
+    fn yaw_torque_is_reduced_first_and_thrust_last() {
         let mixer = Mixer::new(&square()).unwrap();
         let mut thrusts = [0.0; 4];
         let wanted = Vector3::new(2e-3, 0.0, 9e-3);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn rotors_that_leave_a_torque_out_are_refused() {
+    fn underactuated_rotor_layout_is_rejected() {
         let mut rotors = square();
         rotors.iter_mut().for_each(|rotor| rotor.torque_per_thrust = 0.0);
         assert_eq!(Mixer::new(&rotors).unwrap_err(), MixerError::Dependent);

@@ -1,8 +1,8 @@
-//! Attitude and position control of a robot that rotors carry.
+//! Attitude and position control of multirotors.
 //!
-//! [`FlightControl`] is the geometric controller of Lee, Leok and McClamroch (*Geometric tracking control of a quadrotor UAV
-//! on SE(3)*, CDC 2010), without the angles and their singularities: with the errors `e_x`, `e_v` of the centre of the base,
-//! the rotation `R` of the base and `R_d` wanted,
+//! [`FlightControl`] is the geometric controller of Lee, Leok and McClamroch (*Geometric tracking control of
+//! a quadrotor UAV on SE(3)*, CDC 2010), without Euler angles and their singularities. With the errors `e_x`,
+//! `e_v` of the centre of the base, the rotation `R` of the base and the desired rotation `R_d`,
 //!
 //! ```text
 //! F   = -k_x e_x - k_v e_v - k_i int e_x + m g          the force wanted; its direction is the third axis of R_d
@@ -11,10 +11,10 @@
 //! M   = -k_R e_R - k_W (W - W_d) + W x J W              the torque, J the inertia
 //! ```
 //!
-//! with gains that come from frequencies: `k_x = m w^2`, `k_v = 2 m w`, `k_R = J w_a^2`, `k_W = 2 J w_a`. The integral, which
-//! the paper has not, takes away what a wrong mass or thrust leaves.
+//! with gains from bandwidths: `k_x = m w^2`, `k_v = 2 m w`, `k_R = J w_a^2`, `k_W = 2 J w_a`. The integral
+//! term, an addition to the paper, removes the error of a wrong mass or thrust.
 //!
-//! [`Mixer`] shares thrust and torque among the rotors, and gives up torque before thrust where they cannot give both.
+//! [`Mixer`] distributes thrust and torque among the rotors, and reduces torque before thrust at saturation.
 
 mod flight;
 mod mixer;

@@ -30,7 +30,7 @@ impl fmt::Display for Constraint {
     }
 }
 
-/// The constraints that carry most of a certificate of infeasibility, strongest first.
+/// The constraints that dominate a certificate of infeasibility, strongest first.
 ///
 /// A certificate is a combination of constraints that no `x` satisfies; those with the largest multipliers
 /// (after scaling each row to unit size) are the ones to relax.
@@ -43,7 +43,7 @@ impl Conflict {
     /// Largest number of constraints named.
     pub const CAPACITY: usize = 4;
 
-    /// Takes up to [`Conflict::CAPACITY`] constraints, strongest first.
+    /// Collects up to [`Conflict::CAPACITY`] constraints, strongest first.
     pub fn new(strongest_first: impl IntoIterator<Item = Constraint>) -> Self {
         let mut conflict = Self::default();
         for (slot, constraint) in conflict.constraints.iter_mut().zip(strongest_first) {
@@ -70,10 +70,10 @@ impl fmt::Display for Conflict {
     }
 }
 
-/// Numbers of a problem that no solver can use.
+/// Invalid problem data.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum UpdateError {
-    /// A matrix or vector does not have the size the structure asks for.
+    /// A matrix or vector does not have the size required by the structure.
     #[error(
         "{what} is {}x{}, the solver was built for {}x{}; build a solver for the new structure",
         found.0, found.1, expected.0, expected.1
@@ -100,7 +100,7 @@ pub enum UpdateError {
         /// The offending number.
         value: f64,
     },
-    /// Lower bound above upper bound, or one that nothing satisfies.
+    /// The lower bound exceeds the upper bound, or a bound is unsatisfiable.
     #[error("{constraint}: {lower} <= ... <= {upper} has no solution; expected lower <= upper")]
     Crossed {
         /// The constraint, named by its lower side.
@@ -122,7 +122,7 @@ pub enum UpdateError {
     },
 }
 
-/// A problem for which no solution was found.
+/// No solution was found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// No `x` satisfies the constraints.
@@ -133,13 +133,13 @@ pub enum SolveError {
         /// The constraints that carry the certificate.
         conflict: Conflict,
     },
-    /// The cost falls for ever along a direction that no constraint blocks.
+    /// The cost decreases forever along a direction that no constraint blocks.
     #[error("unbounded: the cost falls for ever along variable {variable}; regularise it or bound it")]
     Unbounded {
         /// The variable with the largest share in that direction.
         variable: usize,
     },
-    /// The cost is no convex one: along some direction it curves downwards, and its minimum is no question for this solver.
+    /// The cost is not convex: it has negative curvature along some direction.
     #[error(
         "not convex: P is not positive semi-definite, as its leading {} x {} block shows; check the signs of its numbers",
         .variable + 1, .variable + 1
@@ -160,7 +160,7 @@ pub enum SolveError {
         /// Iterations done.
         iterations: u32,
     },
-    /// The solver holds no valid numbers.
+    /// The solver has no valid problem data.
     #[error("nothing to solve: the last update failed or there was none; update first")]
     NotUpdated,
 }

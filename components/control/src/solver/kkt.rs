@@ -14,8 +14,8 @@ pub struct KktResidual {
     pub stationarity: f64,
     /// Largest violation of an equality, a row or a bound.
     pub feasibility: f64,
-    /// Largest product of a multiplier with the distance to the side it presses on; the multiplier itself where
-    /// that side is infinite.
+    /// Largest product of a multiplier with the distance to the side it presses on; the multiplier itself
+    /// where that side is infinite.
     pub complementarity: f64,
 }
 

@@ -5,11 +5,11 @@
 //! subject to  A x = b,   lg <= G x <= ug,   lb <= x <= ub
 //! ```
 //!
-//! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on which
-//! rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each tick; a
-//! [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
-//! [`ActiveSetSolver`] is the solver of a control loop, [`ClarabelSolver`] the reference.
-//! [`KktResidual`] checks a claimed solution independently of its solver.
+//! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on
+//! which rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each
+//! tick; a [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
+//! [`ActiveSetSolver`] is the solver of a control loop, [`ClarabelSolver`] the reference. [`KktResidual`]
+//! checks a claimed solution independently of its solver.
 
 pub mod active_set;
 pub mod clarabel;
@@ -28,22 +28,22 @@ pub use problem::Problem;
 pub use solution::{Accuracy, Solution};
 pub use structure::{Side, Sides, Structure};
 
-/// Share of its largest entry by which a Hessian may curve downwards and count as flat there, from rounding.
+/// Relative negative curvature of a Hessian that counts as zero, from rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// A solver for one [`Structure`], reused tick after tick.
+/// A solver for one [`Structure`], reused for every tick.
 ///
-/// `update` hands over the numbers, `solve` works on what was handed over last. A solver may start from the
-/// solution of the previous tick; it must reach the same optimum without it.
+/// `update` sets the problem data, `solve` solves the last problem set. A solver may warm-start from the
+/// previous solution, but must reach the same optimum without it.
 pub trait QpSolver: Send {
     /// The structure this solver was built for.
     fn structure(&self) -> &Structure;
 
-    /// Takes the numbers of `problem` in place of the previous ones.
+    /// Replaces the problem data by `problem`.
     ///
     /// # Errors
-    /// [`UpdateError`] if the problem has another structure or numbers no solver could use. The previous
-    /// numbers are then in an unspecified state: update again before solving.
+    /// [`UpdateError`] if the problem has another structure or invalid data. The problem data are then
+    /// unspecified: update again before solving.
     fn update(&mut self, problem: &Problem) -> Result<(), UpdateError>;
 
     /// Solves the problem of the last update.
@@ -52,9 +52,9 @@ pub trait QpSolver: Send {
     /// [`SolveError`] if there is no solution, or none was found.
     fn solve(&mut self) -> Result<&Solution, SolveError>;
 
-    /// Iterations of the last solve, whether it found a solution or not.
+    /// Iterations of the last solve, successful or not.
     fn iterations(&self) -> u32;
 
-    /// Forgets the solution of the previous tick: the next solve computes, to the last bit, what a new solver would.
+    /// Discards the previous solution: the next solve is bitwise equal to that of a new solver.
     fn reset(&mut self);
 }

@@ -6,8 +6,8 @@ use super::{Constraint, Side, Sides, Structure, UpdateError};
 
 /// The numbers of one quadratic program, to be overwritten in place each tick.
 ///
-/// With `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`; so is any magnitude of
-/// [`Problem::INFINITE`] or more, the convention of most solvers.
+/// With `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`; so is any magnitude
+/// of [`Problem::INFINITE`] or more, the convention of most solvers.
 #[derive(Clone, Debug)]
 pub struct Problem {
     /// `P`, n x n, symmetric positive semi-definite. Only the upper triangle is read.
@@ -31,7 +31,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Magnitude from which a bound counts as absent.
+    /// Magnitude from which a bound counts as infinite.
     pub const INFINITE: f64 = 1e20;
 
     /// A problem of this structure with all numbers zero and no bounds.
@@ -65,10 +65,10 @@ impl Problem {
         self.upper.copy_from(&other.upper);
     }
 
-    /// Checks that the problem fits `structure` and that its numbers can be worked with.
+    /// Checks that the problem matches `structure` and that its data are valid.
     ///
     /// # Errors
-    /// [`UpdateError`] names the first thing that is wrong.
+    /// [`UpdateError`] describes the first defect.
     pub fn check(&self, structure: &Structure) -> Result<(), UpdateError> {
         let n = structure.variables();
         let m = structure.equality_count();
@@ -103,7 +103,7 @@ fn finite<C: nalgebra::Dim>(
 where
     nalgebra::DefaultAllocator: nalgebra::allocator::Allocator<nalgebra::Dyn, C>,
 {
-    // A number times zero is zero, infinity times zero is none: eight sums, without a branch.
+    // Zero times a finite number is zero, zero times infinity is NaN: eight branch-free sums.
     let (blocks, rest) = numbers.as_slice().as_chunks::<8>();
     let mut sums = [0.0; 8];
     for block in blocks {

@@ -1,4 +1,5 @@
-//! The structure of a quadratic program, constant between ticks: its dimensions and the sides that may have bounds.
+//! The structure of a quadratic program, constant between ticks: its dimensions and the sides that may have
+//! bounds.
 
 /// One side of a two-sided constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -11,8 +12,8 @@ pub enum Side {
 
 /// The sides on which a row of `G` or a variable may ever be bounded.
 ///
-/// A side that is declared may still be infinite at some ticks; a side that is not declared never reaches the
-/// solver, and a finite bound on it is refused.
+/// A declared side may be infinite at some ticks. An undeclared side is not passed to the solver, and a
+/// finite bound on it is rejected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Sides {
     /// Never bounded.

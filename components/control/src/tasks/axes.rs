@@ -5,14 +5,14 @@ use nalgebra::{Isometry3, Matrix3, Vector3, Vector6};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Share of the largest weight below which a direction counts as free.
+/// Relative weight below which a direction counts as free.
 const FREE: f64 = 1e-9;
 
 /// The axes in which a task counts the error of a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseAxes {
-    /// Those of the frame that is led: what is free stays free along with the tool.
+    /// Axes of the controlled frame: free directions move with the tool.
     #[default]
     Frame,
     /// Those of the target.
@@ -21,7 +21,8 @@ pub enum PoseAxes {
     World,
 }
 
-/// Factors of the weights of a pose by axis: a matrix for the position and one for the orientation, in axes of one's choice.
+/// Factors of the weights of a pose by axis: a matrix for the position and one for the orientation, in
+/// selectable axes.
 ///
 /// With `R` from these axes to the world the error is
 ///
@@ -29,8 +30,8 @@ pub enum PoseAxes {
 /// e = (R'(p* - p), R' log(R* R_f'))               m, rad; p, R_f: the frame, p*, R*: its target
 /// ```
 ///
-/// and the rows `S_p` and `S_o` of the factors take the place of the six axes: a diagonal factor weighs each axis, and 0 leaves it
-/// free; a row may have any direction. What no row sees has no error.
+/// and the rows `S_p` and `S_o` of the factors replace the six axes. A diagonal factor weights an axis, and 0
+/// leaves it free; a row may have any direction. Directions without a row have no error.
 ///
 /// ```
 /// use motorium_control::tasks::{AxisShares, CartesianSettings, PoseAxes};
@@ -72,7 +73,8 @@ impl Part {
 }
 
 impl AxisShares {
-    /// One factor for each axis: x, y and z of the position, and the rotations about them. 0 leaves an axis free.
+    /// Creates factors per axis: x, y and z of the position, and the rotations about them. 0 leaves an axis
+    /// free.
     pub fn new(axes: PoseAxes, position: [f64; 3], orientation: [f64; 3]) -> Self {
         let [position, orientation] =
             [position, orientation].map(|shares| Matrix3::from_diagonal(&Vector3::from(shares)));
@@ -99,7 +101,8 @@ impl AxisShares {
         self.orientation.seen != Matrix3::zeros()
     }
 
-    /// The error of a frame at `pose` from `target`, in the axes, without what is free: position \[m\], rotation vector \[rad\].
+    /// Error of a frame at `pose` relative to `target`, in these axes, without free directions: position
+    /// \[m\], rotation vector \[rad\].
     pub fn error(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let from_world = self.world_to_axes(pose, target);
         let place = target.translation.vector - pose.translation.vector;
@@ -116,7 +119,7 @@ impl AxisShares {
         }
     }
 
-    /// What turns the axes: `frame` if they are those of the frame, `target` if those of the target, nothing for the world.
+    /// Angular velocity of the axes: `frame` for frame axes, `target` for target axes, zero for the world.
     pub(crate) fn turning(&self, frame: Vector3<f64>, target: Vector3<f64>) -> Vector3<f64> {
         match self.axes {
             PoseAxes::Frame => frame,

@@ -22,8 +22,9 @@ pub struct CartesianSettings {
     pub max_linear_speed: f64,
     /// Largest angular speed at which the error is corrected \[rad/s\].
     pub max_angular_speed: f64,
-    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the target is out
-    /// of reach, and vanishes at the target. Should exceed half the tick period times the reach of the robot.
+    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
+    /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
+    /// of the robot.
     pub damping: f64,
     /// Factors of the weights by axis. Default: none, the whole pose counts.
     pub shares: Option<AxisShares>,
@@ -45,33 +46,36 @@ impl Default for CartesianSettings {
 
 /// A frame `b` of the robot follows a target pose `t`.
 ///
-/// With `T_bt` the pose of the target in the frame, the error is the twist that would carry the frame onto the
-/// target in one unit of time, linear \[m\] then angular \[rad\], in the axes of the frame:
+/// With `T_bt` the pose of the target in the frame, the error is the twist that would carry the frame onto
+/// the target in one unit of time, linear \[m\] then angular \[rad\], in the axes of the frame:
 ///
 /// ```text
 /// e  = log(T_bt)
 /// e' = Jlog(T_bt) nu_t - Jlog(T_tb) J_b v
 /// ```
 ///
-/// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the target's axes,
-/// and `Jlog` the derivative of the logarithm. Asking for the decay `e' = -c`, `c = gain e`, gives the cost
+/// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the
+/// target's axes, and `Jlog` the derivative of the logarithm. Asking for the decay `e' = -c`, `c = gain e`,
+/// gives the cost
 ///
 /// ```text
 /// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = Jlog(T_tb) J_b,   b = c + Jlog(T_bt) nu_t,   mu = damping |W^2 c|
 /// ```
 ///
-/// (the error and Jacobian of Pink's frame task, there per step and for a target at rest). `c` is scaled down as a
-/// whole where it would exceed the largest speeds, so that the direction is kept.
+/// (the error and Jacobian of Pink's frame task, there per step and for a target at rest). `c` is scaled down
+/// as a whole where it would exceed the largest speeds, so that the direction is kept.
 ///
-/// With [`shares`](CartesianSettings::shares) position and rotation are apart, so that one may be free without an effect on the other:
-/// `e` is that of [`AxisShares`], and with the velocities `v*`, `w*` of the target, in the axes `R` of the shares,
+/// With [`shares`](CartesianSettings::shares) position and rotation are apart, so that one may be free
+/// without an effect on the other: `e` is that of [`AxisShares`], and with the velocities `v*`, `w*` of the
+/// target, in the axes `R` of the shares,
 ///
 /// ```text
 /// A = S (R'J_v - [e_p]x R'J_w;  J(e_o) J_w)        the term of e_p for the axes of the frame alone
 /// b = S (c + (R'v* - w* x e_p;  J(-e_o) w*))       the term of e_p for the axes of the target alone
 /// ```
 ///
-/// where `J(e_o) J_w` is the derivative of the rotation vector by the motion of the frame, and `mu = damping |S'W^2 S c|`.
+/// where `J(e_o) J_w` is the derivative of the rotation vector by the motion of the frame, and `mu = damping
+/// |S'W^2 S c|`.
 ///
 /// The damping follows the error, not its square: an error that no motion can reduce bends the cost by about
 /// `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With less damping than
@@ -85,7 +89,7 @@ pub struct CartesianTask {
     error: Vector6<f64>,
     position_error: f64,
     orientation_error: f64,
-    /// The correction of the error as the rows see it: `c`, or `S'S c`.
+    /// Correction of the error in terms of the rows: `c`, or `S'S c`.
     pull: Vector6<f64>,
     desired: Vector6<f64>,
     jacobian: Matrix6xX<f64>,
@@ -130,8 +134,8 @@ impl CartesianTask {
         self.set_moving_target(target, Twist::zero());
     }
 
-    /// Sets the target pose in the world and its velocity: of the target's origin \[m/s\] and angular \[rad/s\], in
-    /// world axes.
+    /// Sets the target pose in the world and its velocity: of the target's origin \[m/s\] and angular
+    /// \[rad/s\], in world axes.
     pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist) {
         self.target = target;
         self.feed_forward = velocity;
@@ -147,8 +151,8 @@ impl CartesianTask {
         &self.target
     }
 
-    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame, or those of the shares without what is
-    /// free.
+    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame, or of the shares
+    /// without free directions.
     pub fn error(&self) -> &Vector6<f64> {
         &self.error
     }
@@ -163,7 +167,8 @@ impl CartesianTask {
         self.orientation_error
     }
 
-    /// `A` at the last update, 6 x nv: the error's own rate of change is `-A v` for a target at rest; with shares that of `S e`.
+    /// `A` at the last update, 6 x nv. The error changes at the rate `-A v` for a target at rest; with
+    /// shares, `S e` does.
     pub fn jacobian(&self) -> &Matrix6xX<f64> {
         &self.jacobian
     }
@@ -202,7 +207,7 @@ impl CartesianTask {
     fn update_axes(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>, shares: &AxisShares) {
         let Twist { linear, angular } = self.feed_forward;
         let from_world = shares.world_to_axes(pose, &self.target);
-        // what is free counts for the motion of the axes, too
+        // free directions also affect the motion of the axes
         let place = from_world * (self.target.translation.vector - pose.translation.vector);
         let turn = from_world * so3::log(&(self.target.rotation * pose.rotation.inverse()));
         let (counted_place, counted_turn) = shares.error(pose, &self.target);

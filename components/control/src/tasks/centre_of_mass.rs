@@ -17,9 +17,9 @@ pub struct CentreOfMassSettings {
     pub shares: [f64; 3],
     /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
     pub max_speed: f64,
-    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the target is out
-    /// of reach, and vanishes at the target. Should exceed half the tick period times the reach of the robot. Default
-    /// 5e-3.
+    /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
+    /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
+    /// of the robot. Default 5e-3.
     pub damping: f64,
 }
 
@@ -36,15 +36,16 @@ impl Default for CentreOfMassSettings {
 /// e' = c*' - J_com v
 /// ```
 ///
-/// where `J_com` (3 x nv) is the Jacobian of the centre of mass. Asking for the decay `e' = -k`, `k = gain e`, gives
-/// the cost
+/// where `J_com` (3 x nv) is the Jacobian of the centre of mass. Asking for the decay `e' = -k`, `k = gain
+/// e`, gives the cost
 ///
 /// ```text
 /// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = J_com,   b = k + c*',   W = weight diag(shares),   mu = damping |W^2 k|
 /// ```
 ///
-/// (the task of OpenSoT and Pink, there without the velocity `c*'` of the target). `k` is scaled down as a whole where
-/// it would exceed the largest speed, so that the direction is kept. Links fixed to the world do not count.
+/// (the task of OpenSoT and Pink, there without the velocity `c*'` of the target). `k` is scaled down as a
+/// whole where it would exceed the largest speed, so that the direction is kept. Links fixed to the world do
+/// not count.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{CentreOfMassTask, Task}};

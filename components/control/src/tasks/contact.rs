@@ -1,11 +1,11 @@
-//! A frame stays where it is.
+//! Contact task: keeps a frame in place.
 
 use motorium_robots::{FrameId, Model, Reference};
 
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
-/// A frame that touches the world stays where it is:
+/// Keeps a frame in contact with the world in place:
 ///
 /// ```text
 /// A = J                                           Jacobian of the frame, world axes: 3 rows of a point, 6 of a surface
@@ -13,8 +13,8 @@ use crate::{RobotState, solver::Problem};
 /// W = weight                                      1/(m/s), 1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's contact task.) In the first of several [levels](crate::DifferentialIk::levels) it holds the feet of a robot with a
-/// floating base.
+/// (OpenSoT's contact task.) On the first of several [levels](crate::DifferentialIk::levels) it holds the
+/// feet of a floating-base robot.
 #[derive(Clone, Debug)]
 pub struct ContactTask {
     frame: FrameId,
@@ -24,12 +24,12 @@ pub struct ContactTask {
 }
 
 impl ContactTask {
-    /// A point: the origin of `frame` rests, which may turn.
+    /// Point contact: the origin of `frame` rests; the frame may rotate.
     pub fn point(model: &Model, frame: FrameId) -> Self {
         Self { frame, weight: 1.0, turns: true, cost: Cost::dense(6, 0, model.nv()) }
     }
 
-    /// A surface: `frame` neither moves nor turns.
+    /// Surface contact: `frame` neither translates nor rotates.
     pub fn surface(model: &Model, frame: FrameId) -> Self {
         Self { turns: false, ..Self::point(model, frame) }
     }

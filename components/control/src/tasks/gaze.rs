@@ -6,7 +6,8 @@ use nalgebra::{Matrix3xX, Matrix6xX, Unit, Vector3};
 use super::{Rows, Task, residual};
 use crate::{RobotState, solver::Problem};
 
-/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every direction is right.
+/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every
+/// direction is right.
 const NEAREST: f64 = 1e-2;
 
 /// Gain and weights of a [`GazeTask`].
@@ -18,8 +19,8 @@ pub struct GazeSettings {
     pub weight: f64,
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_speed: f64,
-    /// Levenberg-Marquardt damping per speed of correction \[s/rad\]: keeps the robot calm where it cannot look at the
-    /// point, and vanishes when it does. Default 5e-3.
+    /// Levenberg-Marquardt damping per correction speed \[s/rad\]. Prevents oscillation if the robot cannot
+    /// look at the target, and vanishes when it does. Default 5e-3.
     pub damping: f64,
 }
 
@@ -29,11 +30,11 @@ impl Default for GazeSettings {
     }
 }
 
-/// An axis `d` of a frame points at a point `p*` \[m, world axes\]: a camera looks at something, a welding torch points at
-/// a seam. How the frame is turned about the axis is left open.
+/// An axis `d` of a frame points at a point `p*` \[m, world axes\]: a camera looks at something, a welding
+/// torch points at a seam. How the frame is turned about the axis is left open.
 ///
-/// With `r` the point and `w` its velocity in the axes of the frame, `u = r / |r|`, and `J_v`, `J_w` the linear and the
-/// angular rows of the frame's Jacobian in its own axes,
+/// With `r` the point and `w` its velocity in the axes of the frame, `u = r / |r|`, and `J_v`, `J_w` the
+/// linear and the angular rows of the frame's Jacobian in its own axes,
 ///
 /// ```text
 /// e  = the rotation vector that turns d onto u            [rad, axes of the frame]
@@ -46,7 +47,8 @@ impl Default for GazeSettings {
 /// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = P J_w + [u]x J_v / |r|,   b = k + u x w / |r|,   mu = damping |W^2 k|
 /// ```
 ///
-/// (the gaze task of OpenSoT, there with two rows and for a point at rest). `k` is scaled down to the largest speed.
+/// (the gaze task of OpenSoT, there with two rows and for a point at rest). `k` is scaled down to the largest
+/// speed.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{GazeTask, Task}};
@@ -80,7 +82,7 @@ pub struct GazeTask {
 }
 
 impl GazeTask {
-    /// A task for an axis of `frame`, given in the frame's own axes, with the world's origin as target.
+    /// Creates a task for an axis of `frame`, given in the frame's axes, with the world's origin as target.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>) -> Self {
         Self {
             settings: GazeSettings::default(),

@@ -11,14 +11,16 @@ use crate::{RobotState, solver::Problem};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
-    /// Velocities: `sqrt(det(J J'))`, the volume of the ellipsoid of the velocities that joint velocities of length 1 give the frame.
+    /// Velocities: `sqrt(det(J J'))`, the volume of the ellipsoid of the velocities that joint velocities of
+    /// length 1 give the frame.
     #[default]
     Velocity,
-    /// Forces: `sqrt(det((J J')^-1))`, the volume of the ellipsoid of the forces that joint torques of length 1 exert there.
+    /// Forces: `sqrt(det((J J')^-1))`, the volume of the ellipsoid of the forces that joint torques of length
+    /// 1 exert there.
     Force,
 }
 
-/// Joint velocities follow the slope of a manipulability `m` of a frame:
+/// Moves the joints along the gradient of a manipulability `m` of a frame:
 ///
 /// ```text
 /// m = sqrt(det(J J'))                             Yoshikawa's measure of the rows that count: of velocities
@@ -27,9 +29,10 @@ pub enum Measure {
 /// W = weight                                      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task, and PyRoboLearn's task of force manipulability.) That of velocities leads away from singular configurations, that
-/// of forces towards them, where its slope grows without end: there the largest speed counts. In a singular configuration there is no
-/// slope, and the joints are asked to rest. A floating base is asked to rest, too: it does not change the measure.
+/// (OpenSoT's task, and PyRoboLearn's task of force manipulability.) Velocity manipulability moves the robot
+/// away from singular configurations. Force manipulability moves it towards them, where the gradient is
+/// unbounded and the maximum speed applies. In a singular configuration there is no gradient, and the task
+/// commands zero velocity. A floating base does not change the measure and is commanded to rest.
 #[derive(Clone, Debug)]
 pub struct ManipulabilityTask {
     frame: FrameId,

@@ -9,15 +9,16 @@ use crate::{RobotState, solver::Problem};
 /// Step along the scaled efforts over which their change is measured \[rad\].
 const STEP: f64 = 1e-5;
 
-/// Joint velocities follow the slope of the effort that the weight of the robot asks of its drives, downwards:
+/// Moves the joints down the gradient of the effort required to hold the robot's weight:
 ///
 /// ```text
 /// m = 1/2 sum_joints (g_i(q) / tau_max_i)^2       efforts as shares of their limits; of 1 Nm where there is no limit
 /// A = 1 on all velocities,   b = -gain dm/dq,   W = weight      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task.) Since `dg/dq` of the joints is symmetric, the second derivative of the potential energy, the slope is the change
-/// of `g` along the scaled efforts: one central difference whatever the number of joints. A floating base is asked to rest.
+/// (OpenSoT's task.) Since `dg/dq` of the joints is symmetric, the second derivative of the potential energy,
+/// the gradient is the change of `g` along the scaled efforts: one central difference for any number of
+/// joints. A floating base is commanded to rest.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{MinimumEffortTask, Task}};
@@ -42,7 +43,7 @@ pub struct MinimumEffortTask {
     /// `1 / tau_max^2` of each joint.
     shares: Vec<f64>,
     dynamics: Dynamics,
-    /// Efforts, the direction, a place beside `q` and the efforts there.
+    /// Efforts, the direction, a configuration near `q` and the efforts there.
     effort: Vec<f64>,
     direction: Vec<f64>,
     beside: Vec<f64>,

@@ -11,7 +11,8 @@ use crate::{RobotState, solver::Problem};
 /// A = 1 on all velocities,   b = v*,   W = weight diag(shares)      1/(rad/s) or 1/(m/s)
 /// ```
 ///
-/// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the velocity of the tick before.) Shares let some joints, or a floating base, move more than others.
+/// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the
+/// velocity of the tick before.) Shares let some joints, or a floating base, move more than others.
 #[derive(Clone, Debug)]
 pub struct MinimumVelocityTask {
     weight: f64,
@@ -37,10 +38,10 @@ impl MinimumVelocityTask {
         self.weight = weight;
     }
 
-    /// Sets `v*`, an entry for each velocity.
+    /// Sets `v*`, one entry per velocity.
     ///
     /// # Panics
-    /// If it has another length.
+    /// If the length differs.
     pub fn set_target(&mut self, velocity: &[f64]) {
         self.cost.desired_mut().copy_from_slice(velocity);
     }
@@ -50,10 +51,10 @@ impl MinimumVelocityTask {
         self.cost.desired_mut().fill(0.0);
     }
 
-    /// Sets the factor of the weight of one velocity; zero leaves it free.
+    /// Sets the weight factor of one velocity; zero leaves it free.
     ///
     /// # Panics
-    /// If there is no such velocity.
+    /// If the velocity does not exist.
     pub fn set_share(&mut self, velocity: usize, share: f64) {
         self.shares[velocity] = share;
     }

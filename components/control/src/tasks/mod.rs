@@ -41,21 +41,22 @@ use crate::{RobotState, solver::Problem};
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
 pub trait Task {
-    /// Number of rows of `A`, the most that it ever has.
+    /// Maximum number of rows of `A`.
     fn rows(&self) -> usize;
 
     /// Evaluates error, `A` and `b` at this state.
     fn update(&mut self, state: &RobotState<'_>);
 
-    /// Length of `A v - b` as of the last update over the rows with a weight, in the units of the task \[m/s, rad/s\].
+    /// Length of `A v - b` as of the last update over the rows with a weight, in the units of the task \[m/s,
+    /// rad/s\].
     fn residual(&self, velocity: &[f64]) -> f64;
 
-    /// Adds the cost as of the last update to the quadratic and the linear part of `problem` (upper triangle of
-    /// the Hessian), whose unknowns are the joint velocities.
+    /// Adds the cost as of the last update to the quadratic and the linear part of `problem` (upper triangle
+    /// of the Hessian), whose unknowns are the joint velocities.
     fn add_to(&self, problem: &mut Problem);
 
-    /// Appends the rows of `W A`, and of `W b`, as of the last update: at most [`rows`](Self::rows) of them, for a row without weight may
-    /// be left out.
+    /// Appends the rows of `W A`, and of `W b`, as of the last update: at most [`rows`](Self::rows) of them,
+    /// for a row without weight may be left out.
     fn write_rows(&self, rows: &mut Rows);
 }
 

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
-/// The momentum of the whole robot about its centre of mass is a target, in world axes: linear \[kg m/s\] and angular
-/// \[kg m2/s\].
+/// The momentum of the whole robot about its centre of mass is a target, in world axes: linear \[kg m/s\] and
+/// angular \[kg m2/s\].
 ///
 /// ```text
 /// A = A_G(q)                                      centroidal momentum matrix, 6 x nv
@@ -15,8 +15,8 @@ use crate::{RobotState, solver::Problem};
 /// W = diag(l, l, l, g, g, g)                      cost of a momentum, 1/(kg m/s) and 1/(kg m2/s)
 /// ```
 ///
-/// (OpenSoT's tasks of linear and angular momentum in one.) A weight of zero leaves a part free. Orin, Goswami and Lee, *Centroidal
-/// dynamics of a humanoid robot*, 2013.
+/// (OpenSoT's tasks of linear and angular momentum in one.) A weight of zero leaves a part free. Orin,
+/// Goswami and Lee, *Centroidal dynamics of a humanoid robot*, 2013.
 #[derive(Clone, Debug)]
 pub struct MomentumTask {
     target: Momentum,
@@ -27,7 +27,7 @@ pub struct MomentumTask {
 }
 
 impl MomentumTask {
-    /// A task for the angular momentum of `model`, which is to be zero, with weight 1.
+    /// Creates a task that drives the angular momentum of `model` to zero, with weight 1.
     pub fn angular(model: &Model) -> Self {
         Self {
             target: Momentum { linear: Vector3::zeros(), angular: Vector3::zeros() },

@@ -22,22 +22,23 @@ impl Default for PostureSettings {
     }
 }
 
-/// Joint positions `q` approach a posture `q*` \[rad or m\]:
+/// Moves joint positions `q` to a posture `q*` \[rad or m\]:
 ///
 /// ```text
 /// 1/2 |weight S (v - b)|^2,   b = gain (q* - q)
 /// ```
 ///
-/// with `S` a diagonal of shares, one per joint; a floating base is left alone. In a sum with other tasks it decides what they leave open. Where it
-/// disagrees with them it wins a share: at rest a Cartesian task of weight `w` and gain `g` keeps an error of about
-/// `(weight^2 gain) / (w^2 g)` times the posture's own.
+/// with a diagonal `S` of factors, one per joint; a floating base is not affected. In a weighted sum it
+/// determines the directions that other tasks leave free. Where they conflict the result is a compromise: at
+/// rest a Cartesian task of weight `w` and gain `g` keeps an error of about `(weight^2 gain) / (w^2 g)` times
+/// the posture's own.
 #[derive(Clone, Debug)]
 pub struct PostureTask {
     settings: PostureSettings,
     target: DVector<f64>,
     shares: DVector<f64>,
     error: DVector<f64>,
-    /// The unknown of the first joint: those of a floating base come before it.
+    /// Index of the first joint's unknown, after those of a floating base.
     first: usize,
 }
 
@@ -83,10 +84,10 @@ impl PostureTask {
         self.target.copy_from_slice(target);
     }
 
-    /// Sets the factor of the weight of one joint; zero leaves it out.
+    /// Sets the weight factor of one joint; zero removes it.
     ///
     /// # Panics
-    /// If there is no such joint.
+    /// If the joint does not exist.
     pub fn set_share(&mut self, joint: usize, share: f64) {
         self.shares[joint] = share;
     }

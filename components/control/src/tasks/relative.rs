@@ -23,7 +23,8 @@ impl Default for RelativeSettings {
     }
 }
 
-/// A frame `b` reaches a pose `t` relative to a frame `a` of the same robot, such as one hand beside the other.
+/// Moves a frame `b` to a pose `t` relative to a frame `a` of the same robot, such as one hand relative to
+/// the other.
 ///
 /// With `T_ab` the pose of `b` in `a`, and `T_bt = T_ab^-1 T_at`,
 ///
@@ -33,7 +34,7 @@ impl Default for RelativeSettings {
 /// b = gain e,   W = diag(p, p, p, o, o, o)
 /// ```
 ///
-/// so that `e' = -A v` (Pink's relative frame task). The motion of a floating base drops out.
+/// so that `e' = -A v` (Pink's relative frame task). The motion of a floating base cancels.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{RelativeTask, Task}};

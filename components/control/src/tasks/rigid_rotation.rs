@@ -1,4 +1,4 @@
-//! A steered wheel points along the way of its base.
+//! Steers a wheel into the direction of motion of its base.
 
 use motorium_robots::{FrameId, Kinematics, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
@@ -6,11 +6,11 @@ use nalgebra::{Matrix6xX, Unit, Vector3};
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
-/// Speed of a wheel below which it has no direction to point in \[m/s\].
+/// Speed of a wheel below which its direction is undefined \[m/s\].
 const STANDING: f64 = 1e-6;
 
-/// A steered wheel of a base: the angle by which it is to turn, and how it turns. It is the same for velocities and for
-/// accelerations.
+/// A steered wheel of a base: its steering error and rotation, shared by the velocity and the acceleration
+/// task.
 #[derive(Clone, Debug)]
 pub(crate) struct SteeredWheel {
     wheel: FrameId,
@@ -24,8 +24,8 @@ pub(crate) struct SteeredWheel {
 }
 
 impl SteeredWheel {
-    /// The wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of that frame, on a base with the frame
-    /// `base` at rest on level ground.
+    /// The wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of that frame, on
+    /// a base with the frame `base` at rest on level ground.
     pub(crate) fn new(model: &Model, wheel: FrameId, base: FrameId, axis: Unit<Vector3<f64>>) -> Self {
         let (normal, jacobian) = (Vector3::z_axis(), Matrix6xX::zeros(model.nv()));
         Self { wheel, base, axis, normal, twist: [0.0; 3], error: 0.0, jacobian }
@@ -51,8 +51,8 @@ impl SteeredWheel {
         self.error
     }
 
-    /// The angle about the normal from the direction in which the wheel rolls to the velocity of its centre, or to its opposite
-    /// where that is nearer \[rad\]; `None` for a wheel that is to stand, or that lies flat.
+    /// Angle about the normal from the rolling direction of the wheel to the velocity of its centre, or to
+    /// the opposite if that is closer \[rad\]; `None` for a standing or flat wheel.
     fn angle(&self, model: &Model, kinematics: &Kinematics) -> Option<f64> {
         let [wheel, base] = [self.wheel, self.base].map(|frame| kinematics.pose(model, frame));
         let (normal, [x, y, yaw]) = (self.normal.into_inner(), self.twist);
@@ -67,8 +67,8 @@ impl SteeredWheel {
         Some(normal.dot(&forward.cross(&carried)).atan2(forward.dot(&carried)))
     }
 
-    /// Computes the angle, and writes `n' J_w`, the angular velocity of the wheel about the normal, 1 x nv. False for a wheel that
-    /// is asked for nothing.
+    /// Computes the angle, and writes `n' J_w`, the angular velocity of the wheel about the normal, 1 x nv.
+    /// Returns `false` if the task is inactive.
     pub(crate) fn steer(&mut self, model: &Model, kinematics: &Kinematics, cost: &mut Cost) -> bool {
         let angle = self.angle(model, kinematics);
         self.error = angle.unwrap_or(0.0);
@@ -80,8 +80,8 @@ impl SteeredWheel {
         angle.is_some()
     }
 
-    /// Angular velocity of the wheel about the normal, and the part of its rate that no acceleration of the joints makes
-    /// \[rad/s, rad/s2\].
+    /// Angular velocity of the wheel about the normal, and the part of its rate independent of joint
+    /// accelerations \[rad/s, rad/s2\].
     pub(crate) fn turning(&self, model: &Model, kinematics: &Kinematics) -> (f64, f64) {
         let (moving, drift) =
             (kinematics.velocity(model, self.wheel), kinematics.acceleration(model, self.wheel));
@@ -89,11 +89,11 @@ impl SteeredWheel {
     }
 }
 
-/// A steered wheel turns until it rolls along the velocity that its centre has where the base moves as one rigid body: all steered
-/// wheels of a base then roll about the same instantaneous centre of rotation.
+/// Steers a wheel until it rolls along the velocity of its centre, given the rigid motion of the base. All
+/// steered wheels of a base then roll about the same instantaneous centre of rotation.
 ///
-/// With the axis `d` of the wheel, the normal `n` of the ground, the centre `p` of the wheel and `o` of the base, all in the axes of
-/// the world, and the twist `(V, W)` of the base,
+/// With the axis `d` of the wheel, the normal `n` of the ground, the centre `p` of the wheel and `o` of the
+/// base, all in the axes of the world, and the twist `(V, W)` of the base,
 ///
 /// ```text
 /// f = d x n / |d x n|                             direction in which the wheel rolls
@@ -104,7 +104,8 @@ impl SteeredWheel {
 /// W = weight                                      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task, with the turning of the base as feed-forward.) A wheel that is to stand, or that lies flat, is asked for nothing.
+/// (OpenSoT's task, with the turning of the base as feed-forward.) The task is inactive for a standing or
+/// flat wheel.
 #[derive(Clone, Debug)]
 pub struct RigidRotationTask {
     steering: SteeredWheel,
@@ -114,8 +115,8 @@ pub struct RigidRotationTask {
 }
 
 impl RigidRotationTask {
-    /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of that frame, on a base with
-    /// the frame `base` at rest on level ground; with gain 10 and weight 1.
+    /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of
+    /// that frame, on a base with the frame `base` at rest on level ground; with gain 10 and weight 1.
     pub fn new(model: &Model, wheel: FrameId, base: FrameId, axis: Unit<Vector3<f64>>) -> Self {
         let steering = SteeredWheel::new(model, wheel, base, axis);
         Self { steering, gain: 10.0, weight: 1.0, cost: Cost::dense(1, 0, model.nv()) }
@@ -145,7 +146,7 @@ impl RigidRotationTask {
         self.steering.set_twist([x, y, yaw]);
     }
 
-    /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 for a wheel that is asked for nothing.
+    /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 while the task is inactive.
     pub fn error(&self) -> f64 {
         self.steering.error()
     }

@@ -6,11 +6,11 @@ use nalgebra::{Matrix6xX, Unit, Vector3};
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
-/// Sine of the angle from the normal of the ground up to which the axis of a wheel counts as upright: the wheel lies flat.
+/// Sine of the angle between wheel axis and ground normal below which the wheel counts as flat.
 const FLAT: f64 = 1e-6;
 
-/// A wheel on the ground: where it touches, and how the point at the contact moves. It is the same for velocities and for
-/// accelerations.
+/// A wheel on the ground: its contact and the motion of the contact point, shared by the velocity and the
+/// acceleration task.
 #[derive(Clone, Debug)]
 pub(crate) struct RollingWheel {
     frame: FrameId,
@@ -20,18 +20,20 @@ pub(crate) struct RollingWheel {
     jacobian: Matrix6xX<f64>,
 }
 
-/// The contact of a wheel that does not lie flat, world axes.
+/// Contact of a wheel that is not flat, in world axes.
 pub(crate) struct RollingContact {
     axis: Vector3<f64>,
-    /// Direction from the ground to the centre of the wheel, and the length of what the normal has across the axis.
+    /// Direction from the ground to the centre of the wheel, and the length of the normal's component across
+    /// the axis.
     up: Vector3<f64>,
     length: f64,
-    /// Way from the centre of the wheel to the contact \[m\].
+    /// Vector from the centre of the wheel to the contact \[m\].
     pub(crate) way: Vector3<f64>,
 }
 
 impl RollingWheel {
-    /// The wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and its radius \[m\], on level ground.
+    /// The wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and its radius
+    /// \[m\], on level ground.
     pub(crate) fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64) -> Self {
         Self { frame, axis, radius, normal: Vector3::z_axis(), jacobian: Matrix6xX::zeros(model.nv()) }
     }
@@ -41,7 +43,7 @@ impl RollingWheel {
         self.normal = normal;
     }
 
-    /// The contact; `None` for a wheel that lies flat.
+    /// Returns the contact; `None` for a flat wheel.
     pub(crate) fn contact(&self, model: &Model, kinematics: &Kinematics) -> Option<RollingContact> {
         let axis = kinematics.pose(model, self.frame).rotation * self.axis.into_inner();
         let across = self.normal.into_inner() - axis * axis.dot(&self.normal);
@@ -65,8 +67,8 @@ impl RollingWheel {
         }
     }
 
-    /// Velocity of the point of the wheel at the contact, and the part of its acceleration that no acceleration of the joints
-    /// makes: `v' + w' x c + w x c'` \[m/s, m/s2, world axes\].
+    /// Velocity of the point of the wheel at the contact, and the part of its acceleration that no
+    /// acceleration of the joints makes: `v' + w' x c + w x c'` \[m/s, m/s2, world axes\].
     pub(crate) fn slip(
         &self,
         model: &Model,
@@ -84,10 +86,10 @@ impl RollingWheel {
     }
 }
 
-/// The point of a wheel that touches the ground rests: the wheel rolls along, and does not slip or slide.
+/// Keeps the contact point of a wheel at rest: the wheel rolls without slipping or sliding.
 ///
-/// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, and the way `c` from its centre to
-/// the contact,
+/// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, and the vector `c`
+/// from its centre to the contact,
 ///
 /// ```text
 /// c = -radius (n - d d' n) / |n - d d' n|
@@ -96,8 +98,8 @@ impl RollingWheel {
 /// W = weight                                      1/(m/s)
 /// ```
 ///
-/// (OpenSoT's pure rolling.) In the first of several levels it is what binds a base to the turning of its wheels. A wheel that lies
-/// flat has no contact point, and is asked for nothing.
+/// (OpenSoT's pure rolling.) On the first of several levels it couples a base to the rotation of its wheels.
+/// The task is inactive for a flat wheel, which has no contact point.
 #[derive(Clone, Debug)]
 pub struct RollingTask {
     wheel: RollingWheel,
@@ -107,8 +109,8 @@ pub struct RollingTask {
 }
 
 impl RollingTask {
-    /// A task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and its radius \[m\], on
-    /// level ground, with weight 1.
+    /// A task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and
+    /// its radius \[m\], on level ground, with weight 1.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64) -> Self {
         Self {
             wheel: RollingWheel::new(model, frame, axis, radius),
@@ -137,7 +139,7 @@ impl RollingTask {
         self.weight = weight;
     }
 
-    /// `c` at the last update \[m, world axes\]; zero for a wheel that lies flat.
+    /// `c` at the last update \[m, world axes\]; zero for a flat wheel.
     pub fn contact(&self) -> &Vector3<f64> {
         &self.contact
     }

@@ -27,7 +27,7 @@ impl Default for UnicycleSettings {
     }
 }
 
-/// A frame moves forward and turns as it is told, and never sideways:
+/// Moves a frame forward and turns it as commanded, and never sideways:
 ///
 /// ```text
 /// A = rows x, y of J_v and z of J_w               J: Jacobian of the frame in its own axes, 3 x nv
@@ -35,8 +35,8 @@ impl Default for UnicycleSettings {
 /// W = diag(f, s, y)
 /// ```
 ///
-/// (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With the forward and the yaw weight zero only the
-/// motion sideways is excluded, which makes a base that other tasks lead one on an axle.
+/// (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With zero forward and yaw
+/// weights only sideways motion is excluded, so that a base moved by other tasks behaves like one on an axle.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{Task, UnicycleSettings, UnicycleTask}};
@@ -64,7 +64,7 @@ pub struct UnicycleTask {
 }
 
 impl UnicycleTask {
-    /// A task for `frame` of `model`, which is to stand, with default weights.
+    /// Creates a task for `frame` of `model`, initially at rest, with default weights.
     pub fn new(model: &Model, frame: FrameId) -> Self {
         let (jacobian, cost) = (Matrix6xX::zeros(model.nv()), Cost::dense(3, 0, model.nv()));
         Self { frame, settings: UnicycleSettings::default(), jacobian, cost }

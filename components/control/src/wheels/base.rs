@@ -29,7 +29,7 @@ impl Default for Wheel {
 pub enum BaseKind {
     /// Wheels on one axle, or in two rows, at speeds of their own.
     Differential,
-    /// Steered wheels that aim at one centre on the line of the axle of the others.
+    /// Steered wheels that aim at one centre on the axle line of the fixed wheels.
     Ackermann,
     /// Mecanum wheels: any planar velocity.
     Mecanum,
@@ -58,7 +58,7 @@ pub enum WheelError {
         /// Its index.
         wheel: usize,
     },
-    /// Mecanum wheels whose speeds do not determine the velocity.
+    /// The speeds of the Mecanum wheels do not determine the velocity.
     #[error("mecanum wheels in places in which their speeds do not determine the velocity of the base")]
     Mecanum,
     /// A radius that is none.
@@ -78,7 +78,7 @@ pub struct WheelBase {
     wheels: Vec<Wheel>,
     /// The line of no sideways motion, x \[m\].
     axle: f64,
-    /// The way that an angle of each wheel adds.
+    /// Displacement of the base per wheel angle.
     ways: Vec<Vector3<f64>>,
 }
 
@@ -127,7 +127,8 @@ impl WheelBase {
         Ok(Self { kind: BaseKind::Mecanum, wheels, axle: 0.0, ways })
     }
 
-    /// A base whose pose three joints are: x, y and yaw, whose velocities count as those of three wheels.
+    /// A base whose pose is given by three joints, x, y and yaw, whose velocities are treated like those of
+    /// three wheels.
     pub fn planar() -> Self {
         let ways = vec![Vector3::x(), Vector3::y(), Vector3::z()];
         Self { kind: BaseKind::Planar, wheels: vec![Wheel::default(); 3], axle: 0.0, ways }
@@ -146,7 +147,8 @@ impl WheelBase {
         if spread < 1e-12 {
             return Err(WheelError::OneLine);
         }
-        // the straight line through (y, way of the wheel): its slope is the turn, its height at y = 0 the way ahead
+        // straight line through (y, distance of the wheel): its slope is the turn, its value at y = 0 the
+        // distance ahead
         let ways = wheels.iter().map(|wheel| {
             if wheel.steered {
                 return Vector3::zeros();
@@ -168,8 +170,9 @@ impl WheelBase {
         &self.wheels
     }
 
-    /// The velocity nearest to `twist` that wheels can roll at: that of a base that cannot go sideways has none at the
-    /// axle. Curvature limits of a steered base are those of [`curvatures`](Self::curvatures).
+    /// Projects `twist` to the velocities at which the wheels can roll. A base that cannot move sideways has
+    /// no lateral velocity at the axle. Curvature limits of a steered base are in
+    /// [`curvatures`](Self::curvatures).
     #[must_use]
     pub fn feasible(&self, twist: &PlanarTwist) -> PlanarTwist {
         match self.kind {
@@ -180,8 +183,8 @@ impl WheelBase {
         }
     }
 
-    /// Speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering` may be empty where
-    /// nothing is steered. For joints that are the pose, those of the joints of a base with yaw 0.
+    /// Speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering` may be
+    /// empty without steered wheels. For a planar base with pose joints, returns the joint speeds at yaw 0.
     pub fn speeds(&self, twist: &PlanarTwist, steering: &[f64], speeds: &mut [f64]) {
         if self.kind == BaseKind::Planar {
             speeds.copy_from_slice(&[twist.x, twist.y, twist.yaw]);
@@ -198,7 +201,8 @@ impl WheelBase {
         }
     }
 
-    /// Angle of a steered wheel \[rad\] for a curvature of the way of the axle's middle line \[1/m\]; 0 for a fixed one.
+    /// Angle of a steered wheel \[rad\] for a path curvature at the middle of the axle \[1/m\]; 0 for a fixed
+    /// wheel.
     pub fn steering(&self, wheel: usize, curvature: f64) -> f64 {
         let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
         if !steered {
@@ -214,7 +218,7 @@ impl WheelBase {
             return [f64::NEG_INFINITY, f64::INFINITY];
         }
         let curvature = |angle: f64| {
-            // no further than where the centre of the turn lies on the wheel's own line
+            // at most the angle at which the centre of rotation is on the wheel's own line
             let tangent = angle.clamp(-1.5, 1.5).tan();
             tangent / (x - self.axle + y * tangent)
         };
@@ -222,13 +226,14 @@ impl WheelBase {
         [one.min(other), one.max(other)]
     }
 
-    /// The way of the base in its own axes, at a constant velocity, for the angles by which its wheels turned \[rad\].
+    /// Displacement of the base in its own axes, at constant velocity, for the wheel rotations \[rad\].
     pub fn way(&self, turned: &[f64]) -> PlanarTwist {
         let way: Vector3<f64> = self.ways.iter().zip(turned).map(|(way, angle)| way * *angle).sum();
         PlanarTwist { x: way.x, y: way.y, yaw: way.z }
     }
 
-    /// Covariance of the [`way`](Self::way) for an independent variance of the way that each wheel rolls \[m2\].
+    /// Covariance of the [`way`](Self::way) for independent variances of the distance rolled by each wheel
+    /// \[m2\].
     pub(super) fn covariance(&self, variance: impl Fn(usize) -> f64) -> Matrix3<f64> {
         let of_wheel = |(index, way): (usize, &Vector3<f64>)| {
             let per_metre = way / self.wheels[index].radius;

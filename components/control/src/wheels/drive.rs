@@ -1,12 +1,12 @@
-//! The wheels of a base, led to a velocity within their limits.
+//! Control of a base's wheels to a velocity within their limits.
 
 use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
 
 /// Speeds and steering angles that follow a velocity of the base within the limits of its wheels.
 ///
-/// A velocity beyond the limits is taken slower, along the same arc. The wheels of a steered base turn towards a curvature
-/// as fast as the slowest of them may; at rest they stay where they are. One that asks for more curvature than they reach
-/// drives the tightest arc there is, at the speed ahead that was asked for.
+/// A velocity beyond the limits is reduced along the same arc. The wheels of a steered base turn towards a
+/// curvature as fast as the slowest of them permits; at rest they keep their angles. A velocity with too much
+/// curvature results in the tightest possible arc at the commanded forward speed.
 #[derive(Clone, Debug)]
 pub struct WheelDrive {
     base: WheelBase,
@@ -23,12 +23,12 @@ pub struct WheelDrive {
     ahead: f64,
 }
 
-/// Halvings by which a step of the curvature is found: to a billionth of the wanted one.
+/// Number of bisections for a step of the curvature: to a billionth of the command.
 const HALVINGS: usize = 30;
 
 impl WheelDrive {
-    /// At rest, the steered wheels straight. `steering` are the lowest and highest angle \[rad\] and the largest rate
-    /// \[rad/s\] of every wheel, in the order of the wheels; those of fixed wheels do not count.
+    /// Creates a drive at rest with straight wheels. `steering` contains the lowest and highest angle \[rad\]
+    /// and the maximum rate \[rad/s\] of every wheel, in order; entries of fixed wheels are ignored.
     pub fn new(base: WheelBase, limits: WheelLimits, steering: Vec<[f64; 3]>) -> Self {
         let count = base.wheels().len();
         let mut curvatures = [f64::NEG_INFINITY, f64::INFINITY];
@@ -77,13 +77,13 @@ impl WheelDrive {
         self.curvatures
     }
 
-    /// At rest, with the steered wheels at angles \[rad\] as they are measured.
+    /// Resets to rest, with the steered wheels at measured angles \[rad\].
     pub fn begin(&mut self, steering: &[f64]) {
         self.speeds.fill(0.0);
         self.steering_rate.fill(0.0);
         (self.ahead, self.curvature) = (0.0, 0.0);
         if self.base.kind() == BaseKind::Ackermann {
-            // the mean of what the steered wheels say
+            // the mean over the steered wheels
             let (mut sum, mut count) = (0.0, 0.0);
             for (wheel, angle) in steering.iter().enumerate() {
                 if self.base.wheels()[wheel].steered {
@@ -96,8 +96,8 @@ impl WheelDrive {
         }
     }
 
-    /// Leads the wheels towards a velocity, for a time step \[s\]. `yaw` is that of a base whose joints are its pose. True
-    /// if they are at this velocity.
+    /// Moves the wheel speeds towards a velocity, for a time step \[s\]. `yaw` is used by a base with pose
+    /// joints. Returns `true` once the velocity is reached.
     pub fn follow(&mut self, twist: &PlanarTwist, yaw: f64, dt: f64) -> bool {
         match self.base.kind() {
             BaseKind::Ackermann => self.follow_steered(twist, dt),

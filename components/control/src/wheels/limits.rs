@@ -1,4 +1,4 @@
-//! Limits of wheels that leave the shape of the way as it is.
+//! Wheel limits that preserve the shape of the path.
 
 /// Largest speeds and accelerations of the wheels.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,19 +10,19 @@ pub struct WheelLimits {
 }
 
 impl WheelLimits {
-    /// The factor, at most 1, by which all speeds are to be multiplied so that each is within its limit: the ratios, and
-    /// with them the curvature, stay.
+    /// Factor, at most 1, that brings every speed within its limit while preserving the ratios and thus the
+    /// curvature.
     pub fn speed_factor(&self, wanted: &[f64]) -> f64 {
         let factor =
             |(wanted, limit): (&f64, &f64)| if wanted.abs() > *limit { limit / wanted.abs() } else { 1.0 };
         wanted.iter().zip(&self.speed).map(factor).fold(1.0, f64::min)
     }
 
-    /// Leads the speeds of the wheels from `speeds` towards those `wanted`, for a time step, within the limits of
-    /// acceleration: at the curvature wanted where that is within reach, else straight from the old speeds to the new.
-    /// True if all are as wanted.
+    /// Moves the wheel speeds from `speeds` towards `wanted` within the acceleration limits: at the desired
+    /// curvature if reachable, else on a straight line between old and new speeds. Returns `true` if all
+    /// speeds are reached.
     pub fn approach(&self, speeds: &mut [f64], wanted: &[f64], dt: f64) -> bool {
-        // factors of the speeds wanted that every wheel reaches in this step
+        // factors of the desired speeds that every wheel can reach in this step
         let (mut least, mut most) = (0.0_f64, 1.0_f64);
         for ((now, wanted), limit) in speeds.iter().zip(wanted).zip(&self.acceleration) {
             let reach = limit * dt;

@@ -5,11 +5,12 @@
 //! no sideways motion of an axle at x = a:     vy = -wz a
 //! ```
 //!
-//! - [`WheelBase`] goes from the velocity of a base to the speeds and angles of its wheels, and back from how far wheels
-//!   turned to the way of the base.
-//! - [`WheelDrive`] leads the wheels to a velocity within their limits of speed, acceleration and steering.
-//! - [`Odometry`] adds up the way. It takes wheels for rolling without slip, along an arc between two samples; what they
-//!   slip is in its covariance only, as far as its settings say.
+//! - [`WheelBase`] converts the velocity of a base to speeds and angles of its wheels, and wheel rotations to
+//!   the displacement of the base.
+//! - [`WheelDrive`] controls the wheels to a velocity within their limits of speed, acceleration and
+//!   steering.
+//! - [`Odometry`] integrates the displacement. It assumes rolling without slip, along an arc between two
+//!   samples; slip is modelled in its covariance only.
 //!
 //! ```
 //! use motorium_control::wheels::{Odometry, PlanarTwist, Wheel, WheelBase};
@@ -38,7 +39,7 @@ pub use drive::WheelDrive;
 pub use limits::WheelLimits;
 pub use odometry::Odometry;
 
-/// A velocity in the plane, in the axes of the base; or a way at a constant one.
+/// A planar velocity in base axes, or a displacement at constant velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarTwist {
     /// Ahead \[m/s, or m\].
@@ -69,7 +70,8 @@ pub struct PlanarPose {
 }
 
 impl PlanarPose {
-    /// The pose after a way at a constant velocity in the axes of the base: the exponential of the planar motions.
+    /// Returns the pose after a displacement at constant velocity in base axes: the exponential of planar
+    /// motions.
     #[must_use]
     pub fn after(self, way: &PlanarTwist) -> Self {
         let [x, y] = chord(way);
@@ -78,7 +80,7 @@ impl PlanarPose {
     }
 }
 
-/// The end of a way at a constant velocity, in the axes at its start.
+/// Returns the end point of a displacement at constant velocity, in the initial axes.
 fn chord(way: &PlanarTwist) -> [f64; 2] {
     let half = 0.5 * way.yaw;
     // sin(t) / t and (1 - cos(t)) / t

@@ -4,12 +4,12 @@ use nalgebra::Matrix3;
 
 use super::{PlanarPose, PlanarTwist, WheelBase};
 
-/// The pose of a base, added up from the angles of its wheels along exact arcs, and how uncertain it is.
+/// Pose of a base with its uncertainty, integrated from wheel angles along exact arcs.
 ///
-/// It assumes that wheels roll without slip, with the radii and places the base has. Between two samples the velocity is
-/// taken for constant in the axes of the base, so that on an arc the period of the samples does not matter. What a wheel
-/// slips is taken for random, of the standard deviation `slip * sqrt(way)` (`slip` in m for a way of 1 m), each wheel by
-/// itself; a wrong radius or track is not random and not in it.
+/// It assumes rolling without slip, with the nominal radii and wheel positions. The velocity between two
+/// samples is assumed constant in base axes, so on an arc the sample period has no effect. Slip is modelled
+/// as random and independent per wheel, with the standard deviation `slip * sqrt(distance)` (`slip` in m for
+/// 1 m travelled). Systematic errors of radius or track are not included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Odometry {
     pose: PlanarPose,
@@ -19,7 +19,7 @@ pub struct Odometry {
 }
 
 impl Default for Odometry {
-    /// At the origin, with a slip of 3 mm in a way of 1 m.
+    /// Starts at the origin, with a slip of 3 mm per 1 m travelled.
     fn default() -> Self {
         Self::new(PlanarPose::default(), 0.003)
     }
@@ -31,7 +31,7 @@ impl Odometry {
         Self { pose, covariance: Matrix3::zeros(), distance: 0.0, slip }
     }
 
-    /// Adds the way for the angles by which the wheels turned \[rad\], and returns it.
+    /// Adds the displacement for wheel rotations \[rad\], and returns it.
     pub fn advance(&mut self, base: &WheelBase, turned: &[f64]) -> PlanarTwist {
         let way = base.way(turned);
         let slip = self.slip * self.slip;
@@ -39,7 +39,8 @@ impl Odometry {
         let before = self.pose;
         self.pose = before.after(&way);
         self.distance += way.x.hypot(way.y);
-        // an error of the angle before swings the way; the error of the way itself lies in the axes half way along it
+        // a previous heading error rotates the displacement; the displacement's own error is in the axes
+        // half-way along it
         let mut swing = Matrix3::identity();
         swing[(0, 2)] = -(self.pose.y - before.y);
         swing[(1, 2)] = self.pose.x - before.x;
@@ -49,12 +50,12 @@ impl Odometry {
         way
     }
 
-    /// Goes on from what an earlier one knew.
+    /// Continues from an earlier odometry.
     pub fn resumed(pose: PlanarPose, covariance: Matrix3<f64>, distance: f64, slip: f64) -> Self {
         Self { pose, covariance, distance, slip }
     }
 
-    /// Takes over a pose that joints measure, which has no error of wheels. `moved` says that the base went there.
+    /// Sets a pose measured by joints, which has no wheel error. `moved` is `true` if the base moved there.
     pub fn place(&mut self, pose: PlanarPose, moved: bool) {
         if moved {
             self.distance += (pose.x - self.pose.x).hypot(pose.y - self.pose.y);
@@ -72,7 +73,7 @@ impl Odometry {
         &self.covariance
     }
 
-    /// The way of the base's origin so far \[m\].
+    /// Distance travelled by the base's origin so far \[m\].
     pub fn distance(&self) -> f64 {
         self.distance
     }

@@ -16,7 +16,8 @@ use crate::robot::{Panda, Random};
 
 const DT: f64 = 1e-3;
 
-/// Moves the Panda towards postures for 1.5 s each; calls `check` with the velocities of the tick before and of this one.
+/// Moves the Panda towards postures for 1.5 s each; calls `check` with the velocities of the tick before and
+/// of this one.
 fn move_to(
     panda: &Panda,
     postures: &[Vec<f64>],
@@ -91,7 +92,8 @@ fn a_joint_without_a_largest_acceleration_is_as_fast_as_before() {
     assert!(first[3] > 2.0 && (first[0] - 1e-3).abs() < 1e-9, "{first:?}");
 }
 
-/// The ground below the hand, and not below the links that it stands on: pairs of links whose names hold one of these words.
+/// The ground below the hand, and not below the links that it stands on: pairs of links whose names hold one
+/// of these words.
 fn ground_below(panda: &Panda, words: &[&str]) -> CollisionModel {
     let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
     let mut solids = CollisionModel::new(&panda.model, &options).unwrap();

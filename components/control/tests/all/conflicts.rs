@@ -1,4 +1,5 @@
-//! Constraints of an inverse kinematics that contradict each other: named, and followed by the policy of the graph.
+//! Constraints of an inverse kinematics that contradict each other: named, and followed by the policy of the
+//! graph.
 
 use motorium::launcher::Report;
 use motorium_control::{

@@ -47,7 +47,8 @@ fn jump(commands: &[Vec<f64>], from: usize, to: usize) -> f64 {
     commands[from..to].windows(2).map(|pair| distance(&pair[0], &pair[1])).fold(0.0, f64::max)
 }
 
-/// Asserts that a weight that falls to 0 at 0.5 s and rises again at 1 s changes the command evenly, and by a jump without a ramp.
+/// Asserts that a weight that falls to 0 at 0.5 s and rises again at 1 s changes the command evenly, and by a
+/// jump without a ramp.
 #[track_caller]
 fn assert_fades(tasks: &str, number: fn(&JointCommand) -> &[f64], weight: (&str, f64)) {
     let run = |ramp: &str| {
@@ -58,8 +59,8 @@ fn assert_fades(tasks: &str, number: fn(&JointCommand) -> &[f64], weight: (&str,
     for at in [498, 998] {
         let change = jump(&sudden, at, at + 5);
         assert!(change > 0.02, "it changes something: {change}");
-        // an even change takes the share of a step in the time of the ramp; as the task fades its error grows, and with it what it
-        // would have the robot do
+        // an even change takes the share of a step in the time of the ramp; as the task fades its error
+        // grows, and with it what it would have the robot do
         let bound = 3.0 * change * DT / RAMP + 2.0 * jump(&even, at - 100, at);
         let found = jump(&even, at, at + 300);
         assert!(found < bound, "{found}, bound {bound}, sudden {change}");

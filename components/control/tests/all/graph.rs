@@ -12,7 +12,8 @@ use motorium_robots::{Dynamics, Kinematics, Model, load};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use serde::Deserialize;
 
-/// A Panda with ideal drives, integrated implicitly; it reports the exact place of its hand and its centre of mass.
+/// A Panda with ideal drives, integrated implicitly; it reports the exact place of its hand and its centre of
+/// mass.
 struct Plant {
     command: Input<JointCommand>,
     state: Output<JointState>,
@@ -257,7 +258,8 @@ pub(crate) fn graph(plant: &str, targets: Targets, controller: Instance) -> Grap
         .with(controller)
 }
 
-/// A simulated Panda and a controller without a target, driven by the test; the commands go to `panda/joint_command`.
+/// A simulated Panda and a controller without a target, driven by the test; the commands go to
+/// `panda/joint_command`.
 pub(crate) fn session(config: &str) -> Session<'static> {
     let graph = Graph::new("control-test")
         .robot("panda", "panda")

@@ -1,4 +1,5 @@
-//! Levels of strict priority, against projections and against a solver that holds what was decided by equalities.
+//! Levels of strict priority, against projections and against a solver that holds what was decided by
+//! equalities.
 
 use motorium_control::{
     DifferentialIk, RobotState,
@@ -202,8 +203,8 @@ fn levels_within_limits_are_those_of_a_solver_that_holds_the_decided_by_equaliti
     assert!(active > 300, "{active} active limits");
 }
 
-/// Levels of random rows, whole numbers or not, that differ in scale by up to 10^6 and may repeat one another, and random
-/// bounds, some of them zero.
+/// Levels of random rows, whole numbers or not, that differ in scale by up to 10^6 and may repeat one
+/// another, and random bounds, some of them zero.
 fn random_levels(n: usize, random: &mut Random) -> (Vec<Numbers>, Box) {
     let below = |count: usize, random: &mut Random| ((random.within(0.5) + 0.5) * count as f64) as usize;
     let whole = below(3, random) == 0;

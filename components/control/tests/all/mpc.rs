@@ -1,4 +1,5 @@
-//! Model-predictive control of the centroidal motion, against closed forms, Riccati's recursion and finite differences.
+//! Model-predictive control of the centroidal motion, against closed forms, Riccati's recursion and finite
+//! differences.
 
 use motorium_control::mpc::{CentroidalMpc, CentroidalState, MpcSettings, MpcWeights};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -57,7 +58,8 @@ fn who_stands_at_the_reference_is_carried_by_equal_shares_of_the_weight() {
     assert!((mpc.predicted()[10].position - state.position).norm() < 1e-9);
 }
 
-/// A mass above one point that it may push and pull from: the first force is that of the regulator of the finite horizon.
+/// A mass above one point that it may push and pull from: the first force is that of the regulator of the
+/// finite horizon.
 #[test]
 fn without_limits_the_first_force_is_that_of_the_riccati_recursion() {
     let weights = MpcWeights { force: 0.3, ..MpcWeights::default() };
@@ -98,7 +100,8 @@ fn without_limits_the_first_force_is_that_of_the_riccati_recursion() {
     assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
 }
 
-/// The cost of a sequence of forces, by a roll-out that shares nothing with the program: many small steps of the equations of motion.
+/// The cost of a sequence of forces, by a roll-out that shares nothing with the program: many small steps of
+/// the equations of motion.
 fn rolled_out(mpc: &mut CentroidalMpc, state: &CentroidalState, heading: f64, forces: &[f64]) -> f64 {
     let settings = *mpc.settings();
     let weights = settings.weights;

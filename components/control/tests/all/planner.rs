@@ -1,5 +1,5 @@
-//! The planner of `control.mpc` in the library: footholds do not depend on the heading, forces are those of the step that begins, slopes,
-//! landings before and after their time.
+//! The planner of `control.mpc` in the library: footholds do not depend on the heading, forces are those of
+//! the step that begins, slopes, landings before and after their time.
 
 use std::path::Path;
 
@@ -227,7 +227,8 @@ fn a_base_on_a_slope_is_parallel_to_it_points_along_its_heading_and_turns_as_its
     }
 }
 
-/// Steps of 5 ms of a trot whose first swing is that of the feet 1 and 2; `touches` says what the sensor of foot 1 says at a time.
+/// Steps of 5 ms of a trot whose first swing is that of the feet 1 and 2; `touches` says what the sensor of
+/// foot 1 says at a time.
 fn strides(touches: impl Fn(f64) -> bool) -> (LegPlanner, Vec<(f64, Vector3<f64>)>) {
     let robot = quadruped();
     let q = turned(&robot, 0.0);
@@ -263,7 +264,8 @@ fn a_foot_that_touches_early_stands_from_then_on_and_one_that_touches_too_early_
     let (planner, seen) = strides(|time| time < lifted_at || time >= lifted_at + 0.14);
     assert_eq!(carries(&seen, lifted), lifted + 28);
     assert_eq!(planner.early_and_late(1), [1, 0]);
-    // a contact in the first half is that of the lift-off: it ends at half of the swing, where `touches` says so all the time
+    // a contact in the first half is that of the lift-off: it ends at half of the swing, where `touches` says
+    // so all the time
     assert_eq!(carries(&as_planned, lifted), lifted + 20);
 }
 

@@ -1,5 +1,5 @@
-//! Random quadratic programs, many of them degenerate, singular, redundant or infeasible: every answer is checked from the
-//! numbers of the problem, every refusal by another solver.
+//! Random quadratic programs, many of them degenerate, singular, redundant or infeasible: every answer is
+//! checked from the numbers of the problem, every refusal by another solver.
 
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, KktResidual, Problem, QpSolver,
@@ -52,8 +52,8 @@ struct Trial {
     feasible: bool,
 }
 
-/// A problem with up to 12 variables, whose Hessian may have any rank, whose rows may repeat one another, and whose
-/// constraints may meet in one point. Whole numbers make ties and exact dependencies frequent.
+/// A problem with up to 12 variables, whose Hessian may have any rank, whose rows may repeat one another, and
+/// whose constraints may meet in one point. Whole numbers make ties and exact dependencies frequent.
 fn trial(seed: u64) -> Trial {
     let r = &mut Random(seed);
     let n = 1 + r.below(12);
@@ -117,8 +117,8 @@ fn residual(problem: &Problem, solution: &Solution) -> f64 {
     KktResidual::of(problem, solution).worst() / size
 }
 
-/// Answer of the reference to the problem; with `nearest`, of the point nearest to the origin instead, which exists
-/// if and only if the constraints can be satisfied.
+/// Answer of the reference to the problem; with `nearest`, of the point nearest to the origin instead, which
+/// exists if and only if the constraints can be satisfied.
 fn reference(trial: &Trial, nearest: bool) -> Result<f64, SolveError> {
     let mut problem = trial.problem.clone();
     if nearest {
@@ -192,7 +192,8 @@ fn random_problems_are_solved_or_refused_rightly_cold_and_warm() {
 
 #[test]
 fn a_hessian_that_only_rounding_makes_definite_is_solved_as_the_singular_one_that_it_is() {
-    // of rank 8 of 9; its factor has a smallest pivot of 4e-12 of the largest, and corrections by it bring errors of their own
+    // of rank 8 of 9; its factor has a smallest pivot of 4e-12 of the largest, and corrections by it bring
+    // errors of their own
     let trial = trial(1_928_778);
     let mut solver = ActiveSetSolver::new(trial.structure.clone(), ActiveSetSettings::default());
     solver.update(&trial.problem).unwrap();

@@ -14,8 +14,8 @@ fn load(file: &str) -> Option<(Structure, Vec<Problem>)> {
     Some(recorded::read(&text).unwrap())
 }
 
-/// Residuals of the whole sequence are within `stationarity`, `feasibility` and `complementarity` (each in the
-/// problem's own units), with one solver kept and its numbers updated in place.
+/// Residuals of the whole sequence are within `stationarity`, `feasibility` and `complementarity` (each in
+/// the problem's own units), with one solver kept and its numbers updated in place.
 fn assert_sequence_is_optimal(file: &str, stationarity: f64, feasibility: f64, complementarity: f64) {
     let Some((structure, problems)) = load(file) else { return };
     let solvers: [Box<dyn QpSolver>; 2] = [

@@ -1,4 +1,5 @@
-//! Problems recorded in single precision: what their rounding hides is no reason to refuse them, and what it does not is.
+//! Problems recorded in single precision: what their rounding hides is no reason to refuse them, and what it
+//! does not is.
 
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, QpSolver, recorded,

@@ -184,8 +184,8 @@ fn steps_whose_contacts_are_of_other_feet_or_missing_are_told_and_the_gait_alone
     assert!(unwired.results["planner"].get("steps_without_fresh_contacts").is_none());
 }
 
-/// The last command of a controller whose body is to move far aside, so that friction decides; the schedule has the ground tilted, and
-/// falls silent after this time.
+/// The last command of a controller whose body is to move far aside, so that friction decides; the schedule
+/// has the ground tilted, and falls silent after this time.
 fn pushed_on_a_slope(silent_from: f64) -> Vec<f64> {
     let commands = Probe::<JointCommand>::of("command");
     let schedule = Source::new("schedule", "schedule", move |tick| {
@@ -236,7 +236,8 @@ fn the_ground_stays_tilted_as_the_last_schedule_had_it_after_that_falls_silent()
     assert!(apart(&told, &silent) < 1e-6, "{told:?} {silent:?}");
 }
 
-/// A controller that follows a schedule by which the first foot is in the air for half a second, and which then falls silent.
+/// A controller that follows a schedule by which the first foot is in the air for half a second, and which
+/// then falls silent.
 fn scheduled() -> (Report, Vec<JointCommand>, Vec<ControlDiagnostics>) {
     let (commands, steps) = (
         Probe::<JointCommand>::of("command").triggered(),

@@ -1,4 +1,5 @@
-//! Bases on wheels: kinematics against closed forms and finite differences, limits, odometry, `control.wheels` in a graph.
+//! Bases on wheels: kinematics against closed forms and finite differences, limits, odometry,
+//! `control.wheels` in a graph.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -75,7 +76,8 @@ fn steered_wheels_stand_across_the_line_to_one_centre() {
 
 #[test]
 fn wheels_that_roll_do_not_slip() {
-    // each wheel's contact stands still: what the base moves there is what the wheel rolls, by finite differences
+    // each wheel's contact stands still: what the base moves there is what the wheel rolls, by finite
+    // differences
     let cases = [
         (differential(), twist(0.4, 0.0, 1.3), vec![0.0; 2]),
         (car(), twist(0.7, 0.0, 0.5), (0..4).map(|wheel| car().steering(wheel, 0.5 / 0.7)).collect()),

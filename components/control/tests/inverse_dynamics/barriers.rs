@@ -1,4 +1,5 @@
-//! Limits as control barriers: from every state in which they hold they hold for ever, whatever the tasks ask for.
+//! Limits as control barriers: from every state in which they hold they hold for ever, whatever the tasks ask
+//! for.
 
 use motorium_control::{
     DifferentialIk, RobotState,

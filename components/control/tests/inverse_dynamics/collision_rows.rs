@@ -1,4 +1,5 @@
-//! Rows of distances: which come back where others contradict each other, which have witnesses, and what counts as no distance.
+//! Rows of distances: which come back where others contradict each other, which have witnesses, and what
+//! counts as no distance.
 
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,

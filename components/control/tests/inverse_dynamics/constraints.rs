@@ -14,7 +14,8 @@ use crate::robots::{Random, Robot};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-/// Torques by Newton-Euler for the accelerations and contact wrenches of a solution; the base's entries first.
+/// Torques by Newton-Euler for the accelerations and contact wrenches of a solution; the base's entries
+/// first.
 fn newton_euler(robot: &Robot, control: &InverseDynamics) -> Vec<f64> {
     let model = &robot.model;
     let wrenches: Vec<_> = control

@@ -1,4 +1,5 @@
-//! Distances that are kept to a tenth of a millimetre, by solids with flat sides, edges, corners and round ones, without chatter.
+//! Distances that are kept to a tenth of a millimetre, by solids with flat sides, edges, corners and round
+//! ones, without chatter.
 
 use std::sync::Arc;
 
@@ -90,11 +91,13 @@ struct Kept {
     smallest: f64,
     /// At the end.
     last: f64,
-    /// Largest change of a velocity from one tick to the next at the end, where it is at rest \[rad/s or m/s\].
+    /// Largest change of a velocity from one tick to the next at the end, where it is at rest \[rad/s or
+    /// m/s\].
     chatter: f64,
 }
 
-/// Leads a frame to `target` for 4 s at rest at the end, and measures what is kept of the distances of `solids`.
+/// Leads a frame to `target` for 4 s at rest at the end, and measures what is kept of the distances of
+/// `solids`.
 fn lead(
     (model, q): (&Model, &[f64]),
     frame: FrameId,

@@ -229,7 +229,8 @@ fn the_centres_of_pressure_of_both_soles_make_the_zero_moment_point_of_the_momen
         let model = &robot.model;
         let aim = Vector3::new(random.within(0.03), random.within(0.02), random.within(0.02));
         let (control, _) = pushed(&robot, aim, FrictionModel::Pyramid, 0.6);
-        // by the rate of the momentum, without a look at the forces: (c - p) x (m (c'' - g)) + L' has no x and y
+        // by the rate of the momentum, without a look at the forces: (c - p) x (m (c'' - g)) + L' has no x
+        // and y
         let a = control.solution().acceleration.as_slice();
         let Momentum { linear, angular } = Dynamics::new(model).momentum_rate(model, &robot.q, &robot.v, a);
         let force = linear + Vector3::new(0.0, 0.0, model.mass() * GRAVITY);

@@ -68,7 +68,8 @@ fn a_spring_asks_for_the_acceleration_that_its_force_gives_on_fixed_and_floating
     }
 }
 
-/// The robot at rest under a constant effort `push`, controlled by `task` and by a posture for the motions that it leaves open.
+/// The robot at rest under a constant effort `push`, controlled by `task` and by a posture for the motions
+/// that it leaves open.
 fn at_rest(
     mut robot: Robot,
     push: impl Fn(&Robot) -> DVector<f64>,

@@ -1,4 +1,5 @@
-//! Tasks that lead points: the gaze and the capture point, against finite differences and the decay that they ask for.
+//! Tasks that lead points: the gaze and the capture point, against finite differences and the decay that they
+//! ask for.
 
 use motorium_control::inverse_dynamics::{
     InverseDynamics,

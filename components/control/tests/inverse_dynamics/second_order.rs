@@ -1,4 +1,5 @@
-//! Tasks of velocities in their form for accelerations, against finite differences of motions and the decay that they ask for.
+//! Tasks of velocities in their form for accelerations, against finite differences of motions and the decay
+//! that they ask for.
 
 use motorium_control::{
     RobotState,
@@ -127,7 +128,8 @@ fn a_rolling_wheel_lets_the_point_at_the_contact_come_to_rest() {
         let a = robot.accelerations(&mut random);
         let slip = |time: f64| {
             let next = robot.after(&a, time);
-            // the lowest point of the rim, from the definition: on the wheel's plane, furthest against the normal
+            // the lowest point of the rim, from the definition: on the wheel's plane, furthest against the
+            // normal
             let d = next.kinematics.pose(model, frame).rotation * axis.into_inner();
             let side = d.cross(&normal).normalize();
             let c = -side.cross(&d) * 0.3;

@@ -1,4 +1,5 @@
-//! The work of the ticks in which a humanoid lifts a foot and sets it down again, where it was or where it falls.
+//! The work of the ticks in which a humanoid lifts a foot and sets it down again, where it was or where it
+//! falls.
 
 use motorium_control::inverse_dynamics::{
     Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
@@ -13,9 +14,10 @@ use nalgebra::Vector3;
 
 const DT: f64 = 0.001;
 
-/// Iterations of each tick of six seconds, and whether it was relaxed: the humanoid leans over its left foot within a second, lifts the right
-/// one from 2.1 s to 3 s, and leans back from 3.5 s on. While it is lifted, the right foot goes up and comes down where it was; if
-/// nothing leads it there, it is set down nearer to the other one, and the humanoid falls.
+/// Iterations of each tick of six seconds, and whether it was relaxed: the humanoid leans over its left foot
+/// within a second, lifts the right one from 2.1 s to 3 s, and leans back from 3.5 s on. While it is lifted,
+/// the right foot goes up and comes down where it was; if nothing leads it there, it is set down nearer to
+/// the other one, and the humanoid falls.
 fn step(is_led: bool) -> Vec<(u32, bool)> {
     let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
     let (model, profile) = (&loaded.model, loaded.profile.unwrap());

@@ -1,7 +1,7 @@
 //! Each task against finite differences, on fixed and floating bases, and against what its equation says.
 //!
-//! A task that asks `A x = b` says that the second derivative of its quantity is `wanted + A x - b`: differences of the
-//! quantity along an accelerated motion are compared with that.
+//! A task that asks `A x = b` says that the second derivative of its quantity is `wanted + A x - b`:
+//! differences of the quantity along an accelerated motion are compared with that.
 
 use motorium_control::inverse_dynamics::{
     Contact, ContactShape, InverseDynamics,

@@ -14,7 +14,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::robots::{Random, Robot};
 
-/// True if forces at the corners of the rectangle, within their friction pyramids, have this wrench as their sum.
+/// True if forces at the corners of the rectangle, within their friction pyramids, have this wrench as their
+/// sum.
 fn corners_can(cone: &WrenchCone, wrench: &[f64; 6]) -> bool {
     let structure = Structure::new(12).equalities(6).rows(16, Sides::Upper);
     let mut structure = structure;

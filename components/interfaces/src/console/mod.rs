@@ -1,7 +1,8 @@
 //! `log.console`: prints the newest values of topics of any type as lines, on standard error.
 //!
-//! The step only copies bytes into a bounded queue; a thread beside it reads them by the layout of their topic and prints them.
-//! A slow terminal or a full pipe never holds up the graph: lines are dropped and counted instead.
+//! The step only copies bytes to a bounded queue; a separate thread decodes them by the layout of their topic
+//! and prints them. A slow terminal or a full pipe never blocks the graph: lines are dropped and counted
+//! instead.
 
 mod queue;
 
@@ -16,7 +17,7 @@ use motorium::transport::RawInput;
 
 use queue::{Receiver, Sender, queue};
 
-/// Inputs that are there without being named: those of the states that most graphs have.
+/// Inputs that exist without being named in `inputs`: the states found in most graphs.
 const USUAL: [&str; 8] =
     ["joint_state", "joint_command", "base_state", "target", "wrench", "imu", "phase", "emergency_stop"];
 
@@ -29,11 +30,11 @@ const USUAL: [&str; 8] =
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConsoleLogConfig {
-    /// Names of further inputs, each for a topic of any type but slices. Default none.
+    /// Names of further inputs, each for a topic of any type except slices. Default none.
     pub inputs: Vec<String>,
     /// Digits after the decimal point, 0 to 12. Default 3.
     pub digits: u8,
-    /// Lines that may wait to be printed, at least 1; further lines are dropped. Default 256.
+    /// Maximum number of queued lines, at least 1; further lines are dropped. Default 256.
     pub backlog: usize,
 }
 
@@ -66,7 +67,7 @@ impl Component for ConsoleLog {
         }
         for (index, name) in config.inputs.iter().enumerate() {
             if USUAL.contains(&name.as_str()) || config.inputs[..index].contains(name) {
-                return Err(ConfigError::key("inputs", format!("there are two inputs named `{name}`")));
+                return Err(ConfigError::key("inputs", format!("two inputs are named `{name}`")));
             }
         }
         for name in USUAL {
@@ -112,7 +113,7 @@ impl Component for ConsoleLog {
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
-        // It remembers nothing but what was printed, and the lines are those of the whole run.
+        // The counts cover the whole run, so there is nothing to reset.
         Ok(())
     }
 
@@ -163,13 +164,13 @@ impl Format {
     }
 }
 
-/// Prints lines until the component has stopped and nothing is left.
+/// Prints lines until the component has stopped and the queue is empty.
 fn print_all(mut lines: Receiver, formats: &[Format], stop: &StopRequest) {
     loop {
-        // Polling keeps the step free of the system call that waking this thread would take.
+        // Polling saves the step the system call that waking this thread would require.
         let last_round = stop.wait(Duration::from_millis(20));
         let mut out = std::io::stderr().lock();
-        // Standard error may be closed: that must not stop the graph.
+        // Standard error may be closed; the graph continues without it.
         while lines
             .receive(|entry| writeln!(out, "{}", formats[entry.input].line(entry.time, entry.bytes)))
             .is_some()
@@ -189,7 +190,7 @@ mod tests {
     use super::*;
 
     motorium::state_buffer! {
-        /// A type of a user, which no crate of ours knows.
+        /// A user-defined type that no crate of this workspace knows.
         struct Grip as "test.Grip" {
             closed: u64,
             width: f64,
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_shows_every_field_and_of_joints_those_that_are_counted() {
+    fn line_shows_every_field_and_the_joints_in_use() {
         let format =
             |layout| Format { name: "x".to_string(), decoder: Decoder::new(&layout).unwrap(), digits: 2 };
         let bytes = motorium::state::encode(&JointState::layout(), "position=[0.5, -1.25]").unwrap();
@@ -233,7 +234,7 @@ mod tests {
         for inputs in [vec!["a".to_string(), "a".to_string()], vec!["target".to_string()]] {
             let config = ConsoleLogConfig { inputs, ..ConsoleLogConfig::default() };
             let error = ConsoleLog::declare(&config, &mut Declare::new(None)).unwrap_err();
-            assert!(error.message.contains("two inputs named"), "{}", error.message);
+            assert!(error.message.contains("two inputs are named"), "{}", error.message);
         }
     }
 }

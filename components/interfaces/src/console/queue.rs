@@ -15,7 +15,7 @@ pub(super) struct Sender(Arc<Slots>);
 #[derive(Debug)]
 pub(super) struct Receiver(Arc<Slots>);
 
-/// Slots that go round between both sides.
+/// Slots that circulate between sender and receiver.
 #[derive(Debug)]
 struct Slots {
     free: ArrayQueue<Slot>,
@@ -34,14 +34,14 @@ struct Slot {
 /// A value on its way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Entry<'a> {
-    /// Time of the step, s since the run began.
+    /// Time of the step, s since the start of the run.
     pub(super) time: f64,
     /// Index of the input.
     pub(super) input: usize,
     pub(super) bytes: &'a [u8],
 }
 
-/// A queue with room for `count` values of at most `largest` bytes, or for as many of them as 64 MiB hold.
+/// Creates a queue for `count` values of at most `largest` bytes, or for as many as fit in 64 MiB.
 pub(super) fn queue(count: usize, largest: usize) -> (Sender, Receiver) {
     let count = count.min(LONGEST / largest.max(1)).max(1);
     let slots = Slots { free: ArrayQueue::new(count), filled: ArrayQueue::new(count) };
@@ -54,7 +54,7 @@ pub(super) fn queue(count: usize, largest: usize) -> (Sender, Receiver) {
 }
 
 impl Sender {
-    /// Hands a value on; false if there is no room. Allocates nothing.
+    /// Enqueues a value; returns `false` if the queue is full. Does not allocate.
     pub(super) fn send(&mut self, time: f64, input: usize, bytes: &[u8]) -> bool {
         let Some(mut slot) = self.0.free.pop() else { return false };
         let Some(room) = slot.bytes.get_mut(..bytes.len()) else {
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_come_out_as_they_went_in_and_none_is_cut_short() {
+    fn values_pass_the_queue_unchanged() {
         let (mut sender, mut receiver) = queue(3, 40);
         let values: Vec<Vec<u8>> = [40, 0, 7].map(|length| (0..length).collect()).into();
         for round in 0..50 {

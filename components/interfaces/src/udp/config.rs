@@ -8,7 +8,7 @@ use motorium::state::{TypeLayout, built_in};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Longest payload of a datagram, bytes: that of IPv4.
+/// Longest payload of a datagram over IPv4, bytes.
 const LONGEST: usize = 65_507;
 
 /// The `config` table of `sensor.udp`.
@@ -28,16 +28,16 @@ pub struct UdpSensorConfig {
     /// Port on which datagrams are received.
     #[schemars(range(min = 1))]
     pub port: u16,
-    /// Address on which they are received; "0.0.0.0" and "::" are all addresses of the machine. Default "127.0.0.1": from
-    /// this machine only.
+    /// Local address on which datagrams are received; "0.0.0.0" and "::" mean all addresses of the machine.
+    /// Default "127.0.0.1": from this machine only.
     #[serde(default = "loopback")]
     pub address: String,
-    /// Senders whose datagrams are taken, as "ADDRESS" or "ADDRESS:PORT"; others are counted and not read. Default: any,
-    /// where `address` is of this machine only.
+    /// Accepted senders, as "ADDRESS" or "ADDRESS:PORT"; datagrams of others are counted and dropped.
+    /// Default: any sender, if `address` is a loopback address.
     #[serde(default)]
     pub from: Vec<String>,
-    /// Users of this machine whose datagrams are accepted: "own", the user of the graph and root, by the owner of the
-    /// sending socket, which must stay open; or "any". Default "own".
+    /// Accepted local users: "own" accepts the user of the graph and root, identified by the owner of the
+    /// sending socket, which must stay open; "any" accepts all. Default "own".
     #[serde(default)]
     pub local_users: LocalUsers,
 }
@@ -57,7 +57,7 @@ fn loopback() -> String {
     Ipv4Addr::LOCALHOST.to_string()
 }
 
-/// A sender whose datagrams are taken.
+/// An accepted sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sender {
     pub(super) address: IpAddr,
@@ -67,7 +67,7 @@ pub(super) struct Sender {
 
 impl Sender {
     pub(super) fn is(&self, address: SocketAddr) -> bool {
-        // an address of IPv4 may come as one of IPv6
+        // an IPv4 address may arrive as an IPv4-mapped IPv6 address
         self.address == address.ip().to_canonical() && self.port.is_none_or(|port| port == address.port())
     }
 }
@@ -95,28 +95,28 @@ impl UdpSensorConfig {
     /// The address to receive on.
     pub(super) fn socket_address(&self) -> Result<SocketAddr, ConfigError> {
         if self.port == 0 {
-            let error = ConfigError::key("port", "0 is a port that nobody knows, expected 1 to 65535");
+            let error = ConfigError::key("port", "port 0 is not allowed, expected 1 to 65535");
             return Err(error.advise("choose one that no other program receives on, such as 7400"));
         }
         let address: IpAddr = self.address.parse().map_err(|_| {
-            ConfigError::key("address", format!("\"{}\" is no IP address", self.address))
+            ConfigError::key("address", format!("\"{}\" is not an IP address", self.address))
                 .advise("write it in numbers: \"127.0.0.1\", or \"0.0.0.0\" for all addresses of the machine")
         })?;
         if !address.is_loopback() && self.from.is_empty() {
             return Err(ConfigError::key("address", format!("{address} is reached from other machines"))
-                .advise("name those whose datagrams are to be taken: `from = [\"192.168.1.7\"]`"));
+                .advise("list the accepted senders: `from = [\"192.168.1.7\"]`"));
         }
         Ok(SocketAddr::new(address, self.port))
     }
 
-    /// The senders whose datagrams are taken; none for any.
+    /// Parses the accepted senders; an empty list accepts any.
     pub(super) fn senders(&self) -> Result<Vec<Sender>, ConfigError> {
         let senders = self.from.iter().enumerate().map(|(index, text)| {
             let alone = text.parse::<IpAddr>().map(|address| Sender { address, port: None });
             let with_port =
                 || text.parse::<SocketAddr>().map(|at| Sender { address: at.ip(), port: Some(at.port()) });
             alone.or_else(|_| with_port()).map_err(|_| {
-                ConfigError::key(format!("from[{index}]"), format!("\"{text}\" is no IP address")).advise(
+                ConfigError::key(format!("from[{index}]"), format!("\"{text}\" is not an IP address")).advise(
                     "write \"192.168.1.7\", or with a port \"192.168.1.7:5000\" or \"[fe80::1]:5000\"",
                 )
             })

@@ -1,8 +1,8 @@
-//! `sensor.udp`: datagrams from outside of the graph, published as states.
+//! `sensor.udp`: publishes datagrams from other programs as states.
 //!
-//! A datagram holds one value of a built-in state, byte for byte as the state lies in memory. Of those that wait, the newest
-//! valid one is published, with the time at which the kernel received it as its source time. Senders on this machine are
-//! checked by the owner of their socket.
+//! A datagram holds one value of a built-in state, in its memory layout. Each step publishes the newest valid
+//! datagram in the queue. Its source time is the time at which the kernel received it. Senders on this
+//! machine are checked by the owner of their socket.
 
 mod config;
 mod owners;
@@ -25,7 +25,7 @@ use socket::{Datagram, Socket};
 
 /// Name of the output.
 const VALUE: &str = "value";
-/// Datagrams read in one step at most: what still waits then releases the next step.
+/// Maximum number of datagrams read in one step; the rest releases the next step.
 const TAKEN: usize = 64;
 
 /// A component that publishes the newest datagram.
@@ -36,7 +36,7 @@ pub struct UdpSensor {
     owners: Option<Owners>,
     /// Addresses of this machine among the senders, other than loopback.
     own_addresses: Vec<IpAddr>,
-    /// A value that stops is published before any newer one.
+    /// A pressed emergency stop is published before any newer value.
     is_emergency_stop: bool,
     output: RawOutput,
     clock: RunClock,
@@ -124,7 +124,7 @@ impl Component for UdpSensor {
             self.counts.lost = datagram.lost.unwrap_or(self.counts.lost);
             if self.admit(&datagram) {
                 if self.is_emergency_stop && self.read[..datagram.length].iter().any(|byte| *byte != 0) {
-                    // It stops, whatever comes after it in the same step. What came before it is older.
+                    // The stop takes effect whatever follows it in the same step; earlier values are older.
                     self.counts.replaced += u64::from(newest.take().is_some());
                     core::mem::swap(&mut self.read, &mut self.newest);
                     self.publish(&datagram);
@@ -141,7 +141,7 @@ impl Component for UdpSensor {
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
-        // It remembers nothing but counts, which are those of the whole run.
+        // The counts cover the whole run, so there is nothing to reset.
         Ok(())
     }
 
@@ -204,7 +204,8 @@ impl UdpSensor {
         let size = self.output.layout().size;
         let value = &self.newest[..size];
         let (now_ns, wall_ns) = (monotonic_ns(), realtime_ns());
-        // both clocks go at the same speed since: what was set on the wall clock meanwhile makes the value older, never newer
+        // both clocks have run at the same rate since; a change of the wall clock can only make the value
+        // appear older
         let age_ns = datagram.received_ns.map_or(0, |received| wall_ns.saturating_sub(received));
         let published = match self.clock.kind() {
             ClockKind::Realtime => self.output.publish_from(value, now_ns.saturating_sub(age_ns)),
@@ -214,7 +215,12 @@ impl UdpSensor {
             Ok(()) => self.counts.published += 1,
             Err(RawError::Content(defect)) => self.counts.refuse(defect),
             // a receive time is never in the future
-            Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
+            Err(
+                RawError::Late
+                | RawError::SourceInFuture { .. }
+                | RawError::Length { .. }
+                | RawError::NotSent,
+            ) => self.counts.too_late += 1,
         }
     }
 }
@@ -254,18 +260,18 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_work_is_refused_with_its_key() {
+    fn invalid_configurations_are_rejected_with_their_key() {
         let key = |text| refused(text).0.unwrap_or_default();
         use serde_json::json;
         assert_eq!(key(json!({ "type": "motorium.Wrnch", "port": 1 })), "type");
         assert_eq!(key(json!({ "type": "motorium.Wrench", "port": 0 })), "port");
         assert_eq!(key(json!({ "type": "motorium.Wrench", "port": 1, "address": "localhost" })), "address");
         let from = json!({ "type": "motorium.Wrench", "port": 1, "from": ["127.0.0.1", "here:1"] });
-        assert_eq!(refused(from), (Some("from[1]".into()), "\"here:1\" is no IP address".into()));
+        assert_eq!(refused(from), (Some("from[1]".into()), "\"here:1\" is not an IP address".into()));
     }
 
     #[test]
-    fn an_address_that_other_machines_reach_needs_to_know_them() {
+    fn public_address_requires_a_list_of_senders() {
         let open = serde_json::json!({ "type": "motorium.Wrench", "port": 1, "address": "0.0.0.0" });
         assert_eq!(refused(open).1, "0.0.0.0 is reached from other machines");
         let known = serde_json::json!(

@@ -1,9 +1,10 @@
-//! The owners of this machine's UDP sockets: who may send from a local address.
+//! Owners of this machine's UDP sockets, to authenticate local senders.
 //!
-//! UDP carries no credentials, but the kernel lists every socket with its address, its user and its inode. While a socket
-//! holds an address, no other user can send from it. So a datagram is from a socket of this user if that socket was
-//! listed before the datagram arrived, and still is, under the same inode. The first datagram of a socket only introduces
-//! it: a program of another user could have sent that one from the same address and left.
+//! UDP carries no credentials, but the kernel lists every socket with its address, its user and its inode.
+//! While a socket holds an address, no other user can send from it. A datagram is therefore from a socket of
+//! this user if the socket was listed before the datagram arrived and is still listed under the same inode.
+//! The first datagram of a socket only introduces the socket, because a program of another user could have
+//! sent it from the same address and exited.
 
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _};
@@ -26,7 +27,8 @@ pub(super) struct Owners {
     oldest: usize,
 }
 
-/// A socket of this user or of root that holds a local address, by two looks at the list: times on `CLOCK_REALTIME`, ns.
+/// A socket of this user or of root that holds a local address, with the times of two readings of the list,
+/// ns on `CLOCK_REALTIME`.
 #[derive(Debug, Clone, Copy)]
 struct Known {
     address: SocketAddr,
@@ -45,11 +47,11 @@ impl Known {
 /// The verdict on a datagram from this machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ownership {
-    /// From a socket of this user or of root.
+    /// Sent by a socket of this user or of root.
     Own,
     /// The first datagram of such a socket.
     Introduced,
-    /// From another user, or from a socket that is closed.
+    /// Sent by another user, or by a socket that is closed.
     Foreign,
 }
 
@@ -70,7 +72,8 @@ impl Owners {
         })
     }
 
-    /// Checks the sender of a datagram that was received at `received_ns` and read at `now_ns`, both `CLOCK_REALTIME`.
+    /// Checks the sender of a datagram that was received at `received_ns` and read at `now_ns`, both
+    /// `CLOCK_REALTIME`.
     pub(super) fn check(&mut self, sender: SocketAddr, received_ns: u64, now_ns: u64) -> Ownership {
         let known = self.known.iter().position(|known| known.address == sender);
         if let Some(place) = known
@@ -96,7 +99,8 @@ impl Owners {
         Ownership::Introduced
     }
 
-    /// The inode of the socket that holds an address, if all that could are of this user or of root.
+    /// Returns the inode of the socket that holds an address, if every candidate is owned by this user or by
+    /// root.
     fn find(&mut self, sender: SocketAddr) -> Option<u64> {
         let mut found = None;
         for list in &mut self.lists {
@@ -127,7 +131,8 @@ struct Listed {
 }
 
 impl Listed {
-    /// Columns: number, local address, remote address, state, queues, timer, retransmissions, user, timeout, inode.
+    /// Columns: number, local address, remote address, state, queues, timer, retransmissions, user, timeout,
+    /// inode.
     fn parse(line: &[u8]) -> Option<Self> {
         let line = core::str::from_utf8(line).ok()?;
         let mut columns = line.split_ascii_whitespace();
@@ -147,7 +152,7 @@ impl Listed {
     }
 }
 
-/// An address as the kernel lists it: words of the network in the order of bytes of the machine.
+/// Parses an address from the kernel's list: network-order words in the machine's byte order.
 fn ip(text: &str) -> Option<IpAddr> {
     let word = |at: usize| u32::from_str_radix(text.get(at..at + 8)?, 16).ok().map(u32::to_ne_bytes);
     match text.len() {
@@ -163,7 +168,7 @@ fn ip(text: &str) -> Option<IpAddr> {
     }
 }
 
-/// True if a datagram from this address was sent on this machine, as far as the address says.
+/// Returns `true` if the address of the sender is one of this machine.
 pub(super) fn is_of_this_machine(address: IpAddr) -> bool {
     let address = address.to_canonical();
     address.is_loopback() || UdpSocket::bind((address, 0)).is_ok()
@@ -212,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_another_socket_takes_is_introduced_again() {
+    fn port_taken_over_by_another_socket_is_reintroduced() {
         let mut owners = Owners::open().unwrap();
         let first = UdpSocket::bind("127.0.0.1:0").unwrap();
         let sender = first.local_addr().unwrap();

@@ -1,4 +1,4 @@
-//! A UDP socket that tells when each datagram was received, and how many were lost.
+//! A UDP socket that reports the arrival time of each datagram and the number of lost ones.
 
 #![allow(unsafe_code)] // `recvmsg` with control messages has no safe wrapper that knows the times of datagrams
 
@@ -17,14 +17,15 @@ pub(super) struct Socket(UdpSocket);
 /// A datagram whose payload has been received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Datagram {
-    /// Bytes of its payload, also of what did not fit.
+    /// Length of the payload, including bytes that did not fit.
     pub(super) length: usize,
-    /// Its sender; `None` for one that is no internet address.
+    /// Address of the sender; `None` if it is not an internet address.
     pub(super) sender: Option<SocketAddr>,
-    /// Time at which the kernel received it, ns on `CLOCK_REALTIME`. The kernel stamps datagrams from a moment after the first
-    /// socket of the machine asked for it; one that arrived before that has the time at which it is read.
+    /// Time at which the kernel received it, ns on `CLOCK_REALTIME`. The kernel starts stamping shortly after
+    /// the first socket of the machine requests it. A datagram that arrived earlier has the time at which it
+    /// is read.
     pub(super) received_ns: Option<u64>,
-    /// Datagrams that the kernel had no room for since the socket was opened, modulo 2^32.
+    /// Number of datagrams dropped by the kernel for lack of space since the socket was opened, modulo 2^32.
     pub(super) lost: Option<u32>,
 }
 
@@ -52,7 +53,7 @@ impl Socket {
         Ok(Self(socket))
     }
 
-    /// Receives the next datagram; `None` if none waits.
+    /// Receives the next datagram; `None` if the queue is empty.
     pub(super) fn receive(&self, payload: &mut [u8]) -> io::Result<Option<Datagram>> {
         // SAFETY: zero is a valid value of these plain structures.
         let (mut from, mut message): (libc::sockaddr_storage, libc::msghdr) = unsafe { (zeroed(), zeroed()) };
@@ -64,7 +65,7 @@ impl Socket {
         message.msg_iovlen = 1;
         message.msg_control = control.0.as_mut_ptr().cast();
         message.msg_controllen = CONTROL as _;
-        // SAFETY: every buffer that the header names lives throughout the call and is as long as it says.
+        // SAFETY: every buffer in the header outlives the call and has the stated length.
         let length = unsafe { libc::recvmsg(self.0.as_raw_fd(), &raw mut message, libc::MSG_TRUNC) };
         let Ok(length) = usize::try_from(length) else {
             let error = io::Error::last_os_error();
@@ -84,8 +85,8 @@ impl AsFd for Socket {
 /// The time of a datagram and the number of those lost, from its control messages.
 fn told(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
     let (mut received_ns, mut lost) = (None, None);
-    // SAFETY: the kernel has filled the control buffer of this header, and wrote its length; the macros stay within it, and
-    // each value is read from the data of a message of its type, at any alignment.
+    // SAFETY: the kernel has filled the control buffer of this header, and wrote its length; the macros stay
+    // within it, and each value is read from the data of a message of its type, at any alignment.
     unsafe {
         let mut head = libc::CMSG_FIRSTHDR(message);
         while let Some(control) = head.as_ref() {
@@ -104,9 +105,10 @@ fn told(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
     (received_ns, lost)
 }
 
-/// An address as the kernel writes it.
+/// Decodes a socket address of the kernel.
 fn sender(from: &libc::sockaddr_storage) -> Option<SocketAddr> {
-    // SAFETY: the storage is large and aligned enough for both kinds, which are valid for any bytes; the family says which it is.
+    // SAFETY: the storage is large and aligned enough for both kinds, which are valid for any bytes; the
+    // family selects one.
     unsafe {
         match libc::c_int::from(from.ss_family) {
             libc::AF_INET => {
@@ -142,7 +144,7 @@ mod tests {
         SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64
     }
 
-    /// Waits until the kernel stamps datagrams when they arrive: it defers that after the first socket asked for it.
+    /// Waits until the kernel stamps datagrams on arrival, which starts some time after the first request.
     fn wait_for_stamps(socket: &Socket, sender: &UdpSocket) {
         for _ in 0..1_000 {
             sender.send(&[0]).unwrap();
@@ -157,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn datagrams_come_in_order_with_their_sender_and_the_time_of_their_arrival() {
+    fn datagrams_have_sender_order_and_arrival_time() {
         let (socket, sender, own) = pair("127.0.0.1").unwrap();
         let mut payload = [0; 4];
         assert_eq!(socket.receive(&mut payload).unwrap(), None, "it does not wait");
@@ -178,7 +180,7 @@ mod tests {
 
     #[test]
     fn senders_have_addresses_of_either_family() {
-        // a machine may have no IPv6
+        // the machine may lack IPv6
         for (socket, sender, own) in ["127.0.0.1", "::1"].into_iter().filter_map(pair) {
             sender.send(&[1]).unwrap();
             assert_eq!(socket.receive(&mut [0]).unwrap().unwrap().sender, Some(own));
@@ -186,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_kernel_had_no_room_for_is_told() {
+    fn datagrams_dropped_by_the_kernel_are_counted() {
         let (socket, sender, _) = pair("127.0.0.1").unwrap();
         (0..3_000).for_each(|_| drop(sender.send(&[0; 512])));
         let mut taken = 0_u32;

@@ -1,7 +1,7 @@
-//! The file of a motion library: versioned, checked, and laid out to be mapped into memory.
+//! File format of a motion library: versioned, checksummed and suitable for memory mapping.
 //!
-//! All numbers are little-endian. The sections are arrays of `f64` that begin at multiples of 64 bytes, so that a mapped
-//! file is used where it lies ([`View`]).
+//! All numbers are little-endian. The sections are arrays of `f64` aligned to 64 bytes, so a mapped file is
+//! used in place ([`View`]).
 //!
 //! | offset | size | content |
 //! |---|---|---|
@@ -12,20 +12,20 @@
 //! | 24 | 8 | length of the head |
 //! | 32 | 8 | XXH3 (64 bits, seed 0) of all bytes from 64 on |
 //! | 40 | 24 | 0 |
-//! | 64 | | the head: JSON with `names`, `samples`, `damping`, `interpolation` (`spline` or `linear`; the latter if it is not there), `metric`, `ids`, `labels` and `sections` |
+//! | 64 | | the head: JSON with `names`, `samples`, `damping`, `interpolation` (`spline` or `linear`; `linear` if missing), `metric`, `ids`, `labels` and `sections` |
 //! | | | the sections, each as `[offset, count]` in the head |
 //!
 //! | section | shape, column by column | |
 //! |---|---|---|
 //! | `basis` | dofs (samples - 1) x rank | orthonormal in the metric |
 //! | `singular` | rank | singular values |
-//! | `spectrum` | any | all singular values that are known |
+//! | `spectrum` | any | all known singular values |
 //! | `energy` | 1 | sum of the squares of the data |
 //! | `weights` | rank x movements | weights of the movements |
 //! | `frames` | (3 dofs + 1) x movements | start, goal, velocity, duration of each |
 //!
-//! A file that was cut short, changed, or is of another version is refused with what is wrong with it. Files are written
-//! beside their place and then moved there: a writer that dies leaves the old one.
+//! Reading rejects a file that is truncated, modified or of another version, and reports the reason. Files
+//! are written under a temporary name and then renamed, so the old file survives if the writer dies.
 
 mod read;
 mod write;
@@ -48,7 +48,8 @@ struct Head {
     names: Vec<String>,
     samples: usize,
     damping: f64,
-    /// Absent in files of earlier versions, which were sampled along straight lines unless they were splined before.
+    /// Absent in files of earlier versions, whose paths were sampled along straight lines unless they were
+    /// splined before.
     #[serde(default = "Interpolation::of_old_files")]
     interpolation: Interpolation,
     metric: Metric,

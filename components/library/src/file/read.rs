@@ -11,7 +11,7 @@ use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrar
 /// Longest file of a library, bytes.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
-/// A file that is no library.
+/// The file is not a valid library.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The file system refused.
@@ -63,7 +63,7 @@ pub enum FileError {
         /// Of those written.
         expected: u64,
     },
-    /// A head that does not say what it should.
+    /// The head is missing an entry or contradicts the file.
     #[error("its head: {0}")]
     Head(String),
     /// A section outside the file, or of another size than the head implies.
@@ -80,25 +80,25 @@ pub enum FileError {
         /// Entries there should be.
         expected: String,
     },
-    /// Bytes that do not begin at a multiple of 8 in memory.
-    #[error("the bytes begin at an odd address, expected a multiple of 8, as a mapped file has")]
+    /// The bytes are not aligned to 8 bytes in memory.
+    #[error("the bytes are not aligned, expected an address that is a multiple of 8, as for a mapped file")]
     Misaligned,
-    /// Parts that do not fit each other.
+    /// The parts do not match each other.
     #[error(transparent)]
     Parts(#[from] BuildError),
 }
 
-/// A checked library over bytes that lie elsewhere, such as a mapped file: nothing is copied.
+/// A checked library that borrows its bytes, such as a mapped file. Nothing is copied.
 #[derive(Debug)]
 pub struct View<'a> {
     head: Head,
-    /// Orthonormal columns in the metric, one after the other.
+    /// Columns that are orthonormal in the metric, one after the other.
     pub basis: &'a [f64],
     /// Singular values.
     pub singular: &'a [f64],
-    /// All singular values that are known.
+    /// All known singular values.
     pub spectrum: &'a [f64],
-    /// Weights, one movement after the other.
+    /// Weights, movement by movement.
     pub weights: &'a [f64],
     frames: &'a [f64],
     energy: f64,
@@ -164,10 +164,10 @@ impl<'a> View<'a> {
         self.head.ids.iter().map(String::as_str).zip(labels)
     }
 
-    /// The library, copied out.
+    /// Copies the view into an owned library.
     ///
     /// # Errors
-    /// Contents that make no library.
+    /// The contents do not form a library.
     pub fn to_library(&self) -> Result<MotionLibrary, FileError> {
         let (dofs, rank) = (self.head.names.len(), self.singular.len());
         let movements = self.head.ids.len();
@@ -243,12 +243,12 @@ pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     from_bytes(&content).map_err(at)
 }
 
-/// A library from the bytes of a file, wherever they lie.
+/// Reads a library from the bytes of a file, with any alignment.
 ///
 /// # Errors
-/// Bytes that are no library.
+/// The bytes are not a library.
 pub fn from_bytes(content: &[u8]) -> Result<MotionLibrary, FileError> {
-    // words, so that the numbers in it are aligned
+    // an array of words, so that its numbers are aligned
     let mut words = vec![0_u64; content.len().div_ceil(8)];
     let bytes = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..content.len()];
     bytes.copy_from_slice(content);

@@ -26,7 +26,8 @@ pub fn to_bytes(library: &MotionLibrary) -> Vec<u8> {
         parts.weights.as_slice(),
         &frames,
     ];
-    // The offsets stand in the head, whose length they change: found by repetition, a few times at most.
+    // The head contains the offsets, which depend on its length: repeat until they are consistent, a few
+    // times at most.
     let mut places = [[0, 0]; 6];
     let head = loop {
         let [basis, singular, spectrum, energy, weights, frames] = places;
@@ -69,10 +70,10 @@ pub fn to_bytes(library: &MotionLibrary) -> Vec<u8> {
     bytes
 }
 
-/// Writes a library to a file, in place of what is there.
+/// Writes a library to a file and replaces an existing one.
 ///
 /// # Errors
-/// The system refuses.
+/// The system refuses the operation.
 pub fn write(library: &MotionLibrary, path: &Path) -> std::io::Result<()> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(format!(".{}.part", std::process::id()));

@@ -1,4 +1,4 @@
-//! The letters as points that a stroke goes through.
+//! Letters as points along a stroke.
 
 /// The letters there are.
 pub const ALPHABET: &str = "abcdeghlmnopqrsuvwyz";

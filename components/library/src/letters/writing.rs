@@ -11,11 +11,11 @@ use crate::{Recordings, Trajectory};
 /// Variation from one letter to the next: standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Variation {
-    /// Of each point, in widths of a letter.
+    /// Standard deviation of each point, in letter widths.
     pub points: f64,
-    /// Of the slant, the stretch and the turn.
+    /// Standard deviation of slant, stretch and rotation.
     pub shape: f64,
-    /// Of the logarithm of the duration.
+    /// Standard deviation of the logarithm of the duration.
     pub pace: f64,
 }
 
@@ -27,7 +27,7 @@ impl Default for Variation {
 
 /// Samples of each letter.
 const SAMPLES: usize = 200;
-/// Seconds that a letter takes for each width of stroke.
+/// Duration of a letter per letter width of stroke length, s.
 const SECONDS_PER_WIDTH: f64 = 0.35;
 
 /// `each` variations of every letter of the [`ALPHABET`], the same for the same seed. Widths are 1.
@@ -54,7 +54,7 @@ fn normal(random: &mut Pcg64) -> f64 {
     StandardNormal.sample(random)
 }
 
-/// One letter: its samples, evenly spaced in time, and the length of its stroke.
+/// Writes one letter: returns its samples, evenly spaced in time, and the length of its stroke.
 fn write(shape: &[[f64; 2]], variation: Variation, random: &mut Pcg64) -> (DMatrix<f64>, f64) {
     let [slant, turn, wide, high] = [0; 4].map(|_| variation.shape * normal(random));
     let (sin, cos) = turn.sin_cos();
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_seed_writes_the_same_letters_and_another_seed_others() {
+    fn letters_are_reproducible_from_their_seed() {
         let (a, b, c) = (
             letters(2, Variation::default(), 1),
             letters(2, Variation::default(), 1),
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_letter_without_variation_goes_through_its_ends() {
+    fn letter_without_variation_passes_its_ends() {
         let none = Variation { points: 0.0, shape: 0.0, pace: 0.0 };
         let set = letters(1, none, 0);
         for (trajectory, letter) in set.trajectories.iter().zip(ALPHABET.chars()) {

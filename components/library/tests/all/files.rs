@@ -8,7 +8,7 @@ use motorium_recordings::Selection;
 use crate::recorded::{golden, library, recordings, spring};
 
 #[test]
-fn a_library_survives_its_file() {
+fn library_survives_its_file() {
     let folder = tempfile::tempdir().unwrap();
     for metric in [Metric::Force, Metric::Position] {
         let path = folder.path().join("a.library");
@@ -20,7 +20,7 @@ fn a_library_survives_its_file() {
 }
 
 #[test]
-fn a_library_remembers_how_it_samples_recordings_and_a_file_that_does_not_say_is_of_straight_lines() {
+fn file_stores_the_interpolation_and_defaults_to_linear() {
     let linear = MotionLibrary::build(
         &recordings(&golden()),
         spring().with_interpolation(Interpolation::Linear),
@@ -36,7 +36,7 @@ fn a_library_remembers_how_it_samples_recordings_and_a_file_that_does_not_say_is
         file::write(&library, &path).unwrap();
         assert_eq!(file::read(&path).unwrap().spring().interpolation(), interpolation);
     }
-    // as an earlier version wrote it: without the key
+    // as written by an earlier version: without the key
     let written = serde_json::to_value(linear.spring()).unwrap();
     let mut old = written.clone();
     old.as_object_mut().unwrap().remove("interpolation");
@@ -45,7 +45,7 @@ fn a_library_remembers_how_it_samples_recordings_and_a_file_that_does_not_say_is
 }
 
 #[test]
-fn a_torn_changed_or_foreign_file_is_refused_with_what_is_wrong() {
+fn invalid_files_are_rejected_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.library");
     let whole = file::to_bytes(&library(Metric::Force));
@@ -73,7 +73,7 @@ fn a_torn_changed_or_foreign_file_is_refused_with_what_is_wrong() {
 }
 
 #[test]
-fn a_head_that_claims_more_than_memory_holds_is_refused() {
+fn oversized_head_is_rejected() {
     let whole = library(Metric::Force);
     let part = whole.split(&whole.layout().part("part=leg").unwrap()).unwrap();
     for (library, refusal) in [(&whole, "its head: "), (&part, "section `basis`")] {
@@ -97,7 +97,7 @@ fn a_head_that_claims_more_than_memory_holds_is_refused() {
 }
 
 #[test]
-fn a_mapped_file_is_read_where_it_lies() {
+fn mapped_file_is_read_in_place() {
     let library = library(Metric::Force);
     let bytes = file::to_bytes(&library);
     let mut words = vec![0_u64; bytes.len().div_ceil(8)];
@@ -114,7 +114,7 @@ fn a_mapped_file_is_read_where_it_lies() {
 }
 
 #[test]
-fn recordings_of_files_and_folders_become_movements_of_the_same_degrees_of_freedom() {
+fn recordings_of_files_and_folders_share_their_dofs() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| {
         let path = folder.path().join(name);
@@ -143,7 +143,7 @@ fn recordings_of_files_and_folders_become_movements_of_the_same_degrees_of_freed
 }
 
 #[test]
-fn recordings_that_cannot_be_learned_from_are_refused() {
+fn invalid_recordings_are_rejected() {
     let mut set = recordings(&golden());
     set.trajectories[4].positions[(10, 1)] = f64::NAN;
     let error = MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap_err().to_string();

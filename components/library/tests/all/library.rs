@@ -25,7 +25,7 @@ fn approximated(library: &MotionLibrary, forces: &[f64], n: usize) -> Vec<f64> {
 }
 
 #[test]
-fn forces_and_responses_are_those_of_scipy() {
+fn forces_and_responses_match_scipy() {
     let golden = golden();
     let movement = Movement::of(&recordings(&golden).trajectories[3], &spring());
     assert!(off(&movement.forces, &numbers(&golden["forces_of_3"])) < 1e-12);
@@ -35,7 +35,7 @@ fn forces_and_responses_are_those_of_scipy() {
 }
 
 #[test]
-fn eigenforces_are_those_of_a_direct_decomposition() {
+fn eigenforces_match_a_direct_decomposition() {
     let golden = golden();
     let library = library(Metric::Force);
     assert!(off(&library.parts().singular, &numbers(&golden["singular"])[..library.rank()]) < 1e-12);
@@ -55,7 +55,7 @@ fn in_the_metric_of_position_the_response_is_approximated_best() {
 }
 
 #[test]
-fn a_part_split_off_is_the_library_of_its_own_data() {
+fn split_part_equals_the_library_of_its_data() {
     let golden = golden();
     let whole = library(Metric::Force);
     let arms = whole.split(&whole.layout().part("arms=l_*,r_*").unwrap()).unwrap();
@@ -72,7 +72,7 @@ fn a_part_split_off_is_the_library_of_its_own_data() {
 }
 
 #[test]
-fn parts_that_moved_together_merge_into_the_whole() {
+fn dependent_parts_merge_into_the_whole() {
     for metric in [Metric::Force, Metric::Position] {
         let whole = library(metric);
         let part = |text: &str| whole.split(&whole.layout().part(text).unwrap()).unwrap();
@@ -86,7 +86,7 @@ fn parts_that_moved_together_merge_into_the_whole() {
 }
 
 #[test]
-fn independent_parts_stand_side_by_side_in_the_order_of_their_singular_values() {
+fn independent_parts_merge_by_singular_value() {
     let set = recordings(&golden());
     let whole = library(Metric::Force);
     let half = |text: &str, from: usize, to: usize| {
@@ -106,7 +106,7 @@ fn independent_parts_stand_side_by_side_in_the_order_of_their_singular_values() 
 }
 
 #[test]
-fn libraries_of_the_same_body_merge_into_that_of_all_movements() {
+fn libraries_of_one_body_merge() {
     let set = recordings(&golden());
     let half = |from: usize, to: usize| {
         let set = Recordings { names: set.names.clone(), trajectories: set.trajectories[from..to].to_vec() };
@@ -129,7 +129,7 @@ fn libraries_of_the_same_body_merge_into_that_of_all_movements() {
 }
 
 #[test]
-fn movements_taken_in_one_by_one_or_as_a_block_give_the_direct_decomposition() {
+fn recursive_updates_match_a_direct_decomposition() {
     let golden = golden();
     let set = recordings(&golden);
     let first = Recordings { names: set.names.clone(), trajectories: set.trajectories[..9].to_vec() };
@@ -164,7 +164,7 @@ fn forgetting_weighs_a_movement_by_its_age() {
 }
 
 #[test]
-fn the_recursive_covariance_is_that_of_all_samples() {
+fn recursive_covariance_matches_the_batch_covariance() {
     let golden = golden();
     let mut scatter = RecursiveScatter::new(47);
     for trajectory in &recordings(&golden).trajectories {
@@ -187,7 +187,7 @@ fn a_movement_is_recognised_and_a_new_one_is_novel() {
 }
 
 #[test]
-fn a_generated_movement_follows_its_recording_and_a_new_goal() {
+fn generated_movement_follows_recording_and_new_goal() {
     let set = recordings(&golden());
     let library = library(Metric::Force);
     let movement = Superposition::of(&library, 2, usize::MAX);
@@ -200,7 +200,7 @@ fn a_generated_movement_follows_its_recording_and_a_new_goal() {
         generator.step(step);
         assert!((generator.position()[1] - path[(k, 1)]).abs() < 1e-9, "sample {k}");
     }
-    // a goal changed half way is reached, without a jump on the way
+    // a goal changed half way is reached without a jump
     generator.start(&movement.weights, &movement.frame).unwrap();
     let goal: Vec<f64> = movement.frame.goal.iter().map(|g| g + 0.5).collect();
     let mut last = generator.position().to_vec();
@@ -217,7 +217,7 @@ fn a_generated_movement_follows_its_recording_and_a_new_goal() {
 }
 
 #[test]
-fn a_blend_lies_between_its_two_movements_at_every_moment() {
+fn blend_stays_between_its_movements() {
     let library = library(Metric::Position);
     let (a, b) = (Superposition::of(&library, 0, 14), Superposition::of(&library, 1, 14));
     let middle = a.blend(&b, 0.3).path(&library);
@@ -238,7 +238,7 @@ fn fewer_eigenforces_are_kept_by_error_and_by_bytes() {
 }
 
 #[test]
-fn letters_of_our_own_need_few_eigenforces_and_are_told_apart() {
+fn synthetic_letters_need_few_eigenforces() {
     let set = letters::letters(6, letters::Variation::default(), 7);
     let (seen, held) = set.hold_out(3);
     let spring = SampledSpring::new(120, DAMPING).unwrap();
@@ -249,9 +249,9 @@ fn letters_of_our_own_need_few_eigenforces_and_are_told_apart() {
     assert!(error(16) < 0.5 * error(8) && error(16) < 0.15, "{} {}", error(8), error(16));
 }
 
-/// A few movements unlike all others bend the eigenforces of the mean square towards them, not those of the mean.
+/// A few outliers bend the eigenforces of the mean square towards them, but not those of the mean.
 #[test]
-fn balanced_eigenforces_serve_most_movements_better_than_those_of_the_mean_square() {
+fn balanced_eigenforces_resist_outliers() {
     let (seen, held) = letters::letters(12, letters::Variation::default(), 3).hold_out(3);
     let spring = SampledSpring::new(120, DAMPING).unwrap();
     let library = MotionLibrary::build(&seen, spring, Metric::Position, Truncation::All).unwrap();
@@ -270,9 +270,10 @@ fn balanced_eigenforces_serve_most_movements_better_than_those_of_the_mean_squar
     assert_eq!(balanced.entries(), library.entries());
 }
 
-/// Known values: `spectrum_of_letters` of `golden/library.py`, by scipy, for the 928 letters learned of these 1,151.
+/// Known values: `spectrum_of_letters` of `golden/library.py`, by scipy, for the 928 letters learned of these
+/// 1,151.
 #[test]
-fn the_recorded_letters_have_the_spectrum_that_scipy_finds() {
+fn spectrum_of_recorded_letters_matches_scipy() {
     let path =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/uci-char-trajectories/train.jsonl");
     if !path.exists() {

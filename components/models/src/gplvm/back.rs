@@ -1,12 +1,16 @@
 //! Back constraints: the latent as a function of poses.
 
-use motorium_algebra::{Cholesky, Simd};
+use motorium_algebra::{Cholesky, Simd, Wanted, left_singular};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// The function of a back constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BackForm {
+    /// The standardised pose: each column is one latent dimension, or its leading principal components of unit
+    /// standard deviation where fewer dimensions are chosen. Training fits hyperparameters only.
+    Pose,
     /// Kernel regression with `exp(-gamma |y - y'|^2)`, `gamma = 0.2 / median |y - y'|^2`.
     Kernel,
     /// A network with one hidden layer of 10 hyperbolic tangents.
@@ -26,14 +30,36 @@ pub(super) struct Back {
     gamma: f64,
     inputs: usize,
     latents: usize,
-    /// Kernel: `N` weights of each latent dimension. Network: `HIDDEN` rows of weights and bias, then `q` rows.
+    /// Kernel: `N` weights of each latent dimension. Network: `HIDDEN` rows of weights and bias, then `q` rows. Pose: `q`
+    /// rows of a projection.
     pub(super) weights: Vec<f64>,
 }
 
 /// Values that are computed once for all poses in training.
 pub(super) struct Prepared {
-    /// Kernel: the `N x N` matrix. Network: the poses, row by row.
+    /// Kernel: the `N x N` matrix. Network and pose: the poses, row by row.
     matrix: Vec<f64>,
+}
+
+/// The identity, or the projection of poses (row by row) to their leading principal components of unit standard deviation.
+fn projection(rows: &[f64], inputs: usize, latents: usize) -> Vec<f64> {
+    let n = rows.len() / inputs;
+    let mut made = vec![0.0; latents * inputs];
+    if latents == inputs {
+        made.iter_mut().step_by(inputs + 1).for_each(|one| *one = 1.0);
+        return made;
+    }
+    // the left singular vectors of the transpose are the principal directions
+    let found = left_singular(&DMatrix::from_column_slice(inputs, n, rows), Wanted::Rank(latents));
+    for (direction, out) in found.vectors.column_iter().zip(made.chunks_exact_mut(inputs)) {
+        let along = |row: &[f64]| row.iter().zip(direction.iter()).map(|(y, d)| y * d).sum::<f64>();
+        let variance = rows.chunks_exact(inputs).map(|row| along(row).powi(2)).sum::<f64>() / n as f64;
+        // the sign of a direction is arbitrary: its largest entry is positive
+        let largest = direction.iter().fold(0.0_f64, |most, v| if v.abs() > most.abs() { *v } else { most });
+        let scale = (1.0 / variance.max(1e-12).sqrt()).copysign(largest);
+        out.iter_mut().zip(direction.iter()).for_each(|(out, d)| *out = scale * d);
+    }
+    made
 }
 
 fn squared(a: &[f64], b: &[f64]) -> f64 {
@@ -53,6 +79,10 @@ impl Back {
         let latents = latent.len() / n;
         let mut made = Self { space, form, rows: vec![], gamma: 0.0, inputs, latents, weights: vec![] };
         match form {
+            BackForm::Pose => {
+                made.weights = projection(&rows, inputs, latents);
+                (made, Prepared { matrix: rows })
+            }
             BackForm::Kernel => {
                 let mut distances: Vec<f64> = (0..n)
                     .flat_map(|a| (0..a).map(move |b| (a, b)))
@@ -129,6 +159,11 @@ impl Back {
         }
     }
 
+    /// Number of weights that training changes.
+    pub(super) fn variables(&self) -> usize {
+        if self.form == BackForm::Pose { 0 } else { self.weights.len() }
+    }
+
     /// The latent of all training poses, dimension by dimension.
     pub(super) fn latent(&self, prepared: &Prepared, out: &mut [f64]) {
         match self.form {
@@ -138,7 +173,7 @@ impl Back {
                     Simd::new().project(&prepared.matrix, weights, out);
                 }
             }
-            BackForm::Mlp => {
+            BackForm::Pose | BackForm::Mlp => {
                 let n = prepared.matrix.len() / self.inputs;
                 let mut x = vec![0.0; self.latents];
                 for (i, row) in prepared.matrix.chunks_exact(self.inputs).enumerate() {
@@ -151,6 +186,9 @@ impl Back {
 
     /// Writes the gradient by the weights, from the gradient by the latent.
     pub(super) fn gradient(&self, prepared: &Prepared, by_latent: &[f64], out: &mut [f64]) {
+        if self.variables() == 0 {
+            return;
+        }
         if self.form == BackForm::Kernel {
             let n = self.weights.len() / self.latents;
             for (gradient, out) in by_latent.chunks_exact(n).zip(out.chunks_exact_mut(n)) {
@@ -186,6 +224,7 @@ impl Back {
     /// The latent point of a standardised pose. Does not allocate.
     pub(super) fn map(&self, pose: &[f64], x: &mut [f64]) {
         match self.form {
+            BackForm::Pose => Simd::new().project(&self.weights, pose, x),
             BackForm::Kernel => {
                 let n = self.rows.len() / self.inputs;
                 x.fill(0.0);
@@ -209,6 +248,7 @@ impl Back {
     pub(super) fn is_valid(&self, spaces: &[super::Space], latents: usize, points: usize) -> bool {
         let Some(space) = spaces.get(self.space) else { return false };
         let (weights, rows) = match self.form {
+            BackForm::Pose => (latents * self.inputs, 0),
             BackForm::Kernel => (points * latents, points * self.inputs),
             BackForm::Mlp => (HIDDEN * (self.inputs + 1) + latents * (HIDDEN + 1), 0),
         };

@@ -31,6 +31,29 @@ pub fn compare(
     settings: &Settings,
     folds: usize,
 ) -> Result<Vec<MethodError>, LatentError> {
+    check_pair(human, robot, folds)?;
+    let methods: Vec<&'static str> =
+        std::iter::once("latent").chain(Baseline::ALL.map(Baseline::name)).collect();
+    let mut errors = vec![vec![]; methods.len()];
+    for fold in 0..folds {
+        let [train_human, train_robot] = [human, robot].map(|poses| poses.select(|i| i % folds != fold));
+        let [test_human, test_robot] = [human, robot].map(|poses| poses.select(|i| i % folds == fold));
+        let predictions = latent(&train_human, &train_robot, &test_human, settings)?;
+        errors[0].push(mean_square(&predictions, &test_robot));
+        for (errors, baseline) in errors[1..].iter_mut().zip(Baseline::ALL) {
+            errors.push(baseline.error(&train_human, &train_robot, &test_human, &test_robot)?);
+        }
+    }
+    let made = methods.into_iter().zip(errors).map(|(method, errors)| {
+        let mean = errors.iter().sum::<f64>() / folds as f64;
+        let squares: f64 = errors.iter().map(|e| (e - mean) * (e - mean)).sum();
+        MethodError { method, mean, deviation: (squares / (folds - 1) as f64).sqrt() }
+    });
+    Ok(made.collect())
+}
+
+/// Checks that two spaces have poses of the same instants, and enough of them for the folds.
+pub(super) fn check_pair(human: &Poses, robot: &Poses, folds: usize) -> Result<(), LatentError> {
     let n = human.len();
     if robot.len() != n {
         let error = crate::gp::GpError::Shape { what: "poses", found: robot.len(), expected: n };
@@ -40,30 +63,51 @@ pub fn compare(
         let expected = format!("2 to {}", n / 2);
         return Err(LatentError::Setting { setting: "folds", found: folds.to_string(), expected });
     }
-    let methods = ["latent", "gaussian_process", "ridge", "nearest", "mean"];
-    let mut errors = vec![vec![]; methods.len()];
-    for fold in 0..folds {
-        let [train_human, train_robot] = [human, robot].map(|poses| poses.select(|i| i % folds != fold));
-        let [test_human, test_robot] = [human, robot].map(|poses| poses.select(|i| i % folds == fold));
-        let predictions = [
-            latent(&train_human, &train_robot, &test_human, settings)?,
-            direct(&train_human, &train_robot, &test_human)?,
-            ridge(&train_human, &train_robot, &test_human),
-            nearest(&train_human, &train_robot, &test_human),
-            mean(&train_robot, &test_human),
-        ];
-        for (errors, predictions) in errors.iter_mut().zip(predictions) {
-            let squares: f64 =
-                predictions.iter().zip(&test_robot.values).map(|(p, t)| (p - t) * (p - t)).sum();
-            errors.push(squares / predictions.len() as f64);
+    Ok(())
+}
+
+fn mean_square(predictions: &[f64], truth: &Poses) -> f64 {
+    let squares: f64 = predictions.iter().zip(&truth.values).map(|(p, t)| (p - t) * (p - t)).sum();
+    squares / predictions.len() as f64
+}
+
+/// A method that predicts a robot's poses from a human's without a latent space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Baseline {
+    GaussianProcess,
+    Ridge,
+    Nearest,
+    Mean,
+}
+
+impl Baseline {
+    pub(super) const ALL: [Self; 4] = [Self::GaussianProcess, Self::Ridge, Self::Nearest, Self::Mean];
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::GaussianProcess => "gaussian_process",
+            Self::Ridge => "ridge",
+            Self::Nearest => "nearest",
+            Self::Mean => "mean",
         }
     }
-    let made = methods.into_iter().zip(errors).map(|(method, errors)| {
-        let mean = errors.iter().sum::<f64>() / folds as f64;
-        let squares: f64 = errors.iter().map(|e| (e - mean) * (e - mean)).sum();
-        MethodError { method, mean, deviation: (squares / (folds - 1) as f64).sqrt() }
-    });
-    Ok(made.collect())
+
+    /// Mean squared error on held-out poses.
+    pub(super) fn error(
+        self,
+        human: &Poses,
+        robot: &Poses,
+        test_human: &Poses,
+        test_robot: &Poses,
+    ) -> Result<f64, LatentError> {
+        let predictions = match self {
+            Self::GaussianProcess => direct(human, robot, test_human)?,
+            Self::Ridge => ridge(human, robot, test_human),
+            Self::Nearest => nearest(human, robot, test_human),
+            Self::Mean => mean(robot, test_human),
+        };
+        Ok(mean_square(&predictions, test_robot))
+    }
 }
 
 fn rows(poses: &Poses) -> std::slice::ChunksExact<'_, f64> {

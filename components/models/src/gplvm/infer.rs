@@ -17,7 +17,9 @@ impl LatentModel {
         Scratch { row: vec![0.0; self.poses()] }
     }
 
-    /// Writes the mean pose of a space at a latent point, and each column's variance of an observation. Does not allocate.
+    /// Writes the mean pose of a space at a latent point, and each column's variance of an observation. Returns the part of
+    /// the kernel's variance that the training poses leave open: 0 where they determine the pose, 1 far from all of them.
+    /// Does not allocate.
     ///
     /// # Panics
     /// When the space does not exist or a slice does not fit.
@@ -28,7 +30,7 @@ impl LatentModel {
         mean: &mut [f64],
         variance: &mut [f64],
         scratch: &mut Scratch,
-    ) {
+    ) -> f64 {
         let shared = self.standard_prediction(space, x, mean, &mut scratch.row);
         let space = &self.spaces[space];
         for ((mean, m), s) in mean.iter_mut().zip(&space.mean).zip(&space.scale) {
@@ -37,6 +39,7 @@ impl LatentModel {
         for (variance, s) in variance.iter_mut().zip(&space.scale) {
             *variance = shared * s * s;
         }
+        (shared - space.noise) / space.kernel.variance
     }
 
     /// The mean of the standardised pose, and its variance, the same for each column.
@@ -172,7 +175,7 @@ mod tests {
         let values: Vec<f64> = (0..60).map(|i| (0.6 * f64::from(i / 3) + f64::from(i % 3)).sin()).collect();
         let columns = vec!["a".to_string(), "b".to_string(), "c".to_string()];
         let data = [SpaceData { name: "a", columns, values: &values }];
-        let settings = Settings { latents: 2, iterations: 10, ..Settings::default() };
+        let settings = Settings { latents: Some(2), iterations: 10, back: None, ..Settings::default() };
         let model = LatentModel::train(&data, &settings).expect("a model").0;
         let (x, y) = ([0.3, -0.4], [0.2, -0.5, 0.9]);
         let mut memory = Inference::new(20, 3);

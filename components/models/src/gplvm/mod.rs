@@ -5,8 +5,9 @@
 //! each latent dimension and noise. Training minimises `sum_i E_i + |X|^2 / 2` by L-BFGS with analytic gradients, from
 //! the principal components of the first space.
 //!
-//! **Back constraints** make the latent a function of one space's poses: a kernel regression, or a network with one
-//! hidden layer. A new pose then maps to a latent point directly.
+//! **Back constraints** make the latent a function of one space's poses: the standardised pose itself (the default), a
+//! kernel regression, or a network with one hidden layer. A new pose then maps to a latent point directly. Where the latent
+//! is the pose, the spaces share no unknowns, so each is fitted alone, as in a transfer.
 //!
 //! **Transfer** adds a robot to a trained model: `X` and all other spaces stay, and only the robot's `q + 2`
 //! hyperparameters are fitted, from three starts.
@@ -18,6 +19,7 @@
 
 mod back;
 mod evaluate;
+mod experiment;
 mod file;
 mod infer;
 mod model;
@@ -27,6 +29,7 @@ mod train;
 
 pub use back::BackForm;
 pub use evaluate::{MethodError, compare};
+pub use experiment::{Estimate, FewPoses, TransferResult, few_poses, transfer_and_training};
 pub use file::{FileError, VERSION};
 pub use infer::Scratch;
 pub use model::{LatentModel, Transferred};

@@ -1,6 +1,7 @@
 //! The trained model.
 
-use super::back::Back;
+use super::back::{Back, BackForm};
+use super::space::Scaling;
 use super::{LatentError, Space, SpaceData};
 use crate::gp::{GpError, Gradient, Marginal, clamp, release};
 use crate::kernel::Points;
@@ -28,6 +29,16 @@ pub struct Transferred {
     /// Present when the noise is more than half of the variance, or `left_out` more than 0.8: the space hardly follows
     /// the latent.
     pub warning: Option<String>,
+}
+
+/// The result of fitting one space to a latent.
+pub(super) struct Fitted {
+    /// Objective at the beginning of the best start.
+    pub(super) start: f64,
+    /// Objective at the end of each start.
+    pub(super) starts: Vec<f64>,
+    /// The best start.
+    pub(super) minimum: Minimum,
 }
 
 /// Share of the noise above which a transfer warns.
@@ -105,23 +116,64 @@ impl LatentModel {
         self.back.as_ref().map(|back| &self.spaces[back.space])
     }
 
+    /// The model at its first poses only, with the same latent points, hyperparameters and back constraint: a robot of which
+    /// only these poses are known can be added.
+    ///
+    /// # Errors
+    /// When the number of poses is out of range.
+    pub fn at_first_poses(&self, poses: usize) -> Result<Self, LatentError> {
+        if poses == 0 || poses > self.poses() {
+            let expected = format!("1 to {}", self.poses());
+            return Err(LatentError::Setting {
+                setting: "number of poses",
+                found: poses.to_string(),
+                expected,
+            });
+        }
+        let points = Points::from_rows(&self.latent()[..poses * self.latents()], self.latents());
+        let spaces = self.spaces.iter().map(|space| space.at_first_poses(poses)).collect();
+        Self::assemble(points, spaces, self.back.clone())
+    }
+
     /// Adds a robot with the latent and all other spaces fixed. Three starts: the hyperparameters of the last space; the
-    /// latent's standard deviations as length scales with noise 0.01; these divided by e with noise 0.1.
+    /// latent's standard deviations as length scales with noise 0.01; these divided by e with noise 0.1. Where the latent
+    /// is the pose itself ([`BackForm::Pose`]), the latter two are longer by the root of the number of its dimensions.
     ///
     /// # Errors
     /// When the poses do not fit the model or no start has a positive definite covariance.
     pub fn transfer(&mut self, data: &SpaceData<'_>, iterations: usize) -> Result<Transferred, LatentError> {
-        let mut space = Space::new(data, self.latents())?;
+        let scaling = Scaling::with_back(self.back.as_ref().map(|back| back.form));
+        let space = Space::new(data, self.latents(), scaling)?;
         check_poses(&space, self.poses())?;
         if self.spaces.iter().any(|other| other.name == space.name) {
             return Err(LatentError::SameName { name: space.name });
         }
+        let fitted = self.fit_space(space, iterations)?;
+        let Fitted { starts, minimum, .. } = fitted;
+        let added = self.spaces.last().expect("the space that was added");
+        let (share, name, targets) = (added.noise_share(), added.name.clone(), added.targets.clone());
+        let left_out =
+            self.marginals.last_mut().map_or(f64::NAN, |marginal| marginal.leave_one_out(&targets));
+        let warning = (share > NOISY || left_out > UNPREDICTABLE).then(|| {
+            let (share, left_out) = (100.0 * share, 100.0 * left_out);
+            format!(
+                "the latent hardly predicts {name}: {share:.0} % of the variance is noise, and the error of poses \
+                 that are left out is {left_out:.0} % of the variance"
+            )
+        });
+        Ok(Transferred { starts, minimum, left_out, warning })
+    }
+
+    /// Fits the hyperparameters of a space to the latent, from several starts, and adds the space.
+    pub(super) fn fit_space(&mut self, mut space: Space, iterations: usize) -> Result<Fitted, LatentError> {
         let n = self.poses() as f64;
+        let is_pose = self.back.as_ref().is_some_and(|back| back.form == BackForm::Pose);
+        let longer = if is_pose { 0.5 * (self.latents() as f64).ln() } else { 0.0 };
         let spread: Vec<f64> = (0..self.latents())
             .map(|d| {
                 let x = self.points.coordinate(d);
                 let mean = x.iter().sum::<f64>() / n;
-                0.5 * (x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n).max(1e-12).ln()
+                longer + 0.5 * (x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n).max(1e-12).ln()
             })
             .collect();
         let start = |shift: f64, noise: f64| {
@@ -136,9 +188,11 @@ impl LatentModel {
         }
         let mut marginal = Marginal::new();
         let options = Options { iterations, improvement: 1e-8, ..Options::default() };
-        let mut results = vec![];
+        let mut results: Vec<(Minimum, Vec<f64>)> = vec![];
+        let mut start = f64::NAN;
         for mut parameters in starts {
             clamp(&mut parameters);
+            let mut first = None;
             let minimum = minimise(&mut parameters, &options, |variables, gradient| {
                 let mut inside = variables.to_vec();
                 clamp(&mut inside);
@@ -148,27 +202,21 @@ impl LatentModel {
                 let value =
                     marginal.evaluate(&space.rbf(), space.noise, &self.points, &space.targets, Some(into));
                 release(variables, gradient);
-                value.unwrap_or(f64::INFINITY)
+                let value = value.unwrap_or(f64::INFINITY);
+                first.get_or_insert(value);
+                value
             });
             clamp(&mut parameters);
+            if results.iter().all(|(other, _)| minimum.value < other.value) {
+                start = first.unwrap_or(f64::NAN);
+            }
             results.push((minimum, parameters));
         }
         let best = results.iter().min_by(|a, b| a.0.value.total_cmp(&b.0.value)).expect("a start");
         space.set_parameters(&best.1);
         let starts = results.iter().map(|result| result.0.value).collect();
         let minimum = best.0;
-        let (share, name) = (space.noise_share(), space.name.clone());
-        let targets = space.targets.clone();
         self.add(space)?;
-        let left_out =
-            self.marginals.last_mut().map_or(f64::NAN, |marginal| marginal.leave_one_out(&targets));
-        let warning = (share > NOISY || left_out > UNPREDICTABLE).then(|| {
-            let (share, left_out) = (100.0 * share, 100.0 * left_out);
-            format!(
-                "the latent hardly predicts {name}: {share:.0} % of the variance is noise, and the error of poses \
-                 that are left out is {left_out:.0} % of the variance"
-            )
-        });
-        Ok(Transferred { starts, minimum, left_out, warning })
+        Ok(Fitted { start, starts, minimum })
     }
 }

@@ -118,6 +118,13 @@ impl Poses {
         Self { values, ..self.clone() }
     }
 
+    /// The poses of these indices, in this order.
+    pub(super) fn rows_at(&self, indices: &[usize]) -> Self {
+        let d = self.columns.len();
+        let values = indices.iter().flat_map(|i| &self.values[i * d..(i + 1) * d]).copied().collect();
+        Self { values, ..self.clone() }
+    }
+
     /// The poses as a space of a model.
     pub fn data(&self) -> SpaceData<'_> {
         SpaceData { name: &self.name, columns: self.columns.clone(), values: &self.values }

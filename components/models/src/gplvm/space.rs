@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::LatentError;
+use super::{BackForm, LatentError};
 use crate::gp::{GpError, check_finite};
 use crate::kernel::{Kernel, Stationary};
 
@@ -26,7 +26,8 @@ pub struct Space {
     pub columns: Vec<String>,
     /// Mean of each column.
     pub mean: Vec<f64>,
-    /// Standard deviation of each column, 1 where a column is constant.
+    /// Standard deviation of each column, 1 where a column is constant; the root of the mean variance of all columns where
+    /// the latent is a pose.
     pub scale: Vec<f64>,
     /// Kernel from the latent to the standardised poses.
     pub kernel: Stationary,
@@ -36,8 +37,24 @@ pub struct Space {
     pub(super) targets: Vec<f64>,
 }
 
+/// Scales of the columns of a space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scaling {
+    /// Each column has its standard deviation.
+    Columns,
+    /// All columns have the root of their mean variance: their errors count in the units of the columns.
+    Common,
+}
+
+impl Scaling {
+    /// The scaling of a model whose latent is this function of a pose, if it is one.
+    pub(super) fn with_back(form: Option<BackForm>) -> Self {
+        if form == Some(BackForm::Pose) { Self::Common } else { Self::Columns }
+    }
+}
+
 impl Space {
-    pub(super) fn new(data: &SpaceData<'_>, latents: usize) -> Result<Self, LatentError> {
+    pub(super) fn new(data: &SpaceData<'_>, latents: usize, scaling: Scaling) -> Result<Self, LatentError> {
         let wrong = |error| LatentError::Space { space: data.name.to_string(), error };
         let d = data.columns.len();
         if d == 0 || data.values.is_empty() || !data.values.len().is_multiple_of(d) {
@@ -46,19 +63,32 @@ impl Space {
         }
         check_finite("value", data.values).map_err(wrong)?;
         let n = data.values.len() / d;
-        let (mut mean, mut scale, mut targets) = (vec![], vec![], Vec::with_capacity(n * d));
+        let (mut mean, mut deviations, mut targets) = (vec![], vec![], Vec::with_capacity(n * d));
         for column in 0..d {
             let values = || data.values.iter().skip(column).step_by(d);
             let m = values().sum::<f64>() / n as f64;
             let deviation = (values().map(|v| (v - m) * (v - m)).sum::<f64>() / n as f64).sqrt();
-            let s = if deviation > 1e-9 * m.abs().max(1e-3) { deviation } else { 1.0 };
-            targets.extend(values().map(|v| (v - m) / s));
+            let is_constant = deviation <= 1e-9 * m.abs().max(1e-3);
             mean.push(m);
-            scale.push(s);
+            deviations.push(if is_constant { 0.0 } else { deviation });
+        }
+        if scaling == Scaling::Common {
+            let common = (deviations.iter().map(|s| s * s).sum::<f64>() / d as f64).sqrt();
+            deviations.fill(common);
+        }
+        let scale: Vec<f64> = deviations.into_iter().map(|s| if s > 0.0 { s } else { 1.0 }).collect();
+        for (column, (m, s)) in mean.iter().zip(&scale).enumerate() {
+            targets.extend(data.values.iter().skip(column).step_by(d).map(|v| (v - m) / s));
         }
         let kernel = Stationary::new(1.0, &vec![1.0; latents]);
         let (name, columns) = (data.name.to_string(), data.columns.clone());
         Ok(Self { name, columns, mean, scale, kernel, noise: 0.01, targets })
+    }
+
+    pub(super) fn at_first_poses(&self, poses: usize) -> Self {
+        let columns = self.targets.chunks(self.poses());
+        let targets = columns.flat_map(|column| &column[..poses]).copied().collect();
+        Self { targets, ..self.clone() }
     }
 
     /// Number of columns.

@@ -1,10 +1,13 @@
-//! Hidden Markov models with Gaussian observations.
+//! Hidden Markov and semi-Markov models with Gaussian observations.
 //!
 //! A chain of `K` states: `P(s_1 = i) = pi_i`, `P(s_{t+1} = j | s_t = i) = A_ij`, `y_t | s_t ~ N(m_s, C_s)`. The scaled
 //! forward-backward recursion gives the likelihood and the E-step, [`viterbi`](Hmm::viterbi) the most probable path. A
 //! **left-right** model starts in the first state and moves to the same or the next state only; entries of `A` that are
 //! 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov models and selected applications in speech
 //! recognition*, Proc. IEEE 77, 1989.
+//!
+//! [`Hsmm`] gives the time in a state a distribution of its own. Movements are reproduced by [`Regression`] (conditional means of some
+//! columns given others) and by [`Tracker`] (a linear quadratic regulator that follows the states as closely as they are precise).
 //!
 //! ```
 //! use motorium_models::hmm::{Hmm, Shape};
@@ -17,8 +20,13 @@
 //! # Ok::<(), motorium_models::hmm::HmmError>(())
 //! ```
 
+mod duration;
 mod gaussian;
+mod reproduction;
 mod train;
+
+pub use duration::Hsmm;
+pub use reproduction::{Regression, Tracker};
 
 use gaussian::Gaussian;
 

@@ -136,6 +136,38 @@ impl Hmm {
         Ok(history)
     }
 
+    /// The model whose observations, transitions and start are the moments of sequences with known states. States that are never
+    /// visited, and transitions from them, stay.
+    pub(super) fn segmented(&self, sequences: &[&[f64]], paths: &[Vec<usize>]) -> Result<Self, HmmError> {
+        let (k, d) = (self.states(), self.dimensions());
+        let mut made = self.clone();
+        let mut rows = vec![vec![]; k];
+        let mut counts = vec![0.0; k * k];
+        made.start.fill(0.0);
+        for (sequence, path) in sequences.iter().zip(paths) {
+            for (y, state) in sequence.chunks_exact(d).zip(path) {
+                rows[*state].extend_from_slice(y);
+            }
+            for pair in path.windows(2) {
+                counts[pair[0] * k + pair[1]] += 1.0;
+            }
+            made.start[path[0]] += 1.0 / paths.len() as f64;
+        }
+        for (state, rows) in rows.iter().enumerate().filter(|(_, rows)| !rows.is_empty()) {
+            let (mean, mut covariance) = super::gaussian::moments(rows, d);
+            restrict(&mut covariance, d, self.shape, self.floor.max(1e-12));
+            made.gaussians[state] =
+                Gaussian::new(&mean, &covariance).ok_or(HmmError::Covariance { state })?;
+        }
+        for (row, counts) in made.transitions.chunks_exact_mut(k).zip(counts.chunks_exact(k)) {
+            let total: f64 = counts.iter().sum();
+            if total > 0.0 {
+                row.iter_mut().zip(counts).for_each(|(p, count)| *p = count / total);
+            }
+        }
+        Ok(made)
+    }
+
     fn maximise(&mut self, sums: &Sums) -> Result<(), HmmError> {
         let (k, d) = (self.states(), self.dimensions());
         let mut gaussians = vec![];

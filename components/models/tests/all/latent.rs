@@ -1,6 +1,9 @@
 //! Shared latent spaces against GPy, and on synthetic arms.
 
-use motorium_models::gplvm::{BackForm, FileError, LatentError, LatentModel, Settings, SpaceData};
+use motorium_models::gplvm::{
+    BackForm, FileError, LatentError, LatentModel, Poses, Settings, SpaceData, compare, few_poses,
+    transfer_and_training,
+};
 
 use crate::golden::{assert_close, numbers, read};
 
@@ -32,7 +35,7 @@ fn data<'a>(name: &'a str, columns: usize, values: &'a [f64]) -> SpaceData<'a> {
 
 fn settings(back: Option<BackForm>) -> Settings {
     let back = back.map(|form| ("human".to_string(), form));
-    Settings { latents: 2, iterations: 100, back, ..Settings::default() }
+    Settings { latents: Some(2), iterations: 100, back, ..Settings::default() }
 }
 
 /// Mean squared error on poses that the model does not know, as part of the mean predictor's.
@@ -56,7 +59,7 @@ fn error_of(model: &LatentModel, robot: &str, columns: usize, phase: f64) -> f64
 #[test]
 fn a_transfer_is_about_as_good_as_a_whole_training() {
     let (human, first, second) = (arm(6, 0.3, 0..60), arm(4, 1.1, 0..60), arm(5, 2.0, 0..60));
-    for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp)] {
+    for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp), Some(BackForm::Pose)] {
         let spaces = [data("human", 6, &human), data("first", 4, &first)];
         let (mut model, trained) = LatentModel::train(&spaces, &settings(back)).expect("a model");
         assert!(trained.minimum.value < trained.start - 100.0, "{trained:?}");
@@ -87,11 +90,93 @@ fn a_robot_of_pure_noise_raises_a_warning() {
     assert!(transferred.warning.is_some_and(|text| text.contains("hardly predicts noise")), "a warning");
 }
 
+/// Errors of the default and of the direct process on poses that are left out, each with the standard error.
+fn default_and_direct(human: &Poses, robot: &Poses, folds: usize) -> [(f64, f64); 2] {
+    let errors = compare(human, robot, &Settings::default(), folds).expect("errors");
+    ["latent", "gaussian_process"].map(|name| {
+        let found = errors.iter().find(|error| error.method == name).expect("a method");
+        (found.mean, found.deviation / (folds as f64).sqrt())
+    })
+}
+
+fn poses(name: &str, columns: usize, phase: f64) -> Poses {
+    let values = arm(columns, phase, 0..60);
+    Poses { name: name.into(), columns: (0..columns).map(|c| format!("joint{c}")).collect(), values }
+}
+
+#[test]
+fn experiments_compare_transfer_with_training_and_with_few_poses() {
+    let (human, source, robot) = (poses("human", 6, 0.3), poses("first", 4, 1.1), poses("second", 5, 2.0));
+    for (space, form) in [("human", BackForm::Pose), ("first", BackForm::Kernel)] {
+        let settings = Settings { back: Some((space.to_string(), form)), ..settings(None) };
+        let found = transfer_and_training(&human, &source, &robot, &settings, 3).expect("a result");
+        let (transferred, trained) = (found.transferred, found.trained);
+        assert!(transferred.mean < 2.0 * trained.mean && trained.error > 0.0, "{found:?}");
+        assert!(found.transfer_seconds.mean > 0.0 && found.training_seconds.mean > 0.0);
+    }
+    let few = few_poses(&human, &source, &robot, &Settings::default(), &[6, 40], 2).expect("errors");
+    let names: Vec<_> = few[0].errors.iter().map(|(name, _)| *name).collect();
+    assert_eq!(names, ["transferred", "alone", "gaussian_process", "ridge", "nearest", "mean"]);
+    for method in [0, 1, 2, 4] {
+        assert!(few[1].errors[method].1.mean < few[0].errors[method].1.mean, "{few:?}");
+    }
+    let error = few_poses(&human, &source, &robot, &Settings::default(), &[49], 2).expect_err("too many");
+    assert_eq!(error.to_string(), "poses of the robot is 49, expected 2 to 48");
+}
+
+#[test]
+fn the_default_is_as_good_as_a_direct_process() {
+    let [latent, direct] = default_and_direct(&poses("human", 6, 0.3), &poses("first", 4, 1.1), 3);
+    assert!(latent.0 <= direct.0 + direct.1, "{latent:?} and {direct:?}");
+}
+
+#[test]
+fn the_default_is_as_good_as_a_direct_process_on_recorded_arms() {
+    let folder =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/human-robot-arms");
+    if !folder.is_dir() {
+        return;
+    }
+    let read = |name: &str| Poses::read(&folder.join(format!("{name}.csv"))).expect("poses");
+    for robot in ["coman", "walkman", "centauro"] {
+        let [latent, direct] = default_and_direct(&read("human"), &read(robot), 2);
+        println!("{robot}: latent {latent:?}, direct {direct:?}");
+        assert!(latent.0 <= direct.0 + direct.1, "{robot}: {latent:?} and {direct:?}");
+    }
+}
+
+#[test]
+fn a_pose_may_keep_its_leading_components() {
+    let (human, first) = (arm(6, 0.3, 0..60), arm(4, 1.1, 0..60));
+    let spaces = [data("human", 6, &human), data("first", 4, &first)];
+    let (model, _) = LatentModel::train(&spaces, &settings(Some(BackForm::Pose))).expect("a model");
+    let x = model.latent();
+    for d in 0..2 {
+        let column = || x.iter().skip(d).step_by(2);
+        let mean = column().sum::<f64>() / 60.0;
+        let variance = column().map(|x| x * x).sum::<f64>() / 60.0;
+        assert!(mean.abs() < 1e-9 && (variance - 1.0).abs() < 1e-9, "{mean} and {variance}");
+    }
+    let pose = &human[18..24];
+    let mapped = model.latent_of_pose(0, pose);
+    assert!(mapped.iter().zip(&x[6..8]).all(|(a, b)| (a - b).abs() < 1e-12), "{mapped:?}");
+    let whole = Settings { latents: None, ..settings(Some(BackForm::Pose)) };
+    let (model, _) = LatentModel::train(&spaces, &whole).expect("a model");
+    assert_eq!(model.latents(), 6);
+    let space = &model.spaces()[0];
+    let standard: Vec<f64> =
+        pose.iter().zip(&space.mean).zip(&space.scale).map(|((y, m), s)| (y - m) / s).collect();
+    assert_eq!(model.latent_of_pose(0, pose), standard);
+    let many = Settings { latents: Some(7), ..whole };
+    let error = LatentModel::train(&spaces, &many).expect_err("too many").to_string();
+    assert_eq!(error, "latents is 7, expected 1 to 6, the columns of the space human");
+}
+
 #[test]
 fn files_hold_the_model_bit_for_bit() {
     let (human, first) = (arm(6, 0.3, 0..30), arm(4, 1.1, 0..30));
     let spaces = [data("human", 6, &human), data("first", 4, &first)];
-    for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp)] {
+    for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp), Some(BackForm::Pose)] {
         let (model, _) = LatentModel::train(&spaces, &settings(back)).expect("a model");
         let text = model.to_text();
         let read = LatentModel::from_text(&text).expect("a model");
@@ -111,8 +196,8 @@ fn mistakes_are_named() {
     let spaces = [data("human", 6, &human), data("first", 4, &first)];
     let error = LatentModel::train(&spaces, &settings(None)).expect_err("poses");
     assert_eq!(error.to_string(), "space first: found 29 poses, expected 30");
-    let error =
-        LatentModel::train(&spaces[..1], &Settings { latents: 7, ..settings(None) }).expect_err("latents");
+    let error = LatentModel::train(&spaces[..1], &Settings { latents: Some(7), ..settings(None) })
+        .expect_err("latents");
     assert!(matches!(error, LatentError::Setting { setting: "latents", .. }), "{error}");
     let back = Some(("robot".to_string(), BackForm::Mlp));
     let error = LatentModel::train(&spaces[..1], &Settings { back, ..settings(None) }).expect_err("unknown");

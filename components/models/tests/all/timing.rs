@@ -36,7 +36,7 @@ fn timing_of_latent_models() {
     println!("energy and gradient, N = 200, 14 outputs, q = 2: {one:.3} ms");
     let columns: Vec<String> = (0..14).map(|c| format!("c{c}")).collect();
     let spaces = [SpaceData { name: "robot", columns: columns.clone(), values: &y }];
-    let settings = Settings { latents: 2, iterations: 100, prior: false, back: None };
+    let settings = Settings { latents: Some(2), iterations: 100, prior: false, back: None };
     let start = processor();
     let (model, trained) = LatentModel::train(&spaces, &settings).expect("a model");
     println!("training: {:.3} s, {trained:?}", (processor() - start));

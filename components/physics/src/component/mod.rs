@@ -4,6 +4,7 @@ mod actuators;
 mod build;
 mod config;
 mod limits;
+mod merging;
 mod objects;
 mod placing;
 mod pushes;

@@ -10,6 +10,7 @@ use motorium_robots::FrameId;
 use nalgebra::{Point3, Vector3};
 
 use super::build::BuiltRobot;
+use super::merging::{Entry, Merger};
 use crate::{Engine, Simulation, Simulator};
 
 /// `other` of a contact with the ground.
@@ -37,6 +38,7 @@ pub(super) struct Touched {
     links: Vec<(String, u32)>,
     /// Link, impulse and moment since the start of the episode, in the order in which the links were first touched.
     sums: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
+    merger: Merger,
     /// Contact points, and impulses on links since the start of the episode, for which the messages had no
     /// room.
     cut: Cut,
@@ -87,6 +89,7 @@ impl Touched {
             place: Place { articulation, first, count },
             sums: Vec::with_capacity(links.len().min(MAX_IMPULSES)),
             links,
+            merger: Merger::new(MAX_CONTACTS),
             cut: Cut::default(),
         })
     }
@@ -120,54 +123,53 @@ impl Touched {
         self.cut = Cut::default();
     }
 
-    /// Publishes the contact points and the sums; `names` are those of the objects, sorted.
+    /// Publishes the contact points and the sums; `names` are those of the objects, sorted. Where the message has
+    /// no room for all points, some of a link are [merged](Merger).
     pub(super) fn publish<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
-        pushes: impl Iterator<Item = Push>,
+        pushes: impl Iterator<Item = Push> + Clone,
         names: &[(String, u32)],
     ) -> Result<(), StepError> {
         self.publish_impulses()?;
-        let Self { contacts, place, links, cut, .. } = self;
+        let Self { contacts, place, links, merger, cut, .. } = self;
         if !contacts.is_wired() {
             return Ok(());
         }
         let mut points = contacts.loan()?;
-        let (mut count, mut left_out) = (0, 0);
-        points.set_count(MAX_CONTACTS);
-        let mut add = |link: u32, other: u32, (point, force, depth): (&Point3<f64>, &Vector3<f64>, f64)| {
-            if count == MAX_CONTACTS {
-                left_out += 1;
-                return;
+        let mut visit = |add: &mut dyn FnMut(&Entry)| {
+            for (link, point, arm, force) in pushes.clone() {
+                let Some(index) = place.index(link) else { continue };
+                let point = simulation.frame_pose_of(link) * point + arm;
+                add(&Entry { link: index, other: PUSH, point, force, depth: 0.0 });
             }
-            points.link_mut()[count] = link;
-            points.other_mut()[count] = other;
-            points.position_x_mut()[count] = point.x;
-            points.position_y_mut()[count] = point.y;
-            points.position_z_mut()[count] = point.z;
-            points.force_x_mut()[count] = force.x;
-            points.force_y_mut()[count] = force.y;
-            points.force_z_mut()[count] = force.z;
-            points.depth_mut()[count] = depth;
-            count += 1;
+            simulation.visit_contacts(&mut |contact| {
+                let on_second = contact.normal * contact.force + contact.friction;
+                for (link, other, force) in
+                    [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)]
+                {
+                    let Some(link) = find(links, link) else { continue };
+                    let other = find(links, other)
+                        .map(|link| FIRST_LINK + link)
+                        .or_else(|| find(names, other))
+                        .unwrap_or(if matches!(other, "ground" | "terrain") { GROUND } else { OTHER_ROBOT });
+                    add(&Entry { link, other, point: contact.point, force, depth: contact.depth });
+                }
+            });
         };
-        for (link, point, arm, force) in pushes {
-            let Some(index) = place.index(link) else { continue };
-            let at = simulation.frame_pose_of(link) * point + arm;
-            add(index, PUSH, (&at, &force, 0.0));
-        }
-        simulation.visit_contacts(&mut |contact| {
-            let on_second = contact.normal * contact.force + contact.friction;
-            for (link, other, force) in
-                [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)]
-            {
-                let Some(link) = find(links, link) else { continue };
-                let other = find(links, other)
-                    .map(|link| FIRST_LINK + link)
-                    .or_else(|| find(names, other))
-                    .unwrap_or(if matches!(other, "ground" | "terrain") { GROUND } else { OTHER_ROBOT });
-                add(link, other, (&contact.point, &force, contact.depth));
-            }
+        let mut count = 0;
+        points.set_count(MAX_CONTACTS);
+        let left_out = merger.fill(&mut visit, &mut |entry| {
+            points.link_mut()[count] = entry.link;
+            points.other_mut()[count] = entry.other;
+            points.position_x_mut()[count] = entry.point.x;
+            points.position_y_mut()[count] = entry.point.y;
+            points.position_z_mut()[count] = entry.point.z;
+            points.force_x_mut()[count] = entry.force.x;
+            points.force_y_mut()[count] = entry.force.y;
+            points.force_z_mut()[count] = entry.force.z;
+            points.depth_mut()[count] = entry.depth;
+            count += 1;
         });
         points.set_count(count);
         points.cut = left_out;
@@ -176,7 +178,7 @@ impl Touched {
         Ok(())
     }
 
-    /// Contact points and impulses that were left out of messages in this episode.
+    /// Contact points without an entry of their own, and impulses left out of messages, in this episode.
     pub(super) fn left_out(&self) -> u64 {
         self.cut.contacts + self.cut.impulses
     }

@@ -274,7 +274,7 @@ impl Colliders {
         // Where a mesh touches by its triangles, its edges meet the faces of hulls.
         if colliders.iter().any(|collider| collider.surface.is_some()) {
             for collider in colliders.iter_mut().filter(|collider| collider.surface.is_none()) {
-                collider.sides = collider.shape.faces();
+                collider.sides = sides(&collider.shape);
             }
         }
         // Colliders of one owner, and two that never move, need no check.
@@ -361,6 +361,19 @@ impl Colliders {
 
 /// The replacement of the parts of meshes: each is convex already, and has few corners.
 const PART: MeshMode = MeshMode::Hull { most_corners: usize::MAX };
+
+/// Corners of the hull whose sides meet edges of triangles, at most: more cost too much.
+const MOST_SIDED: usize = 512;
+
+/// The planes of the faces of a hull, for edges of triangles.
+fn sides(shape: &ConvexShape) -> Vec<(Vector3<f64>, f64)> {
+    let ConvexShape::Hull { points } = shape else { return Vec::new() };
+    if points.len() <= MOST_SIDED {
+        return shape.faces();
+    }
+    let step = points.len().div_ceil(MOST_SIDED);
+    ConvexShape::Hull { points: points.iter().copied().step_by(step).collect() }.faces()
+}
 
 /// The triangles by which an object touches, if it does so.
 fn surface_of(object: &Object) -> Option<Arc<TriangleSurface>> {

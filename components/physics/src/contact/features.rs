@@ -3,6 +3,8 @@
 use motorium_robots::ConvexShape;
 use nalgebra::{Unit, Vector3};
 
+use super::outermost::{self, DENSE};
+
 /// A point of a shape that may touch: the surface is `radius` around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Feature {
@@ -25,6 +27,9 @@ pub(crate) trait ContactGeometry {
     /// outward). Within a millimetre of the edge of a box, `reference` decides which face the point touches: of two
     /// boxes on one ground the lower edges meet exactly, and rounding must not decide.
     fn surface_towards(&self, point: &Vector3<f64>, reference: &Vector3<f64>) -> Option<(f64, Vector3<f64>)>;
+
+    /// True where the [features](Self::features) differ by the direction.
+    fn turns_features(&self) -> bool;
 
     /// Passes the points that may touch a body in the direction `towards` (a unit vector) to `visit`.
     fn features(&self, towards: &Vector3<f64>, visit: &mut dyn FnMut(Feature));
@@ -84,6 +89,14 @@ impl ContactGeometry for ConvexShape {
         self.surface(point)
     }
 
+    fn turns_features(&self) -> bool {
+        match self {
+            Self::Cylinder { .. } => true,
+            Self::Hull { points } => points.len() > DENSE,
+            _ => false,
+        }
+    }
+
     fn features(&self, towards: &Vector3<f64>, visit: &mut dyn FnMut(Feature)) {
         match self {
             Self::Sphere { radius } => {
@@ -112,6 +125,11 @@ impl ContactGeometry for ConvexShape {
                         visit(Feature { index: (4 * end + turn) as u32, point, radius: 0.0 });
                     }
                 }
+            }
+            Self::Hull { points } if points.len() > DENSE => {
+                outermost::touching(points, towards, self.bounding_radius(), &mut |index| {
+                    visit(Feature { index, point: points[index as usize], radius: 0.0 });
+                });
             }
             Self::Hull { points } => {
                 for (index, point) in points.iter().enumerate() {

@@ -6,6 +6,7 @@
 //! [bounds](bounds) do not rule it out, unless the [joints](calm) alone do; [impulses](impulses) sets up the problem of the impulses there, so that surfaces do not overlap and friction stays in its [cone](cone). A
 //! [scene] holds all of these.
 
+mod axes;
 mod bounds;
 mod boxes;
 mod calm;
@@ -24,6 +25,7 @@ mod near_pairs;
 mod newton;
 mod normals;
 mod objects;
+mod outermost;
 mod parties;
 mod patch;
 mod properties;

@@ -1,4 +1,4 @@
-//! Directions in which a surface pushes a cylinder: the point of a rim that touches first differs by them.
+//! Directions in which a surface pushes a cylinder or a hull: the point of a rim that touches first differs by them.
 
 use nalgebra::Vector3;
 
@@ -36,8 +36,8 @@ impl Normals {
         (0..self.count).max_by(|a, b| cosine(a).total_cmp(&cosine(b))) == Some(number)
     }
 
-    /// The number of a feature of a cylinder for the normal of this number.
+    /// The number of a feature for the normal of this number.
     pub(super) fn feature(number: usize, feature: u32) -> u32 {
-        (number as u32) << 3 | feature
+        (number as u32) << 12 | feature
     }
 }

@@ -10,6 +10,7 @@ use motorium_robots::ConvexShape;
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::colliders::Collider;
+use super::outermost::{DENSE, outermost_face};
 
 /// Corners of a disc.
 const DISC: usize = 8;
@@ -224,11 +225,18 @@ fn disc(radius: f64, half_length: f64, towards: &Vector3<f64>) -> Part {
 fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Part> {
     let highest = points.iter().map(|point| point.dot(towards)).fold(f64::MIN, f64::max);
     let mut part = Part::new(0.0, None);
-    for point in points.iter().filter(|point| point.dot(towards) > highest - TILT * size) {
-        if part.count == MOST {
-            return None;
+    let near = |point: &&Vector3<f64>| point.dot(towards) > highest - TILT * size;
+    if points.len() > DENSE && points.iter().filter(near).nth(MOST).is_some() {
+        let mut chosen = [0; MOST];
+        let count = outermost_face(points, towards, size, &mut chosen);
+        chosen[..count].iter().for_each(|index| part.push(points[*index as usize]));
+    } else {
+        for point in points.iter().filter(near) {
+            if part.count == MOST {
+                return None;
+            }
+            part.push(*point);
         }
-        part.push(*point);
     }
     if part.count < 3 {
         return (part.count == 2).then_some(part);

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::axes::axes;
 use super::colliders::Owner;
 use super::cone::PointAnswer;
 use super::connections::Held;
@@ -23,6 +24,9 @@ pub(super) struct Site {
     pub(super) free: [f64; 3],
     /// Velocity along the normal that is aimed at.
     pub(super) target: f64,
+    /// Coefficient of restitution of an impact, and the speed of rebound by Newton's law \[m/s\]; zero otherwise.
+    pub(super) restitution: f64,
+    pub(super) bounce: f64,
     /// The surfaces overlap, so that the target is a share of the speed of recovery.
     pub(super) overlapping: bool,
     pub(super) recovery: f64,
@@ -146,6 +150,8 @@ impl Site {
         falling: [0.0; 3],
         free: [0.0; 3],
         target: 0.0,
+        restitution: 0.0,
+        bounce: 0.0,
         overlapping: false,
         recovery: 0.0,
         friction: 0.0,
@@ -262,12 +268,4 @@ impl Site {
     pub(super) fn vector(&self, lambda: &[f64]) -> Vector3<f64> {
         self.axes[0] * lambda[0] + self.axes[1] * lambda[1] + self.axes[2] * lambda[2]
     }
-}
-
-/// The normal and two unit vectors square to it and to one another. They are continuous in it except where the chosen
-/// axis changes.
-pub(super) fn axes(normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
-    let axis = if normal.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() };
-    let one = (axis - normal * normal.dot(&axis)).normalize();
-    [*normal, one, normal.cross(&one)]
 }

@@ -3,8 +3,8 @@
 use motorium_robots::{FrictionCombine, Softness};
 use nalgebra::{Rotation3, Vector3};
 
+use super::axes::axes;
 use super::colliders::{Collider, ColliderGrain};
-use super::site::axes;
 
 /// The law of two surfaces that meet.
 #[derive(Clone, Copy, Debug)]

@@ -73,7 +73,7 @@ pub(super) fn collide(
     let mut found = |number: u32, point: Point3<f64>, normal: Vector3<f64>, distance: f64| {
         found(number, surface_pose * point, surface_pose.rotation * normal, distance);
     };
-    if let ConvexShape::Cylinder { .. } = mover.collider.shape {
+    if mover.collider.shape.turns_features() {
         mover.rims(surface, &extent, &mut found);
     } else {
         // Their features are the same in every direction.
@@ -98,7 +98,8 @@ fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
 }
 
 impl Mover<'_> {
-    /// The rims of a cylinder: triangles of each normal meet those points of them that are deepest against it.
+    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal meet those points of them that are deepest
+    /// against it.
     fn rims(
         &self,
         surface: &TriangleSurface,

@@ -1,7 +1,8 @@
 //! Contact points with the terrain.
 //!
 //! A round feature touches the faces that its centre stands over, and the edge or corner that is nearest to it if that is nearer
-//! than all faces; a sharp one the face below it. Where a box, a cylinder or a capsule lies across a peak, the peak touches it.
+//! than all faces; a sharp one the face below it. Where a box, a cylinder, a capsule or the hull of an object lies across a peak, the peak
+//! touches it.
 //! Edges between faces of one plane are no edges.
 
 use motorium_robots::{Collisions, ConvexShape, HeightField};
@@ -80,12 +81,18 @@ pub(super) fn detect(
                 if !takes(&normal) {
                     continue;
                 }
-                let key = u64::from(feature.index & 0x7f) << 24 | u64::from(triangle & 0x00ff_ffff);
+                // A sharp feature touches one face; a round one has a small number.
+                let key = if feature.radius == 0.0 {
+                    u64::from(feature.index)
+                } else {
+                    u64::from(feature.index & 0x7f) << 24 | u64::from(triangle & 0x00ff_ffff)
+                };
                 let middle = place - normal * (feature.radius + 0.5 * distance);
                 found(point(key, index, terrain, middle, normal, distance));
             }
         });
-        if matches!(collider.shape, ConvexShape::Sphere { .. } | ConvexShape::Hull { .. }) {
+        let faceless = matches!(collider.shape, ConvexShape::Hull { .. }) && collider.faces.is_empty();
+        if faceless || matches!(collider.shape, ConvexShape::Sphere { .. }) {
             continue;
         }
         let down = towards(&pose);
@@ -94,7 +101,7 @@ pub(super) fn detect(
                 return;
             }
             let local = pose.inverse_transform_point(&peak);
-            let Some((distance, normal)) = collider.shape.surface_towards(&local.coords, &down) else {
+            let Some((distance, normal)) = collider.surface_towards(&local.coords, &down) else {
                 return;
             };
             if distance < margin {
@@ -109,8 +116,8 @@ pub(super) fn detect(
 /// True of the normals of faces that a feature is for.
 type Takes<'a> = dyn Fn(&Vector3<f64>) -> bool + 'a;
 
-/// Passes the features of a collider that may touch to `visit`, and which normals of faces each is for: rims of a cylinder touch faces of
-/// each normal where they are deepest against it. `reach` \[m\] is how far from the collider's origin faces count.
+/// Passes the features of a collider that may touch to `visit`, and which normals of faces each is for: rims of a cylinder and corners of a
+/// dense hull touch faces of each normal where they are deepest against it. `reach` \[m\] is how far from the collider's origin faces count.
 fn features(
     field: &HeightField,
     (collider, pose): (&Collider, &IsometryMatrix3<f64>),
@@ -118,7 +125,7 @@ fn features(
     visit: &mut dyn FnMut(Feature, &Takes<'_>),
 ) {
     let mut normals = Normals::default();
-    if matches!(collider.shape, ConvexShape::Cylinder { .. }) {
+    if collider.shape.turns_features() {
         let centre = Point3::from(pose.translation.vector);
         field.visit_near(&centre, reach, &mut |triangle| normals.add(&triangle.normal));
     }

@@ -18,6 +18,30 @@ pub(crate) fn box_between(low: [f64; 3], high: [f64; 3]) -> TriangleMesh {
     TriangleMesh { points, triangles }
 }
 
+/// A prism along z with `sides` sides, this far from its axis and `length` long \[m\].
+pub(crate) fn prism(sides: usize, radius: f64, length: f64) -> TriangleMesh {
+    let turn = std::f64::consts::TAU / sides as f64;
+    let corner = |index: usize, z: f64| {
+        let (sin, cos) = ((index as f64 + 0.5) * turn).sin_cos();
+        let reach = radius / (0.5 * turn).cos();
+        Vector3::new(reach * cos, reach * sin, z)
+    };
+    let half = 0.5 * length;
+    let mut points: Vec<_> = (0..sides).map(|index| corner(index, -half)).collect();
+    points.extend((0..sides).map(|index| corner(index, half)));
+    let (count, mut triangles) = (sides as u32, Vec::new());
+    for index in 0..count {
+        let next = (index + 1) % count;
+        triangles.push([index, next, count + next]);
+        triangles.push([index, count + next, count + index]);
+        if index > 0 && next > 0 {
+            triangles.push([0, next, index]);
+            triangles.push([count, count + index, count + next]);
+        }
+    }
+    TriangleMesh { points, triangles }
+}
+
 /// Several meshes as one.
 pub(crate) fn joined(parts: &[TriangleMesh]) -> TriangleMesh {
     let mut whole = TriangleMesh::default();

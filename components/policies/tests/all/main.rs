@@ -6,6 +6,7 @@ mod gaits;
 mod imitation;
 mod joint_policies;
 mod kernelised;
+mod latent_policy;
 mod library_policy;
 mod live_weights;
 mod pictures;

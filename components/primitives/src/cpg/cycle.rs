@@ -1,33 +1,34 @@
-//! The limit cycle of a pair of neurons: its period, its size, and where in time each state lies.
+//! The limit cycle of a pair of neurons: period, amplitude and phase of each state.
 
 use std::f64::consts::TAU;
 
 use super::{CpgError, MatsuokaOscillator, MatsuokaSettings};
 use crate::ValueError;
 
-/// Samples of the cycle, and steps between two of them.
+/// Number of samples of the cycle; states in between are interpolated.
 const SAMPLES: usize = 512;
 const STEPS: usize = 4;
-/// Periods (by harmonic balance) after which the pair is on its cycle.
+/// Periods (by harmonic balance) after which the transient of the pair has decayed.
 const PERIODS: f64 = 60.0;
 
-/// The cycle of a pair, measured once. Its output is the difference of the fatigues, `d = v_0 - v_1`: that of the firing
-/// rates has corners where a neuron falls silent, and `v` is just that, smoothed by the model itself.
+/// Limit cycle of a pair, measured once. The output is the difference of the fatigues, `d = v_0 - v_1`,
+/// because the difference of the firing rates has corners where a neuron falls silent. `v` is the firing rate
+/// smoothed by the model itself.
 #[derive(Clone, Debug)]
 pub(super) struct Cycle {
     fatigue_time: f64,
-    /// Own time of one turn, s.
+    /// Period in the pair's own time, s.
     pub(super) period: f64,
     /// Largest `d`.
     amplitude: f64,
     /// States of both neurons, evenly spaced in time from the maximum of `d`.
     states: Vec<[(f64, f64); 2]>,
-    /// Angles of `(d, -d' / omega)` there, ascending from 0.
+    /// Angles of `(d, -d' / omega)` at these states, ascending from 0.
     angles: Vec<f64>,
 }
 
 impl Cycle {
-    /// Of two neurons that inhibit each other with `inhibition`.
+    /// Measures the cycle of two neurons that inhibit each other with `inhibition`.
     pub(super) fn measure(settings: MatsuokaSettings, inhibition: f64) -> Result<Self, CpgError> {
         let mut pair = MatsuokaOscillator::pair(settings, inhibition)?;
         let guess = settings.pair_frequency(inhibition).filter(|_| settings.pair_oscillates(inhibition));
@@ -41,7 +42,7 @@ impl Cycle {
         let dt = guess / (SAMPLES * STEPS) as f64;
         (0..(PERIODS * guess / dt) as usize).for_each(|_| pair.step(dt));
         let slope = |pair: &MatsuokaOscillator| difference(pair, settings.fatigue_time).1;
-        // from maximum to maximum: where the slope falls through zero, the state a little before
+        // A period runs from maximum to maximum, where the slope crosses zero downwards.
         let mut time = 0.0;
         let mut peaks = Vec::with_capacity(3);
         let mut begin = pair.clone();
@@ -77,7 +78,7 @@ impl Cycle {
             cycle.states.push([states[0], states[1]]);
             let angle = cycle.angle(&pair);
             let least = cycle.angles.last().copied().unwrap_or(0.0);
-            // the first may be a rounding below a whole turn
+            // rounding can put the first angle just below a full turn
             let angle = if cycle.angles.is_empty() { 0.0 } else { angle };
             cycle.angles.push(angle.max(least));
             (0..STEPS).for_each(|_| pair.step(step));
@@ -85,7 +86,7 @@ impl Cycle {
         Ok(cycle)
     }
 
-    /// Output of a pair and its rate in own time, of amplitude 1.
+    /// Returns the pair's output, normalised to amplitude 1, and its rate in the pair's own time.
     pub(super) fn output(&self, pair: &MatsuokaOscillator) -> (f64, f64) {
         let (d, rate) = difference(pair, self.fatigue_time);
         (d / self.amplitude, rate / self.amplitude)
@@ -96,7 +97,7 @@ impl Cycle {
         (-rate * self.period / TAU).atan2(d).rem_euclid(TAU)
     }
 
-    /// The part of a turn in time since the maximum, rad in \[0, 2 pi).
+    /// Fraction of the period elapsed since the maximum, as an angle in \[0, 2 pi) rad.
     pub(super) fn phase(&self, pair: &MatsuokaOscillator) -> f64 {
         let angle = self.angle(pair);
         let after = self.angles.partition_point(|known| *known <= angle).max(1);
@@ -130,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pair_that_runs_alone_advances_evenly_in_phase() {
+    fn phase_of_an_uncoupled_pair_advances_evenly() {
         let settings = MatsuokaSettings::default();
         let cycle = Cycle::measure(settings, 2.2).unwrap();
         let mut pair = MatsuokaOscillator::pair(settings, 2.2).unwrap();
@@ -146,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_that_would_fall_silent_is_refused_with_the_range() {
+    fn inhibition_outside_the_oscillating_range_is_rejected() {
         let error = Cycle::measure(MatsuokaSettings::default(), 4.0).unwrap_err().to_string();
         assert_eq!(
             error,

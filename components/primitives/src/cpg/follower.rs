@@ -5,7 +5,7 @@ use super::{CpgError, finite, size};
 use crate::ValueError;
 use crate::dmp::Stride;
 
-/// A value that follows its target by a critically damped spring.
+/// A value that follows its target like a critically damped spring.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Follower {
     /// The value and its rate.
@@ -27,7 +27,8 @@ impl Follower {
     }
 }
 
-/// The commanded frequency, amplitudes, offsets and pattern phases of a network, and the values that follow them.
+/// The commanded frequency, amplitudes, offsets and pattern phases of a network, and the values that follow
+/// them.
 #[derive(Clone, Debug)]
 pub(super) struct Commands {
     /// Frequency, Hz.
@@ -41,8 +42,8 @@ pub(super) struct Commands {
 }
 
 impl Commands {
-    /// Commands of outputs, given as amplitude and offset, and of oscillators at phases of the pattern (rad).
-    /// Amplitudes begin at 0, all others at their targets.
+    /// Creates commands for outputs (amplitude and offset) and for oscillators at given phases of the pattern
+    /// (rad). Amplitudes start at 0, all other values at their targets.
     pub(super) fn new(
         frequency: f64,
         outputs: impl Iterator<Item = (f64, f64)>,
@@ -61,7 +62,7 @@ impl Commands {
         }
     }
 
-    /// Commands amplitude and offset of an output of the network that is called `name`.
+    /// Commands amplitude and offset of one output; `name` names the network in errors.
     pub(super) fn set_amplitude_offset(
         &mut self,
         name: &'static str,
@@ -78,14 +79,14 @@ impl Commands {
         Ok(())
     }
 
-    /// Commands the phases of the pattern, rad, one for each oscillator. Each goes the short way round.
+    /// Commands the phase of every oscillator in the pattern, rad. Each phase turns the shorter way round.
     pub(super) fn set_pattern(&mut self, phases: impl Iterator<Item = f64>) {
         for (theta, phase) in self.theta.iter_mut().zip(phases) {
             theta.target = theta.state.0 + wrapped(phase - theta.state.0);
         }
     }
 
-    /// Takes all values to their targets at once.
+    /// Sets all values to their targets immediately.
     pub(super) fn settle(&mut self) {
         let all = self.amplitude.iter_mut().chain(&mut self.offset).chain(&mut self.theta);
         all.chain([&mut self.frequency]).for_each(Follower::settle);
@@ -97,8 +98,8 @@ impl Commands {
         (1..phases.len()).map(|i| wrapped(deviation(i) - deviation(0)).abs()).fold(0.0, f64::max)
     }
 
-    /// An output and its rate, per second: `o + a value`, from the value of its oscillator between -1 and 1 and the
-    /// rate of that value.
+    /// Returns an output `o + a value` and its rate per second, given the oscillator's value in \[-1, 1\] and
+    /// that value's rate.
     pub(super) fn output(&self, output: usize, value: f64, rate: f64) -> (f64, f64) {
         let ((a, a_rate), (o, o_rate)) = (self.amplitude[output].state, self.offset[output].state);
         (o + a * value, o_rate + a_rate * value + a * rate)

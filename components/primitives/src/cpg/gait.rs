@@ -6,27 +6,28 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A gait, as the phase of every leg in its stride.
+/// A gait: the phase of every leg within the stride.
 ///
-/// Legs come in pairs, left before right, from the front to the rear: two are L, R; four are LF, RF, LH, RH; six are LF, RF,
-/// LM, RM, LH, RH. A leg with a larger phase is ahead.
+/// Legs come in pairs, left before right, from the front to the rear: two are L, R; four are LF, RF, LH, RH;
+/// six are LF, RF, LM, RM, LH, RH. A leg with a larger phase is ahead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Gait {
-    /// One leg after the other. Two legs: in turn. Four: the lateral sequence LF, RH, RF, LH, a quarter of a stride apart.
-    /// Six: the metachronal wave, on each side from the rear to the front a sixth of a stride apart, the sides in turn.
+    /// One leg after the other. Two legs alternate. Four legs follow the lateral sequence LF, RH, RF, LH, a
+    /// quarter of a stride apart. Six legs follow the metachronal wave: on each side from rear to front, a
+    /// sixth of a stride apart, the two sides alternating.
     Walk,
     /// Diagonal legs together. Four legs.
     Trot,
-    /// The legs of a side together. Four legs.
+    /// Both legs of a side together. Four legs.
     Pace,
-    /// Front legs together, then hind legs (two legs: both together, a hop). Two and four legs.
+    /// Front legs together, then hind legs. With two legs, both together (a hop). Two or four legs.
     Bound,
-    /// Three legs that stand apart together: LF, RM, LH, and the others in turn. Six legs.
+    /// Alternating tripods: LF, RM, LH together, then the other three. Six legs.
     Tripod,
 }
 
-/// A gait for another number of legs.
+/// The gait is not defined for this number of legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{legs} legs have no {gait} gait: {}", advice(*.legs))]
 pub struct GaitError {
@@ -38,10 +39,10 @@ pub struct GaitError {
 
 fn advice(legs: usize) -> &'static str {
     match legs {
-        2 => "take walk or bound",
-        4 => "take walk, trot, pace or bound",
-        6 => "take walk or tripod",
-        _ => "two, four and six legs have gaits",
+        2 => "use walk or bound",
+        4 => "use walk, trot, pace or bound",
+        6 => "use walk or tripod",
+        _ => "gaits are defined for two, four and six legs",
     }
 }
 
@@ -52,7 +53,7 @@ impl fmt::Display for Gait {
 }
 
 impl Gait {
-    /// Its name, as graph files have it.
+    /// Name of the gait in graph files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Walk => "walk",
@@ -63,7 +64,7 @@ impl Gait {
         }
     }
 
-    /// The gaits that a number of legs has; none for other numbers than 2, 4 and 6.
+    /// Gaits defined for a number of legs; empty unless `legs` is 2, 4 or 6.
     pub fn of(legs: usize) -> &'static [Self] {
         match legs {
             2 => &[Self::Walk, Self::Bound],
@@ -73,10 +74,10 @@ impl Gait {
         }
     }
 
-    /// The phase of each leg, rad in \[0, 2 pi).
+    /// Returns the phase of each leg, rad in \[0, 2 pi).
     ///
     /// # Errors
-    /// Another number of legs.
+    /// The gait is not defined for this number of legs.
     pub fn phases(self, legs: usize) -> Result<&'static [f64], GaitError> {
         Ok(match (self, legs) {
             (Self::Walk, 2) => &[0.0, PI],
@@ -91,7 +92,8 @@ impl Gait {
         })
     }
 
-    /// The part of a stride that a leg stands, as is usual for the gait. More than a half for gaits that never fly.
+    /// Usual fraction of the stride that a leg spends in stance. Above one half for gaits without a flight
+    /// phase.
     pub fn duty_factor(self, legs: usize) -> f64 {
         match (self, legs) {
             (Self::Walk, 2) => 0.6,
@@ -108,15 +110,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gait_of_another_number_of_legs_is_refused_with_those_there_are() {
+    fn gait_for_another_leg_count_is_rejected_with_alternatives() {
         let error = Gait::Tripod.phases(4).unwrap_err().to_string();
         assert_eq!(error, "4 legs have no tripod gait: take walk, trot, pace or bound");
         assert!(Gait::Walk.phases(5).unwrap_err().to_string().contains("two, four and six"));
     }
 
-    /// Hildebrand: in the lateral sequence, the front foot of a side follows the hind foot of that side.
+    /// In Hildebrand's lateral sequence, the front foot of a side follows the hind foot of the same side.
     #[test]
-    fn a_walk_sets_one_foot_after_the_other_in_the_lateral_sequence() {
+    fn walk_follows_the_lateral_sequence() {
         let phases = Gait::Walk.phases(4).unwrap();
         // the leg that is farthest ahead reaches the same point of its stride first
         let mut order = [0, 1, 2, 3];
@@ -125,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tripod_never_lifts_two_legs_next_to_each_other() {
+    fn tripod_never_lifts_two_adjacent_legs() {
         let phases = Gait::Tripod.phases(6).unwrap();
         for (a, b) in [(0, 1), (2, 3), (4, 5), (0, 2), (2, 4), (1, 3), (3, 5)] {
             assert_eq!((phases[a] - phases[b]).abs(), PI);

@@ -1,22 +1,22 @@
-//! Coupled Hopf oscillators with speeds of their own for swing and stance.
+//! Coupled Hopf oscillators with separate speeds for swing and stance.
 
 use nalgebra::DMatrix;
 
 use super::{CpgError, finite, positive, size};
 use crate::ValueError;
 
-/// The numbers of a Hopf oscillator; [`Default`] gives the values named on each field.
+/// Parameters of a Hopf oscillator. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HopfSettings {
-    /// Rate `gamma` at which it falls back to its circle, 1/s per squared unit of the output. Default 8.
+    /// Rate of convergence `gamma` to the limit cycle, 1/s per squared unit of the output. Default 8.
     pub convergence: f64,
-    /// Radius of the circle, `sqrt(mu)`, unit of the output. Default 1.
+    /// Radius of the limit cycle, `sqrt(mu)`, in the unit of the output. Default 1.
     pub amplitude: f64,
     /// Angular velocity while `y > 0` (stance), rad/s. Default 2 pi.
     pub stance_speed: f64,
     /// Angular velocity while `y < 0` (swing), rad/s. Default 2 pi.
     pub swing_speed: f64,
-    /// Sharpness of the change from one to the other, `b`, relative to the amplitude. Default 50.
+    /// Sharpness `b` of the transition between stance and swing speed, relative to the amplitude. Default 50.
     pub sharpness: f64,
 }
 
@@ -28,8 +28,9 @@ impl Default for HopfSettings {
 }
 
 impl HopfSettings {
-    /// With the speeds that make a stride of `period` seconds, of which the leg stands the part `duty_factor` in (0, 1):
-    /// half a turn each, `omega_st = pi / (d P)`, `omega_sw = pi / ((1 - d) P)`.
+    /// Returns these settings with speeds for a stride of `period` seconds, of which `duty_factor`, in (0,
+    /// 1), is stance. Each half turn has its own speed: `omega_st = pi / (d P)`, `omega_sw = pi / ((1 - d)
+    /// P)`.
     #[must_use]
     pub fn with_stride(self, period: f64, duty_factor: f64) -> Self {
         Self {
@@ -42,11 +43,13 @@ impl HopfSettings {
 
 /// Coupled Hopf oscillators. With `mu` the squared amplitude and `r^2 = x^2 + y^2`,
 ///
-/// `x_i' = gamma (mu - r^2) x_i - omega_i y_i + c_i^x + s_i`, `y_i' = gamma (mu - r^2) y_i + omega_i x_i + c_i^y`,
+/// `x_i' = gamma (mu - r^2) x_i - omega_i y_i + c_i^x + s_i`, `y_i' = gamma (mu - r^2) y_i + omega_i x_i +
+/// c_i^y`,
 ///
-/// `omega_i = omega_st / (exp(-b y_i / sqrt(mu)) + 1) + omega_sw / (exp(b y_i / sqrt(mu)) + 1)` (Righetti and Ijspeert 2008).
-/// The coupling is diffusive, `c_i = sum_j k_ij (R(-phi_ij) z_j - z_i)` with the rotation `R`: in the pattern, with equal
-/// speeds, it vanishes, and the amplitude stays `sqrt(mu)`. `s_i` is feedback. The output of a leg is `x`.
+/// `omega_i = omega_st / (exp(-b y_i / sqrt(mu)) + 1) + omega_sw / (exp(b y_i / sqrt(mu)) + 1)` (Righetti and
+/// Ijspeert 2008). The coupling is diffusive, `c_i = sum_j k_ij (R(-phi_ij) z_j - z_i)` with the rotation
+/// `R`. It vanishes in the pattern at equal speeds, so the amplitude stays `sqrt(mu)`. `s_i` is feedback. The
+/// output of a leg is `x`.
 #[derive(Clone, Debug)]
 pub struct HopfNetwork {
     settings: HopfSettings,
@@ -62,11 +65,11 @@ pub struct HopfNetwork {
 }
 
 impl HopfNetwork {
-    /// From the settings, the couplings `k` (row i: what acts on i, 1/s) and the phases of the pattern, rad. Starts on the
-    /// circle, in the pattern.
+    /// Creates a network from settings, couplings `k` (entry `k_ij`: action of j on i, 1/s) and the phases of
+    /// the pattern, rad. All oscillators start on the limit cycle, in the pattern.
     ///
     /// # Errors
-    /// Sizes that do not fit, numbers out of range.
+    /// Sizes do not match, or a number is out of range.
     pub fn new(settings: HopfSettings, couplings: DMatrix<f64>, phases: &[f64]) -> Result<Self, CpgError> {
         let n = phases.len();
         size("the rows of the couplings", couplings.nrows(), n)?;
@@ -101,10 +104,11 @@ impl HopfNetwork {
         Ok(network)
     }
 
-    /// Commands the phase of every oscillator in the pattern, rad: the state stays as it is and drifts there.
+    /// Commands the phase of every oscillator in the pattern, rad. The state does not jump; it converges to
+    /// the new pattern.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_pattern(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         size("the pattern", phases.len(), self.state.len())?;
         finite("the pattern", phases)?;
@@ -114,10 +118,10 @@ impl HopfNetwork {
         Ok(())
     }
 
-    /// Sets amplitude and speeds while it runs.
+    /// Changes amplitude and speeds at run time.
     ///
     /// # Errors
-    /// Numbers out of range.
+    /// A number is out of range.
     pub fn set_settings(&mut self, settings: HopfSettings) -> Result<(), CpgError> {
         for (name, value) in [
             ("convergence", settings.convergence),
@@ -132,10 +136,10 @@ impl HopfNetwork {
         Ok(())
     }
 
-    /// Sets the state `(x, y)` of an oscillator. A jump.
+    /// Sets the state `(x, y)` of an oscillator. The output jumps.
     ///
     /// # Errors
-    /// An oscillator that does not exist, or numbers that are not finite.
+    /// The oscillator does not exist, or a number is not finite.
     pub fn set_state(&mut self, oscillator: usize, (x, y): (f64, f64)) -> Result<(), CpgError> {
         finite("the state", &[x, y])?;
         let found = self.state.len();
@@ -154,7 +158,8 @@ impl HopfNetwork {
         self.step_with_feedback(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with `feedback[i]` (unit of the output per second) added to `x_i'`. An empty slice means none.
+    /// Like [`step`](Self::step), with `feedback[i]` (unit of the output per second) added to `x_i'`. An
+    /// empty slice means no feedback.
     pub fn step_with_feedback(&mut self, dt: f64, feedback: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -197,7 +202,7 @@ impl HopfNetwork {
         &self.rates
     }
 
-    /// True while a leg is in stance: `y > 0`.
+    /// Returns `true` while a leg is in stance (`y > 0`).
     pub fn is_stance(&self, oscillator: usize) -> bool {
         self.state.get(oscillator).is_some_and(|state| state.1 > 0.0)
     }
@@ -206,7 +211,7 @@ impl HopfNetwork {
         let HopfSettings { convergence, amplitude, stance_speed, swing_speed, sharpness } = self.settings;
         let (x, y) = state[i];
         let radial = convergence * (amplitude * amplitude - x * x - y * y);
-        // of the two weights, one is one less the other
+        // the two weights sum to one
         let stance = 1.0 / ((-sharpness * y / amplitude).exp() + 1.0);
         let omega = stance_speed * stance + swing_speed * (1.0 - stance);
         let (mut dx, mut dy) = (radial * x - omega * y, radial * y + omega * x);

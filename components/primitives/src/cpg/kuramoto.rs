@@ -5,7 +5,8 @@ use nalgebra::DMatrix;
 use super::phases::{CoupledPhases, Influence};
 use super::{CpgError, finite, size};
 
-/// `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)`, with `phi_ij = theta_j - theta_i`.
+/// Kuramoto oscillators: `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)`, with `phi_ij = theta_j -
+/// theta_i`.
 #[derive(Clone, Debug)]
 pub struct Kuramoto {
     phases: CoupledPhases,
@@ -16,11 +17,12 @@ pub struct Kuramoto {
 }
 
 impl Kuramoto {
-    /// From the own angular velocities (rad/s), the couplings `k` (row i: what acts on i, rad/s) and the phases `theta` of
-    /// the pattern (rad; zeros to synchronise). Starts at `theta`.
+    /// Creates oscillators from their natural angular velocities (rad/s), the couplings `k` (entry `k_ij`:
+    /// action of j on i, rad/s) and the phases `theta` of the pattern (rad; zeros synchronise). The phases
+    /// start at `theta`.
     ///
     /// # Errors
-    /// Sizes that do not fit, or numbers that are not finite.
+    /// Sizes do not match, or a number is not finite.
     pub fn new(omega: Vec<f64>, couplings: DMatrix<f64>, theta: Vec<f64>) -> Result<Self, CpgError> {
         let n = omega.len();
         size("the phases of the pattern", theta.len(), n)?;
@@ -43,7 +45,7 @@ impl Kuramoto {
     /// Sets the phases, rad.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         size("phases", phases.len(), self.omega.len())?;
         finite("phases", phases)?;
@@ -57,7 +59,7 @@ impl Kuramoto {
         self.step_entrained(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
+    /// Like [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
     /// [`Entrainment`](super::Entrainment). An empty slice means no entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         let (omega, theta) = (&self.omega, &self.theta);
@@ -71,7 +73,8 @@ impl Kuramoto {
         &self.wrapped
     }
 
-    /// The order parameter `r = |sum_j exp(i (phi_j - theta_j))| / n`: 1 in the pattern, near 0 without order.
+    /// Order parameter `r = |sum_j exp(i (phi_j - theta_j))| / n`: 1 in the pattern, near 0 for incoherent
+    /// phases.
     pub fn order(&self) -> f64 {
         let (mut real, mut imaginary) = (0.0, 0.0);
         for (phase, theta) in self.phases.phase.iter().zip(&self.theta) {

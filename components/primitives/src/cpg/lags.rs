@@ -1,11 +1,11 @@
-//! Phase lags between pairs of oscillators, and whether they contradict each other.
+//! Phase lags between pairs of oscillators, and a check that they are consistent.
 
 use std::f64::consts::{PI, TAU};
 
-/// By how much one oscillator is to be ahead of another.
+/// Desired lead of one oscillator over another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lag {
-    /// The oscillator that is led.
+    /// The lagging oscillator.
     pub follower: usize,
     /// The oscillator that leads.
     pub leader: usize,
@@ -13,33 +13,33 @@ pub struct Lag {
     pub ahead: f64,
 }
 
-/// Lags that are no pattern.
+/// The lags do not form a pattern.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LagError {
-    /// An oscillator that does not exist.
-    #[error("a lag of oscillator {found}: there are {oscillators}, counted from 0")]
+    /// An index is out of range.
+    #[error("lag of oscillator {found}: out of range, expected an index below {oscillators}")]
     NoSuchOscillator {
         /// Index named.
         found: usize,
         /// Number that exists.
         oscillators: usize,
     },
-    /// A lag that is not a number.
+    /// A lag is not finite.
     #[error("the lag between oscillators {follower} and {leader} is {ahead}, expected a finite number")]
     NotFinite {
-        /// The one that is led.
+        /// The lagging oscillator.
         follower: usize,
         /// The one that leads.
         leader: usize,
         /// The lag.
         ahead: f64,
     },
-    /// The lags round a loop do not add up to whole turns.
+    /// The lags around a loop do not add up to whole turns.
     #[error(
-        "oscillator {leader} is to be {ahead:.4} rad ahead of {follower}, but the lags on the other way round make it {implied:.4}: the loop does not close"
+        "oscillator {leader} must lead {follower} by {ahead:.4} rad, but the other lags of the loop imply {implied:.4}: the loop does not close"
     )]
     Inconsistent {
-        /// The one that is led.
+        /// The lagging oscillator.
         follower: usize,
         /// The one that leads.
         leader: usize,
@@ -50,15 +50,15 @@ pub enum LagError {
     },
 }
 
-/// Tolerance of the sum of lags round a loop, rad: the loss of printed digits.
+/// Tolerance of the sum of lags around a loop, rad. Covers the rounding of printed lags.
 const TOLERANCE: f64 = 1e-3;
 
-/// One phase for each oscillator whose differences are the lags given, rad. The first oscillator of every connected group
-/// has phase 0.
+/// Finds one phase per oscillator, rad, such that the differences are the given lags. The first oscillator of
+/// every connected group has phase 0.
 ///
 /// # Errors
-/// Lags that contradict each other (`phi_ij` and `phi_ji` are a loop, too), oscillators that do not exist, numbers that
-/// are none.
+/// Lags contradict each other (`phi_ij` and `phi_ji` form a loop, too), an oscillator does not exist, or a
+/// lag is not finite.
 pub fn consistent_phases(oscillators: usize, lags: &[Lag]) -> Result<Vec<f64>, LagError> {
     for lag in lags {
         for found in [lag.follower, lag.leader] {
@@ -105,7 +105,7 @@ pub fn consistent_phases(oscillators: usize, lags: &[Lag]) -> Result<Vec<f64>, L
     Ok(phases)
 }
 
-/// An angle in (-pi, pi].
+/// Wraps an angle to (-pi, pi].
 pub(super) fn wrapped(angle: f64) -> f64 {
     PI - (PI - angle).rem_euclid(TAU)
 }
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lags_of_a_trot_are_consistent_and_give_its_phases() {
+    fn trot_lags_are_consistent_and_give_its_phases() {
         let lags = [lag(0, 1, PI), lag(1, 0, -PI), lag(0, 2, -PI), lag(1, 3, PI), lag(2, 3, PI)];
         let phases = consistent_phases(4, &lags).unwrap();
         for (found, expected) in phases.iter().zip([0.0, PI, PI, 0.0]) {
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loop_that_does_not_close_is_refused_with_the_lag_at_fault() {
+    fn open_loop_is_rejected_and_names_the_lag() {
         let lags = [lag(0, 1, 2.0), lag(1, 2, 2.0), lag(2, 0, 2.0)];
         let error = consistent_phases(3, &lags).unwrap_err();
         assert!(matches!(error, LagError::Inconsistent { .. }));
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn an_oscillator_that_is_not_there_is_refused_by_number() {
+    fn unknown_oscillator_is_rejected_by_index() {
         let error = consistent_phases(2, &[lag(0, 5, 1.0)]).unwrap_err().to_string();
         assert_eq!(error, "a lag of oscillator 5: there are 2, counted from 0");
     }

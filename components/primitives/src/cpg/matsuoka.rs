@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::{CpgError, finite, positive, size};
 
-/// The numbers of a neuron; [`Default`] gives the values named on each field.
+/// Parameters of a neuron. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatsuokaSettings {
     /// Rise time `tau_1`, s. Default 0.25.
@@ -24,14 +24,14 @@ impl Default for MatsuokaSettings {
 }
 
 impl MatsuokaSettings {
-    /// True if two neurons that inhibit each other with `w` oscillate: `1 + beta > w > 1 + tau_1 / tau_2` (Matsuoka
-    /// 1985).
+    /// Returns `true` if two neurons that inhibit each other with weight `w` oscillate: `1 + beta > w > 1 +
+    /// tau_1 / tau_2` (Matsuoka 1985).
     pub fn pair_oscillates(&self, w: f64) -> bool {
         1.0 + self.fatigue > w && w > 1.0 + self.rise_time / self.fatigue_time
     }
 
-    /// About the frequency of such a pair, Hz: `sqrt(((tau_1 + tau_2) beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`,
-    /// from the harmonic balance (Matsuoka 2011). None where that has no solution.
+    /// Approximate frequency of such a pair, Hz, by harmonic balance (Matsuoka 2011): `sqrt(((tau_1 + tau_2)
+    /// beta - tau_1 w) / (tau_1 w)) / (2 pi tau_2)`. `None` where the equation has no solution.
     pub fn pair_frequency(&self, w: f64) -> Option<f64> {
         let Self { rise_time, fatigue_time, fatigue, .. } = *self;
         let squared = ((rise_time + fatigue_time) * fatigue - rise_time * w) / (rise_time * w);
@@ -39,7 +39,7 @@ impl MatsuokaSettings {
     }
 }
 
-/// Neurons that inhibit each other and tire:
+/// Mutually inhibiting neurons with fatigue:
 ///
 /// `tau_1 u_i' = -u_i - beta v_i - sum_j w_ij y_j + c + s_i`, `tau_2 v_i' = -v_i + y_i`, `y_i = max(0, u_i)`.
 #[derive(Clone, Debug)]
@@ -54,11 +54,12 @@ pub struct MatsuokaOscillator {
 }
 
 impl MatsuokaOscillator {
-    /// From the inhibitions `w` (row i: what acts on i; positive inhibits). All at rest but the first neuron, which is
-    /// excited by 0.1: from rest exactly alike, neurons would stay alike.
+    /// Creates neurons from the inhibition weights `w` (entry `w_ij`: action of j on i; positive inhibits).
+    /// All neurons start at rest except the first, whose potential is 0.1, because identical neurons would
+    /// stay identical.
     ///
     /// # Errors
-    /// A matrix that is not square, numbers out of range.
+    /// The matrix is not square, or a number is out of range.
     pub fn new(settings: MatsuokaSettings, weights: DMatrix<f64>) -> Result<Self, CpgError> {
         let n = weights.nrows();
         size("the columns of the weights", weights.ncols(), n)?;
@@ -84,18 +85,18 @@ impl MatsuokaOscillator {
         Ok(oscillator)
     }
 
-    /// Two neurons that inhibit each other with `w`: one joint with its flexor and extensor.
+    /// Creates a pair of neurons that inhibit each other with `w`: flexor and extensor of one joint.
     ///
     /// # Errors
-    /// Numbers out of range.
+    /// A number is out of range.
     pub fn pair(settings: MatsuokaSettings, w: f64) -> Result<Self, CpgError> {
         Self::new(settings, DMatrix::from_row_slice(2, 2, &[0.0, w, w, 0.0]))
     }
 
-    /// Sets potential and fatigue of every neuron. A jump.
+    /// Sets potential and fatigue of every neuron. The output jumps.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_state(&mut self, state: &[(f64, f64)]) -> Result<(), CpgError> {
         size("the state", state.len(), self.state.len())?;
         for (u, v) in state {
@@ -111,8 +112,8 @@ impl MatsuokaOscillator {
         self.step_with_feedback(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with the input `feedback[i]` to each neuron, which entrains it. An empty slice means no
-    /// input.
+    /// Like [`step`](Self::step), with an entraining input `feedback[i]` to each neuron. An empty slice means
+    /// no input.
     pub fn step_with_feedback(&mut self, dt: f64, feedback: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -145,7 +146,7 @@ impl MatsuokaOscillator {
         &self.output
     }
 
-    /// The output of a pair, `y_0 - y_1`. Zero for a single neuron.
+    /// Output of a pair, `y_0 - y_1`; zero for a single neuron.
     pub fn difference(&self) -> f64 {
         match self.output[..] {
             [flexor, extensor, ..] => flexor - extensor,

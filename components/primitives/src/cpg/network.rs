@@ -1,4 +1,4 @@
-//! The phase-amplitude network of Ijspeert and others.
+//! The phase-amplitude network of Ijspeert et al.
 
 use std::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ pub struct Node {
     pub phase: f64,
 }
 
-/// A leg that is one node.
+/// Amplitude and offset of a leg that is driven by a single node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegSettings {
     /// Amplitude, unit of the output.
@@ -37,15 +37,15 @@ impl Default for LegSettings {
     }
 }
 
-/// The numbers of the whole network; [`Default`] gives the values named on each field.
+/// Parameters of the whole network. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NetworkSettings {
     /// Frequency `nu` of all nodes, Hz. Default 1.
     pub frequency: f64,
     /// Damping `D` of amplitudes, offsets and frequency, 1/s; the stiffness is `K = D^2 / 4`. Default 20.
     pub damping: f64,
-    /// Damping of the phases of the pattern, which makes gait changes smooth, 1/s. Default 8: most of a change takes half a
-    /// second.
+    /// Damping of the pattern phases, which smooths gait changes, 1/s. Default 8: most of a change is
+    /// complete after half a second.
     pub transition: f64,
 }
 
@@ -55,14 +55,15 @@ impl Default for NetworkSettings {
     }
 }
 
-/// Coupled nodes of a phase, an amplitude and an offset each (Ijspeert et al. 2007):
+/// Coupled nodes, each with a phase, an amplitude and an offset (Ijspeert et al. 2007):
 ///
-/// `phi_i' = 2 pi nu + sum_j a_j w_ij sin(phi_j - phi_i - phi_ij)`, `a_i'' = K (A_i - a_i) - D a_i'`,
-/// `o_i'' = K (O_i - o_i) - D o_i'`, output `y_i = o_i + a_i cos(phi_i)`.
+/// `phi_i' = 2 pi nu + sum_j a_j w_ij sin(phi_j - phi_i - phi_ij)`, `a_i'' = K (A_i - a_i) - D a_i'`, `o_i''
+/// = K (O_i - o_i) - D o_i'`, output `y_i = o_i + a_i cos(phi_i)`.
 ///
-/// `nu` follows its command by the same spring (as published it jumps). Lags are differences of the phases of the pattern,
-/// `phi_ij = theta_j - theta_i`, and `theta` slides to that of another gait the short way round: everything that is put
-/// out stays continuous with its derivative. Amplitudes start at zero, so that the rhythm grows out of the offsets.
+/// `nu` follows its command with the same spring (in the publication it jumps). Lags are differences of
+/// pattern phases, `phi_ij = theta_j - theta_i`, and `theta` turns to the next gait the shorter way round.
+/// Outputs and their derivatives therefore stay continuous. Amplitudes start at zero, so the rhythm grows out
+/// of the offsets.
 #[derive(Clone, Debug)]
 pub struct PhaseNetwork {
     settings: NetworkSettings,
@@ -74,15 +75,17 @@ pub struct PhaseNetwork {
     omega: Vec<f64>,
     output: Vec<f64>,
     velocity: Vec<f64>,
-    /// Of the last step: width, and the strides of half and whole for the springs and of the whole for the pattern.
+    /// Width of the last step, and its strides: half and whole step for the springs, whole step for the
+    /// pattern.
     strides: (f64, [Stride; 3]),
 }
 
 impl PhaseNetwork {
-    /// From the nodes and the coupling weights `w` (row i: what acts on i, rad/s per unit of amplitude).
+    /// Creates a network from nodes and coupling weights `w` (entry `w_ij`: action of j on i, rad/s per unit
+    /// of amplitude).
     ///
     /// # Errors
-    /// Sizes that do not fit, numbers out of range.
+    /// Sizes do not match, or a number is out of range.
     pub fn new(nodes: &[Node], weights: DMatrix<f64>, settings: NetworkSettings) -> Result<Self, CpgError> {
         let n = nodes.len();
         size("the rows of the weights", weights.nrows(), n)?;
@@ -116,11 +119,12 @@ impl PhaseNetwork {
         Ok(network)
     }
 
-    /// A node for each leg, every leg coupled to every other with `weight / (A (n - 1))`: however many legs there are and
-    /// however far they swing, a deviation from the gait decays at about `weight` (1/s).
+    /// Creates a network with one node per leg, every leg coupled to every other with `weight / (A (n - 1))`.
+    /// A deviation from the gait then decays at about `weight` (1/s), independently of the number of legs and
+    /// their amplitude.
     ///
     /// # Errors
-    /// A gait for another number of legs, numbers out of range.
+    /// The gait is not defined for this number of legs, or a number is out of range.
     pub fn of_gait(gait: Gait, legs: &[LegSettings], weight: f64) -> Result<Self, CpgError> {
         let phases = gait.phases(legs.len())?;
         let nodes: Vec<Node> = legs
@@ -132,7 +136,8 @@ impl PhaseNetwork {
         Self::new(&nodes, weights, NetworkSettings::default())
     }
 
-    /// Weights that couple every node with every other, `weight / (A_j (n - 1))`; nodes that do not swing act on none.
+    /// Weights that couple every node with every other, `weight / (A_j (n - 1))`; nodes of zero amplitude act
+    /// on no other node.
     pub fn all_to_all(nodes: &[Node], weight: f64) -> DMatrix<f64> {
         let n = nodes.len();
         DMatrix::from_fn(n, n, |i, j| {
@@ -141,11 +146,11 @@ impl PhaseNetwork {
         })
     }
 
-    /// From nodes whose phases follow from lags between pairs of them; each pair is coupled both ways with `weight`.
-    /// The phases of the nodes given do not matter.
+    /// Creates a network whose phases follow from lags between pairs of nodes. Each pair is coupled in both
+    /// directions with `weight`. The phases in `nodes` are ignored.
     ///
     /// # Errors
-    /// Lags that contradict each other, numbers out of range.
+    /// The lags contradict each other, or a number is out of range.
     pub fn from_lags(
         nodes: &[Node],
         lags: &[Lag],
@@ -171,7 +176,7 @@ impl PhaseNetwork {
     /// Commands a frequency, Hz; a negative one runs the pattern backwards.
     ///
     /// # Errors
-    /// A number that is not finite.
+    /// The number is not finite.
     pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
         finite("frequency", &[frequency])?;
         self.commands.frequency.target = frequency;
@@ -181,33 +186,33 @@ impl PhaseNetwork {
     /// Commands amplitude and offset of a node.
     ///
     /// # Errors
-    /// A node that does not exist, or numbers that are not finite.
+    /// The node does not exist, or a number is not finite.
     pub fn set_amplitude_offset(&mut self, node: usize, amplitude: f64, offset: f64) -> Result<(), CpgError> {
         self.commands.set_amplitude_offset("the network", node, [amplitude, offset])
     }
 
-    /// Commands the phase of every node in the pattern, rad. Each goes the short way round.
+    /// Commands the phase of every node in the pattern, rad. Each phase turns the shorter way round.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_pattern(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("the pattern", phases, self.nodes())?;
         self.commands.set_pattern(phases.iter().copied());
         Ok(())
     }
 
-    /// Commands a gait, for a network of one node a leg.
+    /// Commands a gait, for a network with one node per leg.
     ///
     /// # Errors
-    /// A gait for another number of legs.
+    /// The gait is not defined for this number of legs.
     pub fn set_gait(&mut self, gait: Gait) -> Result<(), CpgError> {
         self.set_pattern(gait.phases(self.nodes())?)
     }
 
-    /// Sets the phases themselves, rad. A jump.
+    /// Sets the phases directly, rad. The output jumps.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("phases", phases, self.nodes())?;
         self.phases.phase.copy_from_slice(phases);
@@ -215,7 +220,7 @@ impl PhaseNetwork {
         Ok(())
     }
 
-    /// Takes amplitudes, offsets, frequency and pattern to their commands at once. A jump.
+    /// Sets amplitudes, offsets, frequency and pattern to their commands immediately. The output jumps.
     pub fn settle(&mut self) {
         self.commands.settle();
         self.observe();
@@ -226,7 +231,7 @@ impl PhaseNetwork {
         self.step_entrained(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
+    /// Like [`step`](Self::step), with `pull[i]` (rad/s) added to the rate of each phase; see
     /// [`Entrainment`](super::Entrainment). An empty slice means no entrainment.
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
@@ -245,7 +250,7 @@ impl PhaseNetwork {
             self.amplitudes[2][i] = amplitude.state.0;
         }
         self.commands.offset.iter_mut().for_each(|offset| offset.step(&whole));
-        // the mean of the frequency over the step turns the phases, and so does the slide of the pattern
+        // the phases advance by the mean frequency over the step, and by the slide of the pattern
         let before = self.commands.frequency.state.0;
         self.commands.frequency.step(&whole);
         self.omega.fill(TAU * 0.5 * (before + self.commands.frequency.state.0));
@@ -256,7 +261,7 @@ impl PhaseNetwork {
         let amplitude = [&self.amplitudes[0][..], &self.amplitudes[1], &self.amplitudes[2]];
         let (omega, theta) = (&self.omega[..], &self.theta_now[..]);
         self.phases.step(dt, &Influence { omega, pull, theta, amplitude });
-        // within one turn, and the pattern with it, so that neither loses digits in a long run
+        // phases and pattern are wrapped together, so that neither loses digits in a long run
         self.phases.phase.iter_mut().for_each(|phase| *phase = phase.rem_euclid(TAU));
         self.write();
     }
@@ -276,12 +281,12 @@ impl PhaseNetwork {
         &self.phases.phase
     }
 
-    /// The phase of every node in the pattern at this moment, rad.
+    /// Current phase of every node in the pattern, rad.
     pub fn pattern(&self) -> &[f64] {
         &self.theta_now
     }
 
-    /// The largest deviation of a phase difference from the pattern at this moment, relative to the first node, rad.
+    /// Largest current deviation of a phase difference from the pattern, relative to the first node, rad.
     pub fn pattern_error(&self) -> f64 {
         self.commands.pattern_error(&self.phases.phase)
     }

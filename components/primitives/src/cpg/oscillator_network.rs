@@ -17,22 +17,22 @@ pub struct JointOscillation {
     pub amplitude: f64,
     /// Centre of the oscillation, unit of the output.
     pub offset: f64,
-    /// Ahead of its leg, rad.
+    /// Lead over the leg's phase, rad.
     pub phase: f64,
 }
 
-/// The numbers of a rhythm; [`Default`] gives the values named on each field.
+/// Parameters of a rhythm. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OscillatorNetworkSettings {
     /// Strides per second, Hz. Default 1.
     pub frequency: f64,
     /// Rate at which a deviation from the gait decays, `k`, 1/s. Default 5.
     pub coupling: f64,
-    /// The part of a stride that is stance, in (0, 1). Only Hopf's oscillators have one. Default 0.5.
+    /// Fraction of the stride spent in stance, in (0, 1). Used by Hopf oscillators only. Default 0.5.
     pub duty_factor: f64,
     /// Damping of amplitudes, offsets, frequency and duty factor, 1/s. Default 20.
     pub damping: f64,
-    /// Damping of the phases of the gait, 1/s. Default 8: most of a change takes half a second.
+    /// Damping of the gait phases, 1/s. Default 8: most of a change is complete after half a second.
     pub transition: f64,
 }
 
@@ -42,28 +42,29 @@ impl Default for OscillatorNetworkSettings {
     }
 }
 
-/// Duty factors that can be commanded.
+/// Range of duty factors that can be commanded.
 const DUTY: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 
-/// Legs that move in a gait, with an oscillator for each (Matsuoka: for each joint).
+/// Legs that move in a gait, with one oscillator per leg (Matsuoka: per joint).
 ///
-/// Oscillators run along their cycles at their own speeds, and all models are coupled in the same way, through their
-/// speeds: with `chi_i` the part of a turn in time that oscillator `i` is past its maximum, and the phases `theta_i` of
-/// the gait,
+/// Each oscillator runs along its cycle at its own speed, and all models are coupled through these speeds.
+/// With `chi_i`, the time since oscillator `i` passed its maximum as a fraction of a turn, and the phases
+/// `theta_i` of the gait,
 ///
 /// `omega_i = 2 pi nu + p_i + k / (n - 1) sum_j sin((chi_j - theta_j) - (chi_i - theta_i))`.
 ///
-/// For Kuramoto's phases that is his model. For the others it keeps the shape of each cycle, however strong the
-/// coupling, and holds the gait in time: legs half a stride apart stay so, also when stance takes longer than swing.
-/// `p_i` is feedback. Commands are followed by critically damped springs, so that all that is put out stays continuous
-/// with its derivative; amplitudes begin at 0. The coupling of a step is that of its beginning.
+/// For Kuramoto oscillators this is the original model. For the others, any coupling strength preserves the
+/// shape of each cycle and the timing of the gait: legs half a stride apart stay so even if stance lasts
+/// longer than swing. `p_i` is feedback. Commands are followed by critically damped springs, so outputs and
+/// their derivatives stay continuous. Amplitudes start at 0. The coupling is evaluated at the beginning of
+/// each step.
 #[derive(Clone, Debug)]
 pub struct OscillatorNetwork {
     settings: OscillatorNetworkSettings,
     oscillators: Oscillators,
     /// Oscillator of each joint, with cosine and sine of its phase lead.
     joints: Vec<(usize, f64, f64)>,
-    /// Of each oscillator: its leg, and by how much it is ahead of that.
+    /// Leg of each oscillator, and the oscillator's lead over the leg's phase.
     places: Vec<(usize, f64)>,
     duty_factor: Follower,
     commands: Commands,
@@ -77,10 +78,11 @@ pub struct OscillatorNetwork {
 }
 
 impl OscillatorNetwork {
-    /// A network of this model, with these joints and the phase of every leg in the gait, rad. It starts in the gait.
+    /// Creates a network of this model with these joints and the phase of every leg in the gait, rad. It
+    /// starts in the gait.
     ///
     /// # Errors
-    /// Legs that do not exist, numbers out of range, neurons that do not oscillate.
+    /// A leg does not exist, a number is out of range, or the neurons do not oscillate.
     pub fn new(
         model: Oscillator,
         oscillations: &[JointOscillation],
@@ -157,7 +159,7 @@ impl OscillatorNetwork {
     /// Commands a frequency, Hz, of at least 0.
     ///
     /// # Errors
-    /// Another number.
+    /// The frequency is negative or not finite.
     pub fn set_frequency(&mut self, frequency: f64) -> Result<(), CpgError> {
         if !(frequency >= 0.0 && frequency.is_finite()) {
             let (name, expected) = ("frequency", "a finite number of at least 0");
@@ -167,10 +169,10 @@ impl OscillatorNetwork {
         Ok(())
     }
 
-    /// Commands the part of a stride that is stance: 0.05 to 0.95. Only Hopf's oscillators have one.
+    /// Commands the fraction of the stride spent in stance, 0.05 to 0.95. Used by Hopf oscillators only.
     ///
     /// # Errors
-    /// Another number.
+    /// The value is out of range.
     pub fn set_duty_factor(&mut self, duty_factor: f64) -> Result<(), CpgError> {
         check_duty(duty_factor)?;
         self.duty_factor.target = duty_factor;
@@ -180,7 +182,7 @@ impl OscillatorNetwork {
     /// Commands amplitude and offset of a joint.
     ///
     /// # Errors
-    /// A joint that does not exist, or numbers that are not finite.
+    /// The joint does not exist, or a number is not finite.
     pub fn set_amplitude_offset(
         &mut self,
         joint: usize,
@@ -190,10 +192,10 @@ impl OscillatorNetwork {
         self.commands.set_amplitude_offset("the network", joint, [amplitude, offset])
     }
 
-    /// Commands the phase of every leg in the gait, rad. Each goes the short way round.
+    /// Commands the phase of every leg in the gait, rad. Each phase turns the shorter way round.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_gait(&mut self, gait: &[f64]) -> Result<(), CpgError> {
         let legs = self.places.iter().map(|(leg, _)| leg + 1).max().unwrap_or(0);
         if gait.len() < legs {
@@ -204,10 +206,11 @@ impl OscillatorNetwork {
         Ok(())
     }
 
-    /// Puts every oscillator on its cycle at a phase, rad: one for each leg (Matsuoka: for each joint). A jump.
+    /// Puts every oscillator on its cycle at the given phases, rad: one per leg (Matsuoka: per joint). The
+    /// output jumps.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_phases(&mut self, phases: &[f64]) -> Result<(), CpgError> {
         check_phases("phases", phases, self.places.len())?;
         for (unit, phase) in phases.iter().enumerate() {
@@ -222,8 +225,9 @@ impl OscillatorNetwork {
         self.step_entrained(dt, &[]);
     }
 
-    /// As [`step`](Self::step), with `pull[i]` (rad/s) for each joint: the mean over the joints of an oscillator is
-    /// added to its angular velocity. An empty slice means no entrainment; see [`pull`](Self::pull).
+    /// Like [`step`](Self::step), with `pull[i]` (rad/s) for each joint. Each oscillator's angular velocity
+    /// is increased by the mean over its joints. An empty slice means no entrainment; see
+    /// [`pull`](Self::pull).
     pub fn step_entrained(&mut self, dt: f64, pull: &[f64]) {
         if dt.is_nan() || dt <= 0.0 {
             return;
@@ -263,8 +267,9 @@ impl OscillatorNetwork {
         self.write();
     }
 
-    /// Entrainment of a joint by its measured `position` and `velocity` (per second): `gain sin(difference)` of the
-    /// phases of the measured and the commanded motion, both taken as harmonic. Zero at frequency zero.
+    /// Returns the entrainment of a joint by its measured `position` and `velocity` (per second): `gain
+    /// sin(difference)` of the measured and the commanded phase, both treated as harmonic. Zero at frequency
+    /// zero.
     pub fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
         let omega = TAU * self.commands.frequency.state.0;
         if omega <= 0.0 || joint >= self.joints() {
@@ -286,12 +291,12 @@ impl OscillatorNetwork {
         &self.velocity
     }
 
-    /// The phase of every oscillator in \[0, 2 pi), even in time, rad.
+    /// Phase of every oscillator in \[0, 2 pi), proportional to time, rad.
     pub fn phases(&self) -> &[f64] {
         &self.phases
     }
 
-    /// The largest deviation of a phase difference from the gait at this moment, relative to the first oscillator, rad.
+    /// Largest current deviation of a phase difference from the gait, relative to the first oscillator, rad.
     pub fn gait_error(&self) -> f64 {
         self.commands.pattern_error(&self.phases)
     }

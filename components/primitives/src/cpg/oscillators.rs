@@ -1,4 +1,4 @@
-//! The oscillators that a rhythm can be made of.
+//! The oscillator models from which a rhythm can be built.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,16 +7,16 @@ use nalgebra::DMatrix;
 use super::cycle::Cycle;
 use super::{CpgError, HopfNetwork, HopfSettings, MatsuokaOscillator, MatsuokaSettings};
 
-/// A model of oscillators, and its numbers.
+/// An oscillator model with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Oscillator {
     /// A phase; the output is its cosine.
     Kuramoto,
-    /// A point on a circle; the output is `x`. Half a turn with `y > 0` is stance and takes the part `duty_factor` of a
-    /// stride, whatever the speeds in the settings say; their amplitude does not matter.
+    /// A point on a circle; the output is `x`. The half turn with `y > 0` is stance and lasts the fraction
+    /// `duty_factor` of the stride. The speeds and amplitude in the settings are ignored.
     Hopf(HopfSettings),
-    /// A pair of neurons for each joint; the output is the difference of their fatigues, `v_0 - v_1`, which has no
-    /// corners. Only the ratio of the times matters, the tonic input does not.
+    /// A pair of neurons per joint; the output is the difference of their fatigues, `v_0 - v_1`, which has no
+    /// corners. Only the ratio of the time constants matters; the tonic input has no effect.
     Matsuoka {
         /// Those of a neuron.
         settings: MatsuokaSettings,
@@ -25,8 +25,9 @@ pub enum Oscillator {
     },
 }
 
-/// Oscillators of one model. Each runs with an angular velocity of its own, and is read as a value of amplitude 1, as
-/// the same a quarter of a turn later, and as a phase that grows evenly in time and is 0 at the maximum of the value.
+/// Oscillators of one model, each with its own angular velocity. An oscillator is read as a value of
+/// amplitude 1, the same value a quarter turn later, and a phase that grows linearly in time and is 0 at the
+/// maximum of the value.
 #[derive(Clone, Debug)]
 pub(super) enum Oscillators {
     Kuramoto { phases: Vec<f64>, omega: Vec<f64> },
@@ -58,12 +59,12 @@ impl Oscillators {
         Ok(units)
     }
 
-    /// True if the joints of a leg can have different phases.
+    /// Returns `true` if the joints of a leg can have different phases.
     pub(super) fn has_joint_phases(model: &Oscillator) -> bool {
         !matches!(model, Oscillator::Matsuoka { .. })
     }
 
-    /// Puts an oscillator on its cycle, at a phase.
+    /// Puts an oscillator on its cycle at a phase.
     pub(super) fn set_phase(&mut self, unit: usize, phase: f64) {
         match self {
             Self::Kuramoto { phases, .. } => phases[unit] = phase.rem_euclid(TAU),
@@ -84,14 +85,14 @@ impl Oscillators {
         }
     }
 
-    /// The part of a stride that is stance, from now on. Only Hopf's oscillators have one.
+    /// Sets the fraction of the stride spent in stance. Used by Hopf oscillators only.
     pub(super) fn set_duty_factor(&mut self, value: f64) {
         if let Self::Hopf { duty_factor, .. } = self {
             *duty_factor = value;
         }
     }
 
-    /// Advances an oscillator by `dt` seconds with `omega` rad/s. Time runs backwards for phases alone.
+    /// Advances an oscillator by `dt` seconds at `omega` rad/s. Only plain phases can run backwards.
     pub(super) fn advance(&mut self, unit: usize, dt: f64, speed: f64) {
         match self {
             Self::Kuramoto { phases, omega } => {
@@ -100,7 +101,7 @@ impl Oscillators {
             }
             Self::Hopf { oscillators, settings, duty_factor } => {
                 let turns = speed.max(1e-9) / TAU;
-                // positive and finite, as those that it was made with
+                // positive and finite like the settings at construction
                 let _ = oscillators[unit].set_settings(settings.with_stride(turns.recip(), *duty_factor));
                 oscillators[unit].step(dt);
             }
@@ -111,7 +112,7 @@ impl Oscillators {
         }
     }
 
-    /// The value and its rate, and both a quarter of a turn later (of which pairs of neurons know nothing).
+    /// Returns the value and its rate, and both a quarter turn later (unavailable for pairs of neurons).
     pub(super) fn read(&self, unit: usize) -> [(f64, f64); 2] {
         match self {
             Self::Kuramoto { phases, omega } => {

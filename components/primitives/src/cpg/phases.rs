@@ -2,15 +2,16 @@
 
 use nalgebra::DMatrix;
 
-/// Phases that pull at each other: `phi_i' = omega_i + p_i + sum_j a_j w_ij sin(psi_j - psi_i)`, `psi_i = phi_i - theta_i`.
+/// Coupled phases: `phi_i' = omega_i + p_i + sum_j a_j w_ij sin(psi_j - psi_i)`, `psi_i = phi_i - theta_i`.
 ///
-/// A sine of a difference is made of the sines and cosines of both, so that a step costs `4 n` of them, not `4 n^2`.
+/// The sine of a difference is computed from the sines and cosines of both angles, so a step needs `4 n` of
+/// them instead of `4 n^2`.
 #[derive(Clone, Debug)]
 pub(super) struct CoupledPhases {
     /// Row i: how strongly each j acts on i.
     weights: DMatrix<f64>,
     pub(super) phase: Vec<f64>,
-    /// Of the phase at its current value, rad/s.
+    /// Rate at the current phases, rad/s.
     pub(super) rate: Vec<f64>,
     stages: [Vec<f64>; 4],
     moved: Vec<f64>,
@@ -18,9 +19,9 @@ pub(super) struct CoupledPhases {
     cosine: Vec<f64>,
 }
 
-/// Influences on the phases within a step, at its beginning, middle and end.
+/// Inputs to the phases within a step. Amplitudes are at its beginning, middle and end.
 pub(super) struct Influence<'a> {
-    /// Own angular velocity of every oscillator, rad/s.
+    /// Natural angular velocity of every oscillator, rad/s.
     pub(super) omega: &'a [f64],
     /// Entrainment added to it, rad/s; empty for none.
     pub(super) pull: &'a [f64],
@@ -45,7 +46,7 @@ impl CoupledPhases {
         }
     }
 
-    /// Carries the phases over a step of `dt` seconds. They are not wrapped.
+    /// Advances the phases by `dt` seconds without wrapping them.
     pub(super) fn step(&mut self, dt: f64, influence: &Influence<'_>) {
         for (stage, (fraction, amplitude)) in [(0.0, 0), (0.5, 1), (0.5, 1), (1.0, 2)].into_iter().enumerate()
         {

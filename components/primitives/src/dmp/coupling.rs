@@ -1,13 +1,14 @@
-//! Coupling: feedback of the robot into a running primitive.
+//! Coupling: feedback from the robot into a running primitive.
 
-/// The influence of one step; [`Default`] is no influence.
+/// Coupling terms of one step. [`Default`] is no coupling.
 ///
-/// With it, the primitive obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`: `C` moves it off its way, a phase rate
-/// below 1 lets its clock wait. Both fade without a trace when they end: `C` with the spring, the clock by going on.
+/// The primitive then obeys `T^2 y'' = ... + T^2 C` and `T p' = phase_rate`. `C` pushes it off its path; a
+/// phase rate below 1 slows its clock. The effect of `C` decays with the spring once it ends, and the clock
+/// resumes where it stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling<'a> {
-    /// `C`, an acceleration in every dimension, unit of y per second squared; empty for none. From an
-    /// [`ObstacleAvoidance`](super::ObstacleAvoidance), a [`Yielding`], or anything else.
+    /// `C`, an acceleration in every dimension, unit of y per second squared; empty for no acceleration.
+    /// Comes from an [`ObstacleAvoidance`](super::ObstacleAvoidance), a [`Yielding`] or any other source.
     pub acceleration: &'a [f64],
     /// Rate of the phase, clamped to \[0, 1\]. From a [`PhaseStop`].
     pub phase_rate: f64,
@@ -21,8 +22,9 @@ impl Default for Coupling<'_> {
 
 /// Slow-down of the phase while the robot cannot follow.
 ///
-/// The rate goes into [`Coupling::phase_rate`]: only the phase (and a quintic goal, which travels with it) waits, as
-/// published. Multiplying `dt` by it instead stretches all of the movement, the spring included.
+/// The rate is meant for [`Coupling::phase_rate`]. As published, only the phase waits (and a quintic goal,
+/// which moves with it). Multiplying `dt` by the rate instead stretches the whole movement, including the
+/// spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PhaseStop {
     /// `rate = 1 / (1 + gain |y_real - y|^2)`: Ijspeert et al. 2013, equation 2.27 written for the phase.
@@ -30,7 +32,7 @@ pub enum PhaseStop {
         /// `a_e`, per unit of y squared, at least 0.
         gain: f64,
     },
-    /// `rate = 1 / (1 + gain |y_real - y|)`: reacts to small errors too.
+    /// `rate = 1 / (1 + gain |y_real - y|)`: reacts to small errors as well.
     Linear {
         /// Per unit of y, at least 0.
         gain: f64,
@@ -38,7 +40,8 @@ pub enum PhaseStop {
 }
 
 impl PhaseStop {
-    /// The rate for the distance between robot and primitive, in (0, 1]. An error that is no number stops the phase.
+    /// Returns the rate, in (0, 1], for the distance between robot and primitive. A NaN error stops the
+    /// phase.
     pub fn rate(self, error: f64) -> f64 {
         let brake = match self {
             Self::Quadratic { gain } => gain * error * error,
@@ -47,20 +50,20 @@ impl PhaseStop {
         if brake.is_nan() { 0.0 } else { (1.0 + brake.max(0.0)).recip() }
     }
 
-    /// The rate for a measured position, the Euclidean distance over all dimensions taken.
+    /// Returns the rate for a measured position, using the Euclidean distance over all dimensions.
     pub fn rate_of(self, measured: &[f64], position: &[f64]) -> f64 {
         let squared: f64 = measured.iter().zip(position).map(|(a, b)| (a - b) * (a - b)).sum();
         self.rate(squared.sqrt())
     }
 }
 
-/// Yields to a measured force as a mass would: `C = F / m`.
+/// Yields to a measured force like a mass: `C = F / m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Yielding {
     /// `m`, in the unit of the force per acceleration (kg for N and m), above 0.
     pub inertia: f64,
-    /// Forces up to this magnitude in a dimension, such as the noise of a sensor, do not count; the rest counts from
-    /// there on, so that there is no jump.
+    /// Forces up to this magnitude per dimension are ignored, such as sensor noise. The excess above it
+    /// counts, so the response has no jump.
     pub deadband: f64,
 }
 
@@ -79,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_phase_waits_the_more_the_larger_the_error() {
+    fn phase_slows_down_with_increasing_error() {
         let stop = PhaseStop::Quadratic { gain: 100.0 };
         assert!((stop.rate(0.0) - 1.0).abs() < 1e-15);
         assert!((stop.rate(0.1) - 0.5).abs() < 1e-15);
@@ -89,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_within_the_deadband_does_not_move_it_and_beyond_counts_from_its_edge() {
+    fn deadband_removes_small_forces_without_a_jump() {
         let yielding = Yielding { inertia: 2.0, deadband: 1.0 };
         let mut acceleration = [0.5, 0.0, 0.0];
         yielding.add(&[0.9, 3.0, -5.0], &mut acceleration);

@@ -15,21 +15,21 @@ pub struct Demonstration {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DemonstrationError {
     /// Too little to differentiate twice.
-    #[error("{found} samples, expected at least 4: they are differentiated twice")]
+    #[error("{found} samples, expected at least 4, because they are differentiated twice")]
     TooShort {
         /// Number of samples found.
         found: usize,
     },
     /// No dimension at all.
-    #[error("samples without a single dimension")]
+    #[error("the samples have no dimension, expected at least one")]
     NoDimension,
-    /// A duration that is not a positive time.
+    /// The duration is not a positive time.
     #[error("a duration of {found} s, expected a positive time")]
     Duration {
         /// Value found, s.
         found: f64,
     },
-    /// Matrices that do not fit each other.
+    /// Matrices differ in shape.
     #[error("{name} are {found:?} (samples, dimensions), the positions {expected:?}")]
     Shape {
         /// Name of the derivative.
@@ -39,7 +39,7 @@ pub enum DemonstrationError {
         /// The shape of the positions.
         expected: (usize, usize),
     },
-    /// A sample that is not a number.
+    /// A sample is not finite.
     #[error("sample {sample}, dimension {dimension} is {value}: cut the recording or fill the gap")]
     NotFinite {
         /// Row.
@@ -52,14 +52,15 @@ pub enum DemonstrationError {
 }
 
 impl Demonstration {
-    /// From positions (samples x dimensions) evenly spaced over `duration` seconds, the first at 0, the last at the
-    /// end.
+    /// Creates a demonstration from positions (samples x dimensions), evenly spaced over `duration` seconds,
+    /// the first at 0, the last at the end.
     ///
-    /// Velocity and acceleration are second-order differences, central inside and one-sided at the ends, so that the
-    /// velocity with which the demonstration begins is kept. They amplify noise: filter a measured recording first.
+    /// Velocity and acceleration are second-order differences, central inside and one-sided at the ends,
+    /// which preserves the initial velocity of the demonstration. Differences amplify noise: filter a
+    /// measured recording first.
     ///
     /// # Errors
-    /// Fewer than 4 samples, no dimension, a duration that is no positive time, or a sample that is not finite.
+    /// Fewer than 4 samples, no dimension, a duration that is not positive, or a sample that is not finite.
     pub fn from_positions(duration: f64, positions: DMatrix<f64>) -> Result<Self, DemonstrationError> {
         check(duration, &positions)?;
         let (samples, dimensions) = positions.shape();
@@ -84,10 +85,11 @@ impl Demonstration {
         Ok(Self { duration, positions, velocities, accelerations })
     }
 
-    /// From positions, velocities (per second) and accelerations (per second squared), each samples x dimensions.
+    /// Creates a demonstration from positions, velocities (per second) and accelerations (per second
+    /// squared), each samples x dimensions.
     ///
     /// # Errors
-    /// As [`Self::from_positions`], and matrices of different shapes.
+    /// Same as [`Self::from_positions`], and matrices of different shapes.
     pub fn with_derivatives(
         duration: f64,
         positions: DMatrix<f64>,
@@ -105,9 +107,10 @@ impl Demonstration {
         Ok(Self { duration, positions, velocities, accelerations })
     }
 
-    /// The same movement, unaccelerated at its ends.
+    /// Returns the same movement with zero acceleration at both ends.
     ///
-    /// Accelerations of a recording at its ends are mostly noise, which a fit on the forcing term takes for its shape.
+    /// End accelerations of a recording are mostly noise, which a fit of the forcing term would take for
+    /// shape.
     #[must_use]
     pub fn unaccelerated_at_its_ends(mut self) -> Self {
         let last = self.samples() - 1;
@@ -116,7 +119,7 @@ impl Demonstration {
         self
     }
 
-    /// The same movement, at rest and unaccelerated at its ends.
+    /// Returns the same movement with zero velocity and acceleration at both ends.
     #[must_use]
     pub fn at_rest_at_its_ends(self) -> Self {
         let mut demonstration = self.unaccelerated_at_its_ends();
@@ -126,7 +129,7 @@ impl Demonstration {
         demonstration
     }
 
-    /// Seconds from the first sample to the last.
+    /// Time from the first sample to the last, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
@@ -189,7 +192,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn differences_are_exact_for_a_parabola_also_at_its_ends() {
+    fn differences_are_exact_for_a_parabola_and_its_ends() {
         let positions = DMatrix::from_fn(11, 1, |k, _| {
             let t = 0.2 * k as f64;
             1.0 - 3.0 * t + 2.0 * t * t
@@ -203,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_in_the_recording_is_refused_with_its_place() {
+    fn gap_in_the_recording_is_rejected_with_its_position() {
         let mut positions = DMatrix::zeros(5, 2);
         positions[(3, 1)] = f64::NAN;
         let error = Demonstration::from_positions(1.0, positions).unwrap_err().to_string();

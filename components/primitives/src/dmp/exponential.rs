@@ -1,17 +1,18 @@
-//! An exponential that the compiler can compute several of at once.
+//! An exponential that the compiler can vectorise.
 
 use std::f64::consts::LOG2_E;
 
-/// Below this exponent the value is returned for it: far below what counts beside 1.
+/// Smallest exponent that is evaluated; smaller ones return the value at this exponent, which is negligible
+/// compared with 1.
 const LEAST: f64 = -690.0;
 
-/// `exp(x)` for `x <= 0` to within two units in the last place, without a branch or a call.
+/// `exp(x)` for `x <= 0` to within two units in the last place, without branches or calls.
 ///
-/// `x = n ln 2 + r`, `|r| <= ln(2) / 2`; `exp(r)` by its Taylor series to the twelfth power (remainder 2e-16), times `2^n`
-/// put into the exponent bits.
+/// `x = n ln 2 + r`, `|r| <= ln(2) / 2`; `exp(r)` by its Taylor series to the twelfth power (remainder
+/// 2e-16), times `2^n` put into the exponent bits.
 #[inline(always)]
 pub(super) fn exp_of_negative(x: f64) -> f64 {
-    // adding it rounds to a whole number, which then stands in the lowest bits
+    // adding it rounds to an integer, which ends up in the lowest bits
     const ROUNDER: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
     const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
@@ -44,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_exponential_of_the_standard_library_to_two_units_in_the_last_place() {
+    fn matches_std_exp_within_two_ulps() {
         for k in 0..200_000 {
             let x = -f64::from(k) * 3.4e-3;
             let (found, expected) = (exp_of_negative(x), x.exp());
@@ -53,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn far_below_it_stays_a_normal_number_near_zero() {
+    fn very_negative_exponents_give_normal_numbers_near_zero() {
         for x in [-700.0, -1e9, f64::NEG_INFINITY] {
             let value = exp_of_negative(x);
             assert!(value.is_normal() && value < 1e-299, "{value}");

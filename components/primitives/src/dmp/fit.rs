@@ -12,16 +12,18 @@ use super::settings::{ModelError, Scaling, Settings, Variant};
 /// Regression of weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regression {
-    /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The default, with
-    /// `lambda = 1e-12`: at the same number of kernels far closer than locally weighted regression.
+    /// Least squares on the forcing term with the penalty `lambda |w|^2`, over all kernels together. The
+    /// default, with `lambda = 1e-12`. For equal numbers of kernels it fits far more closely than locally
+    /// weighted regression.
     Ridge {
         /// The penalty, at least 0.
         lambda: f64,
     },
-    /// Each kernel by itself: `w_i = sum psi_i g f / sum psi_i g^2`, `g` the gate (Ijspeert et al. 2013).
+    /// Fits each kernel separately: `w_i = sum psi_i g f / sum psi_i g^2`, `g` the gate (Ijspeert et al.
+    /// 2013).
     LocallyWeighted,
     /// Least squares on the *position* through the response of the spring to every kernel, with the penalty
-    /// `lambda |w|^2`. Uses no derivative inside the movement, so it is the one for noisy recordings.
+    /// `lambda |w|^2`. Uses no derivatives inside the movement and therefore suits noisy recordings.
     Response {
         /// The penalty, at least 0.
         lambda: f64,
@@ -41,7 +43,7 @@ pub enum FitError {
     #[error("no demonstration given, expected at least one")]
     NoDemonstration,
     /// Demonstrations of different kinds.
-    #[error("demonstration {index} has {found} dimensions, the first one {expected}")]
+    #[error("demonstration {index} has {found} dimensions, expected {expected} as in the first")]
     Dimensions {
         /// Index, counted from 0.
         index: usize,
@@ -50,15 +52,15 @@ pub enum FitError {
         /// Those of the first.
         expected: usize,
     },
-    /// A penalty that is no penalty.
+    /// The penalty is negative or not finite.
     #[error("lambda = {found}: expected a finite number of at least 0")]
     Lambda {
         /// Value found.
         found: f64,
     },
-    /// The kernels cannot be told apart by the samples there are.
+    /// The samples do not determine the weights of all kernels.
     #[error(
-        "{samples} samples cannot determine {kernels} kernels: take fewer kernels, more samples or lambda > 0"
+        "{samples} samples cannot determine {kernels} kernels: use fewer kernels, more samples or lambda > 0"
     )]
     Undetermined {
         /// Samples over all demonstrations.
@@ -66,18 +68,20 @@ pub enum FitError {
         /// Kernels of each dimension.
         kernels: usize,
     },
-    /// The settings make no model.
+    /// The settings are invalid.
     #[error(transparent)]
     Model(#[from] ModelError),
 }
 
 impl DmpModel {
-    /// Fits a primitive to one demonstration or to several of the same movement.
+    /// Fits a primitive to one or more demonstrations of the same movement.
     ///
-    /// Start and goal of each are its first and last sample; the displacement of the model is their mean displacement.
+    /// The first and last sample of each demonstration are its start and goal. The displacement of the model
+    /// is the mean over the demonstrations.
     ///
     /// # Errors
-    /// No demonstration, different dimensions, a negative penalty, an undetermined regression, or settings out of range.
+    /// No demonstration, different dimensions, a negative penalty, an undetermined regression, or settings
+    /// out of range.
     pub fn fit(
         settings: Settings,
         demonstrations: &[Demonstration],
@@ -120,7 +124,7 @@ struct Block {
     features: DMatrix<f64>,
     /// Samples x dimensions.
     targets: DMatrix<f64>,
-    /// Of each dimension, from the scaling.
+    /// Scaling factor of each dimension.
     factors: Vec<f64>,
 }
 
@@ -150,7 +154,7 @@ fn progress_of(sample: usize, samples: usize) -> f64 {
     sample as f64 / (samples - 1) as f64
 }
 
-/// The features of the forcing term at every sample, kernels x samples.
+/// Returns the features of the forcing term at every sample, kernels x samples.
 fn activations(model: &DmpModel, samples: usize) -> DMatrix<f64> {
     let kernels = model.kernels();
     let mut features = DMatrix::zeros(kernels.count(), samples);
@@ -160,7 +164,8 @@ fn activations(model: &DmpModel, samples: usize) -> DMatrix<f64> {
     features
 }
 
-/// The position at every sample when one kernel after the other drives the resting spring with weight 1, kernels x samples.
+/// Returns the position at every sample when each kernel alone drives the resting spring with weight 1,
+/// kernels x samples.
 fn responses(model: &DmpModel, samples: usize) -> DMatrix<f64> {
     let substeps = 1000_usize.div_ceil(samples - 1);
     let fine = activations(model, (samples - 1) * substeps + 1) / model.forcing_divisor();
@@ -178,7 +183,8 @@ fn responses(model: &DmpModel, samples: usize) -> DMatrix<f64> {
     responses
 }
 
-/// The forcing term that reproduces the demonstration, in the unit of the weights, samples x dimensions.
+/// Returns the forcing term that reproduces the demonstration, in the unit of the weights, samples x
+/// dimensions.
 fn forcing_terms(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     let (spring, duration) = (model.spring(), demo.duration());
     let variant = model.settings().variant;
@@ -212,7 +218,7 @@ fn forcing_terms(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     forcing
 }
 
-/// Difference of the demonstration from the unforced movement, samples x dimensions.
+/// Returns the difference between the demonstration and the unforced movement, samples x dimensions.
 fn forced_positions(model: &DmpModel, demo: &Demonstration) -> DMatrix<f64> {
     let (samples, variant) = (demo.samples(), model.settings().variant);
     let mut targets = demo.positions().clone();
@@ -257,10 +263,11 @@ fn normalised(demo: &Demonstration, sample: usize, dimension: usize, duration: f
     }
 }
 
-/// The polynomial with the start and end of a demonstration: to rest, or with its final velocity if the variant has one.
+/// Returns the polynomial with the start and end of a demonstration: to rest, or with its final velocity if
+/// the variant has one.
 ///
-/// It leaves unaccelerated, as a movement does that is started with a velocity alone: an acceleration at the start of the
-/// demonstration is part of the forcing term.
+/// The polynomial starts without acceleration, like a movement started with a velocity only. The initial
+/// acceleration of the demonstration becomes part of the forcing term.
 pub(super) fn reference(model: &DmpModel, demo: &Demonstration, dimension: usize) -> Quintic {
     let first = normalised(demo, 0, dimension, demo.duration());
     let last = normalised(demo, demo.samples() - 1, dimension, demo.duration());
@@ -277,7 +284,7 @@ fn deviation(jet: Jet, reference: &Quintic, progress: f64) -> Jet {
     }
 }
 
-/// Ridge regression: by the normal equations where the penalty keeps them well enough conditioned, else by QR.
+/// Ridge regression: by the normal equations if the penalty keeps them well conditioned, else by QR.
 fn ridge(blocks: &[Block], dimensions: usize, lambda: f64) -> Result<DMatrix<f64>, FitError> {
     let uniform = |block: &Block| block.factors.iter().all(|factor| *factor == block.factors[0]);
     let each: Vec<(usize, usize)> = if blocks.iter().all(uniform) {
@@ -296,9 +303,9 @@ fn ridge(blocks: &[Block], dimensions: usize, lambda: f64) -> Result<DMatrix<f64
     Ok(weights)
 }
 
-/// `(F F^T + lambda I) w = F t` by Cholesky. Squares the condition of the features, so only when the penalty is large
-/// enough beside them to bound the condition by 1e14: what is lost then lies where the features hardly see it, and
-/// changes the forcing term by some 1e-9 of itself.
+/// `(F F^T + lambda I) w = F t` by Cholesky. This squares the condition number of the features and is used
+/// only if the penalty bounds it by 1e14. The error is then confined to directions in which the features are
+/// nearly blind; it changes the forcing term by about 1e-9 of its value.
 fn normal_equations(blocks: &[Block], first: usize, columns: usize, lambda: f64) -> Option<DMatrix<f64>> {
     let kernels = blocks[0].features.nrows();
     let mut normal = DMatrix::zeros(kernels, kernels);
@@ -306,7 +313,8 @@ fn normal_equations(blocks: &[Block], first: usize, columns: usize, lambda: f64)
     for block in blocks {
         let factor = block.factors[first];
         let samples = block.features.ncols();
-        // the last kernels sleep in the first samples: a sixth of the samples at a time, and only the kernels awake
+        // late kernels are zero in early samples: process a sixth of the samples at a time, with the active
+        // kernels only
         let part = samples.div_ceil(6).max(8);
         for from in (0..samples).step_by(part) {
             let count = part.min(samples - from);
@@ -332,8 +340,8 @@ fn normal_equations(blocks: &[Block], first: usize, columns: usize, lambda: f64)
     solution.iter().all(|value| value.is_finite()).then_some(solution)
 }
 
-/// Least squares on the features with `sqrt(lambda)` times the identity below them, by Householder QR: the condition of
-/// the features is not squared, which narrow, overlapping kernels would not survive without a penalty.
+/// Least squares on the features with `sqrt(lambda)` times the identity below them, by Householder QR: this
+/// does not square the condition number, which narrow, overlapping kernels without a penalty require.
 fn orthogonal(blocks: &[Block], first: usize, columns: usize, lambda: f64) -> Result<DMatrix<f64>, FitError> {
     let kernels = blocks[0].features.nrows();
     let samples: usize = blocks.iter().map(|block| block.features.ncols()).sum();

@@ -1,13 +1,14 @@
-//! The canonical system in closed form and the normalised kernels that ride on it.
+//! The canonical system in closed form, and the normalised kernels over its phase.
 
 use std::ops::Range;
 
 use super::exponential::exp_of_negative;
 
-/// Fading of the forcing term towards the end of the movement.
+/// Decay of the forcing term towards the end of the movement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
-    /// `gate = s`: never exactly zero, `exp(-decay)` of the start value is left at the nominal end (Ijspeert 2013).
+    /// `gate = s`: never exactly zero, a fraction `exp(-decay)` of the initial value remains at the nominal
+    /// end (Ijspeert 2013).
     Phase,
     /// `gate = (s - s(1)) / (1 - s(1))` until the nominal end, zero from there on.
     Finite,
@@ -15,13 +16,13 @@ pub enum Gate {
 
 /// Gaussian kernels over the phase `s(p) = exp(-decay p)`.
 ///
-/// `p` is the progress of the movement: elapsed time over duration, 0 at the start and 1 at the nominal end. The phase
-/// is always computed from `p` in closed form, so it does not drift with the step width.
+/// `p` is the progress of the movement: elapsed time over duration, 0 at the start and 1 at the nominal end.
+/// The phase is computed from `p` in closed form, so it does not depend on the step width.
 ///
-/// Kernel `i` of `n` is `psi_i(s) = exp(-h_i (s - c_i)^2)`, centred at the phase of the evenly spaced progress
-/// `i / (n - 1)`, and as wide as makes it worth `overlap` at the centre of its successor:
-/// `h_i = -ln(overlap) / (c_{i+1} - c_i)^2` (the last one takes the width of its neighbour). The features of the
-/// forcing term are the kernels divided by their sum and multiplied by the [`Gate`].
+/// Kernel `i` of `n` is `psi_i(s) = exp(-h_i (s - c_i)^2)`, centred at the phase of the evenly spaced
+/// progress `i / (n - 1)`, with the width for which its value at the centre of its successor is `overlap`:
+/// `h_i = -ln(overlap) / (c_{i+1} - c_i)^2`. The last kernel has the width of its neighbour. The features of
+/// the forcing term are the kernels divided by their sum and multiplied by the [`Gate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernels {
     decay: f64,
@@ -30,22 +31,23 @@ pub struct Kernels {
     final_phase: f64,
     centres: Vec<f64>,
     widths: Vec<f64>,
-    /// Number of kernels before and after the nearest one that are not negligible beside it.
+    /// Number of non-negligible kernels before and after the nearest one.
     reach: [usize; 2],
 }
 
-/// The kernels that are worth anything at a progress, and the phase there.
+/// Range of non-negligible kernels at a progress, and the phase there.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Activation {
     pub(super) kernels: Range<usize>,
     pub(super) phase: f64,
 }
 
-/// Exponents below this one are worth less than a rounding error beside the largest kernel.
+/// Exponents below this are smaller than a rounding error of the largest kernel.
 const NEGLIGIBLE: f64 = -40.0;
 
 impl Kernels {
-    /// `count >= 2` kernels; `decay > 0`; `overlap` in (0, 1). The caller has checked the ranges.
+    /// Creates `count >= 2` kernels with `decay > 0` and `overlap` in (0, 1). The caller has checked the
+    /// ranges.
     pub(crate) fn new(count: usize, decay: f64, overlap: f64, gate: Gate) -> Self {
         let centres: Vec<f64> = (0..count).map(|i| (-decay * i as f64 / (count - 1) as f64).exp()).collect();
         let mut widths: Vec<f64> =
@@ -64,8 +66,8 @@ impl Kernels {
         kernels
     }
 
-    /// The least distance, in kernels, from which on a kernel is negligible at the centre of any kernel before (or
-    /// after) it, and therefore at any phase still farther away.
+    /// Smallest distance, in kernels, beyond which a kernel is negligible at the centre of any kernel before
+    /// (or after) it, and therefore at any phase farther away.
     fn reach_of(&self, later: bool) -> usize {
         let count = self.count();
         let negligible = |distance: usize| {
@@ -101,23 +103,24 @@ impl Kernels {
         }
     }
 
-    /// One kernel at a phase, neither gated nor normalised.
+    /// Value of one kernel at a phase, neither gated nor normalised.
     pub fn kernel(&self, index: usize, phase: f64) -> f64 {
         let distance = phase - self.centres[index];
         (-self.widths[index] * distance * distance).exp()
     }
 
-    /// Writes the gated, normalised activation of every kernel at a progress into `features` (one per kernel).
+    /// Writes the gated, normalised activation of every kernel at a progress into `features`, one entry per
+    /// kernel.
     ///
-    /// The exponents are taken relative to the largest one, so the sum is at least 1 and the quotient stays defined
-    /// however far the phase has run past the last centre.
+    /// Exponents are relative to the largest one. The sum is therefore at least 1, and the quotient stays
+    /// defined for phases far past the last centre.
     pub fn features_into(&self, progress: f64, features: &mut [f64]) {
         let active = self.activate(progress, features);
         features[..active.kernels.start].fill(0.0);
         features[active.kernels.end..].fill(0.0);
     }
 
-    /// As [`features_into`](Self::features_into), but writes only the activations that are worth anything.
+    /// Like [`features_into`](Self::features_into), but writes only the non-negligible activations.
     pub(super) fn activate(&self, progress: f64, features: &mut [f64]) -> Activation {
         debug_assert_eq!(features.len(), self.count());
         let phase = self.phase(progress);
@@ -128,7 +131,8 @@ impl Kernels {
         let kernels = self.window(progress);
         let (centres, widths) = (&self.centres[kernels.clone()], &self.widths[kernels.clone()]);
         let features = &mut features[kernels.clone()];
-        // within the movement the kernel before is worth at least the overlap; past it, all may be worth next to nothing
+        // within the movement, the preceding kernel is at least `overlap`; past the end, all kernels may be
+        // tiny
         let largest = if (0.0..=1.0).contains(&progress) && self.overlap > 1e-3 {
             0.0
         } else {
@@ -159,10 +163,10 @@ impl Kernels {
         Activation { kernels, phase }
     }
 
-    /// The kernels that are not negligible at a progress.
+    /// Range of non-negligible kernels at a progress.
     fn window(&self, progress: f64) -> Range<usize> {
         let count = self.count();
-        // far past the end the early, wide kernels are worth as much again as the last one
+        // far past the end, the early, wide kernels become significant again compared with the last one
         if !(0.0..=1.0).contains(&progress) {
             return 0..count;
         }
@@ -173,7 +177,7 @@ impl Kernels {
     }
 }
 
-/// The inner product of two vectors of one length, in several strands that do not wait for each other.
+/// Inner product of two vectors of equal length, with several independent accumulators.
 #[inline]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
@@ -191,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ungated_features_sum_to_one_everywhere_even_far_past_the_end() {
+    fn ungated_features_sum_to_one_even_past_the_end() {
         let kernels = Kernels::new(500, 25.0 / 3.0, 0.8, Gate::Phase);
         let mut features = vec![0.0; 500];
         for progress in [0.0, 0.1, 0.5, 1.0, 3.0, 20.0, 80.0] {
@@ -202,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kernel_is_worth_the_overlap_at_the_centre_of_its_successor() {
+    fn kernel_equals_overlap_at_the_next_centre() {
         let kernels = Kernels::new(7, 4.0, 0.7, Gate::Phase);
         for i in 0..6 {
             let at_next = (-kernels.widths[i] * (kernels.centres[i + 1] - kernels.centres[i]).powi(2)).exp();
@@ -211,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn the_finite_gate_starts_at_one_and_is_zero_from_the_end_on() {
+    fn finite_gate_falls_from_one_to_zero_at_the_end() {
         let kernels = Kernels::new(5, 4.0, 0.8, Gate::Finite);
         assert!((kernels.gate(0.0) - 1.0).abs() < 1e-15);
         assert!(kernels.gate(1.0 - 1e-9) < 1e-8);
@@ -222,7 +226,7 @@ mod tests {
 
     /// Against the formula itself, every kernel computed.
     #[test]
-    fn the_kernels_left_out_are_worth_less_than_rounding() {
+    fn omitted_kernels_are_below_rounding() {
         for (count, decay, overlap) in [(50, 4.6, 0.8), (20, 8.0, 0.3), (2, 4.6, 0.8), (200, 1.0, 0.9)] {
             let kernels = Kernels::new(count, decay, overlap, Gate::Phase);
             let mut features = vec![0.0; count];

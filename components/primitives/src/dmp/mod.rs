@@ -1,8 +1,9 @@
-//! Dynamic movement primitives: discrete ones here, [rhythmic](RhythmicDmp), [of orientations](OrientationDmp), and
-//! [with a forcing term of samples](SampledDmp) that give a demonstration back to rounding.
+//! Dynamic movement primitives: discrete ones here, [rhythmic](RhythmicDmp), [for
+//! orientations](OrientationDmp), and with a [sampled forcing term](SampledDmp) that reproduces a
+//! demonstration to rounding.
 //!
-//! A spring, critically damped, draws each dimension `y` to its goal `g`; a learned forcing term that fades with a
-//! phase shapes the way there. With the duration `T`, the progress `p = t / T` and the phase in closed form
+//! A critically damped spring pulls each dimension `y` to its goal `g`. A learned forcing term that decays
+//! with a phase shapes the path. With the duration `T`, the progress `p = t / T` and the phase in closed form
 //! `s = exp(-a_s p)`, the [variants](Variant) are (`K = D^2 / 4`, so that both roots are `-D / 2`):
 //!
 //! | variant | equation |
@@ -10,28 +11,32 @@
 //! | [`Classic`](Variant::Classic) | `T^2 y'' = K (g - y) - D T y' + f`, with `f = s sum(psi_i w_i) / sum(psi_i)` |
 //! | [`GoalSafe`](Variant::GoalSafe) | `T^2 y'' = K (g - y) - D T y' - K (g - y0) s + K f`, with the same `f` |
 //! | [`QuinticGoal`](Variant::QuinticGoal) | `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`, with `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the quintic from the start state to rest at `g` |
-//! | [`FinalVelocity`](Variant::FinalVelocity) | as `QuinticGoal`, but `g(t)` meets `g` with a given velocity and goes on with it |
+//! | [`FinalVelocity`](Variant::FinalVelocity) | as `QuinticGoal`, but `g(t)` passes `g` with a given velocity and continues with it |
 //!
-//! `f` may be scaled with the displacement ([`Scaling`]); by default it is not, so nothing is ever divided by `g - y0`.
+//! `f` may be scaled with the displacement ([`Scaling`]). By default it is not, so there is no division by `g -
+//! y0`.
 //!
-//! **Arrival.** Without forcing, `QuinticGoal` follows the minimum-jerk movement and is at the goal, at rest, exactly at
-//! `T`. `Classic` is off by `(1 + D/2) exp(-D/2)` of the displacement there, 5e-5 for `D = 25`; `GoalSafe` by what is
-//! left of the slow phase, some percent for the default decay: give it time to settle, or a larger decay. A fitted
-//! `QuinticGoal` is off by the fit error at the end, which then dies out with the roots `-D / 2T`.
+//! **Arrival.** Without forcing, `QuinticGoal` follows the minimum-jerk movement and is at the goal, at rest,
+//! exactly at `T`. `Classic` is off by `(1 + D/2) exp(-D/2)` of the displacement there, 5e-5 for `D = 25`;
+//! `GoalSafe` is off by the remainder of the phase, a few percent for the default decay: allow time to
+//! settle, or use a larger decay. A fitted `QuinticGoal` is off by the fit error at the end, which then dies
+//! out with the roots `-D / 2T`.
 //!
-//! **What happens on the way.** The goal and the duration may change at any step. A [`Coupling`] adds an acceleration
-//! `T^2 C` (away from [obstacles](ObstacleAvoidance), [yielding](Yielding) to a force) and lets the phase
-//! [wait](PhaseStop) for a robot that is held up. `C` and the phase rate go to every variant alike.
+//! **Changes during the movement.** Goal and duration may change at any step. A [`Coupling`] adds an
+//! acceleration `T^2 C` (away from [obstacles](ObstacleAvoidance), [yielding](Yielding) to a force) and lets
+//! the phase [wait](PhaseStop) for a delayed robot. `C` and the phase rate apply to every variant.
 //!
-//! **Integration.** The spring is not integrated step by step with an error but advanced exactly for an input that is
-//! linear within the step; without forcing (and a fixed goal) the result does not depend on the step at all.
+//! **Integration.** The spring is advanced by its exact solution for an input that is linear within the step.
+//! Without forcing and with a fixed goal, the result does not depend on the step width.
 //!
-//! References: Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, *Dynamical movement primitives*, Neural Computation 25, 2013.
-//! Pastor, Hoffmann, Asfour, Schaal, *Learning and generalization of motor skills by learning from demonstration*, ICRA 2009.
-//! Muelling, Kober, Kroemer, Peters, *Learning to select and generalize striking movements in robot table tennis*, IJRR 32,
-//! 2013. Ude, Nemec, Petric, Morimoto, *Orientation in Cartesian space dynamic movement primitives*, ICRA 2014. Koutras,
-//! Doulgeri, *A correct formulation for the orientation dynamic movement primitives*, CoRL 2019. Ginesi, Sansonetto, Fiorini,
-//! *Overcoming some drawbacks of dynamic movement primitives*, Robotics and Autonomous Systems 144, 2021.
+//! References: Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, *Dynamical movement primitives*, Neural
+//! Computation 25, 2013. Pastor, Hoffmann, Asfour, Schaal, *Learning and generalization of motor skills by
+//! learning from demonstration*, ICRA 2009. Muelling, Kober, Kroemer, Peters, *Learning to select and
+//! generalize striking movements in robot table tennis*, IJRR 32,
+//! 2013. Ude, Nemec, Petric, Morimoto, *Orientation in Cartesian space dynamic movement primitives*, ICRA 2014.
+//!       Koutras, Doulgeri, *A correct formulation for the orientation dynamic movement primitives*, CoRL 2019.
+//!       Ginesi, Sansonetto, Fiorini, *Overcoming some drawbacks of dynamic movement primitives*, Robotics
+//!       and Autonomous Systems 144, 2021.
 
 mod coupling;
 mod demonstration;

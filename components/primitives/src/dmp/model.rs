@@ -1,4 +1,4 @@
-//! Model of a primitive: settings, weights and the displacement of its demonstration.
+//! Model of a primitive: settings, weights and displacement of the demonstration.
 
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
@@ -9,11 +9,11 @@ use super::settings::{ModelError, Settings, Variant};
 use super::spring::CriticalSpring;
 use crate::ValueError;
 
-/// A discrete primitive without its state: constant while it runs.
+/// A discrete primitive without its run-time state; constant during a movement.
 ///
-/// Weights are in the unit of the movement: the forcing term is an acceleration in normalised time (unit of y per duration
-/// squared), for [`Variant::GoalSafe`] a displacement (unit of y). They do not depend on the duration.
-/// Serialises as [`StoredModel`].
+/// Weights are in the unit of the movement: the forcing term is an acceleration in normalised time (unit of y
+/// per duration squared), for [`Variant::GoalSafe`] a displacement (unit of y). They do not depend on the
+/// duration. Serialises as [`StoredModel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredModel", into = "StoredModel")]
 pub struct DmpModel {
@@ -24,10 +24,11 @@ pub struct DmpModel {
 }
 
 impl DmpModel {
-    /// A primitive of `dimensions >= 1` without a forcing term: a smooth reach. Its displacement is 1 in each.
+    /// Creates a primitive of `dimensions >= 1` without a forcing term: a smooth reach. Its displacement is 1
+    /// in each dimension.
     ///
     /// # Errors
-    /// A setting out of range, or no dimension.
+    /// A setting is out of range, or there is no dimension.
     pub fn new(dimensions: usize, settings: Settings) -> Result<Self, ModelError> {
         let kernels = settings.kernels;
         Self::with_weights(
@@ -37,10 +38,11 @@ impl DmpModel {
         )
     }
 
-    /// A primitive from its weights (kernels x dimensions) and the displacement `g - y0` they were learned for.
+    /// Creates a primitive from weights (kernels x dimensions) and the displacement `g - y0` for which they
+    /// were learned.
     ///
     /// # Errors
-    /// A setting out of range, sizes that do not fit, or numbers that are not finite.
+    /// A setting is out of range, sizes do not match, or a number is not finite.
     pub fn with_weights(
         settings: Settings,
         weights: DMatrix<f64>,
@@ -84,7 +86,7 @@ impl DmpModel {
         &self.settings
     }
 
-    /// The kernels and the phase they ride on.
+    /// Kernels over the phase.
     pub fn kernels(&self) -> &Kernels {
         &self.kernels
     }
@@ -94,18 +96,18 @@ impl DmpModel {
         &self.weights
     }
 
-    /// The weights, to be written by a learner. Their number cannot change.
+    /// Mutable weights, for learners. Their number is fixed.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.weights.as_view_mut()
     }
 
-    /// Takes weights and displacement of a model of the same size.
+    /// Copies weights and displacement from a model of the same size.
     pub(super) fn copy_weights(&mut self, other: &Self) {
         self.weights.copy_from(&other.weights);
         self.displacement.copy_from(&other.displacement);
     }
 
-    /// The displacement `g - y0` the weights were learned for.
+    /// Displacement `g - y0` for which the weights were learned.
     pub fn displacement(&self) -> &DVector<f64> {
         &self.displacement
     }
@@ -124,13 +126,13 @@ impl DmpModel {
     }
 }
 
-/// A [`DmpModel`] as it is written to a file.
+/// File representation of a [`DmpModel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredModel {
     /// The settings.
     pub settings: Settings,
-    /// The displacement `g - y0` of the demonstration, one number for each dimension.
+    /// Displacement `g - y0` of the demonstration, one entry per dimension.
     pub displacement: Vec<f64>,
     /// For each dimension, the weight of each kernel.
     pub weights: Vec<Vec<f64>>,
@@ -174,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stored_model_with_a_missing_weight_is_refused_with_both_counts() {
+    fn missing_weight_is_rejected_with_both_counts() {
         let text = r#"{"settings": {"kernels": 3}, "displacement": [1.0], "weights": [[1.0, 2.0]]}"#;
         let error = serde_json::from_str::<DmpModel>(text).unwrap_err().to_string();
         assert!(error.contains("a dimension of weights has 2 entries, expected 3"), "{error}");

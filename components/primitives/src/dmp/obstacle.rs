@@ -2,13 +2,14 @@
 
 use nalgebra::Vector3;
 
-/// Point obstacles that a movement through space steers round (Hoffmann, Park, Pastor, Schaal, *Biologically-inspired
-/// dynamical systems for movement generation*, ICRA 2009, equations 6 to 8).
+/// Point obstacles that a movement through space avoids (Hoffmann, Park, Pastor, Schaal,
+/// *Biologically-inspired dynamical systems for movement generation*, ICRA 2009, equations 6 to 8).
 ///
-/// `C = gamma R v phi exp(-beta phi)`, with the angle `phi` in \[0, pi\] between the velocity `v` and the direction
-/// `o - y` to the obstacle, and `R` the rotation by 90 degrees about `(o - y) x v`, which turns `v` away from the
-/// obstacle. `C` is normal to `v`: it steers, it never speeds up. As published it does not depend on the distance; with
-/// a `reach` it is multiplied by `exp(-(|o - y| / reach)^2)`, so that obstacles far away do not count.
+/// `C = gamma R v phi exp(-beta phi)`, with the angle `phi` in \[0, pi\] between the velocity `v` and the
+/// direction `o - y` to the obstacle, and `R` the rotation by 90 degrees about `(o - y) x v`, which turns `v`
+/// away from the obstacle. `C` is normal to `v`, so it changes the direction but not the speed. As published,
+/// it does not depend on the distance. A finite `reach` multiplies it by `exp(-(|o - y| / reach)^2)`, so that
+/// distant obstacles have no effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObstacleAvoidance {
     /// Strength, 1/s per rad. Published value 1000.
@@ -26,10 +27,10 @@ impl Default for ObstacleAvoidance {
 }
 
 impl ObstacleAvoidance {
-    /// The acceleration (m/s^2) away from one obstacle at `obstacle` (m) for an end effector at `position` (m) with
-    /// `velocity` (m/s).
+    /// The acceleration (m/s^2) away from one obstacle at `obstacle` (m) for an end effector at `position`
+    /// (m) with `velocity` (m/s).
     ///
-    /// Zero at rest. When the velocity points at the obstacle exactly, there is no side to prefer: zero as well, and
+    /// Zero at rest. Also zero if the velocity points exactly at the obstacle, because no side is preferred;
     /// the next deviation, however small, decides.
     pub fn acceleration(
         &self,
@@ -65,10 +66,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_steers_away_at_a_right_angle_with_the_published_strength() {
+    fn acceleration_is_normal_and_has_the_published_magnitude() {
         let avoidance = ObstacleAvoidance::default();
         let velocity = Vector3::new(0.5, 0.0, 0.0);
-        // 45 degrees to the left of the way
+        // 45 degrees to the left of the direction of motion
         let c = avoidance.acceleration(Vector3::zeros(), velocity, Vector3::new(1.0, 1.0, 0.0));
         let phi = std::f64::consts::FRAC_PI_4;
         assert!(c.dot(&velocity).abs() < 1e-12 && c.y < 0.0 && c.z == 0.0);
@@ -76,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_happens_at_rest_or_straight_ahead_and_little_behind() {
+    fn no_effect_at_rest_or_straight_ahead() {
         let avoidance = ObstacleAvoidance::default();
         let ahead = Vector3::new(1.0, 0.0, 0.0);
         assert_eq!(avoidance.acceleration(Vector3::zeros(), Vector3::zeros(), ahead), Vector3::zeros());
@@ -86,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn with_a_reach_it_fades_with_the_distance() {
+    fn finite_reach_fades_with_distance() {
         let avoidance = ObstacleAvoidance { reach: 0.2, ..ObstacleAvoidance::default() };
         let at =
             |d: f64| avoidance.acceleration(Vector3::zeros(), Vector3::x(), Vector3::new(d, d, 0.0)).norm();

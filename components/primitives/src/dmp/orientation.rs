@@ -10,14 +10,14 @@ use super::quintic::Jet;
 use super::settings::ModelError;
 use crate::ValueError;
 
-/// An orientation on its way to a goal, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
+/// A primitive for orientations, after Ude et al. 2014 in the corrected form of Koutras and Doulgeri 2019.
 ///
-/// The primitive runs in the error coordinate itself, `e = 2 log(g * conj(q))` (rad, three numbers), not on the angular
-/// velocity: the system in `e` is linear, so scaling in time and in the goal cannot distort the path. It is a
-/// [`DiscreteDmp`] of three dimensions from `e(0) = 2 log(g * conj(q0))` to `0`; the orientation is
-/// `q = exp(-e / 2) * g`, angular velocity and acceleration follow exactly from `e'` and `e''`.
+/// The state is the error `e = 2 log(g * conj(q))` (rad, three entries), not the angular velocity. The system
+/// in `e` is linear, so scaling of time and goal does not distort the path. It is a [`DiscreteDmp`] of three
+/// dimensions from `e(0) = 2 log(g * conj(q0))` to `0`; The orientation is `q = exp(-e / 2) * g`; angular
+/// velocity and acceleration follow exactly from `e'` and `e''`.
 ///
-/// Turns the shorter way round. The quaternion has unit length and does not change its sign while it runs.
+/// The shorter rotation is chosen. The quaternion has unit length and keeps its sign during a movement.
 #[derive(Clone, Debug)]
 pub struct OrientationDmp {
     dmp: DiscreteDmp,
@@ -29,10 +29,10 @@ pub struct OrientationDmp {
 }
 
 impl OrientationDmp {
-    /// Runs a model of three dimensions, at rest at the identity until it is started.
+    /// Creates a primitive from a model of three dimensions, at rest at the identity until it is started.
     ///
     /// # Errors
-    /// A model of another number of dimensions.
+    /// The model does not have three dimensions.
     pub fn new(model: DmpModel) -> Result<Self, ModelError> {
         if model.dimensions() != 3 {
             let found = model.dimensions();
@@ -55,7 +55,7 @@ impl OrientationDmp {
     /// Starts from rest at `start` towards `goal`, to arrive after `duration` seconds.
     ///
     /// # Errors
-    /// A duration that is no positive time, or quaternions that are not finite.
+    /// The duration is not positive, or a quaternion is not finite.
     pub fn start(
         &mut self,
         start: UnitQuaternion<f64>,
@@ -68,7 +68,7 @@ impl OrientationDmp {
         Ok(())
     }
 
-    /// The way from the goal to the start, as a rotation vector.
+    /// Rotation from the goal to the start, as a rotation vector.
     fn check_way(
         &self,
         start: UnitQuaternion<f64>,
@@ -88,7 +88,7 @@ impl OrientationDmp {
     /// Starts in motion, with angular velocity (rad/s) and angular acceleration (rad/s^2) in world axes.
     ///
     /// # Errors
-    /// A duration that is no positive time, or numbers that are not finite.
+    /// The duration is not positive, or a number is not finite.
     pub fn start_moving(
         &mut self,
         start: UnitQuaternion<f64>,
@@ -107,11 +107,11 @@ impl OrientationDmp {
         Ok(())
     }
 
-    /// Sets another goal while it runs. Orientation, angular velocity and, with a quintic goal, angular acceleration
-    /// stay continuous.
+    /// Changes the goal during a movement. Orientation, angular velocity and, with a quintic goal, angular
+    /// acceleration stay continuous.
     ///
     /// # Errors
-    /// A quaternion that is not finite.
+    /// The quaternion is not finite.
     pub fn set_goal(&mut self, goal: UnitQuaternion<f64>) -> Result<(), MoveError> {
         if goal.coords == self.goal.coords || goal.coords == -self.goal.coords {
             return Ok(());
@@ -127,10 +127,10 @@ impl OrientationDmp {
         Ok(())
     }
 
-    /// Sets another duration while it runs; see [`DiscreteDmp::set_duration`].
+    /// Changes the duration during a movement; see [`DiscreteDmp::set_duration`].
     ///
     /// # Errors
-    /// A duration that is no positive time.
+    /// The duration is not positive.
     pub fn set_duration(&mut self, duration: f64) -> Result<(), MoveError> {
         self.dmp.set_duration(duration)?;
         self.observe();
@@ -158,7 +158,7 @@ impl OrientationDmp {
         self.angular_acceleration
     }
 
-    /// The goal, with the sign that makes the way to it continuous.
+    /// The goal, with the sign for which the path is continuous.
     pub fn goal(&self) -> UnitQuaternion<f64> {
         self.goal
     }
@@ -181,12 +181,12 @@ impl OrientationDmp {
     }
 }
 
-/// Turns a recorded orientation (evenly spaced over `duration` seconds) into a demonstration in error coordinates with
-/// respect to its last sample, to be fitted with [`DmpModel::fit`]. Sign flips of the quaternions do not matter; turns of
-/// more than half a revolution between start and goal are followed as they were made.
+/// Converts recorded orientations, evenly spaced over `duration` seconds, to a demonstration for
+/// [`DmpModel::fit`]. Its coordinates are errors with respect to the last sample. Sign flips of the
+/// quaternions have no effect. Rotations of more than half a revolution between start and goal are preserved.
 ///
 /// # Errors
-/// As [`Demonstration::from_positions`].
+/// Same as [`Demonstration::from_positions`].
 pub fn orientation_demonstration(
     duration: f64,
     orientations: &[UnitQuaternion<f64>],
@@ -201,10 +201,10 @@ pub fn orientation_demonstration(
     Demonstration::from_positions(duration, errors)
 }
 
-/// Of all rotation vectors of the same rotation, the one nearest to a neighbour in time.
+/// Among the rotation vectors of the same rotation, returns the one nearest to a neighbour in time.
 fn nearest_turn(vector: Vector3<f64>, neighbour: Vector3<f64>) -> Vector3<f64> {
     let angle = vector.norm();
-    // a rotation by next to nothing has no axis of its own: it takes that of its neighbour
+    // a rotation near zero has no defined axis and uses its neighbour's
     let axis = if angle > 1e-9 { vector / angle } else { neighbour.try_normalize(1e-9).unwrap_or_default() };
     let turns = ((neighbour.dot(&axis) - angle) / std::f64::consts::TAU).round();
     vector + axis * (turns * std::f64::consts::TAU)
@@ -215,13 +215,14 @@ fn in_coordinates(
     velocity: Vector3<f64>,
     acceleration: Vector3<f64>,
 ) -> Result<RotationRates, MoveError> {
-    // the logarithm is at most pi long, where the Jacobian is regular: only what is no number has no inverse here
+    // the logarithm is at most pi long, where the Jacobian is regular: the inverse exists unless a number is
+    // not finite
     rotation_rates(vector, velocity, acceleration)
         .filter(|phi| phi.vector.iter().all(|value| value.is_finite()))
         .ok_or(MoveError::NotFinite { name: "orientation", value: vector.sum() })
 }
 
-/// `goal` or `-goal`, such that `turn * goal` comes out as `orientation` and not as its negative.
+/// Returns `goal` or `-goal`, such that `turn * goal` is `orientation` and not its negative.
 fn with_sign_of(
     orientation: UnitQuaternion<f64>,
     turn: UnitQuaternion<f64>,

@@ -1,10 +1,10 @@
-//! The minimum-jerk polynomial that carries a goal from the start to the end of a movement.
+//! The minimum-jerk polynomial that moves the goal from the start to the end of a movement.
 
-/// A quintic in progress that leaves from a given position, rate and acceleration and comes to rest at a goal
-/// (Flash and Hogan 1985: the trajectory between those ends with the least integrated squared jerk), or passes the goal
-/// with a given rate, unaccelerated.
+/// A quintic over progress that starts with a given position, rate and acceleration. It comes to rest at a
+/// goal (Flash and Hogan 1985: the trajectory with the least integrated squared jerk between these ends), or
+/// passes the goal with a given rate and zero acceleration.
 ///
-/// After its end it goes on from the goal at that rate: at rest, it stays at the goal exactly.
+/// After its end it continues from the goal at that rate; with rate zero it stays exactly at the goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quintic {
     start: f64,
@@ -27,12 +27,14 @@ pub struct Jet {
 }
 
 impl Quintic {
-    /// Leaves at progress `start` in the state `from` and rests at `goal` from progress `start + length` on.
+    /// Creates a quintic that starts at progress `start` in the state `from` and rests at `goal` from
+    /// progress `start + length`.
     pub fn new(start: f64, length: f64, from: Jet, goal: f64) -> Self {
         Self::passing(start, length, from, goal, 0.0)
     }
 
-    /// Leaves at progress `start` in the state `from` and is at `goal` with the rate `final_rate` at `start + length`.
+    /// Creates a quintic that starts at progress `start` in the state `from` and reaches `goal` with the rate
+    /// `final_rate` at `start + length`.
     pub fn passing(start: f64, length: f64, from: Jet, goal: f64, final_rate: f64) -> Self {
         let (rate, half) = (from.rate * length, 0.5 * from.acceleration * length * length);
         let (distance, leaving) = (goal - from.value, final_rate * length);
@@ -75,19 +77,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn from_rest_to_rest_it_is_the_minimum_jerk_trajectory() {
+    fn rest_to_rest_is_the_minimum_jerk_trajectory() {
         let quintic = Quintic::new(0.0, 1.0, Jet { value: 1.0, ..Jet::default() }, 3.0);
         for k in 0..=20 {
             let t = f64::from(k) / 20.0;
             let published = 1.0 + 2.0 * (10.0 * t.powi(3) - 15.0 * t.powi(4) + 6.0 * t.powi(5));
             assert!((quintic.sample(t).value - published).abs() < 1e-14);
         }
-        // its peak speed is 15/8 of the mean speed
+        // the peak speed is 15/8 of the mean speed
         assert!((quintic.sample(0.5).rate - 2.0 * 1.875).abs() < 1e-14);
     }
 
     #[test]
-    fn it_leaves_in_the_state_given_and_rests_at_the_goal() {
+    fn starts_in_the_given_state_and_rests_at_the_goal() {
         let from = Jet { value: -1.0, rate: 4.0, acceleration: -7.0 };
         let quintic = Quintic::new(0.3, 0.5, from, 2.0);
         let first = quintic.sample(0.3);
@@ -100,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn its_derivatives_agree_with_finite_differences() {
+    fn derivatives_match_finite_differences() {
         let quintic = Quintic::new(0.0, 2.0, Jet { value: 0.5, rate: 1.0, acceleration: 2.0 }, -1.0);
         let h = 1e-5;
         for k in 1..20 {
@@ -112,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quintic_that_passes_its_goal_does_so_with_its_final_rate_and_goes_on() {
+    fn passing_quintic_meets_the_goal_with_its_final_rate() {
         let from = Jet { value: -1.0, rate: 4.0, acceleration: -7.0 };
         let quintic = Quintic::passing(0.3, 0.5, from, 2.0, -1.5);
         let first = quintic.sample(0.3);

@@ -1,4 +1,4 @@
-//! A primitive whose forcing term is a table of samples: it gives its demonstration back to rounding.
+//! A primitive with a sampled forcing term that reproduces its demonstration to rounding.
 
 use nalgebra::DMatrix;
 
@@ -7,20 +7,20 @@ use super::discrete::MoveError;
 use super::quintic::{Jet, Quintic};
 use super::settings::{ModelError, Settings, Variant};
 
-/// A forcing term of one value a step, found by inverting the very step that runs it.
+/// A forcing term with one value per step, found by inverting the integration step.
 ///
-/// The step is the semi-implicit Euler step, with `h = 1 / steps` in normalised time:
-/// `v_{k+1} = v_k + h a_k`, `y_{k+1} = y_k + h v_{k+1}`, where `a_k` is the right side of the equation of the
-/// [`Variant`] at `(y_k, v_k, k h)` plus `F_k`. The inverse, `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`,
-/// is exact, so the round trip is limited by rounding alone, whatever the variant. `F` is an acceleration in normalised
-/// time in all of them. The velocity of the first step, `v_0 = (y_1 - y_0) / h`, is kept with the table: the first force is
-/// then no impulse.
+/// The step is the semi-implicit Euler step, with `h = 1 / steps` in normalised time: `v_{k+1} = v_k + h
+/// a_k`, `y_{k+1} = y_k + h v_{k+1}`, where `a_k` is the right side of the equation of the [`Variant`] at
+/// `(y_k, v_k, k h)` plus `F_k`. The inverse, `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`,
+/// is exact, so the round trip is limited by rounding only, for every variant. `F` is an acceleration in
+/// normalised time in all variants. The velocity of the first step, `v_0 = (y_1 - y_0) / h`, is stored with
+/// the table, so the first force is not an impulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledModel {
     variant: Variant,
     damping: f64,
     decay: f64,
-    /// Dimensions x steps: a step's forces lie together.
+    /// Forces, dimensions x steps: the forces of a step are contiguous.
     forces: DMatrix<f64>,
     first_rate: Vec<f64>,
     final_rate: Vec<f64>,
@@ -31,7 +31,7 @@ pub struct SampledModel {
 /// An error of tabulating a recording.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SampledError {
-    /// No movement to learn from.
+    /// The demonstration is invalid.
     #[error(transparent)]
     Demonstration(#[from] DemonstrationError),
     /// A setting out of range.
@@ -39,7 +39,7 @@ pub enum SampledError {
     Model(#[from] ModelError),
     /// Steps too wide for the spring.
     #[error(
-        "{steps} steps are too few for a damping of {damping}: the spring would swing up; take at least {least} samples"
+        "{steps} steps are too few for a damping of {damping}, the spring would be unstable: use at least {least} samples"
     )]
     TooCoarse {
         /// Steps found.
@@ -52,8 +52,8 @@ pub enum SampledError {
 }
 
 impl SampledModel {
-    /// Inverts a recording of positions, samples x dimensions, evenly spaced. Of the settings, only variant, damping and
-    /// decay count: there are no kernels.
+    /// Inverts a recording of evenly spaced positions, samples x dimensions. Only variant, damping and decay
+    /// of the settings are used, since there are no kernels.
     ///
     /// # Errors
     /// Too few samples, numbers that are not finite, a setting out of range, or steps too wide to be stable.
@@ -63,7 +63,7 @@ impl SampledModel {
         let (samples, dimensions) = positions.shape();
         let (steps, last) = (samples - 1, samples - 1);
         let h = 1.0 / steps as f64;
-        // the step matrix has trace 2 - h D - (h D / 2)^2 and determinant 1 - h D: stable for h D < sqrt(32) - 4
+        // trace 2 - h D - (h D / 2)^2 and determinant 1 - h D: stable for h D < sqrt(32) - 4
         let limit = 32.0_f64.sqrt() - 4.0;
         if settings.damping * h >= limit {
             let least = (settings.damping / limit).ceil() as usize + 2;
@@ -103,7 +103,7 @@ impl SampledModel {
         self.forces.nrows()
     }
 
-    /// Number of steps: one less than there were samples.
+    /// Number of steps, one less than the number of samples.
     pub fn steps(&self) -> usize {
         self.forces.ncols()
     }
@@ -140,7 +140,7 @@ impl SampledModel {
     }
 }
 
-/// A [`SampledModel`] in progress: a step of the model each time. Only [`new`](Self::new) allocates.
+/// Execution of a [`SampledModel`], one step of the table at a time. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct SampledDmp {
     model: SampledModel,
@@ -155,7 +155,7 @@ pub struct SampledDmp {
 }
 
 impl SampledDmp {
-    /// At the start of its demonstration, with a duration of 1 s.
+    /// Creates a movement at the start of its demonstration, with a duration of 1 s.
     pub fn new(model: SampledModel) -> Self {
         let zeros = vec![0.0; model.dimensions()];
         let mut dmp = Self {
@@ -173,11 +173,11 @@ impl SampledDmp {
         dmp
     }
 
-    /// Starts at `start` towards `goal`, with the first velocity of the demonstration (stretched to the duration), to
-    /// arrive after `duration` seconds.
+    /// Starts at `start` towards `goal`, with the first velocity of the demonstration (stretched to the
+    /// duration), to arrive after `duration` seconds.
     ///
     /// # Errors
-    /// Wrong lengths, numbers that are not finite, a duration that is no positive time.
+    /// A length is wrong, a number is not finite, or the duration is not positive.
     pub fn start(&mut self, start: &[f64], goal: &[f64], duration: f64) -> Result<(), MoveError> {
         let expected = self.model.dimensions();
         for (name, values) in [("start", start), ("goal", goal)] {
@@ -197,11 +197,11 @@ impl SampledDmp {
         Ok(())
     }
 
-    /// Sets another goal while it runs, not for the variants that plan their goal at the start: there it takes effect
-    /// with the next movement.
+    /// Changes the goal during a movement. Variants that plan their goal at the start use it from the next
+    /// movement.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), MoveError> {
         let expected = self.model.dimensions();
         if goal.len() != expected {
@@ -214,7 +214,7 @@ impl SampledDmp {
         Ok(())
     }
 
-    /// Takes one step of `duration / steps`. Past the end the forces are zero.
+    /// Advances by one step of `duration / steps`. Past the end the forces are zero.
     pub fn step(&mut self) {
         let h = 1.0 / self.model.steps() as f64;
         let p = self.taken as f64 * h;
@@ -230,7 +230,7 @@ impl SampledDmp {
         self.taken += 1;
     }
 
-    /// Seconds that one step stands for.
+    /// Duration of one step, s.
     pub fn dt(&self) -> f64 {
         self.duration / self.model.steps() as f64
     }
@@ -245,7 +245,7 @@ impl SampledDmp {
         &self.velocity
     }
 
-    /// True after the last step of the movement.
+    /// Returns `true` after the last step of the movement.
     pub fn is_over(&self) -> bool {
         self.taken >= self.model.steps()
     }

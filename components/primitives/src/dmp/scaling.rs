@@ -1,10 +1,10 @@
-//! The forcing term of a demonstration, carried over to the displacement of a new movement.
+//! Scaling of a demonstration's forcing term to the displacement of a new movement.
 
 use nalgebra::DVector;
 
 use super::settings::Scaling;
 
-/// A [`Scaling`] prepared for one movement. All memory is taken at construction.
+/// A [`Scaling`] prepared for one movement. Only construction allocates.
 #[derive(Clone, Debug)]
 pub(super) struct ForcingScale {
     scaling: Scaling,
@@ -13,7 +13,8 @@ pub(super) struct ForcingScale {
     mirrors: [Vec<f64>; 2],
 }
 
-/// Displacements shorter than this (in the unit of the dimension) have no direction and no size to scale by.
+/// Displacements shorter than this (in the unit of the dimension) have neither a direction nor a usable
+/// length.
 const NO_DISPLACEMENT: f64 = 1e-9;
 
 impl ForcingScale {
@@ -22,7 +23,7 @@ impl ForcingScale {
         Self { scaling, factors: vec![1.0; dimensions], mirrors: [zeros.clone(), zeros] }
     }
 
-    /// Prepares for a movement from `start` to `goal` of a model that was shown the displacement `shown`.
+    /// Prepares a movement from `start` to `goal` for a model demonstrated with the displacement `shown`.
     pub(super) fn prepare(&mut self, shown: &DVector<f64>, start: &[f64], goal: &[f64]) {
         match self.scaling {
             Scaling::Fixed => {}
@@ -48,7 +49,8 @@ impl ForcingScale {
             second.fill(0.0);
             return;
         }
-        // The mirror of u takes u to -u, the mirror of u + w takes -u on to w: together the rotation in their plane.
+        // The mirror of u maps u to -u, the mirror of u + w maps -u to w: together they rotate u to w in
+        // their plane.
         first.iter_mut().for_each(|value| *value /= shown_length);
         for (value, u) in second.iter_mut().zip(first.iter()) {
             *value = *value / length + u;
@@ -58,17 +60,17 @@ impl ForcingScale {
             perpendicular(first, second);
             bisector = norm(second);
         }
-        // in one dimension there is no perpendicular: the one mirror that is left turns the shape round
+        // one dimension has no perpendicular: the remaining mirror reverses the shape
         let inverse = if bisector > 0.0 { bisector.recip() } else { 0.0 };
         second.iter_mut().for_each(|value| *value *= inverse);
     }
 
-    /// The factor of one dimension, without the rotation.
+    /// Returns the factor of one dimension, without the rotation.
     pub(super) fn factor(&self, dimension: usize) -> f64 {
         self.factors[dimension]
     }
 
-    /// Undoes the rotation of a forcing vector in place, not the factors.
+    /// Undoes the rotation of a forcing vector in place; factors are kept.
     pub(super) fn unrotate(&self, forcing: &mut [f64]) {
         for mirror in self.mirrors.iter().rev() {
             reflect(mirror, forcing);
@@ -92,7 +94,7 @@ fn ratio(now: f64, shown: f64) -> f64 {
     if shown.abs() < NO_DISPLACEMENT { 1.0 } else { now / shown }
 }
 
-/// Mirrors a vector in the plane normal to a unit vector (or leaves it, for the zero vector).
+/// Mirrors a vector at the plane normal to a unit vector; a zero vector as `mirror` leaves it unchanged.
 fn reflect(mirror: &[f64], vector: &mut [f64]) {
     let along: f64 = mirror.iter().zip(vector.iter()).map(|(m, f)| m * f).sum();
     vector.iter_mut().zip(mirror).for_each(|(f, m)| *f -= 2.0 * along * m);
@@ -102,7 +104,8 @@ fn norm(vector: &[f64]) -> f64 {
     vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
-/// A vector perpendicular to the unit vector `u`: the axis least along `u`, less its part along `u`.
+/// Writes a vector perpendicular to the unit vector `u`: the axis least aligned with `u`, minus its component
+/// along `u`.
 fn perpendicular(u: &[f64], out: &mut [f64]) {
     let least = (0..u.len()).min_by(|&i, &j| u[i].abs().total_cmp(&u[j].abs())).unwrap_or(0);
     for (d, value) in out.iter_mut().enumerate() {
@@ -139,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn similarity_turns_a_shape_round_when_the_goal_lies_the_other_way() {
+    fn similarity_reverses_a_shape_for_an_opposite_goal() {
         let similarity = Scaling::Similarity { limit: 10.0 };
         let found = scaled(similarity, &[1.0, 0.0, 0.0], &[-2.0, 0.0, 0.0], &[1.0, 3.0, 4.0]);
         assert!((found[0] + 2.0).abs() < 1e-12);
@@ -148,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_movement_of_no_length_has_no_shape_and_a_closed_demonstration_keeps_its_own() {
+    fn zero_length_movement_has_no_shape() {
         for scaling in [Scaling::Similarity { limit: 3.0 }, Scaling::Displacement { limit: 3.0 }] {
             assert_close(&scaled(scaling, &[1.0, 1.0], &[0.0, 0.0], &[5.0, 6.0]), &[0.0, 0.0]);
             assert_close(&scaled(scaling, &[0.0, 0.0], &[2.0, 0.0], &[5.0, 6.0]), &[5.0, 6.0]);

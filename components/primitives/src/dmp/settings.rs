@@ -5,25 +5,27 @@ use serde::{Deserialize, Serialize};
 
 use crate::ValueError;
 
-/// The published form of the primitive; the equations stand in the [module documentation](crate::dmp).
+/// Published form of the primitive. The equations are in the [module documentation](crate::dmp).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Variant {
-    /// Ijspeert et al. 2013. Starts with an acceleration of `K (g - y0) / T^2`; for parity with the literature.
+    /// Ijspeert et al. 2013. Starts with an acceleration of `K (g - y0) / T^2`; for comparison with the
+    /// literature.
     Classic,
-    /// Pastor et al. 2009, Hoffmann et al. 2009. Starts softly, and neither `g = y0` nor a moving goal can upset it.
+    /// Pastor et al. 2009, Hoffmann et al. 2009. Starts smoothly and tolerates `g = y0` and a moving goal.
     GoalSafe,
-    /// After Muelling et al. 2013, with zero final velocity. The goal itself travels on a minimum-jerk polynomial, so
-    /// that without forcing the motion is minimum-jerk and arrives exactly on time. The default.
+    /// After Muelling et al. 2013, with zero final velocity. The goal moves on a minimum-jerk polynomial, so
+    /// without forcing the motion is minimum-jerk and arrives exactly on time. The default.
     #[default]
     QuinticGoal,
-    /// Muelling et al. 2013 as published: as [`Variant::QuinticGoal`], but the goal is passed with a velocity that each
-    /// movement chooses, for strokes and catches. A fit takes the velocity at the end of the demonstration for its.
+    /// Muelling et al. 2013 as published: like [`Variant::QuinticGoal`], but each movement passes the goal
+    /// with a velocity of its choice, for strokes and catches. A fit uses the velocity at the end of the
+    /// demonstration.
     FinalVelocity,
 }
 
 impl Variant {
-    /// Its name, as files have it.
+    /// Name of the variant in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Classic => "classic",
@@ -33,17 +35,17 @@ impl Variant {
         }
     }
 
-    /// True if the goal travels on a polynomial.
+    /// Returns `true` if the goal moves on a polynomial.
     pub fn plans_goal(self) -> bool {
         matches!(self, Self::QuinticGoal | Self::FinalVelocity)
     }
 
-    /// True if the goal can be passed with a velocity.
+    /// Returns `true` if the goal can be passed with a velocity.
     pub fn may_end_in_motion(self) -> bool {
         self == Self::FinalVelocity
     }
 
-    /// True if the pull to the goal sets in with the phase.
+    /// Returns `true` if the pull to the goal grows with the phase.
     pub fn eases_in(self) -> bool {
         self == Self::GoalSafe
     }
@@ -51,31 +53,32 @@ impl Variant {
 
 /// Scaling of the forcing term with the displacement `g - y0` of a new movement.
 ///
-/// The scale is taken once, at the start of a movement: a goal that moves later moves the attractor, never the forcing.
+/// The scale is fixed at the start of a movement. A goal that moves later moves the attractor but not the
+/// forcing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
 pub enum Scaling {
-    /// The forcing term of the demonstration, unchanged. The default: nothing to divide by.
+    /// The forcing term of the demonstration, unchanged. The default; it involves no division.
     #[default]
     Fixed,
-    /// Each dimension by `(g - y0) / (g - y0 of the demonstration)`, at most `limit` in magnitude.
+    /// Scales each dimension by `(g - y0) / (g - y0 of the demonstration)`, at most `limit` in magnitude.
     ///
-    /// A dimension in which the demonstration ended where it began keeps its forcing. A model made without a
-    /// demonstration has a displacement of 1, which makes this the `(g - y0)` of Ijspeert 2013.
+    /// A dimension in which the demonstration ends at its start keeps its forcing. A model without a
+    /// demonstration has a displacement of 1, which gives the factor `(g - y0)` of Ijspeert 2013.
     Displacement {
         /// The largest magnitude of the factor, at least 1.
         limit: f64,
     },
-    /// The whole forcing vector by the ratio of the lengths of the two displacements (at most `limit`) and the
-    /// smallest rotation that takes the one direction to the other (Ginesi et al. 2021), so that a curve keeps its shape
-    /// whichever way it points. For dimensions that share one unit, such as a position in space.
+    /// Scales the whole forcing vector by the ratio of the lengths of the two displacements (at most `limit`)
+    /// and applies the smallest rotation between their directions (Ginesi et al. 2021). A curve keeps its
+    /// shape in every direction. For dimensions that share one unit, such as a position in space.
     Similarity {
         /// The largest ratio of lengths, at least 1.
         limit: f64,
     },
 }
 
-/// The settings of a discrete primitive; [`Default`] gives the values named on each field.
+/// Settings of a discrete primitive. [`Default`] returns the values documented on each field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
@@ -87,12 +90,14 @@ pub struct Settings {
     pub kernels: usize,
     /// Damping `D` of the transformation system; its stiffness is `K = D^2 / 4`, critically damped. Default 25.
     pub damping: f64,
-    /// Decay `a_s` of the phase over one duration. Default `-ln 0.01 = 4.605`: 1 % of the phase is left at the end.
+    /// Decay `a_s` of the phase over one duration. Default `-ln 0.01 = 4.605`: 1 % of the phase remains at
+    /// the end.
     pub decay: f64,
     /// Value of a kernel at the centre of its successor, in (0, 1). Default 0.8.
     pub overlap: f64,
-    /// Rate `a_g` of the goal filter `T g' = a_g (g_commanded - g)` of [`Variant::Classic`] and [`Variant::GoalSafe`];
-    /// without it the goal jumps. The variants with a quintic goal always move it smoothly and take none.
+    /// Rate `a_g` of the goal filter `T g' = a_g (g_commanded - g)` of [`Variant::Classic`] and
+    /// [`Variant::GoalSafe`]. Without it, the goal jumps. The variants with a quintic goal always move the
+    /// goal smoothly and reject this setting.
     pub goal_rate: Option<f64>,
 }
 
@@ -113,12 +118,12 @@ impl Default for Settings {
 /// An error of making a model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
-    /// A number, vector or matrix that will not do.
+    /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// A goal filter on the variant that plans its goal.
+    /// The variant plans its goal and has no goal filter.
     #[error(
-        "goal_rate is set, but the quintic goal plans its own way to a new goal: remove it, or choose another variant"
+        "goal_rate is set, but a quintic goal already moves smoothly: remove it, or choose another variant"
     )]
     NeedlessGoalRate,
 }
@@ -127,7 +132,7 @@ impl Settings {
     /// Checks every number against the range in which the equations hold.
     ///
     /// # Errors
-    /// The first setting that is out of range.
+    /// Returns the first setting that is out of range.
     pub fn check(&self) -> Result<(), ModelError> {
         let limit = match self.scaling {
             Scaling::Fixed => 1.0,

@@ -1,9 +1,10 @@
 //! The critically damped transformation system, advanced exactly.
 
-/// `x'' = K (u - x) - D x'` in normalised time (progress), with `D = damping` and `K = D^2 / 4`.
+/// A critically damped spring, `x'' = K (u - x) - D x'` in normalised time (progress), with `D = damping` and
+/// `K = D^2 / 4`.
 ///
-/// Both roots are at `-D / 2`. A step is not an Euler step but the exact solution for an input `u` that runs linearly
-/// between its values at the two ends of the step: unconditionally stable, and exact for any constant or linear input.
+/// Both roots are at `-D / 2`. A step is the exact solution for an input `u` that is linear between its
+/// values at both ends of the step. It is unconditionally stable, and exact for any constant or linear input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CriticalSpring {
     root: f64,
@@ -42,25 +43,25 @@ impl CriticalSpring {
     }
 }
 
-/// One step of a [`CriticalSpring`], the same for every dimension.
+/// Coefficients of one step of a [`CriticalSpring`], shared by all dimensions.
 #[derive(Clone, Copy, Debug)]
 pub struct Stride {
     root: f64,
     h: f64,
     fade: f64,
     per_h: f64,
-    /// Lag behind a ramp, per slope: `D / K`.
+    /// Lag behind a ramp per unit slope: `D / K`.
     lag: f64,
 }
 
 impl Stride {
-    /// Carries `(x, x')` over the step while the input runs linearly from `from` to `to`.
+    /// Advances `(x, x')` over the step while the input changes linearly from `from` to `to`.
     #[inline]
     pub fn advance(&self, (x, rate): (f64, f64), from: f64, to: f64) -> (f64, f64) {
         if self.h <= 0.0 {
             return (x, rate);
         }
-        // a ramp is followed with the constant lag D m / K
+        // the output lags a ramp of slope m by the constant D m / K
         let slope = (to - from) * self.per_h;
         let lag = slope * self.lag;
         let deviation = x - (from - lag);
@@ -77,9 +78,10 @@ impl Stride {
 mod tests {
     use super::*;
 
-    /// `x(t) = g + (x0 - g + (v0 + w (x0 - g)) t) exp(-w t)`: the textbook solution, evaluated once for the whole time.
+    /// The textbook solution `x(t) = g + (x0 - g + (v0 + w (x0 - g)) t) exp(-w t)`, evaluated once for the
+    /// whole time.
     #[test]
-    fn a_thousand_strides_give_the_textbook_solution_for_a_constant_input() {
+    fn constant_input_gives_the_textbook_solution() {
         let spring = CriticalSpring::new(25.0);
         let (goal, x0, v0, w) = (0.7, -0.2, 3.0, 12.5);
         let mut state = (x0, v0);
@@ -95,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_is_followed_exactly_by_one_stride_or_by_many() {
+    fn ramp_response_does_not_depend_on_step_width() {
         let spring = CriticalSpring::new(8.0);
         let once = spring.stride(0.6).advance((0.1, -1.0), 0.0, 1.8);
         let mut many = (0.1, -1.0);
@@ -107,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_far_wider_than_the_time_constant_lands_on_the_goal() {
+    fn step_wider_than_the_time_constant_lands_on_the_goal() {
         let (x, rate) = CriticalSpring::new(25.0).stride(50.0).advance((5.0, 100.0), 2.0, 2.0);
         assert!((x - 2.0).abs() < 1e-12 && rate.abs() < 1e-12);
     }

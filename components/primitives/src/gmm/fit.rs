@@ -7,17 +7,17 @@ use rand_pcg::Pcg64;
 use super::mixture::{Gmm, GmmError, log_sum};
 use crate::ValueError;
 
-/// Settings of a fit; [`Default`] gives the values named on each field.
+/// Settings of a fit. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GmmFit {
     /// Maximum number of iterations. Default 200.
     pub iterations: usize,
-    /// Ends when the mean log-likelihood of a sample grows by less. Default 1e-6.
+    /// The fit ends when the mean log-likelihood per sample grows by less than this. Default 1e-6.
     pub tolerance: f64,
-    /// Variance added to every covariance in every direction, relative to the mean variance of the data: no component can
-    /// collapse onto a sample. Default 1e-5.
+    /// Variance added to every covariance in every direction, relative to the mean variance of the data, so
+    /// that no component collapses onto a sample. Default 1e-5.
     pub floor: f64,
-    /// Number of starts, of which the best is kept. Default 3.
+    /// Number of restarts, of which the best is kept. Default 3.
     pub starts: usize,
     /// Seed of the starts. Default 0.
     pub seed: u64,
@@ -29,7 +29,7 @@ impl Default for GmmFit {
     }
 }
 
-/// A mixture that was fitted, and how that went.
+/// A fitted mixture with statistics of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GmmFitted {
     /// The mixture.
@@ -38,7 +38,7 @@ pub struct GmmFitted {
     pub log_likelihood: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// True if the fit ended by the tolerance.
+    /// Returns `true` if the fit reached the tolerance.
     pub converged: bool,
 }
 
@@ -65,10 +65,10 @@ impl Gmm {
         }))
     }
 
-    /// Fits every number of components in a range and keeps the one with the smallest [`bic`](Self::bic).
+    /// Fits every number of components in a range and keeps the model with the smallest [`bic`](Self::bic).
     ///
     /// # Errors
-    /// As [`fit`](Self::fit), and an empty range.
+    /// Same as [`fit`](Self::fit), or the range is empty.
     pub fn choose(
         samples: &DMatrix<f64>,
         components: std::ops::RangeInclusive<usize>,
@@ -90,10 +90,10 @@ impl Gmm {
         best.map(|(_, fitted)| fitted).ok_or(none)
     }
 
-    /// Expectation maximisation from this mixture on.
+    /// Runs expectation maximisation, starting from this mixture.
     ///
     /// # Errors
-    /// As [`fit`](Self::fit).
+    /// Same as [`fit`](Self::fit).
     pub fn improved(mut self, samples: &DMatrix<f64>, fit: &GmmFit) -> Result<GmmFitted, GmmError> {
         check(samples, self.components(), fit)?;
         let floor = floor_of(samples, fit);
@@ -169,13 +169,14 @@ fn check(samples: &DMatrix<f64>, components: usize, fit: &GmmFit) -> Result<(), 
     Ok(())
 }
 
-/// The floor in the unit of the data squared.
+/// Returns the floor in squared units of the data.
 fn floor_of(samples: &DMatrix<f64>, fit: &GmmFit) -> f64 {
     let mean = samples.column_iter().map(|column| column.variance()).sum::<f64>() / samples.ncols() as f64;
     (fit.floor * mean).max(f64::MIN_POSITIVE)
 }
 
-/// k-means++ (Arthur and Vassilvitskii 2007), a few rounds of k-means, and the Gaussians of its clusters.
+/// Runs k-means++ (Arthur and Vassilvitskii 2007) and a few rounds of k-means, and returns the Gaussians of
+/// the clusters.
 fn started(samples: &DMatrix<f64>, components: usize, floor: f64, rng: &mut Pcg64) -> Result<Gmm, GmmError> {
     let (count, dimensions) = samples.shape();
     let distance = |sample: usize, centre: &DVector<f64>| -> f64 {

@@ -17,7 +17,7 @@ pub struct Gmm {
 /// An error of making a mixture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GmmError {
-    /// A number, vector or matrix that will not do.
+    /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
     /// Too little to learn from.
@@ -28,7 +28,7 @@ pub enum GmmError {
         /// Components wanted.
         components: usize,
     },
-    /// A sample that is not a number.
+    /// A sample is not finite.
     #[error("sample {sample} holds {value}, expected finite numbers only")]
     NotFinite {
         /// Index, counted from 0.
@@ -36,7 +36,7 @@ pub enum GmmError {
         /// Value found.
         value: f64,
     },
-    /// A matrix that is no covariance.
+    /// A matrix is not a covariance.
     #[error("the covariance of component {component} is not positive definite: raise the floor")]
     NotPositive {
         /// Index, counted from 0.
@@ -45,10 +45,10 @@ pub enum GmmError {
 }
 
 impl Gmm {
-    /// From weights (made to sum to 1), means and covariances.
+    /// Creates a mixture from weights (normalised to sum to 1), means and covariances.
     ///
     /// # Errors
-    /// Sizes that do not fit, weights that are not positive, covariances that are not positive definite.
+    /// Sizes do not match, a weight is not positive, or a covariance is not positive definite.
     pub fn new(
         mut weights: Vec<f64>,
         means: Vec<DVector<f64>>,
@@ -123,7 +123,7 @@ impl Gmm {
     /// Log-likelihood of samples (each a row), summed.
     ///
     /// # Errors
-    /// Samples of another dimension, or a covariance that has lost its positive definiteness.
+    /// The samples have another dimension, or a covariance is no longer positive definite.
     pub fn log_likelihood(&self, samples: &DMatrix<f64>) -> Result<f64, GmmError> {
         let mut joint = DMatrix::zeros(samples.nrows(), self.components());
         self.log_joint(samples, &mut joint)?;
@@ -133,7 +133,7 @@ impl Gmm {
     /// The Bayesian information criterion, `-2 log L + k ln n` with `k` free parameters: smaller is better.
     ///
     /// # Errors
-    /// As [`log_likelihood`](Self::log_likelihood).
+    /// Same as [`log_likelihood`](Self::log_likelihood).
     pub fn bic(&self, samples: &DMatrix<f64>) -> Result<f64, GmmError> {
         let (k, d) = (self.components() as f64, self.dimensions() as f64);
         let free = k * d * (d + 1.0) / 2.0 + k * d + k - 1.0;

@@ -1,4 +1,4 @@
-//! Some coordinates of a mixture, given the others.
+//! Regression of some coordinates of a mixture on the others.
 
 use std::f64::consts::TAU;
 
@@ -7,12 +7,15 @@ use nalgebra::{DMatrix, DVector};
 use super::mixture::{Gmm, GmmError};
 use crate::ValueError;
 
-/// Gaussian mixture regression: the distribution of the last coordinates given the first `inputs` ones.
+/// Gaussian mixture regression: the distribution of the remaining coordinates given the first `inputs`
+/// coordinates.
 ///
-/// `h_k(x) = pi_k N(x; mu_k^x, S_k^xx) / sum`, `m_k(x) = mu_k^y + S_k^yx (S_k^xx)^-1 (x - mu_k^x)`,
-/// `S_k = S_k^yy - S_k^yx (S_k^xx)^-1 S_k^xy`; mean `m = sum h_k m_k`, covariance `sum h_k (S_k + m_k m_k^T) - m m^T`.
+/// `h_k(x) = pi_k N(x; mu_k^x, S_k^xx) / sum`, `m_k(x) = mu_k^y + S_k^yx (S_k^xx)^-1 (x - mu_k^x)`, `S_k =
+/// S_k^yy - S_k^yx (S_k^xx)^-1 S_k^xy`; mean `m = sum h_k m_k`, covariance `sum h_k (S_k + m_k m_k^T) - m
+/// m^T`.
 ///
-/// Everything that does not depend on `x` is prepared by [`new`](Self::new); [`predict`](Self::predict) does not allocate.
+/// Everything that does not depend on `x` is prepared by [`new`](Self::new); [`predict`](Self::predict) does
+/// not allocate.
 #[derive(Clone, Debug)]
 pub struct Gmr {
     inputs: usize,
@@ -38,10 +41,10 @@ struct Conditional {
 }
 
 impl Gmr {
-    /// Prepares a mixture whose first `inputs` coordinates are given.
+    /// Prepares a mixture whose first `inputs` coordinates are the inputs.
     ///
     /// # Errors
-    /// No input or no output left, or an input covariance that is not positive definite.
+    /// No input or no output is left, or an input covariance is not positive definite.
     pub fn new(gmm: &Gmm, inputs: usize) -> Result<Self, GmmError> {
         let dimensions = gmm.dimensions();
         if inputs == 0 || inputs >= dimensions {
@@ -49,7 +52,7 @@ impl Gmr {
             return Err(GmmError::Value(ValueError::OutOfRange {
                 name,
                 value,
-                expected: "at least 1 and fewer than there are coordinates",
+                expected: "at least 1 and fewer than the number of coordinates",
             }));
         }
         let outputs = dimensions - inputs;
@@ -88,10 +91,10 @@ impl Gmr {
         self.inputs
     }
 
-    /// Mean and covariance of the outputs at an input. Far from all components the nearest one decides.
+    /// Mean and covariance of the outputs at an input. Far from all components, the nearest one dominates.
     ///
     /// # Errors
-    /// An input of another length, or one that is not finite.
+    /// The input has the wrong length or is not finite.
     pub fn predict(&mut self, input: &[f64]) -> Result<(&DVector<f64>, &DMatrix<f64>), GmmError> {
         if input.len() != self.inputs {
             return Err(GmmError::Value(ValueError::Size {

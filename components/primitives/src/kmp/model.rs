@@ -5,14 +5,14 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use super::reference::{KmpError, KmpReference};
 use crate::ValueError;
 
-/// The numbers of a kernelised primitive; [`Default`] gives the values named on each field.
+/// Parameters of a kernelised primitive. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KmpSettings {
     /// `lambda_1` of the mean. Default 1.
     pub mean_regularisation: f64,
     /// `lambda_2` of the covariance. Default 60.
     pub covariance_regularisation: f64,
-    /// `l` of the kernel, unit of the input squared. Default 2.
+    /// Length parameter `l` of the kernel, squared unit of the input. Default 2.
     pub length: f64,
 }
 
@@ -22,7 +22,7 @@ impl Default for KmpSettings {
     }
 }
 
-/// A kernelised primitive: [`mean`](Self::mean) does not allocate, [`covariance`](Self::covariance) does.
+/// A kernelised primitive. [`mean`](Self::mean) does not allocate, [`covariance`](Self::covariance) does.
 #[derive(Clone, Debug)]
 pub struct Kmp {
     settings: KmpSettings,
@@ -39,7 +39,7 @@ impl Kmp {
     /// Prepares a reference.
     ///
     /// # Errors
-    /// Settings out of range, or a matrix that is not positive definite.
+    /// A setting is out of range, or a matrix is not positive definite.
     pub fn new(reference: &KmpReference, settings: KmpSettings) -> Result<Self, KmpError> {
         for (name, value) in [
             ("mean_regularisation", settings.mean_regularisation),
@@ -83,7 +83,7 @@ impl Kmp {
     /// The mean at an input.
     ///
     /// # Errors
-    /// An input of another length, or one that is not finite.
+    /// The input has the wrong length or is not finite.
     pub fn mean(&mut self, input: &[f64]) -> Result<&DVector<f64>, KmpError> {
         self.check(input)?;
         self.mean.fill(0.0);
@@ -99,7 +99,7 @@ impl Kmp {
         self.outputs
     }
 
-    /// Writes the mean and its derivative at an input of one number.
+    /// Writes the mean and its derivative at a one-dimensional input.
     pub(super) fn mean_into(&self, input: f64, mean: &mut [f64], slope: &mut [f64]) {
         mean.fill(0.0);
         slope.fill(0.0);
@@ -117,7 +117,7 @@ impl Kmp {
     /// The covariance at an input.
     ///
     /// # Errors
-    /// An input of another length, or one that is not finite.
+    /// The input has the wrong length or is not finite.
     pub fn covariance(&self, input: &[f64]) -> Result<DMatrix<f64>, KmpError> {
         self.check(input)?;
         let mut row = DMatrix::zeros(self.inputs.len() * self.outputs, self.outputs);

@@ -9,16 +9,16 @@ use crate::ValueError;
 use crate::gmm::{Gmm, GmmFit, Gmr};
 use crate::mean::MeanMovement;
 
-/// The settings of a fit; [`Default`] gives the values named on each field.
+/// Settings of a fit. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelisedFit {
-    /// Gaussians of the mixture that gives the reference. Default: as many, 1 to 12, as the Bayesian information criterion
-    /// chooses.
+    /// Number of Gaussians in the reference mixture. Default: chosen from 1 to 12 by the Bayesian information
+    /// criterion.
     pub components: Option<usize>,
     /// Reference points, evenly spaced from start to end. Default 50.
     pub points: usize,
-    /// The kernel and its regularisation. Default: `lambda_1` 0.1, `lambda_2` 1, and a kernel of 0.01, which falls to `1 / e`
-    /// within a tenth of the movement.
+    /// The kernel and its regularisation. Default: `lambda_1` 0.1, `lambda_2` 1, and a kernel of 0.01, which
+    /// falls to `1 / e` within a tenth of the movement.
     pub settings: KmpSettings,
 }
 
@@ -29,7 +29,7 @@ impl Default for KernelisedFit {
     }
 }
 
-/// A movement as a kernelised primitive over the phase (0 at the start, 1 at the end), whose reference is a Gaussian mixture
+/// A kernelised primitive over the phase (0 at the start, 1 at the end). Its reference is a Gaussian mixture
 /// regression of demonstrations.
 ///
 /// ```
@@ -51,11 +51,11 @@ pub struct KernelisedMovement {
     duration: f64,
 }
 
-/// A [`KernelisedMovement`] as it is written to a file.
+/// File representation of a [`KernelisedMovement`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredKernelised {
-    /// Seconds that a demonstration took.
+    /// Duration of a demonstration, s.
     pub duration: f64,
     /// `lambda_1` of the mean.
     pub mean_regularisation: f64,
@@ -65,14 +65,14 @@ pub struct StoredKernelised {
     pub length: f64,
     /// Phase of each point of the reference.
     pub phases: Vec<f64>,
-    /// Mean of each point, one number a dimension.
+    /// Mean of each point, one entry per dimension.
     pub means: Vec<Vec<f64>>,
     /// Covariance of each point, row by row.
     pub covariances: Vec<Vec<Vec<f64>>>,
 }
 
 impl KernelisedMovement {
-    /// Fits evenly spaced demonstrations (samples x dimensions each) of a mean duration (s).
+    /// Fits evenly spaced demonstrations (samples x dimensions each) with the mean duration `duration` (s).
     ///
     /// # Errors
     /// No demonstration, different dimensions, fewer samples than components, settings out of range.
@@ -112,10 +112,10 @@ impl KernelisedMovement {
         Self::new(KmpReference::from_regression(&mut gmr, &inputs)?, fit.settings, duration)
     }
 
-    /// From a reference over the phase.
+    /// Creates a movement from a reference over the phase.
     ///
     /// # Errors
-    /// Inputs that are no phases, settings out of range, a duration that is no positive time.
+    /// An input is not a phase, a setting is out of range, or the duration is not positive.
     pub fn new(reference: KmpReference, settings: KmpSettings, duration: f64) -> Result<Self, KmpError> {
         let refuse =
             |name, value, expected| Err(KmpError::Value(ValueError::OutOfRange { name, value, expected }));
@@ -137,7 +137,7 @@ impl KernelisedMovement {
         self.reference.points()[0].mean.len()
     }
 
-    /// Seconds that a demonstration took.
+    /// Duration of a demonstration, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
@@ -152,18 +152,18 @@ impl KernelisedMovement {
         self.settings
     }
 
-    /// The primitive, ready to be asked.
+    /// Builds the primitive for evaluation.
     ///
     /// # Errors
-    /// A matrix that is not positive definite.
+    /// A matrix is not positive definite.
     pub fn kmp(&self) -> Result<Kmp, KmpError> {
         Kmp::new(&self.reference, self.settings)
     }
 
-    /// The movement that passes a place at a phase, with a standard deviation.
+    /// Returns the movement conditioned to pass a position at a phase, with a standard deviation.
     ///
     /// # Errors
-    /// A phase out of range, another number of dimensions, a deviation that is not positive.
+    /// The phase is out of range, the number of dimensions differs, or the deviation is not positive.
     pub fn conditioned(&self, phase: f64, place: &DVector<f64>, deviation: f64) -> Result<Self, KmpError> {
         if !(0.0..=1.0).contains(&phase) {
             let (name, expected) = ("phase", "0 to 1");
@@ -185,16 +185,16 @@ impl KernelisedMovement {
         Self::new(reference, self.settings, self.duration)
     }
 
-    /// The mean in time, to be followed.
+    /// Returns the mean for execution over time.
     ///
     /// # Errors
-    /// A matrix that is not positive definite.
+    /// A matrix is not positive definite.
     pub fn running(&self) -> Result<KernelisedMean, KmpError> {
         Ok(KernelisedMean { kmp: self.kmp()?, duration: self.duration })
     }
 }
 
-/// The mean of a [`KernelisedMovement`], prepared to be followed.
+/// Mean of a [`KernelisedMovement`], prepared for execution.
 #[derive(Clone, Debug)]
 pub struct KernelisedMean {
     kmp: Kmp,

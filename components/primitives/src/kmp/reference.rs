@@ -22,23 +22,23 @@ pub struct KmpReference {
     points: Vec<ReferencePoint>,
 }
 
-/// An error of making or conditioning a primitive.
+/// An error of creating or conditioning a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KmpError {
-    /// A number, vector or matrix that will not do.
+    /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
     /// No point at all.
-    #[error("a reference without a point, expected at least one")]
+    #[error("the reference has no point, expected at least one")]
     Empty,
-    /// A matrix that is no covariance, or a value that is not finite.
+    /// A matrix is not a covariance, or a value is not finite.
     #[error("reference point {point}: the covariance is not positive definite, or a number is not finite")]
     NotPositive {
         /// Index, counted from 0.
         point: usize,
     },
-    /// References that do not go together.
-    #[error("the references have different inputs at point {point}: make them of the same inputs")]
+    /// The references are incompatible.
+    #[error("the references have different inputs at point {point}: build them from the same inputs")]
     Different {
         /// Index, counted from 0.
         point: usize,
@@ -49,10 +49,10 @@ pub enum KmpError {
 }
 
 impl KmpReference {
-    /// From points.
+    /// Creates a reference from points.
     ///
     /// # Errors
-    /// No point, sizes that differ, covariances that are not positive definite.
+    /// There is no point, sizes differ, or a covariance is not positive definite.
     pub fn new(points: Vec<ReferencePoint>) -> Result<Self, KmpError> {
         let first = points.first().ok_or(KmpError::Empty)?;
         let (inputs, outputs) = (first.input.len(), first.mean.len());
@@ -62,10 +62,10 @@ impl KmpReference {
         Ok(Self { points })
     }
 
-    /// Predictions of a regression at given inputs.
+    /// Creates a reference from predictions of a regression at given inputs.
     ///
     /// # Errors
-    /// No input, or one that the regression refuses.
+    /// There is no input, or the regression rejects one.
     pub fn from_regression(gmr: &mut Gmr, inputs: &[DVector<f64>]) -> Result<Self, KmpError> {
         let mut points = Vec::with_capacity(inputs.len());
         for input in inputs {
@@ -84,10 +84,10 @@ impl KmpReference {
         &self.points
     }
 
-    /// Adds a via point; a point whose input is nearer than `within` is replaced.
+    /// Adds a via point. It replaces an existing point whose input is closer than `within`.
     ///
     /// # Errors
-    /// Sizes that differ, or a covariance that is not positive definite.
+    /// Sizes differ, or the covariance is not positive definite.
     pub fn insert(&mut self, point: ReferencePoint, within: f64) -> Result<(), KmpError> {
         let (inputs, outputs) = (self.points[0].input.len(), self.points[0].mean.len());
         check(&point, self.points.len(), inputs, outputs)?;
@@ -104,11 +104,11 @@ impl KmpReference {
         Ok(())
     }
 
-    /// The product of several references at the same inputs, each with a priority for every point (references x points):
-    /// `S_n = (sum_l g_ln S_ln^-1)^-1`, `mu_n = S_n sum_l g_ln S_ln^-1 mu_ln`.
+    /// Returns the product of several references at the same inputs, weighted by priorities (references x
+    /// points): `S_n = (sum_l g_ln S_ln^-1)^-1`, `mu_n = S_n sum_l g_ln S_ln^-1 mu_ln`.
     ///
     /// # Errors
-    /// No reference, different inputs, priorities that are negative or all zero at a point.
+    /// There is no reference, the inputs differ, or the priorities at a point are negative or all zero.
     pub fn superposed(references: &[&Self], priorities: &DMatrix<f64>) -> Result<Self, KmpError> {
         let first = references.first().ok_or(KmpError::Empty)?;
         let (rows, columns) = (references.len(), first.points.len());

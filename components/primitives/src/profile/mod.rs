@@ -1,8 +1,8 @@
-//! Motion from rest to rest along a line: as fast as limits of velocity, acceleration and jerk allow, or with the least
-//! jerk.
+//! Rest-to-rest motion along a line: time-optimal within limits of velocity, acceleration and jerk, or with
+//! minimum jerk.
 //!
-//! [`Profile`] is the motion of one coordinate; [`StraightMove`] leads several of them along the straight line between two
-//! points, so that all leave and arrive together.
+//! [`Profile`] is the motion of one coordinate; [`StraightMove`] synchronises several coordinates along the
+//! straight line between two points.
 //!
 //! ```
 //! use motorium_primitives::profile::{MotionLimits, Profile};
@@ -31,7 +31,7 @@ pub struct MotionLimits {
     pub jerk: f64,
 }
 
-/// The motion of one coordinate from 0, at rest, to a distance, at rest.
+/// Motion of one coordinate from rest at 0 to rest at a distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Profile {
     distance: f64,
@@ -41,24 +41,24 @@ pub struct Profile {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// Seven phases of constant jerk; the time is stretched by `stretch`.
+    /// Seven phases of constant jerk, stretched in time by `stretch`.
     Jerk { jerk: f64, rise: f64, hold: f64, cruise: f64, stretch: f64 },
     /// The quintic of least jerk.
     Quintic,
 }
 
-/// Largest velocity, acceleration and jerk of the quintic, for a distance of 1 in a time of 1.
+/// Peak velocity, acceleration and jerk of the quintic for distance 1 and duration 1.
 const QUINTIC: [f64; 3] = [1.875, 5.773_502_691_896_258, 60.0];
 
 impl Profile {
-    /// The fastest motion within limits: jerk, acceleration or velocity is at its limit at every moment.
+    /// Returns the fastest motion within limits: jerk, acceleration or velocity is always at its limit.
     pub fn time_optimal(distance: f64, limits: &MotionLimits) -> Self {
         let MotionLimits { velocity: v, acceleration: a, jerk: j } = *limits;
         let d = distance.abs();
         if d == 0.0 {
             return Self::rest();
         }
-        // Times of one slope of the acceleration and of its plateau, up to the largest velocity.
+        // Duration of one acceleration ramp and of its plateau, up to the peak velocity.
         let (rise, hold) = if v * j >= a * a { (a / j, v / a - a / j) } else { ((v / j).sqrt(), 0.0) };
         let needed = v * (2.0 * rise + hold);
         let (rise, hold, cruise) = if d >= needed {
@@ -71,7 +71,8 @@ impl Profile {
             ((0.5 * d / j).cbrt(), 0.0, 0.0)
         };
         let duration = 4.0 * rise + 2.0 * hold + cruise;
-        // the jerk that covers the distance exactly in these times, within rounding of the limit; infinite without a rise
+        // jerk that covers the distance exactly in these times, equal to the limit up to rounding; infinite
+        // without a ramp
         let jerk = if rise > 0.0 {
             d / (rise * (rise + hold) * (2.0 * rise + hold + cruise))
         } else {
@@ -80,12 +81,12 @@ impl Profile {
         Self { distance, duration, kind: Kind::Jerk { jerk, rise, hold, cruise, stretch: 1.0 } }
     }
 
-    /// The motion of least jerk that takes `duration`.
+    /// Returns the minimum-jerk motion of the given duration.
     pub fn minimum_jerk(distance: f64, duration: f64) -> Self {
         Self { distance, duration: duration.max(0.0), kind: Kind::Quintic }
     }
 
-    /// The shortest time of a motion of least jerk within limits \[s\].
+    /// Shortest duration of a minimum-jerk motion within limits \[s\].
     pub fn minimum_jerk_duration(distance: f64, limits: &MotionLimits) -> f64 {
         let d = distance.abs();
         let [v, a, j] = QUINTIC;
@@ -99,7 +100,7 @@ impl Profile {
         Self { distance: 0.0, duration: 0.0, kind: Kind::Quintic }
     }
 
-    /// The same motion, slower where it is faster than `duration`.
+    /// Returns the same motion, stretched to `duration` if it is shorter.
     #[must_use]
     pub fn taking(self, duration: f64) -> Self {
         if duration <= self.duration {
@@ -146,7 +147,7 @@ impl Profile {
             Kind::Jerk { stretch, .. } => {
                 let (sign, time) = (self.distance.signum(), time / stretch);
                 let whole = self.duration / stretch;
-                // the second half is the first, seen from the end
+                // the second half mirrors the first
                 let jet = if time <= 0.5 * whole {
                     self.first_half(time)
                 } else {
@@ -166,7 +167,7 @@ impl Profile {
     fn first_half(&self, time: f64) -> Jet {
         let Kind::Jerk { jerk, rise, hold, cruise, .. } = self.kind else { return Jet::default() };
         let d = self.distance.abs();
-        // without a limit of the jerk the acceleration is there at once
+        // without a jerk limit the acceleration jumps
         let (peak, acceleration) = if rise > 0.0 {
             let acceleration = jerk * rise;
             (acceleration * (rise + hold), acceleration)
@@ -190,7 +191,7 @@ impl Profile {
             };
         }
         if time < ramp {
-            // the way up to the end of the ramp is that at half its velocity
+            // the distance up to the end of the ramp is covered at its mean velocity, half the peak
             let t = ramp - time;
             return Jet {
                 value: 0.5 * peak * ramp - peak * t + jerk * t.powi(3) / 6.0,
@@ -206,8 +207,8 @@ impl Profile {
 mod tests {
     use super::*;
 
-    /// Limits of every shape of profile: short and long, with and without a plateau of acceleration, without a limit of
-    /// jerk.
+    /// Limits that produce every shape of profile: short and long, with and without an acceleration plateau,
+    /// with and without a jerk limit.
     fn cases() -> impl Iterator<Item = (f64, MotionLimits)> {
         let spread = |n: u32| (0..n).map(move |i| 10f64.powf(-2.0 + 4.0 * f64::from(i) / f64::from(n - 1)));
         spread(9).flat_map(move |d| {
@@ -221,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fastest_motion_never_exceeds_a_limit_and_reaches_one_at_every_moment() {
+    fn time_optimal_motion_is_always_at_one_limit() {
         for (distance, limits) in cases() {
             let profile = Profile::time_optimal(distance, &limits);
             let steps = 2000;
@@ -243,13 +244,13 @@ mod tests {
                     || jerk > 0.9 * limits.jerk;
                 idle += u64::from(!at_limit && step > 0 && step + 1 < steps);
             }
-            // steps over the border of two phases of opposite jerk
+            // steps across the boundary between two phases of opposite jerk
             assert!(idle <= 8, "{distance} {limits:?}: {idle} steps below every limit");
         }
     }
 
     #[test]
-    fn it_ends_at_the_distance_at_rest_and_its_rates_are_those_of_its_positions() {
+    fn motion_ends_at_rest_with_consistent_derivatives() {
         for (distance, limits) in cases() {
             for profile in [
                 Profile::time_optimal(distance, &limits),
@@ -260,7 +261,7 @@ mod tests {
                 assert_eq!(end, Jet { value: distance, ..Jet::default() });
                 let before = profile.sample(profile.duration() * (1.0 - 1e-9));
                 assert!((before.value - distance).abs() < 1e-7 * distance.abs(), "{distance} {limits:?}");
-                // what the acceleration can still take away
+                // remaining velocity change by the acceleration
                 let left = 1.001e-9 * profile.duration();
                 assert!(before.rate.abs() <= limits.acceleration * left, "{distance} {limits:?}: {before:?}");
                 let h = 1e-6 * profile.duration();
@@ -279,14 +280,14 @@ mod tests {
     }
 
     #[test]
-    fn durations_are_those_of_the_textbook() {
+    fn durations_match_the_textbook() {
         let limits = |velocity, acceleration, jerk| MotionLimits { velocity, acceleration, jerk };
         let time = |distance, limits| Profile::time_optimal(distance, &limits).duration();
         // all limits reached: d / v + v / a + a / j
         assert!((time(10.0, limits(5.0, 10.0, 30.0)) - (2.0 + 0.5 + 1.0 / 3.0)).abs() < 1e-12);
         // jerk alone: 4 cbrt(d / 2j)
         assert!((time(1e-3, limits(5.0, 10.0, 30.0)) - 4.0 * (1e-3_f64 / 60.0).cbrt()).abs() < 1e-12);
-        // no limit of jerk: a triangle, 2 sqrt(d / a), and a trapezium
+        // no jerk limit: triangular profile, 2 sqrt(d / a), and trapezoidal profile
         assert!((time(0.1, limits(5.0, 10.0, f64::INFINITY)) - 0.2).abs() < 1e-12);
         assert!((time(10.0, limits(5.0, 10.0, f64::INFINITY)) - 2.5).abs() < 1e-12);
         // velocity before acceleration: d / v + 2 sqrt(v / j)
@@ -297,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_of_least_jerk_reaches_its_tightest_limit_and_no_other() {
+    fn minimum_jerk_motion_reaches_only_its_tightest_limit() {
         for (distance, limits) in cases() {
             let profile = Profile::minimum_jerk(distance, Profile::minimum_jerk_duration(distance, &limits));
             let mut most = [0.0_f64; 3];

@@ -13,10 +13,12 @@ pub enum Shape {
     MinimumJerk,
 }
 
-/// A motion from rest to rest along the straight line between two points; all coordinates leave and arrive together.
+/// A rest-to-rest motion along the straight line between two points. All coordinates start and arrive
+/// together.
 ///
-/// It is the fastest on this line: at every moment one coordinate is at one of its limits. Coordinates that each went as
-/// fast as they can by themselves would leave the line and arrive at different times. Only [`new`](Self::new) allocates.
+/// The motion is time-optimal on this line: one coordinate is always at one of its limits. Coordinates that
+/// each moved at their own limits would leave the line and arrive at different times. Only [`new`](Self::new)
+/// allocates.
 #[derive(Clone, Debug)]
 pub struct StraightMove {
     from: Vec<f64>,
@@ -26,13 +28,13 @@ pub struct StraightMove {
 }
 
 impl StraightMove {
-    /// At rest at 0, within limits of each coordinate.
+    /// Creates a motion at rest at 0, within the limits of each coordinate.
     pub fn new(limits: Vec<MotionLimits>) -> Self {
         let zeros = vec![0.0; limits.len()];
         Self { from: zeros.clone(), way: zeros, limits, profile: Profile::rest() }
     }
 
-    /// The limits of the share of a way that is covered.
+    /// Limits of the fraction of the path covered.
     fn limits_on(&self, way: impl Iterator<Item = f64>) -> MotionLimits {
         let mut along =
             MotionLimits { velocity: f64::INFINITY, acceleration: f64::INFINITY, jerk: f64::INFINITY };
@@ -57,7 +59,8 @@ impl StraightMove {
         }
     }
 
-    /// Plans the motion between two points: in the time given, or in the shortest within the limits if that is longer.
+    /// Plans the motion between two points. It lasts the given time, or the shortest within the limits if
+    /// that is longer.
     pub fn plan(&mut self, from: &[f64], to: &[f64], shape: Shape, duration: Option<f64>) {
         self.from.copy_from_slice(from);
         self.way.iter_mut().zip(from.iter().zip(to)).for_each(|(way, (from, to))| *way = to - from);
@@ -101,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn no_coordinate_exceeds_a_limit_and_one_is_always_at_one() {
+    fn one_coordinate_is_always_at_a_limit() {
         let mut state = 1_u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -137,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_is_given_is_taken_unless_the_limits_need_more() {
+    fn given_duration_is_met_unless_limits_need_more() {
         let mut motion = StraightMove::new(limits());
         for shape in [Shape::TimeOptimal, Shape::MinimumJerk] {
             motion.plan(&[0.0; 3], &[1.0, 0.5, -1.0], shape, Some(7.0));

@@ -14,7 +14,7 @@ pub enum ProMpBasis {
     Gaussian {
         /// `N`, at least 2.
         count: usize,
-        /// In (0, 1); how much neighbours overlap.
+        /// Overlap of neighbouring functions, in (0, 1).
         overlap: f64,
     },
     /// For rhythms: `b_i = exp((cos(2 pi (p - c_i)) - 1) / h)`, `c_i = i / N` (von Mises).
@@ -27,20 +27,20 @@ pub enum ProMpBasis {
 }
 
 impl ProMpBasis {
-    /// Gaussians; an overlap of 0.7 is usual.
+    /// Creates Gaussian functions; an overlap of 0.7 is usual.
     ///
     /// # Errors
-    /// Fewer than two, or an overlap outside (0, 1).
+    /// There are fewer than two functions, or the overlap is outside (0, 1).
     pub fn gaussian(count: usize, overlap: f64) -> Result<Self, ProMpError> {
         let basis = Self::Gaussian { count, overlap };
         basis.check()?;
         Ok(basis)
     }
 
-    /// Von Mises functions, as wide as the Gaussians of the same number with an overlap of 0.7.
+    /// Creates von Mises functions with the width of Gaussians of the same number and an overlap of 0.7.
     ///
     /// # Errors
-    /// Fewer than three.
+    /// There are fewer than three functions.
     pub fn periodic(count: usize) -> Result<Self, ProMpError> {
         let squared = -1.0 / (8.0 * (count * count) as f64 * 0.7_f64.ln());
         let basis = Self::Periodic { count, width: squared * std::f64::consts::TAU.powi(2) };
@@ -75,7 +75,7 @@ impl ProMpBasis {
         }
     }
 
-    /// Writes every function and its derivative by the phase.
+    /// Writes every function and its derivative with respect to the phase.
     pub fn evaluate(&self, phase: f64, values: &mut [f64], slopes: &mut [f64]) {
         let exponent = |i: usize| match *self {
             Self::Gaussian { count, overlap } => {
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_functions_sum_to_one_and_their_slopes_are_those_of_finite_differences() {
+    fn functions_sum_to_one_and_slopes_match_differences() {
         for basis in [ProMpBasis::gaussian(9, 0.7).unwrap(), ProMpBasis::periodic(9).unwrap()] {
             let at = |p: f64| {
                 let (mut values, mut slopes) = ([0.0; 9], [0.0; 9]);

@@ -9,31 +9,30 @@ use crate::ValueError;
 /// Estimator of the distribution of the weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Learning {
-    /// Expectation maximisation of the likelihood of all samples (Lazaric and Ghavamzadeh 2010, with an uninformative
-    /// prior): also right when demonstrations are noisy or miss parts. With `A = Phi^T Phi`,
-    /// `S_i = (A_i / s^2 + Sigma^-1)^-1`, `m_i = S_i (Phi_i^T y_i / s^2 + Sigma^-1 mu)`;
-    /// `mu = mean m_i`, `Sigma = mean (S_i + (m_i - mu)(m_i - mu)^T)`,
-    /// `s^2 = sum (|y_i - Phi_i m_i|^2 + tr(A_i S_i)) / sum of the samples`.
+    /// Expectation maximisation of the likelihood of all samples (Lazaric and Ghavamzadeh 2010, with an
+    /// uninformative prior): handles noisy and incomplete demonstrations. With `A = Phi^T Phi`, `S_i = (A_i /
+    /// s^2 + Sigma^-1)^-1`, `m_i = S_i (Phi_i^T y_i / s^2 + Sigma^-1 mu)`; `mu = mean m_i`, `Sigma = mean
+    /// (S_i + (m_i - mu)(m_i - mu)^T)`, `s^2 = sum (|y_i - Phi_i m_i|^2 + tr(A_i S_i)) / sum of the samples`.
     Em {
         /// Maximum number of iterations.
         iterations: usize,
-        /// Ends when the mean changes by less than this part of its length.
+        /// The fit ends when the mean changes by less than this fraction of its norm.
         tolerance: f64,
     },
-    /// Ridge regression of every demonstration by itself, then mean and covariance of the weights.
+    /// Ridge regression of each demonstration, then mean and covariance of the weights.
     Ridge {
         /// The penalty, at least 0.
         lambda: f64,
     },
 }
 
-/// Settings of a fit; [`Default`] gives the values named on each field.
+/// Settings of a fit. [`Default`] returns the values documented on each field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProMpFit {
-    /// Default: EM of at most 200 iterations with a tolerance of 1e-5.
+    /// Estimator. Default: EM with at most 200 iterations and a tolerance of 1e-5.
     pub learning: Learning,
-    /// Added to the diagonal of the covariance, relative to its mean variance, so that it has an inverse although there
-    /// are fewer demonstrations than weights. Default 1e-6.
+    /// Value added to the diagonal of the covariance, relative to its mean variance. Makes the covariance
+    /// invertible with fewer demonstrations than weights. Default 1e-6.
     pub jitter: f64,
 }
 
@@ -43,10 +42,10 @@ impl Default for ProMpFit {
     }
 }
 
-/// One demonstration as the fit needs it.
+/// One demonstration in the form required by the fit.
 struct Shown {
     samples: usize,
-    /// `Phi^T Phi` of one dimension, by the number of samples: those of one length share it.
+    /// Index of `Phi^T Phi` of one dimension; demonstrations of equal length share it.
     gram: usize,
     /// `Phi^T y`, all dimensions.
     carried: DVector<f64>,
@@ -55,8 +54,8 @@ struct Shown {
 }
 
 impl ProMp {
-    /// Fits demonstrations (each samples x dimensions, evenly spaced from start to end, not necessarily equally many) of
-    /// one movement.
+    /// Fits demonstrations of one movement. Each is a matrix of samples x dimensions, evenly spaced from
+    /// start to end; the numbers of samples may differ.
     ///
     /// # Errors
     /// Fewer than two demonstrations, different dimensions, too few samples, numbers that are not finite.
@@ -68,10 +67,10 @@ impl ProMp {
         Self::fit_with_progress(basis, demonstrations, fit, |_| {})
     }
 
-    /// As [`fit`](Self::fit), telling `progress` the part of the work that is done, from 0 to 1.
+    /// Like [`fit`](Self::fit), and reports the completed fraction of the work, from 0 to 1, to `progress`.
     ///
     /// # Errors
-    /// As there.
+    /// Same as [`fit`](Self::fit).
     pub fn fit_with_progress(
         basis: ProMpBasis,
         demonstrations: &[DMatrix<f64>],
@@ -148,7 +147,7 @@ impl ProMp {
         let (count, size) = (self.basis.count(), self.mean.len());
         let precision = inverse_of(self.covariance.clone(), "the covariance of the weights")?.inverse();
         let prior = &precision * &self.mean;
-        // demonstrations of one length share their posterior covariance
+        // demonstrations of equal length share their posterior covariance
         let posteriors = grams
             .iter()
             .map(|gram| {

@@ -19,7 +19,7 @@ pub struct ProMp {
     pub(super) duration: f64,
 }
 
-/// A [`ProMp`] as it is written to a file.
+/// File representation of a [`ProMp`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredProMp {
@@ -27,11 +27,11 @@ pub struct StoredProMp {
     pub basis: ProMpBasis,
     /// Number of dimensions.
     pub dimensions: usize,
-    /// Seconds that a demonstration took.
+    /// Duration of a demonstration, s.
     pub duration: f64,
     /// Variance of a sample about the movement.
     pub noise: f64,
-    /// Mean of the weights, those of the first dimension first.
+    /// Mean of the weights, ordered by dimension.
     pub mean: Vec<f64>,
     /// Covariance of the weights, row by row.
     pub covariance: Vec<Vec<f64>>,
@@ -42,29 +42,29 @@ pub struct StoredProMp {
 pub enum Observed {
     /// The position.
     Position,
-    /// The velocity, per phase: the velocity in time times the duration.
+    /// Velocity with respect to phase: the velocity in time multiplied by the duration.
     Velocity,
 }
 
-/// An error of making or conditioning a primitive.
+/// An error of creating or conditioning a primitive.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProMpError {
-    /// A number, vector or matrix that will not do.
+    /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// Too few demonstrations to tell how they vary.
+    /// Too few demonstrations to estimate the variation.
     #[error("{found} demonstrations, expected at least 2: one alone does not show how the movement varies")]
     TooFew {
         /// Value found.
         found: usize,
     },
-    /// A matrix that is no covariance.
+    /// A matrix is not a covariance.
     #[error("{name} is not positive definite: give it a larger variance, or the fit a larger jitter")]
     NotPositive {
         /// The matrix.
         name: &'static str,
     },
-    /// Primitives that do not go together.
+    /// The primitives are incompatible.
     #[error(
         "the primitives differ in their basis or number of dimensions, so their weights cannot be combined"
     )]
@@ -72,8 +72,8 @@ pub enum ProMpError {
 }
 
 impl ProMp {
-    /// From the distribution of the weights: mean (`D N`) and covariance (`D N x D N`), the weights of the first
-    /// dimension first, for a movement of 1 s.
+    /// Creates a movement of 1 s from the distribution of the weights: mean (`D N`) and covariance (`D N x D
+    /// N`), ordered by dimension.
     ///
     /// # Errors
     /// Sizes that do not fit, numbers that are not finite, an asymmetric covariance.
@@ -137,15 +137,15 @@ impl ProMp {
         self.noise
     }
 
-    /// Seconds that the demonstrations took; 1 unless they were fitted with another.
+    /// Duration of the demonstrations, s; 1 unless the fit was given another.
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// Says how long a movement takes, s.
+    /// Sets the duration of the movement, s.
     ///
     /// # Errors
-    /// No positive time.
+    /// The duration is not positive.
     pub fn set_duration(&mut self, duration: f64) -> Result<(), ProMpError> {
         if !(duration > 0.0 && duration.is_finite()) {
             let expected = "a positive time";
@@ -175,15 +175,15 @@ impl ProMp {
         covariance
     }
 
-    /// The movement of given weights: its position at a phase.
+    /// Returns the position at a phase for given weights.
     pub fn position_of(&self, weights: &DVector<f64>, phase: f64) -> DVector<f64> {
         self.project(Observed::Position, phase, weights)
     }
 
-    /// Weights drawn from the distribution, from as many independent standard normal numbers as there are weights.
+    /// Samples weights from the distribution, using one independent standard normal number per weight.
     ///
     /// # Errors
-    /// Another number of them, or a covariance that has lost its positive definiteness.
+    /// The number of normal numbers is wrong, or the covariance is no longer positive definite.
     pub fn sample_weights(&self, normal: &DVector<f64>) -> Result<DVector<f64>, ProMpError> {
         if normal.len() != self.mean.len() {
             let (found, expected) = (normal.len(), self.mean.len());
@@ -197,11 +197,12 @@ impl ProMp {
         Ok(&self.mean + factor.l() * normal)
     }
 
-    /// The primitive given that it passes `place` at `phase`, known with the covariance `noise` (`D x D`; zero is
-    /// exact): `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`, `Sigma - L Phi^T Sigma`.
+    /// Returns the primitive conditioned to pass `place` at `phase` with the covariance `noise` (`D x D`;
+    /// zero is exact): `L = Sigma Phi (noise + Phi^T Sigma Phi)^-1`, `mu + L (place - Phi^T mu)`, `Sigma - L
+    /// Phi^T Sigma`.
     ///
     /// # Errors
-    /// Sizes that do not fit, numbers that are not finite, or a place already known exactly.
+    /// Sizes do not match, a number is not finite, or the position is already known exactly.
     pub fn conditioned(
         &self,
         phase: f64,
@@ -211,10 +212,10 @@ impl ProMp {
         self.conditioned_on(Observed::Position, phase, place, noise)
     }
 
-    /// As [`conditioned`](Self::conditioned), on a position or a velocity.
+    /// Like [`conditioned`](Self::conditioned), for a position or a velocity.
     ///
     /// # Errors
-    /// As there.
+    /// Same as [`conditioned`](Self::conditioned).
     pub fn conditioned_on(
         &self,
         observed: Observed,
@@ -238,7 +239,7 @@ impl ProMp {
         }
         // Sigma Phi, D N x D, and Phi^T Sigma Phi
         let (carried, mut seen) = self.observation_model(observed, phase);
-        // what keeps an exact condition solvable, far below what the movement varies
+        // keeps an exact condition solvable; far below the variance of the movement
         let jitter = 1e-8 * seen.trace() / expected as f64;
         seen += noise;
         (0..expected).for_each(|d| seen[(d, d)] += jitter);
@@ -254,7 +255,7 @@ impl ProMp {
         Ok(Self { mean, covariance, ..self.clone() })
     }
 
-    /// The functions (or their slopes) at a phase.
+    /// Returns the basis functions or their slopes at a phase.
     fn functions(&self, observed: Observed, phase: f64) -> DVector<f64> {
         let count = self.basis.count();
         let (mut values, mut slopes) = (DVector::zeros(count), DVector::zeros(count));
@@ -286,7 +287,7 @@ impl ProMp {
     }
 }
 
-/// Makes a matrix that is symmetric but for rounding symmetric.
+/// Symmetrises a matrix that is symmetric up to rounding.
 pub(super) fn symmetrise(matrix: &mut DMatrix<f64>) {
     for i in 0..matrix.nrows() {
         for j in 0..i {

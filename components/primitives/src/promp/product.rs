@@ -6,9 +6,9 @@ use super::model::{ProMp, ProMpError, symmetrise};
 use crate::ValueError;
 
 impl ProMp {
-    /// The product of several primitives: of the Gaussians of their weights, each to the power of its
-    /// activation, `Sigma = (sum_k a_k Sigma_k^-1)^-1`, `mu = Sigma sum_k a_k Sigma_k^-1 mu_k`. A primitive
-    /// dominates where its variance is small.
+    /// Returns the product of several primitives: the product of the Gaussians of their weights, each raised
+    /// to its activation, `Sigma = (sum_k a_k Sigma_k^-1)^-1`, `mu = Sigma sum_k a_k Sigma_k^-1 mu_k`. A
+    /// primitive dominates where its variance is small.
     ///
     /// # Errors
     /// No primitive, different bases, activations that are not positive, or a covariance without an inverse.
@@ -26,12 +26,13 @@ impl ProMp {
     }
 }
 
-/// The position of several primitives at once at a phase: mean and covariance of the product of their Gaussians there,
-/// each to the power of its activation at this phase. With activations that change with the phase it goes over from one
-/// primitive to another; the bases may differ.
+/// Blends several primitives at a phase: returns mean and covariance of the product of their position
+/// Gaussians, each raised to its activation at this phase. Activations that vary with the phase give a
+/// transition from one primitive to another. The bases may differ.
 ///
 /// # Errors
-/// No primitive, different dimensions, activations that are negative or all zero, or a covariance without an inverse.
+/// No primitive, different dimensions, activations that are negative or all zero, or a covariance without an
+/// inverse.
 pub fn blend(primitives: &[(&ProMp, f64)], phase: f64) -> Result<(DVector<f64>, DMatrix<f64>), ProMpError> {
     let [(first, _), ..] = primitives else {
         return Err(ProMpError::TooFew { found: 0 });
@@ -82,7 +83,8 @@ fn product_of<'a>(
 }
 
 fn inverse(mut matrix: DMatrix<f64>) -> Result<DMatrix<f64>, ProMpError> {
-    // a movement that is known exactly somewhere has no inverse there: by so little it may be off
+    // a movement that is known exactly somewhere has a singular covariance there; this jitter makes it
+    // invertible
     let jitter = 1e-10 * matrix.trace() / matrix.nrows() as f64;
     (0..matrix.nrows()).for_each(|i| matrix[(i, i)] += jitter);
     let factor: Option<Cholesky<f64, Dyn>> = matrix.cholesky();

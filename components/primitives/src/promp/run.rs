@@ -1,9 +1,9 @@
-//! The mean of a probabilistic primitive while it runs.
+//! Execution of the mean of a probabilistic primitive.
 
 use super::model::{ProMp, ProMpError};
 use crate::mean::{MeanMovement, MeanRunner};
 
-/// A [`ProMp`] with the memory that evaluating it takes.
+/// A [`ProMp`] with scratch memory for its evaluation.
 #[derive(Clone, Debug)]
 pub struct ProMpMean {
     promp: ProMp,
@@ -45,11 +45,11 @@ impl MeanRunner<ProMpMean> {
         &self.movement().promp
     }
 
-    /// Takes another primitive of the same dimensions, from the next start on. Allocates nothing when the bases are of one
-    /// size.
+    /// Replaces the primitive by one of the same dimensions, from the next start. Does not allocate if the
+    /// bases have equal size.
     ///
     /// # Errors
-    /// Another number of dimensions.
+    /// The number of dimensions differs.
     pub fn exchange(&mut self, promp: ProMp) -> Result<(), ProMpError> {
         if promp.dimensions() != self.position().len() {
             return Err(ProMpError::Different);

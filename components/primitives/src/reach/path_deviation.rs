@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-/// Root mean square and largest deviations of points from a path, accumulated point by point without allocation.
+/// Root mean square and largest deviations of points from a path, accumulated point by point without
+/// allocation.
 ///
 /// ```
 /// use motorium_primitives::reach::PathDeviation;
@@ -24,8 +25,8 @@ pub struct PathDeviation {
 }
 
 impl PathDeviation {
-    /// Adds a point (m) that is passed at `progress`, 0 to 1, along a path of at least two points (m) that are evenly spaced
-    /// in time. A shorter path is ignored.
+    /// Adds a point (m) passed at `progress`, 0 to 1, along a path of at least two points (m) that are evenly
+    /// spaced in time. A shorter path is ignored.
     pub fn observe(&mut self, path: &[Vector3<f64>], progress: f64, point: Vector3<f64>) {
         if path.len() < 2 {
             return;
@@ -46,7 +47,8 @@ impl PathDeviation {
         self.mean(self.near_squares)
     }
 
-    /// Root mean square distance from the point of the path at the same progress, m; `None` before the first point.
+    /// Root mean square distance from the point of the path at the same progress, m; `None` before the first
+    /// point.
     pub fn timed_rms(&self) -> Option<f64> {
         self.mean(self.timed_squares)
     }
@@ -74,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_distance_to_a_segment_is_that_to_its_nearest_point_also_beyond_its_ends() {
+    fn segment_distance_is_correct_beyond_its_ends() {
         let (from, to) = (Vector3::zeros(), Vector3::new(2.0, 0.0, 0.0));
         for (point, expected) in
             [([1.0, 3.0, 0.0], 9.0), ([-1.0, 0.0, 0.0], 1.0), ([3.0, 0.0, 2.0], 5.0), ([0.5, 0.0, 0.0], 0.0)]
@@ -85,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn deviations_are_averaged_over_all_points_and_the_largest_is_kept() {
+    fn deviation_averages_points_and_keeps_the_largest() {
         let path = [Vector3::zeros(), Vector3::x()];
         let mut deviation = PathDeviation::default();
         assert_eq!((deviation.rms(), deviation.timed_rms(), deviation.largest()), (None, None, None));

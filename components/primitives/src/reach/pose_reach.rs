@@ -13,26 +13,26 @@ use crate::dmp::{Coupling, DiscreteDmp, DmpModel, MoveError, OrientationDmp};
 /// State of a reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReachPhase {
-    /// Not started: there is no pose yet.
+    /// Not started; no pose exists yet.
     Waiting,
-    /// On the way to a goal.
+    /// Moving to a goal.
     Moving,
     /// At a goal.
     Dwelling,
-    /// At the last goal, for good.
+    /// At the last goal, permanently.
     Finished,
 }
 
-/// The motion of an end effector from its present pose through a sequence of goals, and back to the first one on
-/// request.
+/// Motion of an end effector from its current pose through a sequence of goals, optionally repeating from the
+/// first.
 ///
-/// Each segment is a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the quintic goal: the end
-/// effector leaves at rest and unaccelerated, and is at the goal, at rest, exactly at the end of the duration (with a
-/// shape that was fitted: within the error of the fit, which goes on to die out during the dwell). One segment takes
-/// over position, velocity and acceleration from the other, so the motion has no jump anywhere.
+/// Each segment is a [`DiscreteDmp`] for the position and an [`OrientationDmp`], both with the quintic goal:
+/// the end effector starts at rest without acceleration and rests at the goal exactly at the end of the
+/// duration. A fitted shape arrives within its fit error, which decays during the dwell. Each segment
+/// continues position, velocity and acceleration of the previous one, so the motion has no jumps.
 ///
-/// Time is counted in whole nanoseconds, and segments change within a step where they end: neither drifts with the
-/// step. All memory is taken by [`new`](Self::new).
+/// Time is counted in whole nanoseconds, and segments change within a step exactly where they end, so the
+/// schedule does not depend on the step width. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct PoseReach {
     segments: Vec<Route>,
@@ -41,13 +41,13 @@ pub struct PoseReach {
     time_scale: TimeScale,
     phase: ReachPhase,
     current: usize,
-    /// Time of the current segment, and its two ends: arrival and departure.
+    /// Elapsed time of the current segment, and its arrival and departure times.
     elapsed: u64,
     arrival: u64,
     departure: u64,
     goal: Isometry3<f64>,
     goals_set: u64,
-    /// Acceleration that pushes it off its way, m/s^2.
+    /// Acceleration that pushes the position off its path, m/s^2.
     push: Vector3<f64>,
 }
 
@@ -68,14 +68,14 @@ struct Motion {
     acceleration: Twist,
 }
 
-/// Speed \[m/s\] and acceleration \[m/s2\] below which the end effector rests.
+/// Speed \[m/s\] and acceleration \[m/s2\] below which the end effector counts as at rest.
 const AT_REST: f64 = 1e-6;
 
 impl PoseReach {
-    /// Prepares the segments, in their order.
+    /// Prepares the segments in order.
     ///
     /// # Errors
-    /// No segment, a goal that is not finite, a duration under 1 ms, or a shape that leads nowhere.
+    /// No segment, a goal that is not finite, a duration under 1 ms, or an invalid shape.
     pub fn new(segments: Vec<Segment>, repeat: Repeat) -> Result<Self, ReachError> {
         if segments.is_empty() {
             return Err(ReachError::NoSegments);
@@ -97,18 +97,18 @@ impl PoseReach {
         })
     }
 
-    /// Sets out for the first goal, from rest at a pose in the world frame.
+    /// Starts to the first goal, from rest at a pose in the world frame.
     ///
     /// # Errors
-    /// A pose that is not finite.
+    /// The pose is not finite.
     pub fn start(&mut self, pose: Isometry3<f64>) -> Result<(), SteerError> {
         self.start_with(0, pose)
     }
 
-    /// As [`start`](Self::start), for the goal of a later segment.
+    /// Like [`start`](Self::start), but begins with a later segment.
     ///
     /// # Errors
-    /// A segment that does not exist, or a pose that is not finite.
+    /// The segment does not exist, or the pose is not finite.
     pub fn start_with(&mut self, segment: usize, pose: Isometry3<f64>) -> Result<(), SteerError> {
         self.check_segment(segment)?;
         check("the pose to start from", &pose)?;
@@ -127,11 +127,17 @@ impl PoseReach {
         Ok(())
     }
 
+    /// Leaves the movement under way and waits for another [`start`](Self::start). The pose stays where it
+    /// is.
+    pub fn halt(&mut self) {
+        self.phase = ReachPhase::Waiting;
+    }
+
     /// Replaces the goal of a segment from its next start. See [`redirect`](Self::redirect) for the one
     /// that is under way.
     ///
     /// # Errors
-    /// A segment that does not exist, or a pose that is not finite.
+    /// The segment does not exist, or the pose is not finite.
     pub fn set_goal(&mut self, segment: usize, goal: Isometry3<f64>) -> Result<(), SteerError> {
         self.check_segment(segment)?;
         check("the goal", &goal)?;
@@ -139,11 +145,11 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Gives the way to a goal another shape from its next start, without allocating: a primitive of the
-    /// same settings.
+    /// Changes the shape of the path to a goal from the segment's next start, without allocating. The
+    /// primitive must have the same settings.
     ///
     /// # Errors
-    /// A segment that does not exist or is under way, or a primitive of other settings.
+    /// The segment does not exist or is in progress, or the primitive has different settings.
     pub fn reshape(&mut self, segment: usize, shape: &DmpModel) -> Result<(), SteerError> {
         self.check_segment(segment)?;
         if segment == self.current && self.phase == ReachPhase::Moving {
@@ -152,11 +158,11 @@ impl PoseReach {
         Ok(self.segments[segment].position.exchange(shape)?)
     }
 
-    /// Sets the speed factor: 1 is the nominal speed, 0 stops where it is. Stretches movements and dwells alike, and
-    /// is approached at [`SPEED_SLEW`](super::SPEED_SLEW).
+    /// Sets the speed factor: 1 is nominal speed, 0 holds the current position. It stretches movements and
+    /// dwells alike and is approached at [`SPEED_SLEW`](super::SPEED_SLEW).
     ///
     /// # Errors
-    /// A negative factor, or one that is not finite.
+    /// The factor is negative or not finite.
     pub fn set_speed(&mut self, speed: f64) -> Result<(), SteerError> {
         if !(speed.is_finite() && speed >= 0.0) {
             return Err(SteerError::Speed { found: speed });
@@ -165,13 +171,13 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Replaces the goal of the current segment. On the way there, the end effector turns without a jump and arrives
-    /// when it would have, or [half a duration](crate::dmp::REPLANNING_TIME) from now if that is later. At a goal, it
-    /// sets out anew, with the duration and shape of the current segment. The sequence then goes on with the next
-    /// segment.
+    /// Replaces the goal of the current segment. During a movement, the end effector changes course without a
+    /// jump and arrives at the original time, or after [half a duration](crate::dmp::REPLANNING_TIME) if that
+    /// is later. At a goal, it starts again with the duration and shape of the current segment. The sequence
+    /// then continues with the next segment.
     ///
     /// # Errors
-    /// Not started yet, or a pose that is not finite.
+    /// The reach has not started, or the pose is not finite.
     pub fn redirect(&mut self, goal: Isometry3<f64>) -> Result<(), SteerError> {
         check("the goal", &goal)?;
         match self.phase {
@@ -192,9 +198,10 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Pushes the position off its way by an acceleration \[m/s2\] in the steps that follow, until another is given: that of
-    /// an obstacle or a force ([`Coupling::acceleration`](crate::dmp::Coupling)). It fades with the spring of the
-    /// primitive. One that is not finite counts as none.
+    /// Pushes the position off its path by an acceleration \[m/s2\] in the following steps, until it is
+    /// replaced. The acceleration may come from an obstacle or a force
+    /// ([`Coupling::acceleration`](crate::dmp::Coupling)). The effect decays with the spring of the
+    /// primitive. A value that is not finite is ignored.
     pub fn push(&mut self, acceleration: Vector3<f64>) {
         let is_finite = acceleration.iter().all(|part| part.is_finite());
         self.push = if is_finite { acceleration } else { Vector3::zeros() };
@@ -258,17 +265,17 @@ impl PoseReach {
         self.segments.len()
     }
 
-    /// The segment it is on, from 0.
+    /// Index of the current segment, from 0.
     pub fn segment(&self) -> usize {
         self.current
     }
 
-    /// Elapsed time of the current segment over its duration; 1 from the arrival on.
+    /// Elapsed time of the current segment over its duration; 1 after the arrival.
     pub fn progress(&self) -> f64 {
         if self.arrival == 0 { 1.0 } else { (self.elapsed as f64 / self.arrival as f64).min(1.0) }
     }
 
-    /// The goal it is on the way to or at, in the world frame.
+    /// Goal of the current segment, in the world frame.
     pub fn goal(&self) -> Isometry3<f64> {
         self.goal
     }
@@ -295,14 +302,15 @@ impl PoseReach {
         }
     }
 
-    /// Sets out for a goal by the way of a segment, from a motion.
+    /// Starts to a goal along the path of a segment, from a given motion.
     fn start_segment(&mut self, segment: usize, goal: Isometry3<f64>, from: Motion) -> Result<(), MoveError> {
         let route = &mut self.segments[segment];
         let seconds = route.duration as f64 * 1e-9;
         let goal_position = goal.translation.vector;
         let (position, velocity) = (from.position, from.velocity.linear);
         if velocity.norm() < AT_REST && from.acceleration.linear.norm() < AT_REST {
-            // From rest as its shape begins: a polynomial that took that back would bend all of the way.
+            // Start at rest with the shape's own acceleration: a polynomial that cancelled it would bend the
+            // whole path.
             route.position.start(position.as_slice(), goal_position.as_slice(), seconds)?;
         } else {
             let motion = [position.as_slice(), velocity.as_slice(), from.acceleration.linear.as_slice()];

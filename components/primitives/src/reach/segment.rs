@@ -1,4 +1,4 @@
-//! The segments of a reach, and what cannot be one.
+//! The segments of a reach, and their errors.
 
 use std::time::Duration;
 
@@ -9,16 +9,16 @@ use serde::{Deserialize, Serialize};
 use super::shape::{PathShape, ShapeError};
 use crate::dmp::MoveError;
 
-/// One goal and the way there.
+/// One goal and the path to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
     /// Pose of the end effector at the end, in the world frame.
     pub goal: Isometry3<f64>,
-    /// Time to get there, at least 1 ms.
+    /// Time to reach the goal, at least 1 ms.
     pub duration: Duration,
     /// Time to stay there.
     pub dwell: Duration,
-    /// The way of the position.
+    /// Shape of the position's path.
     pub shape: PathShape,
 }
 
@@ -39,14 +39,14 @@ pub enum ReachError {
     /// Nowhere to go.
     #[error("no goal given, expected at least one")]
     NoSegments,
-    /// A goal that is no pose.
+    /// The goal is not a finite pose.
     #[error("the pose of goal {segment} holds numbers that are not finite")]
     Goal {
         /// Index, counted from 0.
         segment: usize,
     },
     /// Too little time.
-    #[error("goal {segment} is to be reached in {} s, expected at least 0.001 s", .found.as_secs_f64())]
+    #[error("goal {segment} has a duration of {} s, expected at least 0.001 s", .found.as_secs_f64())]
     Duration {
         /// Index, counted from 0.
         segment: usize,
@@ -63,13 +63,13 @@ pub enum ReachError {
     },
 }
 
-/// An error of starting or steering a reach, which leaves it unchanged.
+/// An error of starting or steering a reach. The reach is left unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SteerError {
-    /// Steered before it was started.
+    /// The reach was steered before its start.
     #[error("the reach has not been started, so it has no pose to be steered from")]
     NotStarted,
-    /// A segment that does not exist.
+    /// The segment does not exist.
     #[error("there is no segment {segment}: there are {segments}, counted from 0")]
     NoSuchSegment {
         /// Index asked for.
@@ -77,13 +77,13 @@ pub enum SteerError {
         /// Number that exists.
         segments: usize,
     },
-    /// A speed that cannot be run.
+    /// The speed factor is invalid.
     #[error("a speed factor of {found}, expected a finite number of at least 0")]
     Speed {
         /// Value found.
         found: f64,
     },
-    /// Another shape for a segment that is under way.
+    /// The shape of a segment in progress cannot change.
     #[error("segment {segment} is in progress: its shape can change when the end effector has arrived")]
     UnderWay {
         /// Index, counted from 0.
@@ -94,11 +94,11 @@ pub enum SteerError {
     Move(#[from] MoveError),
 }
 
-/// The shortest time a segment may take.
+/// Shortest duration of a segment.
 const SHORTEST: Duration = Duration::from_millis(1);
 
 impl Segment {
-    /// Checks what does not depend on the shape. `index` is the number of the segment, from 0.
+    /// Checks everything except the shape. `index` is the number of the segment, from 0.
     pub(super) fn check(&self, index: usize) -> Result<(), ReachError> {
         if !numbers(&self.goal).all(f64::is_finite) {
             return Err(ReachError::Goal { segment: index });

@@ -1,4 +1,4 @@
-//! The shape of the way from one goal to the next.
+//! Shape of the path from one goal to the next.
 
 use nalgebra::{DMatrix, Vector3};
 
@@ -7,35 +7,36 @@ use crate::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 /// Largest deviation of an arc along an axis, m.
 pub const MAX_APEX: f64 = 1e6;
 
-/// Shape of the path of the position to a goal. The orientation always turns along the great arc.
+/// Shape of the position's path to a goal. The orientation always follows the great arc.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum PathShape {
     /// Along the straight line.
     #[default]
     Straight,
-    /// Along an arc that is off the straight line by `apex` half way, in world axes, m: over an obstacle, say.
+    /// An arc whose midpoint deviates from the straight line by `apex`, in world axes, m; for example over an
+    /// obstacle.
     Arc {
-        /// Deviation half way, m; each component at most [`MAX_APEX`].
+        /// Deviation at the midpoint, m; each component at most [`MAX_APEX`].
         apex: Vector3<f64>,
     },
-    /// As a primitive of three dimensions has learned it. It must be a [`Variant::QuinticGoal`], the one that starts
-    /// without a jolt and arrives on time.
+    /// A learned primitive of three dimensions. It must be a [`Variant::QuinticGoal`], which starts without a
+    /// jolt and arrives on time.
     Learned(Box<DmpModel>),
 }
 
 /// An invalid path shape.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// An apex that is no place.
+    /// The apex is not finite or too far away.
     #[error("the apex of the arc is ({:?}, {:?}, {:?}) m, expected finite numbers of at most {MAX_APEX} m", .0.x, .0.y, .0.z)]
     Apex(Vector3<f64>),
-    /// A primitive that moves something else.
+    /// The primitive does not have three dimensions.
     #[error("the learned shape has {found} dimensions, expected 3: the position of the end effector")]
     Dimensions {
         /// Its dimensions.
         found: usize,
     },
-    /// A primitive that starts with a jolt or arrives late.
+    /// The primitive's variant starts with a jolt or arrives late.
     #[error(
         "the learned shape is a {found:?} primitive, expected QuinticGoal: the others start with a jolt or arrive late"
     )]
@@ -46,7 +47,7 @@ pub enum ShapeError {
 }
 
 impl PathShape {
-    /// The primitive that moves the position.
+    /// Returns the primitive that moves the position.
     pub(super) fn model(&self) -> Result<DmpModel, ShapeError> {
         match self {
             Self::Straight => Ok(unshaped()),
@@ -69,7 +70,7 @@ pub(super) fn unshaped() -> DmpModel {
         .expect("the default settings are in range and three dimensions are some")
 }
 
-/// Learned from the deviation `apex * 64 p^3 (1 - p)^3`, which begins and ends at rest and unaccelerated.
+/// Fits the deviation `apex * 64 p^3 (1 - p)^3`, which starts and ends at rest without acceleration.
 fn arc(apex: Vector3<f64>) -> DmpModel {
     const SAMPLES: usize = 301;
     let sampled = |profile: fn(f64) -> f64| {
@@ -92,7 +93,7 @@ mod tests {
     use crate::dmp::DiscreteDmp;
 
     #[test]
-    fn an_arc_passes_through_its_apex_and_comes_back_to_the_line() {
+    fn arc_passes_its_apex_and_returns_to_the_line() {
         let apex = Vector3::new(0.0, -0.05, 0.2);
         let mut dmp = DiscreteDmp::new(PathShape::Arc { apex }.model().unwrap());
         dmp.start(&[0.0; 3], &[0.4, 0.0, 0.0], 1.0).unwrap();
@@ -108,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_that_lead_nowhere_are_refused() {
+    fn invalid_shapes_are_rejected() {
         let apex = Vector3::new(0.0, f64::NAN, 0.0);
         let error = PathShape::Arc { apex }.model().unwrap_err().to_string();
         assert_eq!(

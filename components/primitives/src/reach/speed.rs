@@ -1,15 +1,15 @@
-//! Time scale: the rate of policy time against world time.
+//! Time scale: the rate of policy time relative to world time.
 
-/// The largest change of a speed factor, per second: from standstill to nominal speed takes a quarter of a second.
+/// Maximum change of the speed factor per second: from standstill to nominal speed in a quarter of a second.
 pub const SPEED_SLEW: f64 = 4.0;
 
-/// Turns real time into the time of the policy, at a rate that follows the commanded one without a jump.
+/// Converts real time to policy time, at a rate that follows the commanded one without a jump.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimeScale {
     commanded: f64,
     rate: f64,
     slope: f64,
-    /// Part of a nanosecond of policy time that has not been handed out yet.
+    /// Fraction of a nanosecond of policy time carried over to the next step.
     remainder: f64,
 }
 
@@ -22,7 +22,7 @@ impl TimeScale {
         self.commanded = rate;
     }
 
-    /// Takes up the commanded rate at once: for a policy that stands still.
+    /// Applies the commanded rate immediately, for a policy at rest.
     pub(super) fn jump(&mut self) {
         *self = Self { rate: self.commanded, slope: 0.0, remainder: 0.0, ..*self };
     }
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn at_nominal_speed_time_passes_to_the_nanosecond() {
+    fn nominal_speed_is_exact_to_the_nanosecond() {
         let mut time_scale = TimeScale::new();
         assert_eq!(time_scale.advance(1_000_001), 1_000_001);
     }
@@ -74,11 +74,11 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_changes_no_faster_than_the_slew_allows() {
+    fn rate_change_respects_the_slew_limit() {
         let mut time_scale = TimeScale::new();
         time_scale.command(0.0);
         let passed: u64 = (0..500).map(|_| time_scale.advance(1_000_000)).sum();
-        // a triangle of a quarter of a second and height one
+        // a triangle of a quarter second and height one
         assert!((passed as f64 - 0.125e9).abs() < 1e3, "{passed}");
         assert_eq!(time_scale.rate(), 0.0);
         assert_eq!(time_scale.slope(), 0.0);

@@ -1,5 +1,5 @@
-//! Policies that are linear in their parameters: `u = W f(x)`, with `f(x)` the input and a constant, or monomials of it;
-//! and movements that are polynomials of the phase.
+//! Policies that are linear in their parameters, `u = W f(x)`, where `f(x)` is the input with a constant or
+//! its monomials; and movements that are polynomials of the phase.
 
 mod movement;
 mod polynomial;

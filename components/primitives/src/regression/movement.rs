@@ -8,7 +8,8 @@ use super::{PolynomialPolicy, RegressionError};
 use crate::ValueError;
 use crate::mean::MeanMovement;
 
-/// A movement whose dimensions are polynomials of the phase `p` (0 at the start, 1 at the end): `y(p) = sum_k w_k p^k`.
+/// A movement whose dimensions are polynomials of the phase `p` (0 at the start, 1 at the end): `y(p) = sum_k
+/// w_k p^k`.
 ///
 /// ```
 /// use motorium_primitives::regression::PolynomialMovement;
@@ -27,22 +28,22 @@ pub struct PolynomialMovement {
     weights: DMatrix<f64>,
 }
 
-/// A [`PolynomialMovement`] as it is written to a file.
+/// File representation of a [`PolynomialMovement`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredPolynomial {
-    /// Seconds that the movement takes.
+    /// Duration of the movement, s.
     pub duration: f64,
     /// For each dimension, the weight of each power of the phase, from 0 on.
     pub weights: Vec<Vec<f64>>,
 }
 
 impl PolynomialMovement {
-    /// Fits evenly spaced demonstrations (samples x dimensions each) of a mean duration (s) by polynomials of a degree, with
-    /// the penalty `lambda |w|^2` on all weights but the constants.
+    /// Fits polynomials of a degree to evenly spaced demonstrations (samples x dimensions each) with the mean
+    /// duration `duration` (s). The penalty `lambda |w|^2` applies to all weights except the constants.
     ///
     /// # Errors
-    /// As [`PolynomialPolicy::fit`], and a duration that is no positive time.
+    /// Same as [`PolynomialPolicy::fit`], or the duration is not positive.
     pub fn fit(
         demonstrations: &[DMatrix<f64>],
         duration: f64,
@@ -123,7 +124,7 @@ impl MeanMovement for PolynomialMovement {
     }
 }
 
-/// A polynomial and its derivative, by Horner's rule.
+/// Evaluates a polynomial and its derivative by Horner's rule.
 fn value(weights: &[f64], phase: f64) -> (f64, f64) {
     weights
         .iter()

@@ -4,14 +4,15 @@ use nalgebra::DMatrix;
 
 use crate::ValueError;
 
-/// `u = W f(x)`, where `f` holds all monomials of `x` up to a total degree, the constant 1 first, in graded
-/// lexicographic order: for two inputs and degree 2, `1, x0, x1, x0^2, x0 x1, x1^2`. Degree 1 is the linear policy
-/// `u = W x + b`. Only construction allocates.
+/// Polynomial policy `u = W f(x)`, where `f` contains all monomials of `x` up to a total degree, the constant
+/// 1 first, in graded lexicographic order: for two inputs and degree 2, `1, x0, x1, x0^2, x0 x1, x1^2`.
+/// Degree 1 is the linear policy `u = W x + b`. Only construction allocates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PolynomialPolicy {
     inputs: usize,
     degree: usize,
-    /// A monomial is an earlier one times an input: `(earlier, input)`; the constant is the first.
+    /// Each monomial is an earlier one multiplied by an input, stored as `(earlier, input)`. The constant
+    /// comes first.
     monomials: Vec<(usize, usize)>,
     /// Monomials x outputs.
     weights: DMatrix<f64>,
@@ -21,12 +22,12 @@ pub struct PolynomialPolicy {
 /// An error of a polynomial policy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RegressionError {
-    /// A number, vector or matrix that will not do.
+    /// A number, vector or matrix is invalid.
     #[error(transparent)]
     Value(#[from] ValueError),
-    /// The samples cannot tell the monomials apart.
+    /// The samples do not determine all monomials.
     #[error(
-        "{samples} samples cannot determine {monomials} monomials: take a lower degree, more samples or lambda > 0"
+        "{samples} samples cannot determine {monomials} monomials: use a lower degree, more samples or lambda > 0"
     )]
     Undetermined {
         /// Samples found.
@@ -36,14 +37,14 @@ pub enum RegressionError {
     },
 }
 
-/// More monomials than this are a mistake in the degree.
+/// Maximum number of monomials; more indicate a mistaken degree.
 const MOST_MONOMIALS: usize = 10_000;
 
 impl PolynomialPolicy {
-    /// With weights of zero.
+    /// Creates a policy with zero weights.
     ///
     /// # Errors
-    /// No input, no output, or more monomials than 10,000.
+    /// There is no input or no output, or there are more than 10,000 monomials.
     pub fn new(inputs: usize, outputs: usize, degree: usize) -> Result<Self, RegressionError> {
         for (name, value) in [("inputs", inputs), ("outputs", outputs)] {
             if value == 0 {
@@ -55,7 +56,7 @@ impl PolynomialPolicy {
             }
         }
         let mut monomials = vec![(0, 0)];
-        // the monomials of one degree: those of the degree before, times every input not before their last one
+        // monomials of one degree: each of the previous degree times every input from its last one on
         let mut last = vec![(0, 0)];
         for _ in 0..degree {
             let mut next = Vec::new();
@@ -85,7 +86,7 @@ impl PolynomialPolicy {
     }
 
     /// Fits inputs (samples x inputs) to outputs (samples x outputs) by least squares with the penalty
-    /// `lambda |W|^2`, the constant left out of it.
+    /// `lambda |W|^2`, which excludes the constant.
     ///
     /// # Errors
     /// Sizes that do not fit, numbers that are not finite, a negative penalty, an undetermined fit.
@@ -166,7 +167,7 @@ impl PolynomialPolicy {
         &self.weights
     }
 
-    /// The weights, to be written by a learner. Their number cannot change.
+    /// Mutable weights, for learners. Their number is fixed.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.weights.as_view_mut()
     }
@@ -174,7 +175,7 @@ impl PolynomialPolicy {
     /// Writes the action for an input.
     ///
     /// # Errors
-    /// Slices of other lengths.
+    /// A slice has the wrong length.
     pub fn act(&mut self, input: &[f64], action: &mut [f64]) -> Result<(), RegressionError> {
         for (name, found, expected) in
             [("the input", input.len(), self.inputs), ("the action", action.len(), self.outputs())]

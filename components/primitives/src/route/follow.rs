@@ -21,13 +21,13 @@ pub struct Route {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    /// Before the first step, or about to set out for the next stop.
+    /// Before the first step, or about to start to the next stop.
     Setting,
-    /// Turning on the spot, towards the stop.
+    /// Turning on the spot to face the stop.
     Facing,
-    /// On the way.
+    /// Driving to the stop.
     Driving,
-    /// Turning on the spot, as the stop says.
+    /// Turning on the spot to the stop's angle.
     Aligning,
     /// At the stop.
     Dwelling,
@@ -35,7 +35,8 @@ enum Stage {
 }
 
 impl Route {
-    /// A route through stops, to begin with the first step. Without a stop it is finished at once.
+    /// Creates a route through stops, which starts with the first step. Without stops it is finished
+    /// immediately.
     pub fn new(stops: Vec<Stop>, settings: RouteSettings) -> Self {
         let stage = if stops.is_empty() { Stage::Finished } else { Stage::Setting };
         Self {
@@ -51,21 +52,21 @@ impl Route {
         }
     }
 
-    /// Index of the stop that it is on the way to or at.
+    /// Index of the current stop.
     pub fn stop(&self) -> usize {
         self.current
     }
 
-    /// True at the last stop, once the time to stay there is over.
+    /// Returns `true` at the last stop, after its dwell time.
     pub fn is_finished(&self) -> bool {
         self.stage == Stage::Finished
     }
 
-    /// Advances by a time step \[s\], of a base that is at `at` in the world.
+    /// Advances by a time step \[s\]; `at` is the measured pose of the base in the world.
     pub fn step(&mut self, at: Place, dt: f64) -> RouteStep {
         self.elapsed += dt;
         let mut stopped = None;
-        // Every stage that is over makes way for the next; at most all of one stop in one step.
+        // A finished stage starts the next; one step advances at most through all stages of one stop.
         for _ in 0..5 {
             if !self.is_over(at) {
                 break;
@@ -79,7 +80,7 @@ impl Route {
         RouteStep { command, stopped, beside }
     }
 
-    /// True when the stage is over, for a base at `at`.
+    /// Returns `true` if the stage is over for a base at `at`.
     fn is_over(&self, at: Place) -> bool {
         let length = self.profile.duration().max(self.turning.duration());
         let late = self.elapsed >= length + self.settings.grace;
@@ -94,13 +95,13 @@ impl Route {
             Stage::Driving if self.settings.sideways => {
                 (self.to.x - at.x).hypot(self.to.y - at.y) <= near && turned
             }
-            // what it is beside the goal it cannot mend there
+            // driving cannot correct the lateral error at the goal
             Stage::Driving => ahead.abs() <= near,
         };
         self.elapsed >= length && (here || late)
     }
 
-    /// A place in the axes of the base: ahead and to the left.
+    /// Position of a place in the axes of the base: ahead and to the left.
     fn off(&self, at: Place, place: Place) -> (f64, f64) {
         let (dx, dy) = (place.x - at.x, place.y - at.y);
         let (sin, cos) = at.yaw.sin_cos();
@@ -153,7 +154,7 @@ impl Route {
                 (at, drive.taking(together), turn.taking(together))
             }
             Stage::Driving => {
-                // a goal that is not ahead any more was as good as reached
+                // a goal that is no longer ahead counts as reached
                 let is_ahead = !is_here && turn_between(at.yaw, heading).abs() < 1.0;
                 let ahead = if is_ahead { way } else { 0.0 };
                 self.to = Place { x, y, yaw: if ahead > 0.0 { heading } else { at.yaw } };
@@ -166,7 +167,7 @@ impl Route {
         };
     }
 
-    /// Velocity in the axes of the base, and its distance from its line.
+    /// Velocity in the axes of the base, and the distance of the base from its line.
     fn command(&self, at: Place) -> (Place, Option<f64>) {
         let (settings, time) = (&self.settings, self.elapsed);
         match self.stage {
@@ -222,7 +223,8 @@ mod tests {
         Stop { position: [x, y], yaw, dwell: 0.1 }
     }
 
-    /// Moves a base that does as it is told, but for a disturbance of its velocity; every stop with the pose there.
+    /// Moves a base that follows its commands except for a velocity disturbance; returns every stop with the
+    /// pose there.
     fn drive(
         route: &mut Route,
         mut at: Place,
@@ -251,7 +253,7 @@ mod tests {
         [(2.0, 0.0, FRAC_PI_2), (2.0, 2.0, PI), (0.0, 2.0, -FRAC_PI_2), (0.0, 0.0, 0.0)];
 
     #[test]
-    fn every_corner_of_a_square_is_met_on_wheels_and_sideways() {
+    fn every_corner_of_a_square_is_reached() {
         for sideways in [false, true] {
             let stops = SQUARE.map(|(x, y, yaw)| stop(x, y, Some(yaw))).to_vec();
             let mut route = Route::new(stops, RouteSettings { sideways, ..RouteSettings::default() });
@@ -269,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_push_to_the_side_is_made_good_on_the_way() {
+    fn lateral_push_is_corrected_while_driving() {
         let mut route = Route::new(vec![stop(2.0, 0.0, None)], RouteSettings::default());
         let push =
             |time: f64| Place { y: if (3.0..4.0).contains(&time) { 0.05 } else { 0.0 }, ..Place::default() };
@@ -279,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn a_base_that_does_not_move_is_given_up_and_its_miss_is_told() {
+    fn stuck_base_is_abandoned_and_its_error_reported() {
         let mut route = Route::new(vec![stop(1.0, 0.0, None)], RouteSettings::default());
         let (mut missed, mut time) = (None, 0.0);
         while !route.is_finished() {
@@ -291,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shorter_way_round_is_turned() {
+    fn turns_in_the_shorter_direction() {
         for (from, to, turn) in
             [(3.0, -3.0, 0.283_185_307), (-3.0, 3.0, -0.283_185_307), (0.0, 7.0, 0.716_814_693)]
         {

@@ -1,16 +1,17 @@
-//! A base led through poses in the plane, by feedback on where it is.
+//! Motion of a mobile base through planar poses, with feedback of its pose.
 //!
-//! A base that cannot go sideways turns to its goal on the spot, drives there, and turns as the goal says; one that can goes
-//! straight there while it turns. Each of these stages follows a [`Profile`] of its own, planned from where the base is when
-//! it begins. On a straight line the law is that of Kanayama and others (*A stable tracking control method for an autonomous
-//! mobile robot*, ICRA 1990), with the errors `e` of the pose in the axes of the base and the speed `v` of the profile:
+//! A base that cannot move sideways turns on the spot to face its goal, drives there and turns to the goal's
+//! angle. An omnidirectional base drives straight there while it turns. Each of these stages follows its own
+//! [`Profile`], planned from the pose at the start of the stage. On a straight line the control law is by
+//! Kanayama et al. (*A stable tracking control method for an autonomous mobile robot*, ICRA 1990), with the
+//! errors `e` of the pose in the axes of the base and the speed `v` of the profile:
 //!
 //! ```text
 //! ahead = v cos e_yaw + gain e_x
 //! turn  = v e_y / l^2 + max(turn_gain, 2 |v| / l) sin e_yaw
 //! ```
 //!
-//! so that a base beside its line comes back to it within a few lengths `l`, without overshoot.
+//! A base off its line returns to it within a few lengths `l`, without overshoot.
 //!
 //! ```
 //! use motorium_primitives::route::{Place, Route, RouteSettings, Stop};
@@ -39,7 +40,7 @@ use crate::profile::MotionLimits;
 #[cfg(doc)]
 use crate::profile::Profile;
 
-/// A pose in the plane, or a velocity: x ahead and y to the left in the axes of the base.
+/// A planar pose or velocity; x points ahead and y to the left in the axes of the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
     /// Along x \[m, m/s\].
@@ -50,42 +51,43 @@ pub struct Place {
     pub yaw: f64,
 }
 
-/// A place to come to.
+/// A pose to reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// Position in the world \[m\].
     pub position: [f64; 2],
-    /// Angle about z \[rad\]; without it that at which the base arrives.
+    /// Angle about z \[rad\]. Without it, the base keeps its angle of arrival.
     pub yaw: Option<f64>,
-    /// Time to stay there \[s\].
+    /// Dwell time \[s\].
     pub dwell: f64,
 }
 
 /// Limits, gains and tolerances of a route.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouteSettings {
-    /// Limits of the way ahead \[m\].
+    /// Limits of driving \[m\].
     pub drive: MotionLimits,
     /// Limits of the angle \[rad\].
     pub turn: MotionLimits,
-    /// True for a base that can go sideways.
+    /// `true` for a base that can move sideways.
     pub sideways: bool,
     /// Correction of the position \[1/s\].
     pub gain: f64,
     /// Correction of the angle \[1/s\].
     pub turn_gain: f64,
-    /// Length within which a base that cannot go sideways comes back to its line \[m\].
+    /// Distance within which a base that cannot move sideways returns to its line \[m\].
     pub length: f64,
-    /// Distance \[m\] and angle \[rad\] within which a stage is over, once its profile is.
+    /// Position \[m\] and angle \[rad\] tolerances within which a stage is over after its profile has ended.
     pub arrival: [f64; 2],
-    /// Time for which a stage waits for that after the end of its profile \[s\]. Then the route goes on all the same.
+    /// Maximum time that a stage waits for the tolerances after its profile \[s\]. Then the route continues
+    /// anyway.
     pub grace: f64,
-    /// True for a route that begins again after its last stop.
+    /// `true` for a route that repeats after its last stop.
     pub forever: bool,
 }
 
 impl Default for RouteSettings {
-    /// A base of 0.2 m/s and 1 rad/s that cannot go sideways.
+    /// A base with 0.2 m/s and 1 rad/s that cannot move sideways.
     fn default() -> Self {
         Self {
             drive: MotionLimits { velocity: 0.2, acceleration: 0.5, jerk: 5.0 },
@@ -101,14 +103,14 @@ impl Default for RouteSettings {
     }
 }
 
-/// The answer of a route at each step.
+/// Result of one step of a route.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouteStep {
     /// Velocity in the axes of the base.
     pub command: Place,
-    /// The stop that the base is about to leave, or at the last of which it stays: where it should be now.
+    /// Desired pose when the base is about to leave a stop or stays at the last one.
     pub stopped: Option<Place>,
-    /// Distance of the base from the straight line that it drives on \[m\].
+    /// Distance of the base from its straight line \[m\].
     pub beside: Option<f64>,
 }
 

@@ -29,7 +29,7 @@ fn allocated(work: impl FnOnce()) -> u64 {
 }
 
 #[test]
-fn a_primitive_starts_runs_and_changes_course_without_allocating() {
+fn discrete_primitive_never_allocates_after_new() {
     for variant in [Variant::Classic, Variant::GoalSafe, Variant::QuinticGoal, Variant::FinalVelocity] {
         for scaling in
             [Scaling::Fixed, Scaling::Displacement { limit: 2.0 }, Scaling::Similarity { limit: 2.0 }]
@@ -54,7 +54,7 @@ fn a_primitive_starts_runs_and_changes_course_without_allocating() {
 }
 
 #[test]
-fn an_orientation_turns_and_changes_course_without_allocating() {
+fn orientation_primitive_never_allocates_after_new() {
     let mut dmp = OrientationDmp::new(DmpModel::new(3, Settings::default()).unwrap()).unwrap();
     let goal = |angle| UnitQuaternion::from_scaled_axis(Vector3::new(0.0, angle, 0.3));
     let work = || {
@@ -67,7 +67,7 @@ fn an_orientation_turns_and_changes_course_without_allocating() {
 }
 
 #[test]
-fn a_reach_runs_through_its_legs_without_allocating() {
+fn reach_never_allocates_after_new() {
     let leg = |x, shape| Segment {
         goal: Isometry3::translation(x, 0.0, 0.4),
         duration: Duration::from_millis(300),
@@ -92,7 +92,7 @@ fn a_reach_runs_through_its_legs_without_allocating() {
 }
 
 #[test]
-fn rhythms_couplings_and_tables_step_without_allocating() {
+fn rhythms_couplings_and_tables_never_allocate() {
     let period =
         DMatrix::from_fn(60, 3, |k, d| ((d + 1) as f64 * std::f64::consts::TAU * k as f64 / 60.0).sin());
     let model = RhythmicModel::fit(RhythmicSettings::default(), &[period], 1e-12).unwrap();
@@ -127,7 +127,7 @@ fn rhythms_couplings_and_tables_step_without_allocating() {
 }
 
 #[test]
-fn pattern_generators_step_and_change_their_gait_without_allocating() {
+fn pattern_generators_never_allocate_after_new() {
     let mut network = PhaseNetwork::of_gait(Gait::Tripod, &[LegSettings::default(); 6], 5.0).unwrap();
     let mut hopf =
         HopfNetwork::new(HopfSettings::default(), DMatrix::from_element(4, 4, 0.5), &[0.0; 4]).unwrap();
@@ -152,7 +152,7 @@ fn pattern_generators_step_and_change_their_gait_without_allocating() {
 }
 
 #[test]
-fn probabilistic_policies_answer_without_allocating() {
+fn probabilistic_models_evaluate_without_allocating() {
     let basis = ProMpBasis::gaussian(8, 0.7).unwrap();
     let promp = ProMp::from_weights(basis, 2, DVector::zeros(16), DMatrix::identity(16, 16)).unwrap();
     let mut runner = ProMpRunner::new(promp.into());
@@ -177,7 +177,7 @@ fn probabilistic_policies_answer_without_allocating() {
 }
 
 #[test]
-fn a_rhythm_runs_and_changes_its_gait_without_allocating() {
+fn oscillator_network_never_allocates_after_new() {
     let matsuoka = Oscillator::Matsuoka { settings: MatsuokaSettings::default(), inhibition: 2.2 };
     for model in [Oscillator::Kuramoto, Oscillator::Hopf(HopfSettings::default()), matsuoka] {
         let oscillations =

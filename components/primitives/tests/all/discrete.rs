@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, DVector};
 
 const VARIANTS: [Variant; 3] = [Variant::Classic, Variant::GoalSafe, Variant::QuinticGoal];
 
-/// A model of `dimensions` with weights that bend the path by some tenths, and the displacement 1 in every dimension.
+/// A model of `dimensions` with weights that bend the path by some tenths, and the displacement 1 in every
+/// dimension.
 fn bent(dimensions: usize, settings: Settings) -> DmpModel {
     let size = if settings.variant == Variant::GoalSafe { 0.8 } else { 120.0 };
     let weights =
@@ -33,7 +34,7 @@ fn assert_close(found: &[f64], expected: &[f64], tolerance: f64) {
 }
 
 #[test]
-fn without_forcing_the_classic_form_is_the_critically_damped_spring() {
+fn unforced_classic_is_a_critically_damped_spring() {
     let mut dmp = DiscreteDmp::new(DmpModel::new(1, variant(Variant::Classic)).unwrap());
     let (start, goal, duration) = (0.3, -0.9, 2.5);
     dmp.start(&[start], &[goal], duration).unwrap();
@@ -48,7 +49,7 @@ fn without_forcing_the_classic_form_is_the_critically_damped_spring() {
 }
 
 #[test]
-fn without_forcing_the_quintic_goal_is_reached_at_rest_exactly_on_time() {
+fn unforced_quintic_goal_arrives_at_rest_on_time() {
     let mut dmp = DiscreteDmp::new(DmpModel::new(2, variant(Variant::QuinticGoal)).unwrap());
     dmp.start(&[0.0, 1.0], &[2.0, -1.0], 1.5).unwrap();
     for k in 1..=1500 {
@@ -63,7 +64,7 @@ fn without_forcing_the_quintic_goal_is_reached_at_rest_exactly_on_time() {
 }
 
 #[test]
-fn a_longer_duration_gives_the_same_path_more_slowly() {
+fn longer_duration_preserves_the_path() {
     for form in VARIANTS {
         let (mut quick, mut slow) =
             (DiscreteDmp::new(bent(2, variant(form))), DiscreteDmp::new(bent(2, variant(form))));
@@ -82,7 +83,7 @@ fn a_longer_duration_gives_the_same_path_more_slowly() {
 }
 
 #[test]
-fn scaled_with_the_displacement_the_path_keeps_its_proportions() {
+fn displacement_scaling_preserves_proportions() {
     for form in VARIANTS {
         let settings = Settings { scaling: Scaling::Displacement { limit: 100.0 }, ..variant(form) };
         let mut once = DiscreteDmp::new(bent(1, settings.clone()));
@@ -96,7 +97,7 @@ fn scaled_with_the_displacement_the_path_keeps_its_proportions() {
 }
 
 #[test]
-fn under_similarity_the_whole_path_turns_and_grows_with_the_displacement() {
+fn similarity_rotates_and_scales_the_whole_path() {
     for form in VARIANTS {
         let settings = Settings { scaling: Scaling::Similarity { limit: 100.0 }, ..variant(form) };
         let mut once = DiscreteDmp::new(bent(2, settings.clone()));
@@ -111,7 +112,7 @@ fn under_similarity_the_whole_path_turns_and_grows_with_the_displacement() {
 }
 
 #[test]
-fn velocity_and_acceleration_are_the_derivatives_of_the_position() {
+fn velocity_and_acceleration_match_position_differences() {
     for form in VARIANTS {
         let mut dmp = DiscreteDmp::new(bent(3, variant(form)));
         dmp.start_moving([&[0.0, 0.5, 1.0], &[0.3, 0.0, -1.0], &[0.0; 3]], &[1.0, -1.0, 1.0], 1.3).unwrap();
@@ -133,7 +134,7 @@ fn velocity_and_acceleration_are_the_derivatives_of_the_position() {
 }
 
 #[test]
-fn a_goal_at_the_start_is_reached_and_the_path_stays_bounded() {
+fn goal_at_the_start_is_reached_with_a_bounded_path() {
     for scaling in [Scaling::Fixed, Scaling::Displacement { limit: 5.0 }, Scaling::Similarity { limit: 5.0 }]
     {
         for form in VARIANTS {
@@ -147,7 +148,7 @@ fn a_goal_at_the_start_is_reached_and_the_path_stays_bounded() {
 }
 
 #[test]
-fn a_demonstration_of_hardly_any_displacement_is_scaled_no_further_than_the_limit() {
+fn scale_limit_bounds_nearly_closed_demonstrations() {
     let settings = Settings { scaling: Scaling::Displacement { limit: 2.0 }, ..variant(Variant::Classic) };
     let weights = bent(1, settings.clone()).weights().clone();
     let model = DmpModel::with_weights(settings, weights, DVector::from_element(1, 1e-7)).unwrap();
@@ -157,7 +158,7 @@ fn a_demonstration_of_hardly_any_displacement_is_scaled_no_further_than_the_limi
 }
 
 #[test]
-fn a_goal_that_changes_on_the_way_is_reached_without_a_jump() {
+fn changed_goal_is_reached_without_a_jump() {
     for form in VARIANTS {
         for change_at in [1, 300, 900, 999, 1400] {
             let mut dmp = DiscreteDmp::new(bent(1, variant(form)));
@@ -178,7 +179,7 @@ fn a_goal_that_changes_on_the_way_is_reached_without_a_jump() {
 }
 
 #[test]
-fn a_goal_called_back_to_the_start_is_not_overshot_by_more_than_the_way_already_made() {
+fn goal_reset_to_the_start_has_bounded_overshoot() {
     for form in VARIANTS {
         let mut dmp = DiscreteDmp::new(DmpModel::new(1, variant(form)).unwrap());
         dmp.start(&[0.0], &[1.0], 1.0).unwrap();
@@ -192,7 +193,7 @@ fn a_goal_called_back_to_the_start_is_not_overshot_by_more_than_the_way_already_
 }
 
 #[test]
-fn a_goal_that_moves_at_every_step_is_caught_once_it_stops() {
+fn moving_goal_is_reached_after_it_stops() {
     for form in VARIANTS {
         let mut dmp = DiscreteDmp::new(bent(1, variant(form)));
         dmp.start(&[0.0], &[1.0], 0.8).unwrap();
@@ -210,7 +211,7 @@ fn a_goal_that_moves_at_every_step_is_caught_once_it_stops() {
 }
 
 #[test]
-fn a_filtered_goal_slides_over_with_the_published_rate() {
+fn goal_filter_follows_the_published_rate() {
     let settings = Settings { goal_rate: Some(10.0), ..variant(Variant::GoalSafe) };
     let mut dmp = DiscreteDmp::new(DmpModel::new(1, settings).unwrap());
     // long after the start the spring rests, and its acceleration shows where it is drawn to
@@ -226,7 +227,7 @@ fn a_filtered_goal_slides_over_with_the_published_rate() {
 }
 
 #[test]
-fn a_new_duration_on_the_way_changes_neither_position_nor_velocity() {
+fn new_duration_keeps_position_and_velocity_continuous() {
     for form in VARIANTS {
         let mut dmp = DiscreteDmp::new(bent(2, variant(form)));
         dmp.start(&[0.0, 1.0], &[1.0, 0.0], 1.0).unwrap();
@@ -246,7 +247,7 @@ fn a_new_duration_on_the_way_changes_neither_position_nor_velocity() {
 }
 
 #[test]
-fn what_cannot_be_a_movement_is_refused_and_leaves_the_running_one_alone() {
+fn invalid_commands_leave_the_movement_unchanged() {
     let mut dmp = DiscreteDmp::new(bent(2, variant(Variant::QuinticGoal)));
     dmp.start(&[0.0, 0.0], &[1.0, 1.0], 1.0).unwrap();
     run(&mut dmp, 1e-3, 100);

@@ -4,6 +4,6 @@
 mod fit_and_roll_out;
 
 #[test]
-fn a_primitive_fitted_to_a_demonstration_reaches_another_goal() {
+fn fit_and_roll_out_reaches_another_goal() {
     fit_and_roll_out::main().unwrap();
 }

@@ -25,7 +25,8 @@ fn recording(duration: f64, samples: usize) -> DMatrix<f64> {
     DMatrix::from_fn(samples, 2, |k, d| curve(duration * k as f64 / (samples - 1) as f64, duration)[d])
 }
 
-/// Root mean square of the distance between the movement of a model, started at the velocity of the curve, and the curve.
+/// Root mean square of the distance between the movement of a model, started at the velocity of the curve,
+/// and the curve.
 fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
     let duration = demonstration.duration();
     let row = |matrix: &DMatrix<f64>, k: usize| matrix.row(k).iter().copied().collect::<Vec<f64>>();
@@ -46,7 +47,7 @@ fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
 }
 
 #[test]
-fn every_variant_and_regression_reproduces_the_demonstration() {
+fn every_variant_and_fit_reproduces_the_demonstration() {
     let demonstration = Demonstration::from_positions(2.0, recording(2.0, 400)).unwrap();
     for variant in [Variant::Classic, Variant::GoalSafe, Variant::QuinticGoal] {
         for (regression, tolerance) in [(RIDGE, 1e-3), (RESPONSE, 3e-4), (Regression::LocallyWeighted, 0.1)] {
@@ -59,7 +60,7 @@ fn every_variant_and_regression_reproduces_the_demonstration() {
 }
 
 #[test]
-fn ridge_is_closer_than_locally_weighted_regression_and_more_kernels_are_closer_than_few() {
+fn ridge_and_more_kernels_reduce_the_fit_error() {
     let demonstration = Demonstration::from_positions(2.0, recording(2.0, 400)).unwrap();
     let error = |kernels, regression| {
         let settings = Settings { kernels, ..settings(Variant::Classic) };
@@ -71,7 +72,7 @@ fn ridge_is_closer_than_locally_weighted_regression_and_more_kernels_are_closer_
 }
 
 #[test]
-fn fitting_the_response_withstands_the_noise_that_differentiation_amplifies() {
+fn response_fit_tolerates_measurement_noise() {
     let clean = recording(2.0, 400);
     // +-0.5 mm from a linear congruential generator
     let mut state = 12_345_u64;
@@ -90,7 +91,7 @@ fn fitting_the_response_withstands_the_noise_that_differentiation_amplifies() {
 }
 
 #[test]
-fn a_fitted_quintic_goal_arrives_on_time_and_settles_after_it() {
+fn fitted_quintic_goal_arrives_on_time_and_settles() {
     let demonstration = Demonstration::from_positions(2.0, recording(2.0, 400)).unwrap();
     let model = DmpModel::fit(settings(Variant::QuinticGoal), &[demonstration], RIDGE).unwrap();
     let mut dmp = DiscreteDmp::new(model);
@@ -108,7 +109,7 @@ fn half_cosine(p: f64) -> f64 {
 }
 
 #[test]
-fn a_half_cosine_that_is_shown_is_what_a_movement_from_rest_follows() {
+fn demonstrated_half_cosine_is_followed_from_rest() {
     for variant in [Variant::QuinticGoal, Variant::FinalVelocity] {
         let shown = DMatrix::from_fn(401, 1, |k, _| half_cosine(k as f64 / 400.0));
         let demonstration = Demonstration::from_positions(2.0, shown).unwrap();
@@ -128,7 +129,7 @@ fn a_half_cosine_that_is_shown_is_what_a_movement_from_rest_follows() {
 }
 
 #[test]
-fn an_orientation_shown_along_a_half_cosine_is_what_a_movement_from_rest_follows() {
+fn demonstrated_rotation_is_followed_from_rest() {
     let axis = Vector3::new(0.6, -0.3, 0.74).normalize();
     let turn = |p: f64| UnitQuaternion::from_scaled_axis(axis * (2.5 * half_cosine(p)));
     let shown: Vec<_> = (0..=400).map(|k| turn(f64::from(k) / 400.0)).collect();
@@ -145,7 +146,7 @@ fn an_orientation_shown_along_a_half_cosine_is_what_a_movement_from_rest_follows
 }
 
 #[test]
-fn demonstrations_of_different_reach_teach_one_shape_for_any_reach_when_they_are_scaled() {
+fn scaled_demonstrations_share_one_shape() {
     let scale = |factor: f64| {
         let positions = recording(2.0, 400).map(|value| factor * value);
         Demonstration::from_positions(2.0, positions).unwrap()
@@ -160,7 +161,7 @@ fn demonstrations_of_different_reach_teach_one_shape_for_any_reach_when_they_are
 }
 
 #[test]
-fn a_demonstration_turned_round_teaches_the_same_shape_under_similarity() {
+fn rotated_demonstration_has_the_same_shape() {
     let positions = recording(2.0, 400);
     let turned = DMatrix::from_fn(400, 2, |k, d| [-positions[(k, 1)], positions[(k, 0)]][d]);
     let [straight, turned] =
@@ -173,7 +174,7 @@ fn a_demonstration_turned_round_teaches_the_same_shape_under_similarity() {
 }
 
 #[test]
-fn what_cannot_be_fitted_is_refused() {
+fn invalid_fits_are_rejected() {
     let demonstration = Demonstration::from_positions(2.0, recording(2.0, 20)).unwrap();
     let one = [demonstration.clone()];
     let fit = |demonstrations: &[Demonstration], regression| {

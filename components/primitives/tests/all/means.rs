@@ -19,7 +19,7 @@ fn shown() -> Vec<DMatrix<f64>> {
 }
 
 #[test]
-fn the_mean_of_a_kernelised_movement_is_that_of_the_demonstrations() {
+fn kernelised_mean_matches_the_demonstrations() {
     let movement = KernelisedMovement::fit(&shown(), 2.0, &KernelisedFit::default()).unwrap();
     let mut kmp = movement.kmp().unwrap();
     for k in 0..=40 {
@@ -35,7 +35,7 @@ fn the_mean_of_a_kernelised_movement_is_that_of_the_demonstrations() {
 }
 
 #[test]
-fn the_slope_of_every_mean_is_its_derivative() {
+fn slopes_of_means_match_their_derivatives() {
     let kernelised = KernelisedMovement::fit(&shown(), 2.0, &KernelisedFit::default()).unwrap();
     let polynomial = PolynomialMovement::fit(&shown(), 2.0, 7, 1e-12).unwrap();
     let means: [Box<dyn MeanMovement>; 2] = [Box::new(kernelised.running().unwrap()), Box::new(polynomial)];
@@ -61,7 +61,7 @@ fn the_slope_of_every_mean_is_its_derivative() {
 }
 
 #[test]
-fn a_polynomial_movement_is_the_polynomial_it_was_shown() {
+fn polynomial_movement_recovers_the_polynomial() {
     let shown = DMatrix::from_fn(60, 1, |k, _| {
         let p = k as f64 / 59.0;
         1.0 - 3.0 * p + 2.0 * p.powi(3)
@@ -77,7 +77,7 @@ fn a_polynomial_movement_is_the_polynomial_it_was_shown() {
 }
 
 #[test]
-fn movements_over_the_phase_survive_their_file_and_pass_the_places_they_are_given() {
+fn movements_survive_files_and_pass_via_points() {
     let path = std::env::temp_dir().join(format!("motorium-means-{}.json", std::process::id()));
     let movement = KernelisedMovement::fit(&shown(), 2.0, &KernelisedFit::default()).unwrap();
     let names = vec!["x".to_string(), "y".to_string()];
@@ -110,7 +110,7 @@ fn movements_over_the_phase_survive_their_file_and_pass_the_places_they_are_give
 }
 
 #[test]
-fn a_runner_goes_from_where_it_starts_over_to_the_mean_without_a_jump() {
+fn mean_runner_joins_the_mean_without_a_jump() {
     let movement = KernelisedMovement::fit(&shown(), 2.0, &KernelisedFit::default()).unwrap();
     let mut kmp = movement.kmp().unwrap();
     let mut runner = MeanRunner::new(movement.running().unwrap());

@@ -28,7 +28,7 @@ fn angle(a: UnitQuaternion<f64>, b: UnitQuaternion<f64>) -> f64 {
 }
 
 #[test]
-fn without_forcing_the_way_is_the_great_arc_with_minimum_jerk_timing() {
+fn unforced_rotation_follows_the_great_arc() {
     let mut dmp = OrientationDmp::new(DmpModel::new(3, Settings::default()).unwrap()).unwrap();
     let (start, goal) = (turn(0.3, 0.1, -0.4), turn(1.2, -1.0, 0.8));
     dmp.start(start, goal, 2.0).unwrap();
@@ -43,7 +43,7 @@ fn without_forcing_the_way_is_the_great_arc_with_minimum_jerk_timing() {
 }
 
 #[test]
-fn angular_velocity_and_acceleration_are_the_derivatives_of_the_orientation() {
+fn angular_rates_match_orientation_differences() {
     for variant in VARIANTS {
         let mut dmp = OrientationDmp::new(bent(variant)).unwrap();
         let motion = [Vector3::new(0.5, -0.2, 0.8), Vector3::zeros()];
@@ -69,7 +69,7 @@ fn angular_velocity_and_acceleration_are_the_derivatives_of_the_orientation() {
 }
 
 #[test]
-fn the_quaternion_stays_a_unit_and_never_changes_its_sign() {
+fn quaternion_keeps_unit_length_and_sign() {
     for variant in VARIANTS {
         let mut dmp = OrientationDmp::new(bent(variant)).unwrap();
         let goals = [turn(2.5, 0.0, 0.0), turn(0.0, -2.8, 0.5), turn(0.0, 0.0, 3.1), turn(-1.0, -2.0, -1.0)];
@@ -90,7 +90,7 @@ fn the_quaternion_stays_a_unit_and_never_changes_its_sign() {
 }
 
 #[test]
-fn a_goal_changed_on_the_way_is_reached_without_a_jump_of_the_angular_velocity() {
+fn changed_goal_keeps_angular_velocity_continuous() {
     for variant in VARIANTS {
         let mut dmp = OrientationDmp::new(bent(variant)).unwrap();
         dmp.start(turn(0.2, 0.0, 0.0), turn(0.0, 1.5, 0.0), 1.0).unwrap();
@@ -110,7 +110,7 @@ fn a_goal_changed_on_the_way_is_reached_without_a_jump_of_the_angular_velocity()
 }
 
 #[test]
-fn it_turns_the_shorter_way_whatever_the_sign_of_the_quaternions() {
+fn rotates_the_shorter_way_for_either_quaternion_sign() {
     let (start, goal) = (turn(0.0, 0.0, 0.5), turn(0.0, 0.0, 1.5));
     let negated = UnitQuaternion::new_unchecked(-goal.into_inner());
     let mut dmp = OrientationDmp::new(DmpModel::new(3, Settings::default()).unwrap()).unwrap();
@@ -121,7 +121,7 @@ fn it_turns_the_shorter_way_whatever_the_sign_of_the_quaternions() {
 }
 
 #[test]
-fn half_a_turn_and_no_turn_at_all_are_movements_too() {
+fn half_turn_and_zero_turn_are_valid_movements() {
     let mut dmp = OrientationDmp::new(DmpModel::new(3, Settings::default()).unwrap()).unwrap();
     for goal in [turn(std::f64::consts::PI, 0.0, 0.0), UnitQuaternion::identity()] {
         dmp.start(UnitQuaternion::identity(), goal, 1.0).unwrap();
@@ -131,7 +131,7 @@ fn half_a_turn_and_no_turn_at_all_are_movements_too() {
 }
 
 #[test]
-fn a_recorded_turn_is_reproduced_although_its_quaternions_flip_their_signs() {
+fn recorded_rotation_tolerates_sign_flips() {
     let path = |t: f64| {
         let rest = (1.0 - t).powi(3);
         turn(0.8 * t * rest, -0.5, 0.3) * turn(0.0, 0.9 * (1.0 - rest), 0.6 * (5.0 * t).sin() * rest)
@@ -163,14 +163,14 @@ fn a_recorded_turn_is_reproduced_although_its_quaternions_flip_their_signs() {
 }
 
 #[test]
-fn turns_beyond_half_a_revolution_are_recorded_as_they_were_made() {
+fn rotations_beyond_half_a_revolution_are_preserved() {
     let recorded: Vec<_> = (0..=200).map(|k| turn(0.0, 0.0, 5.0 * f64::from(k) / 200.0)).collect();
     let demonstration = orientation_demonstration(1.0, &recorded).unwrap();
     assert!((demonstration.start(2) - 5.0).abs() < 1e-12, "{}", demonstration.start(2));
 }
 
 #[test]
-fn a_model_of_two_dimensions_turns_nothing() {
+fn two_dimensional_model_is_rejected() {
     let error = OrientationDmp::new(DmpModel::new(2, Settings::default()).unwrap()).unwrap_err();
     assert_eq!(error.to_string(), "an orientation primitive has 2 entries, expected 3");
 }

@@ -47,7 +47,7 @@ fn at_ends(golden: &Json, mut step: impl FnMut(usize), mut look: impl FnMut(usiz
 }
 
 #[test]
-fn the_phase_network_follows_the_solution_of_its_differential_equation() {
+fn phase_network_solves_its_equation() {
     let golden = golden();
     let part = &golden["network"];
     let field = |name: &str| numbers(&part[name]);
@@ -73,7 +73,7 @@ fn the_phase_network_follows_the_solution_of_its_differential_equation() {
 }
 
 #[test]
-fn hopf_oscillators_follow_the_solution_of_their_differential_equation() {
+fn hopf_network_solves_its_equation() {
     let golden = golden();
     let part = &golden["hopf"];
     let field = |name: &str| number(&part[name]);
@@ -102,7 +102,7 @@ fn hopf_oscillators_follow_the_solution_of_their_differential_equation() {
 }
 
 #[test]
-fn matsuoka_neurons_follow_the_solution_of_their_differential_equation_with_feedback() {
+fn matsuoka_neurons_with_feedback_solve_their_equation() {
     let golden = golden();
     let part = &golden["matsuoka"];
     let start = numbers(&part["start"]);
@@ -127,7 +127,7 @@ fn matsuoka_neurons_follow_the_solution_of_their_differential_equation_with_feed
 }
 
 #[test]
-fn kuramoto_phases_follow_the_solution_of_their_differential_equation() {
+fn kuramoto_phases_solve_their_equation() {
     let golden = golden();
     let part = &golden["kuramoto"];
     let rows: Vec<Vec<f64>> = part["couplings"].as_array().unwrap().iter().map(numbers).collect();
@@ -148,7 +148,7 @@ fn kuramoto_phases_follow_the_solution_of_their_differential_equation() {
 
 /// `psi' = -2 k sin(psi)` has the solution `tan(psi / 2) = tan(psi_0 / 2) exp(-2 k t)`.
 #[test]
-fn two_phases_fall_into_their_lag_as_the_closed_form_says() {
+fn two_phases_converge_like_the_closed_form() {
     let (k, lag, off) = (1.5, 0.7, 1.9);
     let mut pair = Kuramoto::new(vec![6.0, 6.0], full(2, k), vec![0.0, lag]).unwrap();
     pair.set_phases(&[0.0, lag + off]).unwrap();
@@ -162,7 +162,7 @@ fn two_phases_fall_into_their_lag_as_the_closed_form_says() {
 }
 
 #[test]
-fn two_phases_of_different_speed_lock_only_if_the_coupling_can_hold_them() {
+fn two_phases_lock_only_under_sufficient_coupling() {
     let run = |k: f64| {
         let mut pair = Kuramoto::new(vec![6.0, 7.0], full(2, k), vec![0.0; 2]).unwrap();
         (0..20_000).for_each(|_| pair.step(1e-3));
@@ -177,7 +177,7 @@ fn two_phases_of_different_speed_lock_only_if_the_coupling_can_hold_them() {
 }
 
 #[test]
-fn an_oscillator_is_entrained_within_its_locking_range_with_the_lag_of_adler_and_not_beyond() {
+fn entrainment_locks_within_adlers_range_only() {
     for (measured_speed, locks) in [(TAU + 1.5, true), (TAU - 1.5, true), (TAU + 3.0, false)] {
         let entrainment = Entrainment { gain: 2.0, lead: 0.0 };
         let legs = [LegSettings::default(); 2];
@@ -206,7 +206,7 @@ fn an_oscillator_is_entrained_within_its_locking_range_with_the_lag_of_adler_and
 }
 
 #[test]
-fn every_gait_settles_from_any_phases_and_changes_into_every_other_without_a_jump() {
+fn gaits_settle_and_change_without_jumps() {
     let gaits = |legs| match legs {
         2 => vec![Gait::Walk, Gait::Bound],
         4 => vec![Gait::Walk, Gait::Trot, Gait::Pace, Gait::Bound],
@@ -242,7 +242,7 @@ fn every_gait_settles_from_any_phases_and_changes_into_every_other_without_a_jum
 }
 
 #[test]
-fn frequency_amplitude_and_offset_follow_their_commands_smoothly() {
+fn commands_are_followed_smoothly() {
     let mut network = PhaseNetwork::of_gait(Gait::Trot, &[LegSettings::default(); 4], 5.0).unwrap();
     (0..3000).for_each(|_| network.step(1e-3));
     network.set_frequency(2.5).unwrap();
@@ -266,7 +266,7 @@ fn frequency_amplitude_and_offset_follow_their_commands_smoothly() {
 }
 
 #[test]
-fn lags_that_contradict_each_other_make_no_network() {
+fn contradictory_lags_are_rejected() {
     let node = Node { amplitude: 1.0, offset: 0.0, phase: 0.0 };
     let lag = |follower, leader, ahead| Lag { follower, leader, ahead };
     let make = |lags: &[Lag]| PhaseNetwork::from_lags(&[node; 3], lags, 2.0, NetworkSettings::default());
@@ -278,7 +278,7 @@ fn lags_that_contradict_each_other_make_no_network() {
 }
 
 #[test]
-fn a_hopf_leg_stands_and_swings_as_long_as_its_stride_says_with_its_amplitude() {
+fn hopf_leg_has_the_given_stance_and_swing_times() {
     for duty in [0.5, 0.75] {
         let settings =
             HopfSettings { amplitude: 0.4, convergence: 50.0, sharpness: 500.0, ..HopfSettings::default() };
@@ -298,7 +298,7 @@ fn a_hopf_leg_stands_and_swings_as_long_as_its_stride_says_with_its_amplitude() 
 }
 
 #[test]
-fn a_pair_of_neurons_oscillates_where_matsuoka_says_at_about_the_frequency_of_harmonic_balance() {
+fn neuron_pair_oscillates_near_the_predicted_frequency() {
     let settings = MatsuokaSettings::default();
     for (w, oscillates) in [(1.2, false), (2.2, true), (4.0, false)] {
         assert_eq!(settings.pair_oscillates(w), oscillates);

@@ -1,4 +1,5 @@
-//! Probabilistic models against scikit-learn, scipy and movement_primitives: see `golden/generate_probabilistic.py`.
+//! Probabilistic models against scikit-learn, scipy and movement_primitives: see
+//! `golden/generate_probabilistic.py`.
 
 use motorium_primitives::ValueError;
 use motorium_primitives::gmm::{Gmm, GmmError, GmmFit, Gmr};
@@ -40,7 +41,7 @@ fn vectors(value: &Json) -> Vec<DVector<f64>> {
 }
 
 #[test]
-fn a_mixture_climbs_to_where_scikit_learn_does() {
+fn mixture_fit_matches_scikit_learn() {
     let golden = golden("gmm");
     let samples = matrix(&golden["samples"]);
     let start =
@@ -59,7 +60,7 @@ fn a_mixture_climbs_to_where_scikit_learn_does() {
 }
 
 #[test]
-fn a_mixture_from_its_own_start_finds_the_same_three_clusters_and_the_criterion_chooses_three() {
+fn mixture_finds_three_clusters_and_bic_chooses_three() {
     let golden = golden("gmm");
     let samples = matrix(&golden["samples"]);
     let fitted = Gmm::choose(&samples, 1..=4, &GmmFit::default()).unwrap();
@@ -86,7 +87,7 @@ fn the_floor_keeps_a_component_from_collapsing_onto_a_sample() {
 }
 
 #[test]
-fn regression_predicts_what_the_formula_says() {
+fn regression_matches_the_formula() {
     let golden = golden("gmm");
     let weights = numbers(&golden["weights"]);
     let gmm = Gmm::new(weights, vectors(&golden["means"]), matrices(&golden["covariances"])).unwrap();
@@ -118,7 +119,7 @@ fn reference() -> (KmpReference, f64, Json) {
 }
 
 #[test]
-fn a_kernelised_primitive_answers_what_the_formula_says() {
+fn kernelised_primitive_matches_the_formula() {
     let (reference, length, golden) = reference();
     let mut kmp = Kmp::new(&reference, KmpSettings { length, ..KmpSettings::default() }).unwrap();
     for expected in golden["answers"].as_array().unwrap() {
@@ -129,7 +130,7 @@ fn a_kernelised_primitive_answers_what_the_formula_says() {
 }
 
 #[test]
-fn a_via_point_is_passed_the_more_closely_the_more_precise_it_is() {
+fn smaller_variance_passes_via_points_more_closely() {
     let (reference, length, _) = reference();
     let settings = KmpSettings { length, ..KmpSettings::default() };
     let wanted = DVector::from_vec(vec![0.2, 0.9]);
@@ -175,7 +176,7 @@ fn primitive() -> (ProMp, Json) {
 }
 
 #[test]
-fn mean_and_variance_are_those_of_movement_primitives() {
+fn mean_and_variance_match_movement_primitives() {
     let (promp, golden) = primitive();
     for (k, phase) in numbers(&golden["phases"]).into_iter().enumerate() {
         assert!((promp.mean_at(phase) - vector(&golden["positions"][k])).amax() < 1e-12);
@@ -185,7 +186,7 @@ fn mean_and_variance_are_those_of_movement_primitives() {
 }
 
 #[test]
-fn a_via_point_bends_it_as_in_movement_primitives() {
+fn via_point_matches_movement_primitives() {
     let (promp, golden) = primitive();
     let place = DVector::from_vec(vec![0.4, -0.7]);
     let noise = DMatrix::from_diagonal(&DVector::from_vec(vec![1e-3, 2e-3]));
@@ -196,7 +197,7 @@ fn a_via_point_bends_it_as_in_movement_primitives() {
 }
 
 #[test]
-fn exact_conditions_on_place_and_velocity_are_met_and_leave_no_variance() {
+fn exact_conditions_leave_no_variance() {
     let (promp, _) = primitive();
     let (place, rate) = (DVector::from_vec(vec![1.0, 2.0]), DVector::from_vec(vec![-3.0, 0.5]));
     let exact = DMatrix::zeros(2, 2);
@@ -212,7 +213,7 @@ fn exact_conditions_on_place_and_velocity_are_met_and_leave_no_variance() {
 }
 
 #[test]
-fn expectation_maximisation_takes_the_steps_that_are_written_out_with_numpy() {
+fn expectation_maximisation_matches_numpy() {
     let (_, golden) = primitive();
     let shown = matrices(&golden["shown"]);
     let basis = ProMpBasis::gaussian(8, 0.7).unwrap();
@@ -234,7 +235,7 @@ fn expectation_maximisation_takes_the_steps_that_are_written_out_with_numpy() {
 }
 
 #[test]
-fn both_ways_of_learning_reproduce_the_mean_of_the_demonstrations_of_different_lengths() {
+fn both_estimators_reproduce_the_demonstrated_mean() {
     let curve = |p: f64, n: usize| (4.0 * p).sin() + 0.2 * n as f64 * p * (1.0 - p);
     let shown: Vec<DMatrix<f64>> = (0..5)
         .map(|n| {
@@ -262,7 +263,7 @@ fn both_ways_of_learning_reproduce_the_mean_of_the_demonstrations_of_different_l
 }
 
 #[test]
-fn a_product_is_sure_where_either_factor_is_and_a_blend_goes_over_from_one_to_the_other() {
+fn product_and_blend_combine_primitives() {
     let (promp, _) = primitive();
     let exact = DMatrix::identity(2, 2) * 1e-4;
     let (early, late) = (DVector::from_vec(vec![1.0, 1.0]), DVector::from_vec(vec![-1.0, 0.0]));
@@ -289,7 +290,7 @@ fn a_product_is_sure_where_either_factor_is_and_a_blend_goes_over_from_one_to_th
 }
 
 #[test]
-fn drawn_movements_vary_as_the_primitive_says() {
+fn sampled_movements_have_the_model_covariance() {
     let (promp, _) = primitive();
     // the mean over plus and minus each axis of the normal numbers gives the covariance exactly
     let n = promp.weight_mean().len();
@@ -304,7 +305,7 @@ fn drawn_movements_vary_as_the_primitive_says() {
 }
 
 #[test]
-fn a_runner_leaves_where_it_is_without_a_jump_and_arrives_where_the_mean_does() {
+fn runner_starts_without_a_jump_and_ends_at_the_mean() {
     let (promp, _) = primitive();
     let mut runner = ProMpRunner::new(promp.clone().into());
     runner.start(&[5.0, -5.0], &[0.3, -0.2], 2.0).unwrap();
@@ -329,7 +330,7 @@ fn a_runner_leaves_where_it_is_without_a_jump_and_arrives_where_the_mean_does() 
 }
 
 #[test]
-fn polynomials_have_the_coefficients_of_scikit_learn() {
+fn polynomial_coefficients_match_scikit_learn() {
     let golden = golden("polynomial");
     let (x, y) = (matrix(&golden["x"]), matrix(&golden["y"]));
     let cubic = PolynomialPolicy::fit(&x, &y, 3, 0.0).unwrap();

@@ -79,7 +79,7 @@ fn every_goal_is_reached_on_time_and_held() {
 }
 
 #[test]
-fn the_motion_is_smooth_through_all_legs_and_its_derivatives_are_true() {
+fn motion_is_smooth_with_consistent_derivatives() {
     let mut reach = PoseReach::new(tour(), Repeat::Forever).unwrap();
     reach.start(home()).unwrap();
     let mut states = vec![(reach.pose(), reach.twist(), reach.acceleration())];
@@ -125,7 +125,7 @@ fn a_straight_reach_has_the_peak_speed_of_minimum_jerk() {
 }
 
 #[test]
-fn the_width_of_the_step_does_not_change_the_schedule() {
+fn step_width_does_not_change_the_schedule() {
     let ends = [1, 3, 7, 40, 1000].map(|milliseconds| {
         let mut reach = PoseReach::new(tour(), Repeat::Forever).unwrap();
         reach.start(home()).unwrap();
@@ -146,7 +146,7 @@ fn the_width_of_the_step_does_not_change_the_schedule() {
 }
 
 #[test]
-fn half_the_speed_takes_twice_the_time_and_no_speed_stands_still() {
+fn speed_factor_stretches_time_and_zero_stops() {
     let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
     reach.set_speed(0.5).unwrap();
     reach.start(home()).unwrap();
@@ -168,7 +168,7 @@ fn half_the_speed_takes_twice_the_time_and_no_speed_stands_still() {
 }
 
 #[test]
-fn a_goal_replaced_on_the_way_is_reached_without_a_jump() {
+fn redirected_goal_is_reached_without_a_jump() {
     for after in [10, 700, 1499, 1600] {
         let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
         reach.start(home()).unwrap();
@@ -195,7 +195,7 @@ fn a_goal_replaced_on_the_way_is_reached_without_a_jump() {
 }
 
 #[test]
-fn a_leg_that_is_aimed_anew_leads_to_its_new_goal_and_a_later_one_can_be_the_first() {
+fn replaced_goals_and_later_first_segments_are_followed() {
     let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
     let goal = pose([0.1, 0.2, 0.7], [0.3, 0.0, 0.0]);
     reach.set_goal(2, goal).unwrap();
@@ -209,7 +209,7 @@ fn a_leg_that_is_aimed_anew_leads_to_its_new_goal_and_a_later_one_can_be_the_fir
 }
 
 #[test]
-fn it_waits_until_it_is_started() {
+fn reach_waits_for_its_start() {
     let mut reach = PoseReach::new(tour(), Repeat::Once).unwrap();
     reach.step(TICK);
     assert_eq!((reach.phase(), reach.goals_set()), (ReachPhase::Waiting, 0));
@@ -220,7 +220,7 @@ fn it_waits_until_it_is_started() {
 }
 
 #[test]
-fn an_invalid_sequence_is_refused_with_its_segment() {
+fn invalid_sequence_is_rejected_with_its_segment() {
     let refuse = |segments| PoseReach::new(segments, Repeat::Once).unwrap_err();
     assert_eq!(refuse(vec![]), ReachError::NoSegments);
     let fine = segment(home(), 1000, 0, PathShape::Straight);

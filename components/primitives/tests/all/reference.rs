@@ -93,7 +93,7 @@ fn largest_difference(found: &[f64], expected: &[f64]) -> f64 {
 }
 
 #[test]
-fn features_are_those_of_movement_primitives() {
+fn features_match_movement_primitives() {
     let golden = golden();
     let model = DmpModel::new(1, settings(Variant::Classic)).unwrap();
     for features in golden.features {
@@ -128,7 +128,7 @@ const VARIANTS: [(&str, Variant); 3] =
     [("classic", Variant::Classic), ("goal_safe", Variant::GoalSafe), ("quintic_goal", Variant::QuinticGoal)];
 
 #[test]
-fn every_variant_follows_the_solution_of_its_differential_equation() {
+fn every_variant_solves_its_equation() {
     let golden = golden();
     for (name, variant) in VARIANTS {
         let [position, velocity, acceleration] = errors(&golden, name, variant, 1e-3);
@@ -139,7 +139,7 @@ fn every_variant_follows_the_solution_of_its_differential_equation() {
 }
 
 #[test]
-fn the_integration_error_falls_with_the_square_of_the_step() {
+fn integration_error_is_second_order() {
     let golden = golden();
     for (name, variant) in VARIANTS {
         let (coarse, fine) = (errors(&golden, name, variant, 1e-2), errors(&golden, name, variant, 1e-3));
@@ -164,7 +164,7 @@ fn demonstration(fit: &Fit) -> Demonstration {
 }
 
 #[test]
-fn ridge_weights_are_those_of_movement_primitives() {
+fn ridge_weights_match_movement_primitives() {
     let fit = golden().fit;
     for (variant, expected) in [(Variant::Classic, &fit.classic), (Variant::GoalSafe, &fit.goal_safe)] {
         let ridge = Regression::Ridge { lambda: fit.lambda };
@@ -176,7 +176,7 @@ fn ridge_weights_are_those_of_movement_primitives() {
 }
 
 #[test]
-fn locally_weighted_weights_are_those_of_the_published_formula() {
+fn locally_weighted_weights_match_the_formula() {
     let fit = golden().fit;
     let model =
         DmpModel::fit(settings(Variant::Classic), &[demonstration(&fit)], Regression::LocallyWeighted)
@@ -186,7 +186,7 @@ fn locally_weighted_weights_are_those_of_the_published_formula() {
 }
 
 #[test]
-fn the_orientation_primitive_turns_as_the_reference_does() {
+fn orientation_primitive_matches_the_reference() {
     let golden = golden().orientation;
     let mut dmp = OrientationDmp::new(model(Variant::Classic, &golden.weights)).unwrap();
     dmp.start(quaternion(golden.start_xyzw), quaternion(golden.goal_xyzw), golden.duration).unwrap();

@@ -28,7 +28,7 @@ fn apart(a: f64, b: f64) -> f64 {
 }
 
 #[test]
-fn every_gait_settles_and_changes_into_every_other_without_a_jump() {
+fn gaits_settle_and_change_without_jumps() {
     for model in models() {
         for (n, gaits) in [(2, Gait::of(2)), (4, Gait::of(4)), (6, Gait::of(6))] {
             for (from, to) in gaits.iter().flat_map(|from| gaits.iter().map(move |to| (*from, *to))) {
@@ -63,7 +63,7 @@ fn every_gait_settles_and_changes_into_every_other_without_a_jump() {
 }
 
 #[test]
-fn strides_take_their_time_and_swings_have_their_amplitude_whatever_the_model() {
+fn strides_have_the_given_period_and_amplitude() {
     for model in models() {
         for (frequency, amplitude) in [(0.5, 0.2), (2.0, 0.4)] {
             let mut rhythm = rhythm(model, Gait::Trot, 4, OscillatorNetworkSettings::default());
@@ -88,9 +88,10 @@ fn strides_take_their_time_and_swings_have_their_amplitude_whatever_the_model() 
     }
 }
 
-/// With a duty factor of 0.7 and legs half a stride apart: both stand 0.4 of the time, and never do both swing.
+/// With a duty factor of 0.7 and legs half a stride apart: both stand 0.4 of the time, and never do both
+/// swing.
 #[test]
-fn stance_takes_its_part_of_a_stride_and_legs_stay_apart_in_time() {
+fn duty_factor_and_leg_timing_are_kept() {
     let settings = HopfSettings { sharpness: 500.0, ..HopfSettings::default() };
     let numbers = OscillatorNetworkSettings { duty_factor: 0.7, ..OscillatorNetworkSettings::default() };
     let mut rhythm = rhythm(Oscillator::Hopf(settings), Gait::Walk, 2, numbers);
@@ -122,7 +123,7 @@ fn stance_takes_its_part_of_a_stride_and_legs_stay_apart_in_time() {
 
 /// Against the model itself, integrated by another method.
 #[test]
-fn phases_are_those_of_kuramoto() {
+fn phases_match_the_kuramoto_model() {
     let settings = OscillatorNetworkSettings { coupling: 3.0, ..OscillatorNetworkSettings::default() };
     let theta = Gait::Walk.phases(4).unwrap();
     let mut rhythm = OscillatorNetwork::new(Oscillator::Kuramoto, &legs(4), theta, settings).unwrap();
@@ -140,9 +141,10 @@ fn phases_are_those_of_kuramoto() {
     }
 }
 
-/// A joint that is driven at another frequency draws the rhythm along, when the gain is larger than the difference.
+/// A joint that is driven at another frequency draws the rhythm along, when the gain is larger than the
+/// difference.
 #[test]
-fn a_rhythm_locks_to_a_joint_that_swings_at_its_own_pace() {
+fn rhythm_locks_to_a_measured_joint() {
     for model in models() {
         for (gain, locks) in [(4.0, true), (0.3, false)] {
             let mut rhythm = rhythm(model, Gait::Walk, 2, OscillatorNetworkSettings::default());
@@ -171,7 +173,7 @@ fn a_rhythm_locks_to_a_joint_that_swings_at_its_own_pace() {
 }
 
 #[test]
-fn what_cannot_run_is_refused() {
+fn invalid_networks_are_rejected() {
     let settings = OscillatorNetworkSettings::default();
     let gait = Gait::Walk.phases(2).unwrap();
     let make = |model, oscillations: &[JointOscillation], settings| {

@@ -43,7 +43,7 @@ fn distribution() -> PrimitiveFile {
 }
 
 #[test]
-fn a_file_of_a_stroke_says_where_and_how_fast_it_begins_and_ends() {
+fn stroke_file_holds_start_and_end_states() {
     let file = discrete(Variant::QuinticGoal);
     assert_eq!((file.start.as_slice(), file.goal.as_slice()), (&[0.0, 0.0][..], &[1.0, -2.0][..]));
     assert!(file.start_velocity.iter().chain(&file.final_velocity).all(|v| v.abs() < 1e-3));
@@ -56,7 +56,7 @@ fn a_file_of_a_stroke_says_where_and_how_fast_it_begins_and_ends() {
 }
 
 #[test]
-fn a_stroke_is_given_back_as_shown_and_elsewhere_in_another_time() {
+fn stroke_is_reproduced_and_generalised() {
     for variant in [Variant::Classic, Variant::GoalSafe, Variant::QuinticGoal] {
         let file = discrete(variant);
         let shown = roll_out(&file, &Override::default(), 0.02).unwrap();
@@ -83,7 +83,7 @@ fn a_stroke_is_given_back_as_shown_and_elsewhere_in_another_time() {
 }
 
 #[test]
-fn a_strike_arrives_with_the_velocity_asked_for() {
+fn strike_arrives_with_the_commanded_velocity() {
     let file = discrete(Variant::FinalVelocity);
     let strike = Override { final_velocity: Some(vec![0.5, 0.25]), ..Override::default() };
     let moved = roll_out(&file, &strike, 0.01).unwrap();
@@ -94,7 +94,7 @@ fn a_strike_arrives_with_the_velocity_asked_for() {
 }
 
 #[test]
-fn a_rhythm_goes_on_for_the_periods_asked_for_with_its_amplitude() {
+fn rhythm_lasts_the_given_periods_and_amplitude() {
     let overrides = Override {
         duration: Some(0.5),
         periods: Some(3.0),
@@ -112,7 +112,7 @@ fn a_rhythm_goes_on_for_the_periods_asked_for_with_its_amplitude() {
 }
 
 #[test]
-fn a_distribution_passes_its_via_points_and_is_surer_there() {
+fn distribution_passes_via_points_with_less_variance() {
     let via = ViaPoint { phase: 0.5, position: vec![0.6], deviation: 1e-3 };
     let free = roll_out(&distribution(), &Override::default(), 0.02).unwrap();
     let bent = roll_out(&distribution(), &Override { via: vec![via], ..Override::default() }, 0.02).unwrap();
@@ -123,7 +123,7 @@ fn a_distribution_passes_its_via_points_and_is_surer_there() {
 }
 
 #[test]
-fn every_demonstration_is_reproduced_in_its_own_samples() {
+fn demonstrations_are_reproduced_sample_by_sample() {
     let demonstrations = |rows: usize, f: &dyn Fn(f64) -> f64| {
         vec![(2.0, DMatrix::from_fn(rows, 2, |k, d| [1.0, -2.0][d] * f(k as f64 / (rows - 1) as f64)))]
     };
@@ -141,7 +141,7 @@ fn every_demonstration_is_reproduced_in_its_own_samples() {
 }
 
 #[test]
-fn overrides_that_a_primitive_does_not_have_are_refused() {
+fn unsupported_overrides_are_rejected() {
     let via = ViaPoint { phase: 0.5, position: vec![0.6], deviation: 1e-3 };
     let refused =
         |file: &PrimitiveFile, overrides: Override| roll_out(file, &overrides, 0.01).unwrap_err().to_string();
@@ -158,7 +158,7 @@ fn overrides_that_a_primitive_does_not_have_are_refused() {
 }
 
 #[test]
-fn places_that_contradict_each_other_are_refused() {
+fn contradictory_via_points_are_rejected() {
     let via = |place: f64, deviation| ViaPoint { phase: 0.5, position: vec![place], deviation };
     let both =
         |deviation| Override { via: vec![via(0.55, deviation), via(0.6, deviation)], ..Override::default() };
@@ -168,7 +168,7 @@ fn places_that_contradict_each_other_are_refused() {
 }
 
 #[test]
-fn the_work_of_a_movement_is_bounded_by_its_samples() {
+fn integration_steps_are_bounded() {
     let years = Override { duration: Some(2e9), ..Override::default() };
     let moved = roll_out(&discrete(Variant::QuinticGoal), &years, 1e7).unwrap();
     assert_eq!(moved.time.len(), 201);

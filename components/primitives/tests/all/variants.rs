@@ -41,7 +41,7 @@ fn model(variant: Variant, weights: DMatrix<f64>) -> DmpModel {
 }
 
 #[test]
-fn a_rhythm_follows_the_solution_of_its_differential_equation() {
+fn rhythm_solves_its_equation() {
     let golden = golden("rhythmic");
     let weights = matrix(&golden["weights"]);
     let settings = RhythmicSettings {
@@ -67,7 +67,7 @@ fn a_rhythm_follows_the_solution_of_its_differential_equation() {
 }
 
 #[test]
-fn a_fitted_rhythm_has_the_weights_of_least_squares_and_repeats_its_period_at_any_speed_and_size() {
+fn fitted_rhythm_repeats_at_any_speed_and_amplitude() {
     let fit = &golden("rhythmic")["fit"];
     let positions = matrix(&fit["positions"]);
     let settings = RhythmicSettings { kernels: 20, ..RhythmicSettings::default() };
@@ -94,7 +94,7 @@ fn a_fitted_rhythm_has_the_weights_of_least_squares_and_repeats_its_period_at_an
 }
 
 #[test]
-fn a_locally_weighted_rhythm_has_the_weights_of_the_published_formula() {
+fn locally_weighted_rhythm_matches_the_formula() {
     let fit = &golden("rhythmic")["fit"];
     let settings = RhythmicSettings { kernels: 20, ..RhythmicSettings::default() };
     let model = RhythmicModel::fit_locally_weighted(settings, &[matrix(&fit["positions"])]).unwrap();
@@ -103,7 +103,7 @@ fn a_locally_weighted_rhythm_has_the_weights_of_the_published_formula() {
 }
 
 #[test]
-fn a_rhythm_changes_period_amplitude_and_baseline_without_a_jump() {
+fn rhythm_parameters_change_without_a_jump() {
     let positions = matrix(&golden("rhythmic")["fit"]["positions"]);
     let mut dmp =
         RhythmicDmp::new(RhythmicModel::fit(RhythmicSettings::default(), &[positions], 1e-12).unwrap());
@@ -130,7 +130,7 @@ fn a_rhythm_survives_json() {
 }
 
 #[test]
-fn a_stroke_follows_the_solution_of_its_differential_equation_and_passes_its_goal_on_time() {
+fn stroke_solves_its_equation_and_passes_its_goal() {
     let golden = golden("striking");
     let vector = |name: &str| numbers(&golden[name]);
     let mut dmp = DiscreteDmp::new(model(Variant::FinalVelocity, matrix(&golden["weights"])));
@@ -153,7 +153,7 @@ fn a_stroke_follows_the_solution_of_its_differential_equation_and_passes_its_goa
 }
 
 #[test]
-fn a_stroke_learned_ends_with_the_velocity_of_its_demonstration() {
+fn learned_stroke_ends_with_the_demonstrated_velocity() {
     let stroke = |p: f64| p * p * p * (1.0 + (5.0 * p).sin() * (1.0 - p));
     let positions = DMatrix::from_fn(301, 1, |k, _| stroke(k as f64 / 300.0));
     let demonstration = Demonstration::from_positions(0.6, positions).unwrap();
@@ -170,14 +170,14 @@ fn a_stroke_learned_ends_with_the_velocity_of_its_demonstration() {
 }
 
 #[test]
-fn a_final_velocity_is_refused_where_the_movement_ends_at_rest() {
+fn final_velocity_is_rejected_by_resting_variants() {
     let mut dmp = DiscreteDmp::new(model(Variant::QuinticGoal, DMatrix::zeros(4, 1)));
     let error = dmp.start_striking([&[0.0]; 3], [&[1.0], &[1.0]], 1.0).unwrap_err();
     assert_eq!(error, MoveError::EndsAtRest { variant: Variant::QuinticGoal });
 }
 
 #[test]
-fn an_obstacle_and_a_waiting_phase_act_as_in_the_differential_equation() {
+fn obstacle_and_phase_stop_match_the_equation() {
     let golden = golden("coupled");
     let obstacle = Vector3::from_column_slice(&numbers(&golden["obstacle"]));
     let avoidance = ObstacleAvoidance { gamma: number(&golden["gamma"]), ..ObstacleAvoidance::default() };
@@ -205,7 +205,7 @@ fn an_obstacle_and_a_waiting_phase_act_as_in_the_differential_equation() {
 }
 
 #[test]
-fn an_obstacle_on_the_way_is_passed_at_a_distance_and_the_goal_reached() {
+fn obstacle_is_avoided_and_the_goal_reached() {
     for variant in VARIANTS {
         let closest = |avoid: bool| {
             let avoidance = ObstacleAvoidance::default();
@@ -229,7 +229,7 @@ fn an_obstacle_on_the_way_is_passed_at_a_distance_and_the_goal_reached() {
 }
 
 #[test]
-fn a_held_robot_stops_the_phase_and_the_movement_goes_on_as_shown_when_released() {
+fn blocked_robot_stops_the_phase_until_released() {
     let stop = PhaseStop::Quadratic { gain: 1e4 };
     for variant in VARIANTS {
         let mut dmp = DiscreteDmp::new(model(variant, DMatrix::from_element(10, 1, 30.0)));
@@ -251,7 +251,7 @@ fn a_held_robot_stops_the_phase_and_the_movement_goes_on_as_shown_when_released(
 }
 
 #[test]
-fn a_push_moves_it_off_its_way_by_what_the_spring_yields_and_leaves_no_trace() {
+fn push_deflects_the_path_temporarily() {
     let mut dmp = DiscreteDmp::new(model(Variant::Classic, DMatrix::zeros(5, 1)));
     dmp.start(&[0.5], &[0.5], 2.0).unwrap();
     for _ in 0..4000 {
@@ -267,7 +267,7 @@ fn a_push_moves_it_off_its_way_by_what_the_spring_yields_and_leaves_no_trace() {
 
 /// The case in which a forcing term divided by the displacement diverges.
 #[test]
-fn a_closed_movement_whose_goal_is_changed_stays_bounded_and_reaches_the_goal() {
+fn closed_movement_with_a_new_goal_stays_bounded() {
     let wave = DMatrix::from_fn(201, 1, |k, _| (std::f64::consts::PI * k as f64 / 200.0).sin());
     let demonstration = Demonstration::from_positions(1.0, wave).unwrap();
     assert!((demonstration.goal(0) - demonstration.start(0)).abs() < 1e-15);
@@ -306,7 +306,7 @@ fn curve(samples: usize) -> DMatrix<f64> {
 }
 
 #[test]
-fn a_sampled_forcing_term_gives_its_demonstration_back_to_rounding_in_every_variant() {
+fn sampled_forcing_reproduces_to_rounding() {
     let shown = curve(200);
     for variant in VARIANTS {
         let settings = Settings { variant, ..Settings::default() };
@@ -325,7 +325,7 @@ fn a_sampled_forcing_term_gives_its_demonstration_back_to_rounding_in_every_vari
 }
 
 #[test]
-fn a_sampled_orientation_comes_back_to_rounding() {
+fn sampled_orientation_reproduces_to_rounding() {
     let turn = |p: f64| Vector3::new(0.8 * p, -1.1 * p * p, 0.5 * (3.0 * p).sin());
     let orientations: Vec<UnitQuaternion<f64>> =
         (0..150).map(|k| so3::exp(&turn(f64::from(k) / 149.0))).collect();
@@ -341,7 +341,7 @@ fn a_sampled_orientation_comes_back_to_rounding() {
 }
 
 #[test]
-fn a_sampled_movement_goes_to_a_new_goal_and_too_few_samples_are_refused_with_what_would_do() {
+fn sampled_movement_generalises_and_checks_stability() {
     let shown = DMatrix::from_fn(100, 1, |k, _| {
         let p = k as f64 / 99.0;
         p * p * (3.0 - 2.0 * p) + 0.2 * (std::f64::consts::TAU * p).sin() * p * (1.0 - p)

@@ -14,7 +14,8 @@ use crate::channel::{ErrorModel, Timing};
 use crate::contact::ContactModel;
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// `other` of a contact with a link of the same robot is at least this, and that with the ground is the greatest number.
+/// `other` of a contact with a link of the same robot is at least this, and that with the ground is the
+/// greatest number.
 const FIRST_LINK: u32 = 65_536;
 
 /// Configuration of `sensor.contact`. The default is an ideal sensor.
@@ -32,15 +33,16 @@ pub struct ContactConfig {
     pub force: ErrorModel,
     /// Force from which a foot is in contact, N. Default 1.
     pub on: f64,
-    /// Force below which it no longer is, N. Default 0.5.
+    /// Force below which contact ends, N. Default 0.5.
     pub off: f64,
-    /// Time from sampling until the reading is available. Default none.
+    /// Time from sampling until the reading is available. Default 0.
     pub latency: TimeSpan,
     /// Share of the readings that are lost, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 
@@ -72,8 +74,8 @@ impl ContactConfig {
 
 /// A component that publishes the readings of the contact sensors of a robot's feet.
 ///
-/// The force on a foot is the size of the sum of all contact forces on the links that are fixed to its frame, those between
-/// links of the robot excepted.
+/// The force on a foot is the size of the sum of all contact forces on the links that are fixed to its frame,
+/// those between links of the robot excepted.
 pub struct FootContactSensor {
     contacts: Input<Contacts>,
     feet: Output<FootContacts>,

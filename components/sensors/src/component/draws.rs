@@ -29,7 +29,7 @@ impl Draws {
         Ok(())
     }
 
-    /// Draws for the first episode. `latency` is that of the sensor itself.
+    /// Samples the parameters for the first episode. `latency` is the sensor's own latency.
     pub(super) fn open(
         ranges: &SensorRanges,
         latency: TimeSpan,

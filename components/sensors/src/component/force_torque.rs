@@ -14,7 +14,8 @@ use super::readings::{Readings, refused};
 use crate::channel::{Channel, ErrorModel, SettingError, Timing};
 use crate::randomise::{SensorDraw, SensorRanges};
 
-/// Configuration of `sensor.force_torque`. All but `link` has a default: an ideal sensor at the origin of the link.
+/// Configuration of `sensor.force_torque`. All but `link` has a default: an ideal sensor at the origin of the
+/// link.
 ///
 /// ```toml
 /// link    = "panda_hand"
@@ -25,7 +26,8 @@ use crate::randomise::{SensorDraw, SensorRanges};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ForceTorqueConfig {
-    /// The link that the sensor carries: it stands between this link and the one above it, at a moving joint or a fixed one.
+    /// Link carried by the sensor. The sensor is between this link and its parent, at a moving or fixed
+    /// joint.
     pub link: String,
     /// Position of the sensor in the frame of the link (m). Default: its origin.
     #[serde(default)]
@@ -39,19 +41,21 @@ pub struct ForceTorqueConfig {
     /// Errors of the torque, N m.
     #[serde(default)]
     pub torque: ErrorModel,
-    /// Time from sampling until the reading is available. Default none.
+    /// Time from sampling until the reading is available. Default 0.
     #[serde(default)]
     pub latency: TimeSpan,
     /// Share of the readings that are lost, 0 to 1. Default 0.
     #[serde(default)]
     pub drop_out: f64,
-    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// gravity.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     #[serde(default)]
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     #[serde(default)]
     pub randomise: SensorRanges,
 }
@@ -77,12 +81,15 @@ impl ForceTorqueConfig {
         ])
     }
 
-    /// The link that it carries, and the sensor's place in its frame.
+    /// Returns the carried link and the sensor's pose in its frame.
     fn place(&self, model: &Model) -> Result<(FrameId, Isometry3<f64>), ConfigError> {
         let link = model.frame(&self.link).map_err(|error| ConfigError::key("link", error.to_string()))?;
         if model.frames()[link.index()].parent.is_none() {
-            return Err(ConfigError::key("link", format!("`{}` is the root: no link carries it", self.link))
-                .advise("name the first link beyond the sensor, such as that of a hand"));
+            return Err(ConfigError::key(
+                "link",
+                format!("`{}` is the root, which no link carries", self.link),
+            )
+            .advise("name the first link beyond the sensor, such as the hand"));
         }
         for (key, numbers) in [("position", self.position), ("rpy", self.rpy)] {
             if !numbers.iter().all(|number| number.is_finite()) {
@@ -97,8 +104,9 @@ impl ForceTorqueConfig {
 
 /// A component that publishes the readings of a force-torque sensor within a robot.
 ///
-/// A reading is the mean wrench since the last sample that the robot exerts through the sensor on all that it carries: at rest
-/// the weight of that, upwards. It stands at the origin and in the axes of the sensor in the middle of that time.
+/// A reading is the mean wrench, since the last sample, that the robot exerts through the sensor on
+/// everything it carries. At rest this is the carried weight, upwards. The reference point and axes are those
+/// of the sensor in the middle of the interval.
 pub struct ForceTorque {
     loads: TrueLoads,
     wrench: Output<Wrench>,
@@ -129,7 +137,7 @@ impl Component for ForceTorque {
         if carried(&model, link) == 0.0 {
             declare
                 .warn(format!(
-                    "`{}` and what it carries have no mass: the sensor reads contacts alone",
+                    "`{}` and the links it carries have no mass: the sensor reads contacts only",
                     config.link
                 ))
                 .at("link");
@@ -202,7 +210,7 @@ impl Component for ForceTorque {
     }
 }
 
-/// Mass of a link and of all that it carries \[kg\].
+/// Returns the mass of a link and everything it carries \[kg\].
 fn carried(model: &Model, link: FrameId) -> f64 {
     model.carried(link).iter().map(|frame| model.frames()[frame.index()].inertia.mass).sum()
 }

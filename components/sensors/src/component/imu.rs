@@ -35,15 +35,17 @@ pub struct ImuConfig {
     pub accelerometer: ErrorModel,
     /// Standard deviation of the orientation, about each axis, rad. Default 0.
     pub orientation_noise: f64,
-    /// Time from sampling until the reading is available. Default none.
+    /// Time from sampling until the reading is available. Default 0.
     pub latency: TimeSpan,
     /// Share of the readings that are lost, 0 to 1. Default 0.
     pub drop_out: f64,
-    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// gravity.
     pub gravity: [f64; 3],
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 
@@ -84,7 +86,7 @@ impl ImuConfig {
 
 /// A component that publishes the readings of an inertial measurement unit on a robot.
 ///
-/// It samples the true motion at its own rate, or at that of its trigger; a reading is the mean since the last sample.
+/// It samples the true motion at its own rate or on its trigger. A reading is the mean since the last sample.
 pub struct Imu {
     motion: TrueMotion,
     drawn: Drawn,

@@ -25,15 +25,17 @@ use crate::randomise::{SensorDraw, SensorRanges};
 pub struct JointTorqueConfig {
     /// Errors of the torque of a joint that turns, N m, and of the force of one that slides, N.
     pub torque: ErrorModel,
-    /// Time from sampling until the reading is available. Default none.
+    /// Time from sampling until the reading is available. Default 0.
     pub latency: TimeSpan,
     /// Share of the readings that are lost, 0 to 1. Default 0.
     pub drop_out: f64,
-    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// gravity.
     pub gravity: [f64; 3],
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 
@@ -62,8 +64,8 @@ impl JointTorqueConfig {
 
 /// A component that publishes the readings of torque sensors on the output side of a robot's joints.
 ///
-/// A reading is the mean torque about the axis, or force along it, since the last sample with which a joint moves and holds what it carries.
-/// Friction, damping and the inertia of the drive lie on the other side of the sensor.
+/// A reading is the mean torque about (or force along) the axis since the last sample with which a joint
+/// moves and holds its load. Friction, damping and inertia of the drive are on the other side of the sensor.
 pub struct JointTorque {
     loads: TrueLoads,
     measured: Output<JointState>,
@@ -99,7 +101,7 @@ impl Component for JointTorque {
         links(&model)?;
         declare.output::<JointState>(
             "measured",
-            "torques of the joints as efforts, beside the true positions and velocities",
+            "joint torques as efforts, with the true positions and velocities",
         );
         Ok(())
     }
@@ -182,7 +184,7 @@ fn along_axis(loads: &TrueLoads, joint: usize, link: FrameId) -> f64 {
     if joint.kind == JointKind::Prismatic { joint.axis.dot(&force) } else { joint.axis.dot(&torque) }
 }
 
-/// The first link that each joint carries. A body between two joints, as those of a planar joint, has none of its own.
+/// Returns the first link carried by each joint. An intermediate body, as in a planar joint, has no link.
 fn links(model: &Model) -> Result<Vec<FrameId>, ConfigError> {
     let below = |body: Option<usize>, ancestor: usize| {
         let mut body = body;

@@ -20,7 +20,7 @@ impl Drawn {
     pub(super) fn declare(declare: &mut Declare) {
         declare.optional_input::<Randomisation>(
             "randomisation",
-            "physical properties that the simulation drew for the episode",
+            "physical properties sampled by the simulation for the episode",
         );
     }
 
@@ -72,8 +72,8 @@ impl MeanContacts {
         })
     }
 
-    /// The mean wrenches of an interval of `dt` \[s\] that ends now; `None` where no simulation tells them. Of an interval that is none,
-    /// and of one in which the simulation was started anew, there are none.
+    /// Returns the mean wrenches over the interval of `dt` \[s\] that ends now. `None` if no simulation
+    /// provides them, for an empty interval, and across a restart of the simulation.
     fn newest(&mut self, dt: Option<f64>) -> Option<impl Iterator<Item = OutsideWrench>> {
         let sums = self.input.latest()?;
         let (origin, incarnation, _) = name(&sums.stamp());
@@ -182,7 +182,7 @@ impl TrueLoads {
         let [before, now] = &self.axes[index].1;
         Isometry3::from_parts(
             before.translation.vector.lerp(&now.translation.vector, 0.5).into(),
-            // Half a turn apart there is no middle.
+            // Rotations half a turn apart have no mean.
             before.rotation.try_slerp(&now.rotation, 0.5, 1e-9).unwrap_or(now.rotation),
         )
     }
@@ -197,7 +197,7 @@ impl TrueLoads {
         self.loads.through(link)
     }
 
-    /// Takes in the newest truth. Its times, if it is new and closes an interval.
+    /// Reads the newest truth. Returns its times if it is new and completes an interval.
     pub(super) fn newest(&mut self, tick: &Tick) -> Result<Option<StateTimes>, StepError> {
         let Self { motion, contacts, impulses, drawn, loads, gravity, axes, cut } = self;
         let Some(times) = motion.newest()?.map(|motion| motion.times) else { return Ok(None) };

@@ -31,7 +31,7 @@ pub struct JointMergeConfig {
 pub struct PartConfig {
     /// Names of its joints, in the order of its joint states.
     pub joints: Vec<String>,
-    /// Time since its newest joint state was measured beyond which nothing is published. Default 20 ms.
+    /// Maximum age of the oldest joint state; beyond it nothing is published. Default 20 ms.
     #[serde(default = "stale_after")]
     pub stale_after: TimeSpan,
 }
@@ -40,15 +40,16 @@ fn stale_after() -> TimeSpan {
     TimeSpan { ns: 20_000_000 }
 }
 
-/// A component that puts the joint states of several writers (buses, a gripper and an arm) together, in the order of the
-/// robot's joints.
+/// A component that merges joint states from several publishers (buses, or a gripper and an arm) in the order
+/// of the robot's joints.
 ///
-/// It publishes once a step, as long as the state of every part is fresh: when one of them stops, so does the merged state,
-/// and what is triggered by it or reads it goes to its safe state as without a sensor. How often that happened, and by which
-/// part, is in the result.
+/// It publishes once per step while the state of every part is fresh. When one part stops, so does the merged
+/// state, and its consumers enter their safe state as if the sensor were missing. The result counts these
+/// steps per part.
 ///
-/// Writers may have rates of their own: each step takes the newest state of every part, so that of a slow writer stands in several
-/// merged states. The source time of a merged state is that of the oldest part in it.
+/// Publishers may have different rates. Each step uses the newest state of every part, so the state of a slow
+/// publisher appears in several merged states. The source time of a merged state is the oldest among its
+/// parts.
 pub struct JointMerge {
     parts: Vec<Part>,
     merged: Output<JointState>,
@@ -65,7 +66,7 @@ struct Part {
     /// Index in the robot of each of its joints.
     joints: Vec<usize>,
     stale_after_ns: u64,
-    /// Steps in which it was too old, or missing.
+    /// Number of steps in which the part was stale or missing.
     stale: u64,
     /// Largest time from its measurement to the publication of a merged state, ns.
     oldest_ns: u64,
@@ -178,7 +179,7 @@ fn names(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
     Ok(names)
 }
 
-/// The index in the robot of each joint of each part; every joint stands in one of them.
+/// Maps each joint of each part to its index in the robot. Every joint must be in exactly one part.
 fn places(config: &JointMergeConfig, names: &[String]) -> Result<Vec<Vec<usize>>, ConfigError> {
     let mut owners: Vec<Option<&str>> = vec![None; names.len()];
     let mut places = Vec::new();
@@ -203,7 +204,7 @@ fn places(config: &JointMergeConfig, names: &[String]) -> Result<Vec<Vec<usize>>
     }
     if let Some(missing) = owners.iter().position(Option::is_none) {
         let message = format!("no part measures joint `{}`", names[missing]);
-        return Err(ConfigError::key("parts", message).advise("each joint of the robot stands in one part"));
+        return Err(ConfigError::key("parts", message).advise("each joint of the robot must be in one part"));
     }
     Ok(places)
 }
@@ -241,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn the_parts_stand_at_the_places_of_their_joints_until_one_of_them_is_stale() {
+    fn parts_are_merged_in_order_until_one_is_stale() {
         let arm = Source::new("left-bus", "arm/state", |_| Some(state(&[3.0, 1.0])));
         let gripper =
             Source::new("right-bus", "gripper/state", |tick| (tick.index < 200).then(|| state(&[2.0])));
@@ -262,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn every_joint_stands_in_one_part() {
+    fn every_joint_is_in_exactly_one_part() {
         for (arm, gripper, expected) in [
             (&["joint1", "joint2"][..], &["joint2", "joint3"][..], "`joint2` is measured by `arm` already"),
             (&["joint1"], &["joint2"], "no part measures joint `joint3`"),

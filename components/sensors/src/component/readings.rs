@@ -1,4 +1,4 @@
-//! The way of readings from the sampling to the output: lost ones, late ones.
+//! Delivery of readings from sampling to output: drop-outs and latency.
 
 use std::time::Duration;
 
@@ -9,13 +9,13 @@ use crate::channel::{SettingError, Timing};
 use crate::delay::DelayLine;
 use crate::noise::{DROP_OUTS, Noise};
 
-/// The most readings that may be under way at once.
+/// Maximum number of readings in flight.
 const MOST: u64 = 100_000;
 
-/// The most numbers that may be under way at once.
+/// Maximum number of values in flight.
 const MOST_NUMBERS: u64 = 1 << 25;
 
-/// Readings on their way, each published once.
+/// Readings in flight, each published once.
 #[derive(Debug)]
 pub(super) struct Readings {
     line: DelayLine,
@@ -28,12 +28,12 @@ pub(super) struct Readings {
 }
 
 impl Readings {
-    /// Checks what can be checked without running, and warns of a latency that the period makes longer.
+    /// Checks the settings before the run, and warns if the period adds to the latency.
     pub(super) fn declare(timing: &Timing, declare: &mut Declare) -> Result<(), ConfigError> {
         Self::declare_wide(timing, 1, declare)
     }
 
-    /// As [`declare`](Self::declare), for readings of `width` numbers.
+    /// Like [`declare`](Self::declare), for readings of `width` values.
     pub(super) fn declare_wide(
         timing: &Timing,
         width: usize,
@@ -53,7 +53,7 @@ impl Readings {
         Ok(())
     }
 
-    /// A way for readings of `width` numbers.
+    /// Creates a queue for readings of `width` values.
     pub(super) fn new(
         timing: &Timing,
         width: usize,
@@ -76,7 +76,7 @@ impl Readings {
     /// Takes in a reading that was sampled at a time (ns) from a state of a source time; some are lost.
     pub(super) fn push(&mut self, time_ns: u64, source: u64, values: &[f64]) {
         debug_assert_eq!(values.len(), self.width);
-        // one draw a reading, so that the others stay as they are when the share changes
+        // one draw per reading, so that other draws do not change with the fraction
         if self.drop_out > 0.0 && self.draws.uniform() < self.drop_out {
             self.dropped += 1;
             return;
@@ -84,7 +84,7 @@ impl Readings {
         self.line.push_noted(time_ns, source).copy_from_slice(values);
     }
 
-    /// The newest reading that is due and was not given before, with its source time.
+    /// Returns the newest reading that is due and was not returned before, with its source time.
     pub(super) fn due(&mut self, now_ns: u64) -> Option<(u64, &[f64])> {
         let (time, source, values) = self.line.read_noted(now_ns)?;
         if self.last == Some(time) {
@@ -105,7 +105,7 @@ impl Readings {
     }
 }
 
-/// The period in ns, if the readings under way in it fit.
+/// Returns the period in ns if the readings in flight fit.
 fn frames(timing: &Timing, width: usize, period: Duration) -> Result<u64, ConfigError> {
     let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX).max(1);
     let frames = timing.latency.ns / period_ns;

@@ -1,4 +1,4 @@
-//! The robot of a component, and the motion of a place on it.
+//! The robot of a component, and the motion of a mount on it.
 
 use motorium::prelude::*;
 use motorium_robots::{BaseMode, BasePose, FrameId, Kinematics, LoadOptions, Loaded, Model, RobotSource};
@@ -44,7 +44,8 @@ const WORLD: &str = "world";
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Mount {
-    /// Link that carries the sensor; `world` for a place that never moves, on a robot without such a link. Default: the root link.
+    /// Link that carries the sensor; `world` for a fixed mount, on a robot without a link of this name.
+    /// Default: the root link.
     pub frame: Option<String>,
     /// Position of the sensor in the frame of the link (m). Default: its origin.
     pub position: [f64; 3],
@@ -63,7 +64,7 @@ impl Mount {
         Ok(Isometry3::from_parts(Translation3::from(self.position), rotation))
     }
 
-    /// The link that carries the sensor; `None` if that is the world.
+    /// Returns the link that carries the sensor; `None` for the world.
     fn carrier(&self, model: &Model) -> Result<Option<FrameId>, ConfigError> {
         let is_link = || model.frames().iter().any(|frame| frame.name == WORLD);
         if self.frame.as_deref() == Some(WORLD) && !is_link() {
@@ -90,14 +91,14 @@ pub(super) struct Motion {
     pub(super) times: StateTimes,
 }
 
-/// Which motion a sensor needs besides that of its place.
+/// Motion required by a sensor besides the motion of its mount.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Needs {
-    /// None; a place that never moves is refused.
+    /// None; a fixed mount is rejected.
     Place,
-    /// None; the place may stand still.
+    /// None; the mount may be fixed.
     AnyPlace,
-    /// None; the place may stand still. The motion is not the true one, but as it was measured.
+    /// None; the mount may be fixed. The motion is the measured one instead of the true one.
     Measured,
     /// That of all links.
     AllLinks,
@@ -118,8 +119,8 @@ pub(super) struct TrueMotion {
 }
 
 impl TrueMotion {
-    /// Declares the inputs: `base_state` where the base floats, `joint_state` where joints move the frame, or where all links
-    /// are needed. Returns the model.
+    /// Declares the inputs: `base_state` for a floating base, `joint_state` if joints move the frame or all
+    /// links are required. Returns the model.
     pub(super) fn declare(mount: &Mount, needs: Needs, declare: &mut Declare) -> Result<Model, ConfigError> {
         let model = load(named(declare, "the place of the sensor on it")?, BaseMode::AsFile)?.model;
         let frame = mount.carrier(&model)?;
@@ -127,8 +128,11 @@ impl TrueMotion {
         let with_base = by_base(&model, frame, needs);
         mount.pose()?;
         if !with_base && !moved && needs == Needs::Place {
-            return Err(ConfigError::key("mount.frame", "the link does not move: nothing to measure there")
-                .advise("name a link that a joint moves"));
+            return Err(ConfigError::key(
+                "mount.frame",
+                "the link does not move, so there is no motion to measure",
+            )
+            .advise("name a link that a joint moves"));
         }
         let how = if needs == Needs::Measured { "measured" } else { "true" };
         if with_base {
@@ -161,7 +165,7 @@ impl TrueMotion {
         })
     }
 
-    /// True for a place that never moves, on a robot of which no motion is needed: then there is no input.
+    /// Returns `true` for a fixed mount on a robot whose motion is not required. There are no inputs then.
     pub(super) fn is_still(&self) -> bool {
         self.base.is_none() && self.joints.is_none()
     }
@@ -171,17 +175,17 @@ impl TrueMotion {
         &self.model
     }
 
-    /// Position and velocity of the joints, as of the motion that was read last.
+    /// Position and velocity of the joints, from the last motion read.
     pub(super) fn joints(&self) -> (&[f64], &[f64]) {
         (self.model.joints_of_q(&self.q), self.model.joints_of_v(&self.v))
     }
 
-    /// Poses of the links, as of the motion that was read last.
+    /// Poses of the links, from the last motion read.
     pub(super) fn kinematics(&self) -> &Kinematics {
         &self.kinematics
     }
 
-    /// Pose of the place, as of the motion that was read last.
+    /// Pose of the mount, from the last motion read.
     pub(super) fn pose(&self) -> Isometry3<f64> {
         match self.frame {
             Some(frame) => self.kinematics.pose(&self.model, frame) * self.mount,
@@ -247,7 +251,7 @@ fn by_base(model: &Model, frame: Option<FrameId>, needs: Needs) -> bool {
     model.base().floating && (frame.is_some() || needs == Needs::AllLinks)
 }
 
-/// Identity of a sample, which tells it from another.
+/// Returns the identity of a sample.
 pub(super) fn name(stamp: &Stamp) -> (u32, u32, u64) {
     (stamp.publisher, stamp.restart_count, stamp.sequence)
 }

@@ -10,9 +10,10 @@ use crate::randomise::SensorDraw;
 
 /// The joint sensors of a robot.
 ///
-/// At every [`sample`](Self::sample) each joint is read: position, velocity and effort, each with the errors of a
-/// [`Channel`], or the velocity differentiated from the readings of the position. Some readings are lost; the
-/// [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by [`new`](Self::new).
+/// At every [`sample`](Self::sample) each joint is read: position, velocity and effort, each with the errors
+/// of a [`Channel`], or the velocity differentiated from the readings of the position. Some readings are
+/// lost; the [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
+/// [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct EncoderModel {
     joints: usize,
@@ -24,7 +25,7 @@ pub struct EncoderModel {
     dropped: u64,
     /// Time of the state that was sampled last, ns.
     since: Option<u64>,
-    /// Positions, velocities and efforts as they are read.
+    /// Measured positions, velocities and efforts.
     values: Vec<f64>,
     line: DelayLine,
 }
@@ -38,9 +39,9 @@ enum Velocity {
 /// The times of a joint state, ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StateTimes {
-    /// The time for which it is.
+    /// Time of the state.
     pub state: u64,
-    /// Its source time: that of its measurement, as its stamp has it.
+    /// Source time: the time of measurement in the state's stamp.
     pub source: u64,
 }
 
@@ -49,7 +50,7 @@ pub struct StateTimes {
 pub struct Reading<'a> {
     /// Time of the sampling, ns.
     pub sampled_at: u64,
-    /// Source time of the state that was sampled, as [`sample_state`](EncoderModel::sample_state) was given it, ns.
+    /// Source time of the sampled state, as passed to [`sample_state`](EncoderModel::sample_state), ns.
     pub source: u64,
     /// Positions, rad or m.
     pub position: &'a [f64],
@@ -75,15 +76,15 @@ pub struct SampleError {
     pub joints: usize,
 }
 
-/// The most readings that may be under way at once.
+/// Maximum number of readings in flight.
 const MOST_FRAMES: u64 = 100_000;
 
 impl EncoderModel {
-    /// Sensors for `joints` joints, sampled no more often than every `shortest_period`. `seed` is that of the noise
-    /// unless the settings have one.
+    /// Creates sensors for `joints` joints, sampled at least `shortest_period` apart. `seed` seeds the noise
+    /// unless the settings have a seed.
     ///
     /// # Errors
-    /// A list of another length, a number out of range, a latency of more than 100,000 periods.
+    /// A list has the wrong length, a number is out of range, or the latency exceeds 100,000 periods.
     pub fn new(
         joints: usize,
         settings: &EncoderSettings,
@@ -149,8 +150,8 @@ impl EncoderModel {
         })
     }
 
-    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second), `tau` (N m or N), one number per
-    /// joint each.
+    /// Samples the true joint state at a time (ns): `q` (rad or m), `v` (per second), `tau` (N m or N), one
+    /// number per joint each.
     ///
     /// # Errors
     /// Slices of another length than the encoder has joints; nothing is sampled then.
@@ -158,11 +159,11 @@ impl EncoderModel {
         self.sample_state(time_ns, StateTimes { state: time_ns, source: time_ns }, q, v, tau)
     }
 
-    /// As [`sample`](Self::sample), with the times of the state: that for which it is, by which a velocity is
-    /// differentiated (unlike the time of sampling it does not jitter), and its source time.
+    /// Like [`sample`](Self::sample), with the times of the state: its run time, over which velocities are
+    /// differentiated (it does not jitter like the time of sampling), and its source time.
     ///
     /// # Errors
-    /// As there.
+    /// Same as [`sample`](Self::sample).
     pub fn sample_state(
         &mut self,
         time_ns: u64,
@@ -202,7 +203,7 @@ impl EncoderModel {
         }
         effort.copy_from_slice(tau);
         self.effort.measure(elapsed, effort);
-        // one draw a reading, so that the others stay as they are when the share changes
+        // one draw per reading, so that other draws do not change with the fraction
         if self.drop_out > 0.0 && self.draws.uniform() < self.drop_out {
             self.dropped += 1;
             return Ok(());
@@ -211,7 +212,7 @@ impl EncoderModel {
         Ok(())
     }
 
-    /// The newest reading that is available at a time (ns); none until the latency has passed once.
+    /// Returns the newest reading available at a time (ns); `None` until the latency has passed once.
     pub fn reading(&mut self, now_ns: u64) -> Option<Reading<'_>> {
         let joints = self.joints;
         let (sampled_at, source, values) = self.line.read_noted(now_ns)?;
@@ -225,7 +226,7 @@ impl EncoderModel {
         self.joints
     }
 
-    /// Readings lost because they were sampled more often than announced.
+    /// Number of readings lost because they were sampled faster than announced.
     pub fn lost(&self) -> u64 {
         self.line.lost()
     }

@@ -1,4 +1,4 @@
-//! The numbers that describe a robot's joint sensors.
+//! Settings of a robot's joint sensors.
 
 use motorium::units::TimeSpan;
 use motorium_robots::{PerJoint, PerJointError};
@@ -8,8 +8,9 @@ use serde::Deserialize;
 use crate::channel::ErrorModel;
 use crate::randomise::SensorRanges;
 
-/// The errors of one quantity of all joints, in the vocabulary of an [`ErrorModel`]: each number is one for all joints, or a list
-/// with one for each. Units are those of the joint: rad or, where it slides, m; N m or N.
+/// Errors of one quantity for all joints, with the keys of an [`ErrorModel`]. Each value is a single number
+/// for all joints or a list with one number per joint. Units depend on the joint: rad and N m for revolute
+/// joints, m and N for prismatic joints.
 ///
 /// ```toml
 /// noise      = 2e-5
@@ -34,8 +35,8 @@ pub struct JointErrors {
     pub range: Option<PerJoint>,
 }
 
-/// A velocity that is the difference of successive position readings over the time between them, through a first-order
-/// low-pass: what most drives do. Noise and resolution of the position show in it; it is 0 at the first sample.
+/// Velocity as the difference of successive position readings over time, filtered by a first-order low-pass,
+/// as in most drives. It contains the noise and resolution of the position and is 0 at the first sample.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Differentiation {
@@ -58,19 +59,21 @@ pub struct Differentiation {
 pub struct EncoderSettings {
     /// Errors of the position, rad (or m).
     pub position: JointErrors,
-    /// Errors of a measured velocity, rad/s (or m/s). With `differentiate` there are none: those of the position show in it.
+    /// Errors of a measured velocity, rad/s (or m/s). Not allowed with `differentiate`, where the velocity
+    /// contains the position errors.
     pub velocity: JointErrors,
     /// Errors of the effort, N m (or N).
     pub effort: JointErrors,
     /// Differentiates the position readings. Default: the velocity is measured by a sensor of its own.
     pub differentiate: Option<Differentiation>,
-    /// Time from sampling until the reading is available, such as "500 us". Default none.
+    /// Time from sampling until the reading is available, such as "500 us". Default 0.
     pub latency: TimeSpan,
     /// Share of the readings that are lost, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 
@@ -79,7 +82,7 @@ pub struct EncoderSettings {
 pub enum SettingsError {
     /// A list of another length than the robot has joints.
     #[error(
-        "{name} lists {found} numbers, the robot has {expected} joints: list one for each, or give one for all"
+        "{name} lists {found} numbers, the robot has {expected} joints: list one per joint, or give a single number"
     )]
     Count {
         /// The setting.
@@ -99,14 +102,14 @@ pub enum SettingsError {
         /// The numbers expected.
         expected: &'static str,
     },
-    /// Errors of a velocity that is not measured.
+    /// Velocity errors were given for a differentiated velocity.
     #[error(
-        "velocity has errors of its own, but it is differentiated from the position and takes its errors from there: remove `velocity`, or `differentiate`"
+        "velocity has its own errors, but it is differentiated from the position and inherits its errors: remove `velocity`, or `differentiate`"
     )]
     NeedlessVelocityErrors,
-    /// A latency that would take too much memory.
+    /// The latency would require too much memory.
     #[error(
-        "a latency of {latency_ns} ns holds {frames} readings at the shortest period of {period_ns} ns, at most {limit} are possible: is it meant to be ms?"
+        "a latency of {latency_ns} ns spans {frames} readings at the shortest period of {period_ns} ns, expected at most {limit}: is it meant to be ms?"
     )]
     Latency {
         /// The latency, ns.
@@ -115,7 +118,7 @@ pub enum SettingsError {
         frames: u64,
         /// The shortest period, ns.
         period_ns: u64,
-        /// Readings that may be under way.
+        /// Maximum number of readings in flight.
         limit: u64,
     },
 }
@@ -135,7 +138,7 @@ impl SettingsError {
     }
 }
 
-/// Largest number of an error: no sensor of a robot reads that far off.
+/// Largest plausible magnitude of an error.
 const LARGEST: f64 = 1e6;
 
 impl JointErrors {

@@ -5,13 +5,13 @@ use std::f64::consts::TAU;
 /// The kind of a [`Biquad`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BiquadShape {
-    /// Keeps what is below the frequency. `q = 1 / sqrt(2)` is the Butterworth filter.
+    /// Passes frequencies below `frequency`. `q = 1 / sqrt(2)` gives a Butterworth filter.
     LowPass,
-    /// Keeps what is above the frequency.
+    /// Passes frequencies above `frequency`.
     HighPass,
     /// Keeps the band about the frequency, of the width frequency / q, with a gain of 1 in its middle.
     BandPass,
-    /// Takes the frequency out, and a band of the width frequency / q about it.
+    /// Rejects a band of width `frequency / q` around `frequency`.
     Notch,
 }
 
@@ -26,19 +26,19 @@ pub enum BiquadError {
         /// The rate of the samples, Hz.
         rate_hz: f64,
     },
-    /// A quality that is not positive.
+    /// The quality is not positive.
     #[error("a quality of {0}: expected a positive number, such as 0.7071")]
     Quality(f64),
 }
 
-/// A filter of second order on a signal of constant rate.
+/// A second-order filter of a signal with a constant sample rate.
 ///
 /// ```text
 /// y_k = b0 x_k + b1 x_(k-1) + b2 x_(k-2) - a1 y_(k-1) - a2 y_(k-2)
 /// ```
 ///
-/// Coefficients by the bilinear transform, warped so that the frequency is exact (Bristow-Johnson, *Audio EQ Cookbook*);
-/// transposed direct form II. It starts as if the first sample had always been there.
+/// Coefficients by the bilinear transform, pre-warped so that the frequency is exact (Bristow-Johnson, *Audio
+/// EQ Cookbook*); transposed direct form II. It starts in the steady state of the first sample.
 ///
 /// ```
 /// use motorium_sensors::estimation::{Biquad, BiquadShape};
@@ -84,7 +84,7 @@ impl Biquad {
     pub fn update(&mut self, input: f64) -> f64 {
         let (b, a) = (self.b, self.a);
         let [first, second] = self.state.unwrap_or_else(|| {
-            // at rest at this input: y = gain x
+            // steady state at this input: y = gain x
             let output = self.gain(0.0) * input;
             let second = b[2] * input - a[1] * output;
             [b[1] * input - a[0] * output + second, second]
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn gains_at_the_frequency_and_at_the_ends_are_those_of_the_shape() {
+    fn gains_match_the_filter_shape() {
         let gains = |shape| {
             let filter = Biquad::new(shape, 100.0, 2.0, 1000.0).unwrap();
             [0.0, 0.1, 0.5].map(|turns| filter.gain(turns))
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_comes_out_with_the_gain_that_was_computed() {
+    fn sine_response_matches_the_computed_gain() {
         let mut filter = Biquad::new(BiquadShape::LowPass, 40.0, 0.9, 1000.0).unwrap();
         let mut most = 0.0_f64;
         for k in 0..5000_u32 {
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn it_starts_at_rest_at_its_first_sample_and_again_after_a_reset() {
+    fn starts_in_steady_state_and_after_a_reset() {
         for shape in [BiquadShape::LowPass, BiquadShape::Notch, BiquadShape::HighPass, BiquadShape::BandPass]
         {
             let mut filter = Biquad::new(shape, 40.0, 0.9, 1000.0).unwrap();
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn invalid_parameters_are_rejected() {
         let new = |f, q| Biquad::new(BiquadShape::Notch, f, q, 1000.0).map(|_| ());
         assert_eq!(new(500.0, 1.0), Err(BiquadError::Frequency { frequency_hz: 500.0, rate_hz: 1000.0 }));
         assert_eq!(new(50.0, 0.0), Err(BiquadError::Quality(0.0)));

@@ -3,16 +3,17 @@
 use motorium_robots::lie::so3;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The complementary filter of an attitude: the gyroscope for what is fast, the direction of gravity for what is slow.
+/// A complementary filter for attitude. It follows the gyroscope at high frequencies and the direction of
+/// gravity at low frequencies.
 ///
 /// ```text
 /// e = f / |f| x R' z        dR/dt = R (omega - b + kp e)^        db/dt = -ki e
 /// ```
 ///
-/// with angular velocity `omega` and specific force `f` in the axes of the sensor, the attitude `R` of the sensor in the
-/// world (z up) and the bias `b` of the gyroscope: the explicit complementary filter of Mahony, Hamel and Pflimlin (IEEE TAC
-/// 53(5), 2008). The angle about the vertical is that of the gyroscope alone. A specific force that is far from gravity, by
-/// more than `tolerance` of it, is no vertical and left out.
+/// with angular velocity `omega` and specific force `f` in the axes of the sensor, the attitude `R` of the
+/// sensor in the world (z up) and the bias `b` of the gyroscope: the explicit complementary filter of Mahony,
+/// Hamel and Pflimlin (IEEE TAC 53(5), 2008). Yaw is integrated from the gyroscope only. A specific force
+/// whose magnitude differs from gravity by more than the fraction `tolerance` is ignored.
 ///
 /// ```
 /// use motorium_sensors::estimation::ComplementaryFilter;
@@ -37,26 +38,27 @@ pub struct ComplementaryFilter {
 }
 
 impl ComplementaryFilter {
-    /// A filter with gains `kp` \[1/s\], the frequency at which the two sensors change over in rad/s, and `ki` \[1/s2\] of
-    /// the bias. It starts level.
+    /// A filter with gains `kp` \[1/s\], the frequency at which the two sensors change over in rad/s, and
+    /// `ki` \[1/s2\] of the bias. It starts level.
     pub fn new(kp: f64, ki: f64) -> Self {
         let (attitude, bias) = (UnitQuaternion::identity(), Vector3::zeros());
         Self { kp, ki, tolerance: 0.5, gravity: 9.81, attitude, bias }
     }
 
-    /// The share of gravity by which a specific force may differ from it in size and still count as the vertical. Default
-    /// 0.5; infinite: always.
+    /// Sets the maximum deviation of the specific force from gravity, as a fraction of gravity, up to which
+    /// it is used. Default 0.5; infinity uses every sample.
     pub fn with_tolerance(mut self, tolerance: f64) -> Self {
         self.tolerance = tolerance;
         self
     }
 
-    /// Starts anew from an attitude, without a bias.
+    /// Restarts from an attitude with zero bias.
     pub fn reset(&mut self, attitude: UnitQuaternion<f64>) {
         (self.attitude, self.bias) = (attitude, Vector3::zeros());
     }
 
-    /// Goes on by `dt` \[s\] with an angular velocity \[rad/s\] and a specific force \[m/s2\] in the axes of the sensor.
+    /// Advances by `dt` \[s\] with an angular velocity \[rad/s\] and a specific force \[m/s2\] in the axes of
+    /// the sensor.
     pub fn update(&mut self, angular_velocity: &Vector3<f64>, specific_force: &Vector3<f64>, dt: f64) {
         let size = specific_force.norm();
         let mut error = Vector3::zeros();
@@ -89,13 +91,13 @@ mod tests {
     }
 
     #[test]
-    fn it_follows_a_turning_sensor_exactly_without_noise() {
+    fn follows_a_turning_sensor_exactly_without_noise() {
         let (mut filter, mut truth) = (ComplementaryFilter::new(0.5, 0.05), UnitQuaternion::identity());
         for k in 0..5000_u32 {
             let t = 1e-3 * f64::from(k);
             let omega = Vector3::new(t.sin(), 0.7 * (1.3 * t).cos(), 0.4);
             truth *= so3::exp(&(omega * 1e-3));
-            // the force at the end of the step is that before the next one
+            // the force at the end of one step is the force at the start of the next
             filter.update(&omega, &at_rest(&(truth * so3::exp(&(-omega * 1e-3)))), 1e-3);
         }
         assert!(filter.attitude().angle_to(&truth) < 1e-9, "{}", filter.attitude().angle_to(&truth));
@@ -114,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn it_finds_the_bias_of_the_gyroscope_across_the_vertical() {
+    fn estimates_the_horizontal_gyroscope_bias() {
         let mut filter = ComplementaryFilter::new(1.0, 0.3);
         let bias = Vector3::new(0.02, -0.01, 0.0);
         for _ in 0..60_000 {
@@ -125,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_that_is_no_gravity_does_not_tilt_it() {
+    fn implausible_force_does_not_change_the_tilt() {
         let mut filter = ComplementaryFilter::new(1.0, 0.1);
         for _ in 0..1000 {
             filter.update(&Vector3::zeros(), &Vector3::new(20.0, 0.0, 9.81), 1e-3);

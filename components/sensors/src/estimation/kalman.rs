@@ -2,10 +2,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// An innovation whose covariance is not positive definite.
+/// The covariance of an innovation is not positive definite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the covariance of the innovation is not positive definite: a measurement without noise of what is known already?"
+    "the covariance of the innovation is not positive definite: a noise-free measurement of an exactly known state?"
 )]
 pub struct SingularInnovation;
 
@@ -16,8 +16,8 @@ pub struct SingularInnovation;
 /// update:   K = P H' S^-1       S = H P H' + R        x = x + K (z - H x)        P = (1 - K H) P (1 - K H)' + K R K'
 /// ```
 ///
-/// Kalman 1960; the covariance in Joseph's form, which stays symmetric and positive by construction. Measurements of several
-/// sizes may be mixed. Nothing allocates.
+/// Kalman 1960; the covariance in Joseph's form, which stays symmetric and positive by construction.
+/// Measurements of several sizes may be mixed. Nothing allocates.
 ///
 /// ```
 /// use motorium_sensors::estimation::KalmanFilter;
@@ -47,14 +47,15 @@ impl<const N: usize> KalmanFilter<N> {
         Self { state, covariance }
     }
 
-    /// Goes on by a step: transition `f`, known input `u`, covariance `q` of the noise of the step.
+    /// Predicts one step with the transition `f`, the known input `u` and the covariance `q` of the process
+    /// noise.
     pub fn predict(&mut self, f: &SMatrix<f64, N, N>, u: &SVector<f64, N>, q: &SMatrix<f64, N, N>) {
         self.state = f * self.state + u;
         self.covariance = f * self.covariance * f.transpose() + q;
     }
 
-    /// Takes in a measurement `z = H x` with noise of covariance `r`. Returns the normalised innovation squared
-    /// `y' S^-1 y`, which has the mean `M` when filter and noise agree.
+    /// Takes in a measurement `z = H x` with noise of covariance `r`. Returns the normalised innovation
+    /// squared `y' S^-1 y`, which has the mean `M` when filter and noise agree.
     ///
     /// # Errors
     /// [`SingularInnovation`]; nothing has changed then.
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn it_settles_at_the_solution_of_the_dual_riccati_equation() {
+    fn converges_to_the_dual_riccati_solution() {
         let (f, h) = (matrix![1.0, 0.1; 0.0, 1.0], matrix![1.0, 0.0]);
         let (q, r) = (matrix![1e-4, 0.0; 0.0, 1e-2], matrix![0.04]);
         let mut filter = KalmanFilter::new(vector![0.0, 0.0], matrix![1.0, 0.0; 0.0, 1.0]);
@@ -119,7 +120,7 @@ mod tests {
 
     /// Bounds are five standard deviations of the mean; innovations of a right filter are independent.
     #[test]
-    fn innovations_are_as_large_as_their_covariance_says() {
+    fn innovations_are_consistent_with_their_covariance() {
         let (f, h) = (matrix![1.0, 0.1; 0.0, 1.0], matrix![1.0, 0.0]);
         let (q, r) = (matrix![1e-4, 0.0; 0.0, 1e-2], matrix![0.04]);
         let mut filter = KalmanFilter::new(vector![0.0, 0.0], matrix![1e-9, 0.0; 0.0, 1e-9]);
@@ -138,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn an_innovation_without_variance_is_refused_and_changes_nothing() {
+    fn singular_innovation_is_rejected_without_effect() {
         let mut filter = KalmanFilter::new(vector![1.0], matrix![0.0]);
         let before = filter.clone();
         assert_eq!(filter.update(&matrix![1.0], &matrix![0.0], &vector![2.0]), Err(SingularInnovation));

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 /// A first-order low-pass: `dy/dt = 2 pi f_c (x - y)`.
 ///
-/// Exact for an input that is constant between two samples: `y += (1 - exp(-2 pi f_c dt)) (x - y)`, for steps of any
-/// length. The first sample sets the output.
+/// Exact for an input that is constant between two samples: `y += (1 - exp(-2 pi f_c dt)) (x - y)`, for steps
+/// of any length. The first sample sets the output.
 ///
 /// ```
 /// use motorium_sensors::estimation::LowPass;
@@ -23,16 +23,17 @@ pub struct LowPass {
 }
 
 impl LowPass {
-    /// A filter with this cut-off frequency \[Hz\], at which a sine keeps `1 / sqrt(2)` of its amplitude.
+    /// Creates a filter with this cut-off frequency \[Hz\], at which a sine keeps `1 / sqrt(2)` of its
+    /// amplitude.
     ///
     /// # Panics
-    /// On a frequency that is not positive and finite.
+    /// If the frequency is not positive and finite.
     pub fn new(cutoff_hz: f64) -> Self {
         assert!(cutoff_hz > 0.0 && cutoff_hz.is_finite(), "a cut-off frequency of {cutoff_hz} Hz");
         Self { cutoff_hz, value: None }
     }
 
-    /// The output after an input that has lasted for `dt` \[s\]; without a `dt` above zero it stays.
+    /// Returns the output after an input that lasted `dt` \[s\]. Unchanged unless `dt` is positive.
     pub fn update(&mut self, input: f64, dt: f64) -> f64 {
         let value = match self.value {
             None => input,
@@ -64,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_is_followed_exponentially_whatever_the_length_of_the_steps() {
+    fn step_response_is_independent_of_the_step_width() {
         let mut even = LowPass::new(3.0);
         let mut uneven = LowPass::new(3.0);
         even.update(0.0, 0.0);

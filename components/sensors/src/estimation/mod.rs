@@ -1,13 +1,14 @@
-//! State estimation: filters of signals, Kalman filters, the base of a legged robot, and the Riccati equation.
+//! State estimation: signal filters, Kalman filters, the base of a legged robot, and the Riccati equation.
 //!
 //! - [`LowPass`], [`Biquad`]: filters of a signal of constant rate.
-//! - [`SlopeEstimator`]: a velocity from positions, with the delay that it has.
+//! - [`SlopeEstimator`]: velocity and its delay from positions.
 //! - [`ComplementaryFilter`]: an attitude from gyroscope and accelerometer.
-//! - [`KalmanFilter`]: the linear filter, of any size known when it is compiled.
-//! - [`InvariantFilter`]: pose and velocity of a legged base from an inertial measurement unit and the contacts of its feet.
+//! - [`KalmanFilter`]: the linear filter, with sizes known at compile time.
+//! - [`InvariantFilter`]: pose and velocity of a legged base from an inertial measurement unit and the
+//!   contacts of its feet.
 //! - [`riccati`]: the discrete algebraic Riccati equation, and the linear-quadratic regulator.
 //!
-//! Plain libraries: nothing here knows the runtime. What a loop calls allocates nothing after construction.
+//! The estimators do not depend on the runtime. Functions called in a loop do not allocate.
 
 mod biquad;
 mod complementary;

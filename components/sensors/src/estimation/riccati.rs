@@ -1,13 +1,14 @@
 //! The discrete algebraic Riccati equation, and the linear-quadratic regulator.
 //!
-//! For `x_(k+1) = A x_k + B u_k` and the cost `sum x' Q x + u' R u`, with `Q` positive semi-definite and `R` positive definite:
+//! For `x_(k+1) = A x_k + B u_k` and the cost `sum x' Q x + u' R u`, with `Q` positive semi-definite and `R`
+//! positive definite:
 //!
 //! ```text
 //! P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q        K = (R + B' P B)^-1 B' P A        u = -K x
 //! ```
 //!
-//! The cost from `x` on is `x' P x`. The steady state of a Kalman filter is the dual: [`solve`] of `A'`, `H'`, the noise of the
-//! process and that of the measurement.
+//! The remaining cost from `x` is `x' P x`. The steady state of a Kalman filter is the dual: [`solve`] with
+//! `A'`, `H'`, the process noise and the measurement noise.
 //!
 //! ```
 //! use motorium_sensors::estimation::riccati::lqr;
@@ -36,15 +37,15 @@ pub enum RiccatiError {
         /// Rows and columns expected.
         expected: (usize, usize),
     },
-    /// A number that is not finite.
+    /// A number is not finite.
     #[error("`{0}` has a number that is not finite")]
     NotFinite(&'static str),
-    /// A matrix that is not symmetric and positive.
+    /// A matrix is not symmetric and positive.
     #[error("`{0}` is not symmetric and positive {definite}", definite = if *.0 == "r" { "definite" } else { "semi-definite" })]
     NotPositive(&'static str),
     /// No stabilising solution was found.
     #[error(
-        "no solution that stabilises was found: something that does not decay is not reached by an input, or costs nothing"
+        "no stabilising solution was found: a mode that does not decay is not controllable, or has no cost"
     )]
     NotStabilisable,
 }
@@ -67,12 +68,12 @@ const CONVERGED: f64 = 1e-15;
 /// Largest residual, relative to the solution, of one that is returned.
 const RESIDUAL: f64 = 1e-8;
 
-/// The stabilising solution `P` of the discrete algebraic Riccati equation.
+/// Returns the stabilising solution `P` of the discrete algebraic Riccati equation.
 ///
-/// By the structure-preserving doubling algorithm (Chu, Fan, Lin and Wang, *Int. J. Control* 77(8), 2004): each iteration
-/// doubles the horizon of the cost. It converges quadratically. It allocates: call it before the loop. What does not decay by
-/// itself must be reached by an input and cost something: otherwise the cost of a longer horizon does not lead to the
-/// stabilising solution.
+/// Uses the structure-preserving doubling algorithm (Chu, Fan, Lin and Wang, *Int. J. Control* 77(8), 2004):
+/// each iteration doubles the horizon of the cost. It converges quadratically. It allocates, so call it
+/// before the loop. Modes that do not decay must be controllable and have a cost. Otherwise the cost of a
+/// longer horizon does not converge to the stabilising solution.
 ///
 /// # Errors
 /// [`RiccatiError`].
@@ -128,10 +129,11 @@ pub fn lqr(
     Ok(Regulator { gain, cost })
 }
 
-/// The gains of the first to the last of `steps` steps, after which the state costs `last`: the Riccati recursion, backwards.
+/// Returns the gains of `steps` steps, in order, for the terminal cost `last`, by the backward Riccati
+/// recursion.
 ///
 /// # Errors
-/// [`RiccatiError`] of a size, a number that is not finite, or a matrix that is not positive.
+/// [`RiccatiError`] if a size differs, a number is not finite, or a matrix is not positive.
 pub fn finite_horizon(
     (a, b): (&DMatrix<f64>, &DMatrix<f64>),
     (q, r): (&DMatrix<f64>, &DMatrix<f64>),
@@ -157,7 +159,7 @@ fn gain(a: &DMatrix<f64>, b: &DMatrix<f64>, r: &DMatrix<f64>, cost: &DMatrix<f64
     Some(weight.cholesky()?.solve(&(b.transpose() * cost * a)))
 }
 
-/// Size of what is left of the equation; `factor` is that of `r = L L'`, in the lower triangle.
+/// Returns the norm of the residual; `factor` is the lower triangular `L` of `r = L L'`.
 fn residual(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -209,9 +211,10 @@ mod tests {
         assert!((found - expected).amax() <= tolerance * expected.amax().max(1.0), "{found} {expected}");
     }
 
-    /// `P = scipy.linalg.solve_discrete_are(A, B, Q, R)` and `K = solve(R + B.T @ P @ B, B.T @ P @ A)`, scipy 1.17.1.
+    /// `P = scipy.linalg.solve_discrete_are(A, B, Q, R)` and `K = solve(R + B.T @ P @ B, B.T @ P @ A)`, scipy
+    /// 1.17.1.
     #[test]
-    fn costs_and_gains_are_those_of_scipy() {
+    fn costs_and_gains_match_scipy() {
         let (a, b) = (dmatrix![1.0, 0.01; 0.0, 1.0], dmatrix![5e-5; 0.01]);
         let found = lqr(&a, &b, &dmatrix![1.0, 0.0; 0.0, 0.1], &dmatrix![0.01]).unwrap();
         let cost = dmatrix![55.27681977239338, 10.00124992188527; 10.00124992188527, 5.528366644697321];
@@ -249,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cost_is_what_a_run_under_the_gain_costs() {
+    fn cost_equals_the_simulated_cost() {
         let (a, b) = (dmatrix![1.0, 0.1; 0.2, 1.1], dmatrix![0.0; 0.1]);
         let (q, r) = (dmatrix![1.0, 0.0; 0.0, 0.5], dmatrix![0.2]);
         let regulator = lqr(&a, &b, &q, &r).unwrap();
@@ -265,20 +268,20 @@ mod tests {
     }
 
     #[test]
-    fn a_long_finite_horizon_begins_with_the_gain_of_the_infinite_one() {
+    fn long_horizon_starts_with_the_stationary_gain() {
         let (a, b) = (dmatrix![1.0, 0.1; 0.2, 1.1], dmatrix![0.0; 0.1]);
         let (q, r) = (dmatrix![1.0, 0.0; 0.0, 0.5], dmatrix![0.2]);
         let regulators = finite_horizon((&a, &b), (&q, &r), &q, 1000).unwrap();
         let infinite = lqr(&a, &b, &q, &r).unwrap();
         close(&regulators[0].gain, &infinite.gain, 1e-12);
         close(&regulators[0].cost, &infinite.cost, 1e-12);
-        // of the last step alone: (R + B' Q B)^-1 B' Q A
+        // gain of the last step: (R + B' Q B)^-1 B' Q A
         let last = (&r + b.transpose() * &q * &b).try_inverse().unwrap() * b.transpose() * &q * &a;
         close(&regulators[999].gain, &last, 1e-14);
     }
 
     #[test]
-    fn what_cannot_be_stabilised_and_what_is_no_problem_is_refused() {
+    fn unstabilisable_and_invalid_problems_are_rejected() {
         let solve = |a: DMatrix<f64>, b: DMatrix<f64>, q: DMatrix<f64>, r: DMatrix<f64>| {
             solve(&a, &b, &q, &r).unwrap_err()
         };

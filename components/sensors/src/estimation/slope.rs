@@ -1,25 +1,26 @@
 //! Velocity from positions.
 
-/// A velocity, and how late it is.
+/// A velocity and its delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
     /// Velocity, per second.
     pub velocity: f64,
-    /// Age of the velocity \[s\]: a signal of constant acceleration had it this long before the last sample.
+    /// Delay of the velocity \[s\]: a signal of constant acceleration had this velocity `delay` before the
+    /// last sample.
     pub delay: f64,
     /// Standard deviation of the velocity for positions of deviation 1 with independent errors, 1/s.
     pub noise_gain: f64,
 }
 
-/// The velocity of a signal by the straight line through its last `n` samples, by least squares.
+/// Velocity of a signal from a least-squares line through its last `n` samples.
 ///
 /// ```text
 /// velocity = sum (t_k - t_mean) (x_k - x_mean) / sum (t_k - t_mean)^2        delay = t_last - t_mean
 /// ```
 ///
-/// Two samples give the backward difference, `dt / 2` late. More samples trade delay, `(n - 1) dt / 2`, for noise:
-/// `sqrt(12 / (n (n^2 - 1))) / dt` times that of the positions. Time stamps need not be even: the delay stated is exact for a
-/// quadratic where they are, or where there are two.
+/// Two samples give the backward difference, `dt / 2` late. More samples trade delay, `(n - 1) dt / 2`, for
+/// noise: `sqrt(12 / (n (n^2 - 1))) / dt` times the position noise. Time stamps may be uneven. The stated
+/// delay is exact for a quadratic signal if they are even or if there are two samples.
 ///
 /// ```
 /// use motorium_sensors::estimation::SlopeEstimator;
@@ -50,8 +51,7 @@ impl SlopeEstimator {
         Self { samples: vec![(0.0, 0.0); samples], next: 0, count: 0 }
     }
 
-    /// Takes in the position at a time \[s\]. A time that does not lie after the last one means that the signal began anew:
-    /// what came before is forgotten.
+    /// Adds the position at a time \[s\]. A time that is not after the last one restarts the estimator.
     pub fn push(&mut self, time: f64, position: f64) {
         let size = self.samples.len();
         if self.count > 0 && time <= self.samples[(self.next + size - 1) % size].0 {
@@ -70,7 +70,7 @@ impl SlopeEstimator {
         let size = self.samples.len();
         let recent = || (1..=self.count).map(|back| self.samples[(self.next + size - back) % size]);
         let (last, origin) = recent().next()?;
-        // relative to the last sample, so that a long run loses no digits
+        // relative to the last sample, to keep precision in a long run
         let n = self.count as f64;
         let (time, position) =
             recent().fold((0.0, 0.0), |sum, (t, x)| (sum.0 + t - last, sum.1 + x - origin));
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn delay_and_noise_gain_are_those_of_the_closed_form() {
+    fn delay_and_noise_gain_match_the_closed_form() {
         for n in [2_u32, 3, 7, 20] {
             let (dt, mut estimator) = (1e-3, SlopeEstimator::new(n as usize));
             (0..3 * n).for_each(|k| estimator.push(f64::from(k) * dt, 0.0));
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quadratic_has_the_velocity_of_the_time_that_is_stated() {
+    fn quadratic_has_the_stated_delay() {
         let mut estimator = SlopeEstimator::new(9);
         for k in 0..50_u32 {
             let t = 3600.0 + 2e-3 * f64::from(k);
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_that_begins_anew_is_not_joined_to_the_old_one() {
+    fn restarted_signal_is_not_joined_to_the_old_one() {
         let mut estimator = SlopeEstimator::new(3);
         estimator.push(5.0, 100.0);
         estimator.push(6.0, 200.0);

@@ -22,7 +22,7 @@ fn sampling_and_reading_allocate_nothing() {
         let mut encoder = EncoderModel::new(8, &settings, 0, Duration::from_millis(1)).unwrap();
         let count = allocations(|| {
             for k in 0..2000_u64 {
-                // every tenth sample comes twice, and the clock begins anew once
+                // every tenth sample repeats, and the clock restarts once
                 let time = (k - k % 10 / 9) % 1500 * 1_000_000;
                 encoder.sample(time, &[0.5; 8], &[0.1; 8], &[2.0; 8]).unwrap();
                 std::hint::black_box(encoder.reading(time));

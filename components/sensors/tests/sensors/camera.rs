@@ -11,7 +11,7 @@ use motorium_sensors::component::rays::{AlongRays, Camera};
 #[serde(deny_unknown_fields)]
 struct Nothing {}
 
-/// Keeps the last picture, and the age of each when it comes.
+/// Keeps the last image, and the age of each on arrival.
 struct Keeper {
     image: motorium::transport::SliceInput<u8>,
     count: u64,
@@ -63,7 +63,7 @@ fn joints() -> Source {
     })
 }
 
-/// A red ball that begins far away and moves along y at 0.1 m/s.
+/// A red ball that starts far away and moves along y at 0.1 m/s.
 fn ball() -> Source {
     Source::new("objects", "objects", |tick: &Tick| {
         let mut poses = ObjectPoses::default();
@@ -101,8 +101,8 @@ fn pixels(value: &serde_json::Value) -> Vec<[u64; 3]> {
 }
 
 #[test]
-fn a_camera_of_the_world_sees_arm_ball_ground_and_sky_in_their_colours_and_runs_are_equal() {
-    // it looks along -x from 3 m ahead of the arm
+fn world_camera_sees_colours_reproducibly() {
+    // the camera looks along -x from 3 m ahead of the arm
     let text = format!(
         "mount = {{ frame = \"world\", position = [3.0, 0.0, 0.5], rpy = [0.0, 0.0, 3.14159265] }}, \
          noise = {{ full_well = 20000.0 }}, seed = 4, {WORLD}"
@@ -127,7 +127,7 @@ fn a_camera_of_the_world_sees_arm_ball_ground_and_sky_in_their_colours_and_runs_
     assert!((red as f64 / disc - 1.0).abs() < 0.1, "{red}, expected {disc}");
     let sky = count(&|[r, g, b]| b > r && b > g && b > 200 && r < 190);
     assert!(sky > 2000, "{sky}");
-    // above the horizon the arm stands before the sky, white and black
+    // above the horizon, the white and black arm is in front of the sky
     let above = &pixels[..55 * 160];
     let arm = above.iter().filter(|[r, g, b]| r.abs_diff(*b) < 12 && r.abs_diff(*g) < 12).count();
     assert!((60..2000).contains(&arm), "{arm}");
@@ -138,7 +138,7 @@ fn a_camera_of_the_world_sees_arm_ball_ground_and_sky_in_their_colours_and_runs_
 }
 
 #[test]
-fn a_picture_comes_after_its_latency_with_the_time_of_its_exposure() {
+fn image_arrives_after_its_latency_with_exposure_time() {
     let mount = "mount = { frame = \"world\", position = [3.0, 0.0, 0.5] }";
     let text = format!("{mount}, latency = \"60 ms\", {WORLD}");
     let report = graph(camera(&text)).run("400 ms").unwrap();
@@ -156,7 +156,7 @@ fn estimator(text: &str) -> Instance {
 }
 
 #[test]
-fn a_ball_that_moves_is_told_where_it_is_now_with_its_velocity() {
+fn moving_ball_is_predicted_to_the_present() {
     let place = "{ frame = \"world\", position = [1.8, 0.0, 0.5], rpy = [0.0, 0.0, 3.14159265] }";
     let text = format!("mount = {place}, latency = \"40 ms\", {WORLD}");
     let blob = estimator(&format!("camera = {place}, colour = [0.9, 0.1, 0.1], radius = 0.1"));
@@ -207,7 +207,7 @@ fn a_camera_sees_objects_of_a_world_of_mjcf_in_their_colours() {
 }
 
 #[test]
-fn a_thing_at_rest_stays_in_its_place_while_the_hand_that_carries_the_camera_swings() {
+fn object_at_rest_is_steady_for_a_moving_camera() {
     let swing = Source::new("joints", "joints", |tick: &Tick| {
         let mut state = JointState::default();
         state.set_count(8);
@@ -242,7 +242,7 @@ fn a_thing_at_rest_stays_in_its_place_while_the_hand_that_carries_the_camera_swi
 }
 
 #[test]
-fn settings_that_describe_no_camera_and_no_thing_are_refused_with_the_key() {
+fn invalid_camera_and_object_settings_are_rejected() {
     let mount = "mount = { frame = \"world\" }";
     for (text, expected) in [
         (format!("{mount}, width = 0, {WORLD}"), "width"),
@@ -295,7 +295,7 @@ fn ring() -> String {
 }
 
 #[test]
-fn a_mesh_of_a_file_is_seen_in_its_colour_and_the_sky_through_its_hole() {
+fn mesh_is_rendered_with_its_colour_and_hole() {
     let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("camera-ring.obj");
     std::fs::write(&file, ring()).unwrap();
     let world = format!(
@@ -317,7 +317,7 @@ fn a_mesh_of_a_file_is_seen_in_its_colour_and_the_sky_through_its_hole() {
     let pixels = pixels(&report.results["keeper"]["last"]);
     let focal = info.values()[0].focal_length[0];
     let red = pixels.iter().filter(|[r, g, b]| *r > 3 * g && *r > 3 * b && *r > 60).count() as f64;
-    // Its front is 1.99 m away, and the sides of the hole are seen at a slant.
+    // The front is 1.99 m away, and the sides of the hole are seen at an angle.
     let expected = (focal / 1.99).powi(2) * (0.4 * 0.4 - 0.2 * 0.2);
     assert!((red / expected - 1.0).abs() < 0.1, "{red} pixels, expected {expected}");
     // The middle of the hole, 0.1 m above the camera.

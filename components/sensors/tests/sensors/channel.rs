@@ -9,7 +9,7 @@ fn moments(values: &[f64]) -> (f64, f64) {
 }
 
 #[test]
-fn noise_has_the_deviation_asked_for_and_no_memory() {
+fn noise_is_white_with_the_configured_deviation() {
     let errors = ErrorModel { noise: 0.3, ..ErrorModel::default() };
     let mut channel = Channel::new("x", &errors, 1, 4, 0).unwrap();
     let readings: Vec<f64> = (0..100_000)
@@ -84,7 +84,7 @@ fn readings_lie_on_the_steps_and_within_the_range() {
 }
 
 #[test]
-fn numbers_that_describe_no_sensor_are_refused_with_their_key() {
+fn invalid_settings_are_rejected_with_their_key() {
     let refuse = |errors| Channel::new("gyroscope", &errors, 1, 0, 0).unwrap_err().setting;
     assert_eq!(refuse(ErrorModel { noise: -1.0, ..ErrorModel::default() }), "gyroscope.noise");
     assert_eq!(refuse(ErrorModel { range: Some(f64::NAN), ..ErrorModel::default() }), "gyroscope.range");

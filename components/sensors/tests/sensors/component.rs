@@ -36,8 +36,8 @@ fn joint_state(position: f64) -> JointState {
     state
 }
 
-/// A run of 100 ms with a truth of 50 ms: for each reading the tick at which it was seen, position, velocity and
-/// effort.
+/// A run of 100 ms with a truth of 50 ms: for each reading the tick at which it was seen, position, velocity
+/// and effort.
 fn run(config: &str) -> (Report, Vec<(u64, f64, f64, f64)>) {
     let (graph, probe) = graph(truth(50), config);
     let report = graph.run("100 ms").unwrap();
@@ -60,7 +60,7 @@ fn readings_come_late_by_the_latency_and_stop_with_the_truth() {
 }
 
 #[test]
-fn readings_are_quantised_and_noisy_as_configured_and_the_same_in_every_run() {
+fn readings_are_quantised_noisy_and_reproducible() {
     let config =
         "position = { resolution = 0.01 }, velocity = { noise = [0.5] }, effort = { noise = 0.1 }, seed = 4";
     let ((one, readings), (two, _)) = (run(config), run(config));
@@ -83,9 +83,9 @@ fn a_step_allocates_nothing() {
     assert_eq!((encoder.steps, encoder.allocations, encoder.errors), (1000, Some(0), 0));
 }
 
-/// The position is the time of the step for which it was computed, so the true velocity is 1 rad/s.
+/// The position equals the run time of the step that computed it, so the true velocity is 1 rad/s.
 #[test]
-fn a_differentiated_velocity_does_not_jitter_with_the_times_of_publication() {
+fn differentiated_velocity_ignores_publication_jitter() {
     let truth = Source::new("truth", "rod/true_state", |tick| Some(joint_state(tick.time())));
     let (graph, readings) = graph(truth, "differentiate = { cutoff_hz = 1e6 }");
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
@@ -117,12 +117,12 @@ fn declare(config: serde_json::Value, robot: bool) -> Result<Vec<String>, (Optio
 }
 
 #[test]
-fn it_declares_a_true_and_a_measured_joint_state() {
+fn declares_true_and_measured_joint_states() {
     assert_eq!(declare(serde_json::json!({}), true).unwrap(), ["in joint_state", "out measured"]);
 }
 
 #[test]
-fn configurations_that_cannot_be_are_refused_with_their_key() {
+fn invalid_configurations_are_rejected_with_their_key() {
     let refuse = |config| declare(config, true).unwrap_err();
     let (key, message) = refuse(serde_json::json!({ "position": { "resolution": [0.1, 0.1] } }));
     assert_eq!(key.as_deref(), Some("position.resolution"));
@@ -138,7 +138,7 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
 }
 
 #[test]
-fn a_reading_has_the_source_time_of_the_state_it_was_taken_from() {
+fn reading_keeps_the_source_time_of_its_state() {
     let (graph, probe) = graph(truth(1000), r#"latency = "7 ms""#);
     graph.run("100 ms").unwrap();
     let samples = probe.samples();

@@ -32,7 +32,7 @@ fn run(config: &str, truth: impl Fn(u64, &mut Contacts) + Send + Sync + 'static)
 }
 
 #[test]
-fn forces_on_all_links_of_a_foot_add_up_and_those_of_the_robot_on_itself_do_not_count() {
+fn foot_force_sums_its_links_without_self_contact() {
     let (shank, thigh) = (link("front_left_shank"), link("front_left_thigh"));
     let readings = run("", move |_, contacts| {
         contacts.set_count(4);
@@ -50,13 +50,13 @@ fn forces_on_all_links_of_a_foot_add_up_and_those_of_the_robot_on_itself_do_not_
     assert!(readings.len() > 90);
     for feet in readings {
         assert_eq!(feet.count(), 4);
-        // in the order of their names: front_left, front_right, hind_left, hind_right
+        // in alphabetical order: front_left, front_right, hind_left, hind_right
         assert_eq!((feet.contact(), feet.force()), (&[1, 0, 0, 0][..], &[5.0, 0.0, 0.0, 0.0][..]));
     }
 }
 
 #[test]
-fn a_foot_that_lifts_is_let_go_below_the_lower_force() {
+fn contact_ends_below_the_lower_threshold() {
     let shank = link("hind_right_shank");
     let readings = run("on = 10.0, off = 4.0", move |tick, contacts| {
         contacts.set_count(1);

@@ -8,7 +8,7 @@ use motorium::state::{ContactImpulses, Contacts};
 use motorium::testing::{Graph, Instance, Probe, Source};
 use motorium_physics::ArticulatedPhysics;
 
-/// A table of 13.1 kg, with a flag, that stands on 20 feet, each a box with four corners on the ground.
+/// A table of 13.1 kg with a flag, standing on 20 feet, each a box with four corners on the ground.
 fn table() -> String {
     let mut feet = String::new();
     for foot in 0..20 {

@@ -61,7 +61,7 @@ fn an_ideal_encoder_reads_the_truth_at_once() {
 
 /// Tolerances are five standard errors of the estimates.
 #[test]
-fn noise_is_normal_with_the_deviation_asked_for() {
+fn noise_is_normal_with_the_configured_deviation() {
     let samples = 100_000_u64;
     let n = samples as f64;
     for (column, (mean, deviation)) in
@@ -101,14 +101,14 @@ fn the_noises_of_position_velocity_and_effort_are_independent() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_readings_and_another_seed_others() {
+fn readings_are_reproducible_from_their_seed() {
     assert_eq!(readings(&noisy(11), 500), readings(&noisy(11), 500));
     let ([one, ..], [other, ..]) = (readings(&noisy(11), 500), readings(&noisy(12), 500));
     assert!(one.iter().zip(&other).all(|(a, b)| a != b));
 }
 
 #[test]
-fn switching_one_noise_off_leaves_the_others_as_they_were() {
+fn noise_channels_are_independent() {
     let quiet = EncoderSettings { velocity: JointErrors::default(), ..noisy(5) };
     let ([position, _, effort], [same_position, velocity, same_effort]) =
         (readings(&noisy(5), 200), readings(&quiet, 200));
@@ -161,7 +161,7 @@ fn every_joint_has_its_own_resolution_and_noise() {
 }
 
 #[test]
-fn a_latency_of_whole_periods_delays_by_exactly_that_many_ticks() {
+fn whole_period_latency_delays_by_exact_ticks() {
     for ticks in [0, 1, 3, 10] {
         let settings =
             EncoderSettings { latency: TimeSpan { ns: ticks * PERIOD_NS }, ..EncoderSettings::default() };
@@ -193,7 +193,7 @@ fn differentiated(cutoff_hz: f64) -> EncoderSettings {
 }
 
 #[test]
-fn a_differentiated_velocity_follows_a_ramp_like_a_first_order_low_pass() {
+fn differentiated_velocity_is_a_first_order_low_pass() {
     let (cutoff, speed) = (20.0, 0.7);
     let mut encoder = encoder(1, &differentiated(cutoff));
     for k in 0..400_u64 {
@@ -219,7 +219,7 @@ fn a_differentiated_velocity_shows_the_steps_of_the_position() {
 }
 
 #[test]
-fn a_sample_of_the_same_time_and_a_clock_that_begins_anew_leave_the_velocity_finite() {
+fn repeated_and_restarted_times_keep_velocity_finite() {
     let mut encoder = encoder(1, &differentiated(50.0));
     let mut velocity = |time, q: f64| {
         encoder.sample(time, &[q], &[0.0], &[0.0]).unwrap();
@@ -241,7 +241,7 @@ fn a_joint_state_of_another_size_is_refused() {
 }
 
 #[test]
-fn settings_that_describe_no_sensor_are_refused() {
+fn invalid_settings_are_rejected() {
     let refuse =
         |settings: EncoderSettings| EncoderModel::new(2, &settings, 0, Duration::from_millis(1)).unwrap_err();
     let settings =
@@ -294,7 +294,7 @@ fn readings_end_at_the_range_of_their_joint() {
 const OF_2000: f64 = 5.0 / 63.2;
 
 #[test]
-fn the_zero_and_the_scale_of_each_joint_are_off_by_deviations_that_are_asked_for_and_stay() {
+fn bias_and_scale_errors_are_constant_per_joint() {
     let joints = 2000;
     let position =
         JointErrors { bias: PerJoint::All(0.01), scale_error: PerJoint::All(0.02), ..JointErrors::default() };
@@ -328,7 +328,7 @@ fn a_bias_walks_with_the_root_of_the_time_of_the_states() {
 }
 
 #[test]
-fn a_share_of_the_readings_is_lost_and_the_others_stay_as_they_were() {
+fn drop_outs_leave_other_readings_unchanged() {
     let settings = EncoderSettings { drop_out: 0.2, ..noisy(6) };
     let (mut all, mut some) = (encoder(1, &noisy(6)), encoder(1, &settings));
     let mut kept = 0_u32;

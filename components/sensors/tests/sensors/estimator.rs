@@ -32,7 +32,7 @@ fn number(report: &Report, key: &str) -> f64 {
 
 /// The drift is that at the end, relative to the distance from the start.
 #[test]
-fn in_the_trot_it_drifts_by_two_percent_of_the_way_and_its_attitude_is_within_a_degree() {
+fn trot_drift_and_attitude_error_are_bounded() {
     for seed in ["1", "2", "3"] {
         let report = run(&[("seed", seed)], "10 s");
         assert!(number(&report, "way_m") > 1.5);

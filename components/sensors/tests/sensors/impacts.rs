@@ -1,4 +1,5 @@
-//! Wrench sensors that are slower than the simulation, against the momentum of a ball that bounces on what they carry.
+//! Wrench sensors slower than the simulation, checked against the momentum of a ball that bounces on the
+//! carried plate.
 
 use motorium::prelude::*;
 use motorium::state::ObjectPoses;
@@ -6,7 +7,7 @@ use motorium::testing::{Graph, Instance, Probe};
 use motorium_physics::ArticulatedPhysics;
 use motorium_sensors::component::force_torque::ForceTorque;
 
-/// A plate of 2 kg that stands still, 0.3 m beside the origin, and a pointer that turns beside it.
+/// A fixed plate of 2 kg, 0.3 m from the origin, and a pointer that turns next to it.
 const PLATE: &str = r#"<robot name="plate">
   <link name="stand"/>
   <joint name="mounting" type="fixed"><parent link="stand"/><child link="plate"/><origin xyz="0.3 0 0.1"/></joint>
@@ -33,7 +34,8 @@ safe_state = "hold"
 objects = [{ name = "ball", shape = { sphere = { radius = 0.05 } }, mass = 0.2, position = [0.4, 0.0, 0.45], restitution = 1.0 }]
 "#;
 
-/// What contacts did to the plate, as the sensor reads it and as the ball has it: impulse upwards, and its moment about y at the plate.
+/// Contact impulse upwards on the plate and its moment about y at the plate, from the sensor and from the
+/// ball's momentum.
 struct Sums {
     read: [f64; 2],
     ball: f64,
@@ -77,7 +79,7 @@ fn sums(port: &str) -> Sums {
 
     let (readings, poses) = (readings.samples(), poses.samples());
     assert!(readings.len() > 60, "{}", readings.len());
-    // All lies between the times of two readings: the first ends the interval before.
+    // Every impact is between two readings; the first reading ends the interval before.
     let (first, last) = (&readings[0], &readings[readings.len() - 1]);
     let mut read = [0.0; 2];
     for pair in readings.windows(2) {
@@ -87,7 +89,7 @@ fn sums(port: &str) -> Sums {
         read[0] += dt * (force[2] - 2.0 * 9.81);
         read[1] += dt * torque[1];
     }
-    // The ball's velocity by where it was a step before, less what it fell meanwhile.
+    // Ball velocity from its previous position, minus the fall in between.
     let velocity = |time: u64| {
         let at = poses.iter().position(|pose| pose.stamp.source_time == time).expect("a pose of that time");
         let height = |index: usize| poses[index].value.position_z()[0];
@@ -99,11 +101,11 @@ fn sums(port: &str) -> Sums {
 }
 
 #[test]
-fn the_readings_of_a_slow_sensor_add_up_to_the_impulses_of_all_impacts_between_them() {
+fn slow_sensor_readings_sum_to_the_impact_impulses() {
     let Sums { read: [impulse, moment], ball } = sums("contact_impulses");
     assert!(ball > 1.0, "it bounces: {ball} N s");
     assert!((impulse - ball).abs() < 2e-3, "{impulse}, {ball} N s");
-    // the ball falls 0.1 m beside the origin of the plate; the sensor carries the plate against it
+    // the ball falls 0.1 m off the origin of the plate; the sensor holds the plate against it
     assert!((moment + 0.1 * ball).abs() < 1e-3, "{moment}, {ball}");
 }
 

@@ -19,7 +19,7 @@ fn readings(imu: &mut ImuModel, motion: impl Fn(f64) -> SensorMotion, samples: u
 }
 
 #[test]
-fn in_free_fall_it_feels_nothing_whatever_its_attitude() {
+fn free_fall_reads_zero_force_at_any_attitude() {
     let rotation = UnitQuaternion::from_euler_angles(0.4, 1.0, -2.0);
     let falling = |t: f64| SensorMotion { rotation, velocity: Vector3::new(1.0, 2.0, 3.0) + GRAVITY * t };
     let found = readings(&mut ideal(), falling, 100);
@@ -29,7 +29,7 @@ fn in_free_fall_it_feels_nothing_whatever_its_attitude() {
 }
 
 #[test]
-fn on_a_turntable_it_feels_the_centripetal_force_towards_the_axis() {
+fn turntable_reads_the_centripetal_force() {
     let (omega, radius) = (3.0, 0.5);
     // The x axis of the sensor points outwards.
     let motion = |t: f64| {
@@ -44,7 +44,7 @@ fn on_a_turntable_it_feels_the_centripetal_force_towards_the_axis() {
 }
 
 #[test]
-fn a_slower_sensor_reads_the_mean_of_its_interval() {
+fn slow_sensor_reads_the_mean_of_its_interval() {
     let motion =
         |t: f64| SensorMotion { rotation: UnitQuaternion::identity(), velocity: Vector3::x() * t * t };
     let mut imu = ideal();
@@ -54,7 +54,7 @@ fn a_slower_sensor_reads_the_mean_of_its_interval() {
 }
 
 #[test]
-fn a_clock_that_begins_anew_gives_no_reading_across_the_gap() {
+fn clock_restart_gives_no_reading_across_the_gap() {
     let mut imu = ideal();
     let motion = SensorMotion { rotation: UnitQuaternion::identity(), velocity: Vector3::zeros() };
     imu.sample(5_000_000, &motion);
@@ -86,7 +86,7 @@ fn graph(config: &str) -> (Graph, Probe<ImuSample>) {
 }
 
 #[test]
-fn at_rest_it_reads_gravity_in_the_axes_of_its_mount_at_its_own_rate_and_late() {
+fn at_rest_reads_gravity_in_mount_axes_with_latency() {
     let (graph, probe) = graph(r#"mount = { rpy = [0.0, 0.0, 1.5707963267948966] }, latency = "10 ms""#);
     let report = graph.run("200 ms").unwrap();
     let samples = probe.samples();
@@ -103,7 +103,7 @@ fn at_rest_it_reads_gravity_in_the_axes_of_its_mount_at_its_own_rate_and_late() 
 }
 
 #[test]
-fn the_same_run_gives_the_same_noise_and_drop_outs_are_as_frequent_as_asked() {
+fn noise_and_drop_outs_are_reproducible() {
     let config = "gyroscope = { noise = 0.01 }, drop_out = 0.3, seed = 3";
     let run = || {
         let (graph, probe) = graph(config);

@@ -39,7 +39,7 @@ fn deviations() -> StartDeviations {
     }
 }
 
-/// The invariant error of an estimate, and those of its biases.
+/// Invariant error of an estimate and errors of its biases.
 fn error(estimate: &FilterState, truth: &FilterState) -> SVector<f64, 15> {
     let turn = estimate.rotation * truth.rotation.inverse();
     let phi = so3::log(&turn);
@@ -88,7 +88,7 @@ fn constant_readings_are_integrated_exactly() {
 }
 
 #[test]
-fn a_thrown_body_flies_its_parabola() {
+fn thrown_body_follows_its_parabola() {
     let start = FilterState { velocity: Vector3::new(1.0, 0.0, 3.0), ..FilterState::default() };
     let end = propagated(&start, &Vector3::new(5.0, 1.0, -2.0), &Vector3::zeros(), 0.5);
     assert!((end.velocity - Vector3::new(1.0, 0.0, 3.0 - 9.81 * 0.5)).norm() < 1e-14);
@@ -116,7 +116,8 @@ fn the_covariance_moves_by_the_derivative_of_the_propagation() {
     filter.propagate(&omega, &force, dt);
     let found = filter.invariant_covariance();
     let expected = slope * before * slope.transpose();
-    // The law freezes the rotation over a step: what is left is of the order of omega dt times the part of the biases.
+    // The discretisation freezes the rotation over a step; the remaining difference is of order omega dt
+    // times the bias terms.
     let scale = |row: usize, column: usize| (expected[(row, row)] * expected[(column, column)]).sqrt();
     for row in 0..15 {
         for column in 0..15 {
@@ -126,7 +127,7 @@ fn the_covariance_moves_by_the_derivative_of_the_propagation() {
     }
 }
 
-/// A body that sways over two feet which step in turn, and its readings.
+/// A body swaying over two feet that step in turn, and its sensor readings.
 struct Walk {
     noise: Noise,
     truth: FilterState,
@@ -151,7 +152,8 @@ impl Walk {
         values.into()
     }
 
-    /// A run of `steps` steps from a start with the deviations of the filter; the filter and the truth at the end.
+    /// A run of `steps` steps from a start with the deviations of the filter; the filter and the truth at the
+    /// end.
     fn run(seed: u64, steps: u32, mut each: impl FnMut(&InvariantFilter, &FilterState)) {
         let start = some_state();
         let mut walk = Self {
@@ -231,10 +233,10 @@ impl Walk {
     }
 }
 
-/// The normalised error squared of the invariant error has the mean of its dimension when the covariance is that of the
-/// errors. Bounds are five standard deviations of the mean over the runs; samples within a run are dependent and count once.
+/// For a consistent covariance, the normalised squared invariant error has its dimension as mean. Bounds are
+/// five standard deviations of the mean over the runs; samples within a run are dependent and count once.
 #[test]
-fn errors_are_as_large_as_the_covariance_says() {
+fn errors_are_consistent_with_the_covariance() {
     let runs = 60_u32;
     let (mut whole, mut pose) = (0.0, 0.0);
     for seed in 0..u64::from(runs) {
@@ -258,7 +260,7 @@ fn errors_are_as_large_as_the_covariance_says() {
 }
 
 #[test]
-fn innovations_have_the_size_that_is_expected_of_them() {
+fn innovations_are_consistent() {
     let (mut sum, mut count) = (0.0, 0.0);
     for seed in 100..120 {
         let mut filter = InvariantFilter::new(1, WALKING, GRAVITY);
@@ -290,8 +292,8 @@ fn innovations_have_the_size_that_is_expected_of_them() {
 
 /// Position and the angle about the vertical: the paper's unobservable directions. The others settle.
 #[test]
-fn contacts_never_tell_the_position_nor_the_angle_about_the_vertical() {
-    // At rest: a velocity that is known in the axes of the world would tell the heading.
+fn contacts_do_not_observe_position_or_yaw() {
+    // At rest: a velocity known in world axes would reveal the heading.
     let start = FilterState { position: Vector3::zeros(), velocity: Vector3::zeros(), ..some_state() };
     let mut filter = InvariantFilter::new(2, FilterNoise { foot: 1e-3, ..NO_NOISE }, GRAVITY);
     filter.start(&start, &deviations());
@@ -308,7 +310,8 @@ fn contacts_never_tell_the_position_nor_the_angle_about_the_vertical() {
         }
         yaws.push(filter.invariant_covariance()[(2, 2)]);
     }
-    // Nothing is learnt of the yaw that was there at the start; what the bias adds, contacts may take away again.
+    // No information about the initial yaw is gained; only the uncertainty added by the bias may shrink
+    // again.
     assert!(yaws.iter().all(|yaw| *yaw >= yaws[0] * (1.0 - 1e-9)), "{:?}", &yaws[..5]);
     let after = filter.invariant_covariance();
     for axis in 0..3 {
@@ -318,9 +321,9 @@ fn contacts_never_tell_the_position_nor_the_angle_about_the_vertical() {
     assert!(after[(0, 0)] < 0.2 * before[(0, 0)] && after[(1, 1)] < 0.2 * before[(1, 1)], "tilt is observed");
 }
 
-/// The law of the error does not depend on the estimate, so neither do the gains while biases are known.
+/// The error dynamics do not depend on the estimate, so neither do the gains while biases are known.
 #[test]
-fn without_biases_the_covariance_does_not_depend_on_the_state() {
+fn covariance_without_biases_is_state_independent() {
     let known = StartDeviations { gyroscope_bias: 0.0, accelerometer_bias: 0.0, ..deviations() };
     let run = |start: &FilterState| {
         let mut filter = InvariantFilter::new(1, FilterNoise { foot: 1e-3, ..NO_NOISE }, GRAVITY);
@@ -340,7 +343,7 @@ fn without_biases_the_covariance_does_not_depend_on_the_state() {
 }
 
 #[test]
-fn a_rolling_foot_moves_with_the_body_and_leaves_the_errors_as_they_are() {
+fn rolling_foot_keeps_the_errors_unchanged() {
     let mut filter = InvariantFilter::new(1, NO_NOISE, GRAVITY);
     filter.start(&some_state(), &deviations());
     let position = Vector3::new(0.1, 0.2, -0.5);

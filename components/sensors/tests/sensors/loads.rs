@@ -1,4 +1,5 @@
-//! `sensor.force_torque` and `sensor.joint_torque`: their library against Newton-Euler, and in graphs against closed forms.
+//! `sensor.force_torque` and `sensor.joint_torque`: their library against Newton-Euler, and in graphs against
+//! closed forms.
 
 use std::path::Path;
 
@@ -31,7 +32,7 @@ fn sampled(model: &Model, loads: &mut Loads, (q, v, a): (&[f64], &[f64], &[f64])
 }
 
 #[test]
-fn the_torques_of_all_joints_in_motion_are_those_of_newton_and_euler() {
+fn joint_torques_match_newton_euler() {
     for robot in ["panda", "iiwa14", "ur5e", "planar-3r"] {
         let model = load(robot, Path::new(".")).unwrap().model;
         let number = |k: usize, scale: f64| scale * (1.3 + 2.7 * k as f64).sin();
@@ -47,7 +48,7 @@ fn the_torques_of_all_joints_in_motion_are_those_of_newton_and_euler() {
         let largest = expected.iter().fold(0.0_f64, |most, tau| most.max(tau.abs()));
         for (joint, expected) in expected.iter().enumerate() {
             if model.joint(joint).kind == JointKind::Prismatic {
-                // a finger that another one follows: the drive bears both
+                // a finger mimicked by another: the drive bears both
                 continue;
             }
             let body = model.joint_body(joint);
@@ -60,7 +61,7 @@ fn the_torques_of_all_joints_in_motion_are_those_of_newton_and_euler() {
 }
 
 #[test]
-fn a_force_from_outside_is_taken_off_the_links_that_carry_it_and_no_other() {
+fn external_force_reduces_only_the_loads_above_it() {
     let model = load("planar-3r", Path::new(".")).unwrap().model;
     let still = vec![0.0; 3];
     let (first, second) = (model.frame("link1").unwrap(), model.frame("link2").unwrap());
@@ -95,7 +96,7 @@ fn table(config: &str) -> toml::Value {
     config["config"].clone()
 }
 
-/// The pendulum, held still at an angle.
+/// The pendulum at rest at an angle.
 fn still(angle: f64) -> Source {
     Source::new("truth", "rod/state", move |_| {
         let mut state = JointState::default();
@@ -128,7 +129,7 @@ fn near(found: [f64; 3], expected: [f64; 3], error: f64) -> bool {
 
 /// A rod of 1 kg and 1 m that hangs at 0; its frame turns with it about y.
 #[test]
-fn at_rest_it_reads_the_weight_upwards_and_its_lever_in_its_own_axes() {
+fn at_rest_reads_weight_and_lever_in_sensor_axes() {
     for angle in [0.0_f64, 0.5, std::f64::consts::FRAC_PI_2, -2.0] {
         let (report, readings) = held(angle, "link = \"rod\"");
         assert!(readings.len() > 90);
@@ -150,14 +151,14 @@ fn its_place_in_the_link_moves_the_point_and_turns_the_axes() {
     let config = "link = \"rod\", position = [0.0, 0.0, -1.0], rpy = [0.0, 0.0, 1.5707963267948966]";
     let (_, readings) = held(std::f64::consts::FRAC_PI_2, config);
     for Wrench { force, torque } in readings {
-        // at the end of the rod the lever is on the other side; its y axis is the rod's -x
+        // the lever of the rod's end has the opposite sign; the sensor's y axis is the rod's -x
         assert!(near(force, [0.0, 9.81, 0.0], 1e-9), "{force:?}");
         assert!(near(torque, [-0.5 * 9.81, 0.0, 0.0], 1e-9), "{torque:?}");
     }
 }
 
 #[test]
-fn errors_latency_and_range_are_those_of_the_configuration() {
+fn errors_latency_and_range_match_the_configuration() {
     let config = "link = \"rod\", force = { noise = 0.2, resolution = 0.5, range = 9.0 }, torque = { noise = 0.01 }, latency = \"10 ms\", seed = 7";
     let ((one, readings), (two, _)) = (held(0.0, config), held(0.0, config));
     assert_eq!(one.state_hash, two.state_hash);
@@ -171,7 +172,7 @@ fn errors_latency_and_range_are_those_of_the_configuration() {
 }
 
 #[test]
-fn in_free_fall_a_leg_weighs_nothing_whatever_its_attitude() {
+fn leg_in_free_fall_reads_zero_at_any_attitude() {
     let rotation = UnitQuaternion::from_euler_angles(0.3, -0.8, 2.0);
     let base = Source::new("base", "dog/base", move |tick| {
         let mut state = BaseState::default();
@@ -245,9 +246,9 @@ fn swing(config: &str, subscribe_randomisation: bool) -> Vec<(f64, f64)> {
     measured.iter().map(pair).collect()
 }
 
-/// Without friction, damping and inertia of the drive both sides of the sensor bear the same torque.
+/// Without friction, damping and drive inertia, both sides of the sensor carry the same torque.
 #[test]
-fn the_torque_that_a_joint_passes_on_is_that_of_its_drive() {
+fn transmitted_torque_equals_the_drive_torque() {
     for (measured, applied) in swing("", false) {
         assert!((measured - applied).abs() < 0.02, "{measured}, {applied} Nm");
     }
@@ -255,7 +256,7 @@ fn the_torque_that_a_joint_passes_on_is_that_of_its_drive() {
 
 /// A push on the rod bears a share of the load: the joint passes on no more than its drive gives.
 #[test]
-fn a_push_of_the_graph_is_among_the_forces_that_the_sensor_knows() {
+fn pushes_of_the_graph_are_included() {
     let push = "pushes = [{ at = \"100 ms\", duration = \"200 ms\", link = \"tip\", force = [3.0, 0.0, 1.0], torque = [0.0, 0.7, 0.2] }]";
     for (measured, applied) in swing(push, false) {
         assert!((measured - applied).abs() < 0.03, "{measured}, {applied} Nm");
@@ -263,7 +264,7 @@ fn a_push_of_the_graph_is_among_the_forces_that_the_sensor_knows() {
 }
 
 #[test]
-fn a_sensor_of_a_simulation_that_draws_masses_and_gravity_reads_with_those() {
+fn sensor_uses_sampled_masses_and_gravity() {
     let config = "randomise = { mass = [2.0, 2.0], gravity = [0.5, 0.5] }";
     for (measured, applied) in swing(config, true) {
         assert!((measured - applied).abs() < 0.02, "{measured}, {applied} Nm");
@@ -272,9 +273,10 @@ fn a_sensor_of_a_simulation_that_draws_masses_and_gravity_reads_with_those() {
     assert!(nominal.iter().any(|(measured, applied)| (measured - applied).abs() > 0.5));
 }
 
-/// Four sensors in the hips of a robot that stands: together they press the legs down by the weight of the base.
+/// Four sensors in the hips of a standing robot: together they press the legs down with the weight of the
+/// base.
 #[test]
-fn the_hips_of_a_standing_quadruped_bear_the_weight_of_its_base() {
+fn quadruped_hips_carry_the_base_weight() {
     let text = r#"
 name = "standing"
 clock = "lockstep"
@@ -313,7 +315,7 @@ ground = {}
 }
 
 #[test]
-fn a_link_that_no_other_carries_is_refused_and_an_unknown_one_named() {
+fn root_and_unknown_links_are_rejected() {
     for (config, expected) in [
         ("link = \"base\"", "`base` is the root"),
         ("link = \"rodd\"", "did you mean \"rod\"?"),

@@ -1,4 +1,4 @@
-//! Wrench sensors and payloads that connections hold, and readings of slow sensors, against closed forms.
+//! Wrench sensors with payloads held by connections, and readings of slow sensors, against closed forms.
 
 use std::path::Path;
 
@@ -17,8 +17,8 @@ fn table(config: &str) -> toml::Value {
     config["config"].clone()
 }
 
-/// The force that a sensor at `link` of a robot at rest reads, and the mass of its own that it carries, with
-/// 1.5 kg fixed to `holder`.
+/// Returns the force read by a sensor at `link` of a robot at rest and the mass it carries, with 1.5 kg fixed
+/// to `holder`.
 fn held(robot: &str, link: &str, holder: &str) -> (f64, f64) {
     let home = Source::new("home", "r/command", {
         let loaded = load(robot, Path::new(".")).unwrap();
@@ -109,7 +109,7 @@ fn error(hertz: f64) -> f64 {
         tau
     };
     let mut worst = 0.0_f64;
-    // The first reading closes no interval.
+    // The first reading completes no interval.
     for sample in probe.samples().iter().skip(1) {
         let end = sample.stamp.source_time as f64 * 1e-9;
         let mut mean = [0.0; 6];
@@ -125,7 +125,7 @@ fn error(hertz: f64) -> f64 {
 }
 
 #[test]
-fn joint_torque_is_of_second_order_in_its_sample_time() {
+fn joint_torque_is_second_order_in_its_sample_time() {
     let (slow, fast) = (error(50.0), error(100.0));
     assert!(fast < 0.03 && (3.5..4.5).contains(&(slow / fast)), "{slow} N m at 50 Hz, {fast} at 100 Hz");
 }

@@ -1,4 +1,4 @@
-//! Rendered pictures against closed forms, and what is found in them.
+//! Rendered images, and detections in them, against closed forms.
 
 use motorium_robots::{Checker, Colour, ConvexShape, Light, RayScene, RayShape};
 use motorium_sensors::blob::{Blob, Hue};
@@ -40,20 +40,20 @@ fn ball(radius: f64) -> ConvexShape {
     ConvexShape::Sphere { radius }
 }
 
-/// The levels of an ideal sensor, one byte after the other.
+/// Levels of an ideal sensor as consecutive bytes.
 fn levels(picture: &[Colour]) -> Vec<u8> {
     let mut sensor = PixelSensor::new(&PixelNoise::default(), 0).unwrap();
     picture.iter().flat_map(|colour| sensor.expose(colour)).collect()
 }
 
-/// A camera at a place that looks straight down, the top of its pictures to +x.
+/// A camera at a position that looks straight down, with the top of its images to +x.
 fn from_above(x: f64, y: f64, z: f64) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0);
     Isometry3::from_parts(Vector3::new(x, y, z).into(), rotation)
 }
 
 #[test]
-fn the_centre_of_a_sphere_is_seen_at_the_pixel_where_it_projects_and_its_size_tells_its_distance() {
+fn sphere_projection_gives_centre_and_distance() {
     let camera = Pinhole { focal_length: [200.0, 210.0], ..Pinhole::new(160, 120, 1.0) };
     for place in [[2.0, 0.0, 0.0], [1.5, 0.35, -0.2], [3.0, -0.9, 0.6]] {
         let scene = Scene::default().with(ball(0.2), place, Paint::plain(RED));
@@ -71,7 +71,7 @@ fn the_centre_of_a_sphere_is_seen_at_the_pixel_where_it_projects_and_its_size_te
 }
 
 #[test]
-fn the_outline_of_a_sphere_is_that_of_its_tangent_cone() {
+fn sphere_outline_matches_its_tangent_cone() {
     let camera = Pinhole::new(160, 120, 1.0);
     let centre = Vector3::new(1.5, 0.35, -0.2);
     let scene = Scene::default().with(ball(0.2), centre.into(), Paint::plain(RED));
@@ -90,7 +90,7 @@ fn the_outline_of_a_sphere_is_that_of_its_tangent_cone() {
 }
 
 #[test]
-fn a_surface_is_as_bright_as_lambert_has_it_and_no_brighter_from_another_side() {
+fn brightness_follows_lambert_for_any_view() {
     let camera = Pinhole::new(16, 12, 1.0);
     for angle in [0.0_f64, 0.4, 1.2, 1.7] {
         for pose in
@@ -109,7 +109,7 @@ fn a_surface_is_as_bright_as_lambert_has_it_and_no_brighter_from_another_side() 
 }
 
 #[test]
-fn a_ball_casts_a_round_shadow_below_it_and_hides_what_lies_behind_it() {
+fn ball_casts_a_round_shadow_and_occludes() {
     let camera = Pinhole::new(80, 60, 1.2);
     let pose = from_above(0.0, 0.0, 2.0) * Isometry3::rotation(Vector3::y() * -0.35);
     let (radius, height) = (0.3, 1.0);
@@ -149,7 +149,7 @@ fn a_ball_casts_a_round_shadow_below_it_and_hides_what_lies_behind_it() {
 }
 
 #[test]
-fn the_squares_of_the_ground_change_their_colour_at_multiples_of_their_side() {
+fn ground_squares_alternate_at_their_side_length() {
     let camera = Pinhole::new(40, 30, 1.2);
     let paint = Paint { colour: RED, checker: Some(Checker { side: 0.25, colour: GREEN }) };
     let pose = from_above(0.37, -0.61, 1.5);
@@ -171,7 +171,7 @@ fn the_squares_of_the_ground_change_their_colour_at_multiples_of_their_side() {
 }
 
 #[test]
-fn shot_noise_grows_as_the_root_of_the_level_and_read_noise_does_not() {
+fn shot_noise_grows_with_the_root_of_the_level() {
     let noise = PixelNoise { full_well: Some(5000.0), read_noise: 2.0 };
     for part in [0.1_f64, 0.4, 0.8] {
         let mut sensor = PixelSensor::new(&noise, 7).unwrap();

@@ -38,7 +38,7 @@ fn run<C: Component, T: StateBuffer + Send>(port: &str, config: &str, duration: 
 }
 
 #[test]
-fn an_altimeter_reads_the_height_of_its_mount_above_the_reference_and_its_rate() {
+fn altimeter_reads_height_and_rate_of_its_mount() {
     let config = "reference = 2.0, mount = { position = [0.0, 0.0, 0.5] }";
     let readings: Vec<Altitude> = run::<AtPlace<Altimeter>, _>("altitude", config, "200 ms");
     assert!(readings.len() >= 19, "{}", readings.len());
@@ -58,7 +58,7 @@ fn a_magnetometer_sees_the_north_where_the_base_has_it() {
 }
 
 #[test]
-fn a_fix_is_the_place_on_the_tangent_plane_with_errors_of_the_stated_size() {
+fn fix_matches_the_tangent_plane_with_stated_errors() {
     let origin = Geodetic { latitude: 46.52, longitude: 6.57, altitude: 400.0 };
     let config = "origin = { latitude = 46.52, longitude = 6.57, altitude = 400.0 }, horizontal = { noise = 0.5 }, \
                   vertical = { noise = 2.0 }, velocity = { noise = 0.1 }";
@@ -86,7 +86,7 @@ fn a_fix_is_the_place_on_the_tangent_plane_with_errors_of_the_stated_size() {
 }
 
 #[test]
-fn a_sensor_on_a_link_that_never_moves_is_refused() {
+fn sensor_on_a_fixed_link_is_rejected() {
     let sensor =
         Instance::of::<AtPlace<Altimeter>>("sensor").rate("100 Hz").robot("arm").publish("altitude", "x");
     let error = Graph::new("place").robot("arm", "panda").with(sensor).check().unwrap_err();

@@ -1,4 +1,4 @@
-//! Parameters of sensors that are drawn anew for every episode.
+//! Sensor parameters sampled for every episode.
 
 use motorium::component::Component;
 use motorium::prelude::*;
@@ -23,7 +23,7 @@ const RANGES: SensorRanges = SensorRanges {
 };
 
 #[test]
-fn draws_lie_evenly_in_their_ranges_and_each_depends_on_its_own_range_alone() {
+fn draws_are_uniform_and_independent() {
     let draws: Vec<_> = (0..4000).map(|seed| RANGES.draw(seed, span(9))).collect();
     let mean = |number: &dyn Fn(usize) -> f64| (0..4000).map(number).sum::<f64>() / 4000.0;
     assert!((mean(&|k| draws[k].noise) - 1.5).abs() < 0.04);
@@ -48,7 +48,7 @@ fn noise_and_bias_of_a_quantity_are_scaled_apart() {
 }
 
 #[test]
-fn ranges_that_cannot_be_are_refused_by_name() {
+fn invalid_ranges_are_rejected_by_name() {
     let words = |ranges: SensorRanges| ranges.check().unwrap_err().to_string();
     assert!(words(SensorRanges { noise: Some([-1.0, 1.0]), ..RANGES }).starts_with("randomise.noise = -1"));
     assert!(words(SensorRanges { bias: Some([2.0, 1.0]), ..RANGES }).contains("the lowest factor first"));
@@ -61,7 +61,7 @@ fn ranges_that_cannot_be_are_refused_by_name() {
     );
 }
 
-/// Readings of a unit that lies still, and what it drew, in an episode of this seed.
+/// Readings of an IMU at rest and its sampled parameters, in an episode with this seed.
 fn still(seed: u64) -> (Vec<Sample<ImuSample>>, Randomisation) {
     let (readings, drawn) = (Probe::<ImuSample>::of("imu"), Probe::<Randomisation>::of("drawn"));
     let joints = Source::new("truth", "state", |_| {
@@ -90,7 +90,7 @@ fn still(seed: u64) -> (Vec<Sample<ImuSample>>, Randomisation) {
 }
 
 #[test]
-fn the_noise_and_the_latency_of_an_episode_are_those_that_it_publishes() {
+fn episode_noise_and_latency_match_the_published_draws() {
     let mut seen = Vec::new();
     for seed in 0..4 {
         let (readings, drawn) = still(seed);
@@ -104,7 +104,7 @@ fn the_noise_and_the_latency_of_an_episode_are_those_that_it_publishes() {
         assert!((deviation / (0.1 * factor) - 1.0).abs() < 0.05, "{deviation}, factor {factor}");
         for reading in &readings[5..] {
             let age = (reading.stamp.publish_time - reading.stamp.source_time) as f64 * 1e-9;
-            // it leaves at the first step at which the latency is over
+            // published at the first step after the latency
             assert!(age >= latency - 1e-9 && age < latency + 1e-3 + 1e-9, "{age}, {latency}");
         }
         seen.push(factor);
@@ -113,8 +113,8 @@ fn the_noise_and_the_latency_of_an_episode_are_those_that_it_publishes() {
     assert_eq!(still(2).1.find(Randomisation::SENSOR_NOISE, 0), Some(seen[2]));
 }
 
-/// Deviation of the readings of a quantity by a sensor of noise 0.01 of a standing quadruped from their mean, their least age,
-/// and what was drawn.
+/// Returns the standard deviation of a quantity's readings by a sensor of noise 0.01 on a standing quadruped,
+/// their minimum age, and the sampled parameters.
 fn standing<C: Component, T: StateBuffer + Send>(
     port: &str,
     quantity: &str,
@@ -174,7 +174,7 @@ fn standing<C: Component, T: StateBuffer + Send>(
 }
 
 #[test]
-fn encoders_altimeters_rays_and_feet_draw_their_noise_and_latency_too() {
+fn all_sensor_kinds_sample_noise_and_latency() {
     let all = [
         standing::<JointEncoder, JointState>("measured", "position", "", |state| state.position()[2]),
         standing::<AtPlace<Altimeter>, Altitude>("altitude", "height", "", |altitude| altitude.height),

@@ -10,7 +10,7 @@ use nalgebra::UnitQuaternion;
 
 const YAW: f64 = 0.4;
 
-/// A base that stands at (1, 2, 0.5) m, turned to the left by 0.4 rad.
+/// A base at (1, 2, 0.5) m, yawed by 0.4 rad to the left.
 fn truth() -> Source {
     Source::new("truth", "base", |_| {
         let mut state = BaseState { position: [1.0, 2.0, 0.5], ..BaseState::default() };
@@ -20,7 +20,7 @@ fn truth() -> Source {
     })
 }
 
-/// An object that begins far away and stands at a place of the axes of the base.
+/// An object that starts far away and then stays at a position in base axes.
 fn objects(ahead: f64, left: f64, z: f64) -> Source {
     Source::new("objects", "objects", move |_| {
         let mut poses = ObjectPoses::default();
@@ -68,7 +68,7 @@ fn run<C: Component, T: StateBuffer + Send>(
 const BALL: &str = "objects = [{ name = \"ball\", shape = { sphere = { radius = 0.5 } }, mass = 1.0, position = [50.0, 0.0, 0.5] }]";
 
 #[test]
-fn a_ray_down_at_an_angle_reads_the_height_by_its_sine() {
+fn inclined_ray_reads_height_over_its_sine() {
     let config = "mount = { rpy = [0.0, 0.5, 0.0] }, world = { ground = { height = 0.1 } }";
     for reading in run::<AlongRays<RaySensor>, Ranges>("range", config, None, "200 ms") {
         assert_eq!(reading.count(), 1);
@@ -77,7 +77,7 @@ fn a_ray_down_at_an_angle_reads_the_height_by_its_sine() {
 }
 
 #[test]
-fn a_lidar_sees_a_ball_where_its_pose_has_it_not_where_the_world_began() {
+fn lidar_sees_a_moving_ball_at_its_current_pose() {
     let config = format!("world = {{ {BALL} }}, rays = 360, most = 8.0, least = 0.2");
     let readings = run::<AlongRays<Lidar>, Ranges>("ranges", &config, Some(objects(3.0, 0.0, 0.5)), "200 ms");
     for reading in readings {
@@ -94,7 +94,7 @@ fn a_lidar_sees_a_ball_where_its_pose_has_it_not_where_the_world_began() {
 }
 
 #[test]
-fn the_points_of_a_lidar_lie_on_what_it_sees_in_the_axes_of_the_sensor() {
+fn lidar_points_are_on_surfaces_in_sensor_axes() {
     let probe = Probe::<Ranges>::of("reading");
     let config = "world = { ground = {} }, rays = 8, elevations = [-0.5, 0.5], most = 5.0";
     let instance = sensor::<AlongRays<Lidar>>("ranges", config).publish("points", "points");
@@ -104,7 +104,7 @@ fn the_points_of_a_lidar_lie_on_what_it_sees_in_the_axes_of_the_sensor() {
     let result = &report.results["counter"];
     let scans = probe.values().len() as u64;
     assert!(result["scans"].as_u64().unwrap() + 2 > scans && scans > 3, "{result}");
-    // the ring that looks down sees the ground, the other nothing
+    // the lower ring sees the ground, the other nothing
     assert_eq!(result["points"].as_u64(), Some(8 * result["scans"].as_u64().unwrap()));
     assert!((result["height"].as_f64().unwrap() + 0.5).abs() < 1e-6, "{result}");
     assert!((result["intensity"].as_f64().unwrap() - 0.5_f64.sin()).abs() < 1e-6, "{result}");
@@ -154,7 +154,7 @@ impl Component for Counter {
 }
 
 #[test]
-fn the_noise_of_a_lidar_has_the_stated_deviation_and_share_of_lost_returns() {
+fn lidar_noise_and_lost_returns_match_the_settings() {
     let config =
         "world = { ground = {} }, rays = 200, elevations = [-0.5], distance = { noise = 0.02 }, lost = 0.1";
     let readings = run::<AlongRays<Lidar>, Ranges>("ranges", config, None, "4 s");
@@ -172,10 +172,10 @@ fn the_noise_of_a_lidar_has_the_stated_deviation_and_share_of_lost_returns() {
 }
 
 #[test]
-fn a_height_scan_is_level_turns_with_the_base_and_finds_the_box_at_its_left() {
+fn height_scan_is_level_and_yaws_with_the_base() {
     let config = "size = [1.0, 0.6], spacing = 0.2, world = { ground = {}, objects = [{ name = \"step\", shape = { box = \
                   { size = [0.3, 0.3, 0.2] } }, mass = 1.0, position = [50.0, 0.0, 0.5] }] }";
-    // the box is turned as the world is, and so reaches 0.15 m to each side at least: one point lies on it
+    // the box is aligned with the world and reaches at least 0.15 m to each side: one point is on it
     let readings = run::<AlongRays<HeightScanSensor>, HeightScan>(
         "heights",
         config,
@@ -197,7 +197,7 @@ fn a_height_scan_is_level_turns_with_the_base_and_finds_the_box_at_its_left() {
 }
 
 #[test]
-fn latency_and_drop_outs_are_those_of_the_other_sensors() {
+fn latency_and_drop_outs_work_as_in_other_sensors() {
     let config = "world = { ground = {} }, rays = 4, latency = \"60 ms\", drop_out = 0.5, seed = 3";
     let readings = run::<AlongRays<Lidar>, Ranges>("ranges", config, None, "8 s");
     let share = readings.len() as f64 / 400.0;
@@ -205,7 +205,7 @@ fn latency_and_drop_outs_are_those_of_the_other_sensors() {
 }
 
 #[test]
-fn a_camera_on_a_table_needs_no_motion_and_a_lidar_sees_the_arm_beside_it() {
+fn fixed_sensors_need_no_motion_and_see_the_arm() {
     let config: toml::Table =
         "config = { mount = { position = [1.0, 0.0, 0.07] }, rays = 360, sees_robot = true, most = 5.0 }"
             .parse()
@@ -226,7 +226,7 @@ fn a_camera_on_a_table_needs_no_motion_and_a_lidar_sees_the_arm_beside_it() {
         Graph::new("rays").robot("arm", "panda").with(joints).with(lidar).with(&probe).run("200 ms").unwrap();
     assert_eq!(report.components.iter().find(|component| component.name == "sensor").unwrap().errors, 0);
     for reading in probe.values() {
-        // ray 0 looks back at the arm, whose base is no wider than 0.2 m
+        // ray 0 looks back at the arm, whose base is at most 0.2 m wide
         assert!((0.8..1.0).contains(&reading.range()[0]), "{}", reading.range()[0]);
         assert!(reading.range()[90] > 5.0 && reading.range()[180] > 5.0);
     }
@@ -243,7 +243,7 @@ fn a_camera_on_a_table_needs_no_motion_and_a_lidar_sees_the_arm_beside_it() {
     );
 }
 
-/// Keeps the pictures of a camera as numbers.
+/// Keeps the images of a camera as numbers.
 struct Pictures {
     depth: motorium::transport::SliceInput<u8>,
     grey: motorium::transport::SliceInput<u8>,
@@ -287,7 +287,7 @@ impl Component for Pictures {
 }
 
 #[test]
-fn a_depth_camera_sees_the_ground_and_a_ball_at_the_depths_of_the_pinhole() {
+fn depth_camera_matches_pinhole_depths() {
     let config =
         format!("world = {{ ground = {{}}, {BALL} }}, mount = {{ rpy = [0.0, 0.3, 0.0] }}, most = 4.0");
     let camera = sensor::<AlongRays<DepthCamera>>("depth", &config)
@@ -299,7 +299,7 @@ fn a_depth_camera_sees_the_ground_and_a_ball_at_the_depths_of_the_pinhole() {
         .subscribe("depth", "reading")
         .subscribe("grey", "grey");
     let info = Probe::<ImageInfo>::of("info");
-    // the ball of 0.5 m lies on the optical axis, 2 m ahead of the camera at 0.5 m
+    // the ball of 0.5 m is on the optical axis, 2 m ahead of the camera at 0.5 m
     let ball = objects(2.0 * 0.3_f64.cos(), 0.0, 0.5 - 2.0 * 0.3_f64.sin());
     let graph =
         Graph::new("rays").robot("dog", "quadruped").with(truth()).with(ball).with(camera).with(pictures);
@@ -318,7 +318,8 @@ fn a_depth_camera_sees_the_ground_and_a_ball_at_the_depths_of_the_pinhole() {
     for (index, depth) in depth.iter().enumerate() {
         let right = ((index % 160) as f64 - info.principal_point[0]) / info.focal_length[0];
         let down = ((index / 160) as f64 - info.principal_point[1]) / info.focal_length[1];
-        // a point at depth z lies at (z, -right z, -down z) of the camera, which is turned down by 0.3 rad at 0.5 m
+        // a point at depth z is at (z, -right z, -down z) in camera axes; the camera is pitched down by 0.3
+        // rad at 0.5 m
         let square = 1.0 + right * right + down * down;
         let root = 4.0 - square * (4.0 - 0.25);
         let falls = 0.3_f64.sin() + down * 0.3_f64.cos();
@@ -343,7 +344,7 @@ fn a_depth_camera_sees_the_ground_and_a_ball_at_the_depths_of_the_pinhole() {
 }
 
 #[test]
-fn settings_that_describe_no_sensor_are_refused_with_the_key() {
+fn invalid_settings_are_rejected_with_the_key() {
     for (config, expected) in [
         ("rays = 3000", "rays"),
         ("elevations = [2.0]", "elevations"),

@@ -15,8 +15,8 @@ fn field(seed: u64, scale: f64) -> motorium_robots::HeightField {
     Terrain { seed, scale, ..terrain }.height_field().unwrap()
 }
 
-/// Readings of a ray straight down from (1, 2, 2) m, where the simulation tells these draws at its 200th step and `again` so many times,
-/// and the allocations that were set apart.
+/// Readings of a ray straight down from (1, 2, 2) m, where the simulation publishes these draws at step 200
+/// and repeats them `again` times, and the number of separately counted allocations.
 fn readings(draws: &'static [(u32, f64)], again: u64) -> (Vec<f64>, u64) {
     let base = Source::new("truth", "base", |_| {
         let mut state = BaseState { position: [1.0, 2.0, 2.0], ..BaseState::default() };
@@ -54,7 +54,7 @@ fn readings(draws: &'static [(u32, f64)], again: u64) -> (Vec<f64>, u64) {
 }
 
 #[test]
-fn a_ray_meets_the_terrain_that_was_drawn_from_the_moment_on_at_which_it_is_told() {
+fn ray_hits_the_sampled_terrain_once_published() {
     let draws: [&[(u32, f64)]; 3] = [
         &[(Randomisation::TERRAIN_SCALE, 3.0)],
         &[(Randomisation::TERRAIN_SEED, 12.0)],
@@ -75,7 +75,7 @@ fn a_ray_meets_the_terrain_that_was_drawn_from_the_moment_on_at_which_it_is_told
 }
 
 #[test]
-fn a_terrain_that_is_told_again_is_not_shaped_again() {
+fn repeated_draw_does_not_regenerate_the_terrain() {
     let draws = &[(Randomisation::TERRAIN_SEED, 12.0), (Randomisation::TERRAIN_SCALE, 2.0)];
     let [(once, first), (again, all)] = [0, 8].map(|again| readings(draws, again));
     assert!(first > 0, "the terrain has memory of its own");

@@ -1,4 +1,4 @@
-//! All sensors are configured in the same words.
+//! All sensors share the same configuration keys.
 
 use std::collections::BTreeSet;
 
@@ -9,14 +9,14 @@ fn keys(schema: &Value) -> BTreeSet<&str> {
     schema["properties"].as_object().map(|keys| keys.keys().map(String::as_str).collect()).unwrap_or_default()
 }
 
-/// The definition that a key of a table refers to, if it does.
+/// Returns the definition referenced by a key of a table, if any.
 fn definition<'a>(key: &'a Value, definitions: &'a Value) -> Option<&'a Value> {
     let reference = key["$ref"].as_str().or_else(|| key["allOf"][0]["$ref"].as_str())?;
     Some(&definitions[reference.rsplit('/').next()?])
 }
 
 #[test]
-fn every_sensor_has_latency_drop_outs_a_seed_and_ranges_to_draw_from_and_one_model_of_errors() {
+fn every_sensor_has_the_common_keys() {
     let kinds = motorium_sensors::kinds();
     let sensors: Vec<_> = kinds.iter().filter(|kind| kind.name.starts_with("sensor.")).collect();
     assert!(sensors.len() >= 13, "{}", sensors.len());

@@ -9,7 +9,8 @@ use super::{Fault, MeshProblem, TriangleMesh, ears, number};
 
 /// Largest depth of nodes: a deeper scene instances itself.
 const DEEPEST: usize = 64;
-/// Most nodes and geometries of a scene, with every instance: nodes that instance one another twice double at each level.
+/// Most nodes and geometries of a scene, with every instance: nodes that instance one another twice double at
+/// each level.
 const MOST_INSTANCES: usize = 100_000;
 /// Most triangles, and most points, of a scene before its last instance.
 const MOST_TRIANGLES: usize = 4_000_000;
@@ -37,7 +38,7 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
                 reader.node(node, &scaled, 0)?;
             }
         }
-        // Without a scene the geometries have no transformation.
+        // Without a scene, geometries have no transformation.
         None => {
             for geometry in root.descendants().filter(|node| node.has_tag_name("geometry")) {
                 reader.geometry(geometry, &scaled)?;
@@ -175,7 +176,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     fn part(&mut self, part: Node<'a, 'i>, pose: &Matrix4<f64>) -> Result<(), Fault> {
-        // Each corner has one index for each offset; one of them is that of its position.
+        // Each corner has one index per offset; one of them is the position.
         let (mut stride, mut positions) = (0, None);
         for input in children(part, "input") {
             let offset: usize = input.attribute("offset").and_then(|offset| offset.parse().ok()).unwrap_or(0);

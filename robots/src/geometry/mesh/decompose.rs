@@ -13,9 +13,10 @@ use crate::geometry::support::{v3, vector};
 const RESOLUTION: u32 = 64;
 
 impl TriangleMesh {
-    /// Convex meshes that together cover the mesh, at most `most_parts` of at most `most_corners` corners each. One part is
-    /// the [`hull`](Self::hull); several are the hulls of the parts into which V-HACD (Mamou 2016) cuts a grid of 64 voxels
-    /// along the longest side, and so up to a voxel larger than the mesh.
+    /// Convex meshes that together cover the mesh, at most `most_parts` of at most `most_corners` corners
+    /// each. One part is the [`hull`](Self::hull); several are the hulls of the parts into which V-HACD
+    /// (Mamou 2016) cuts a grid of 64 voxels along the longest side, and so up to a voxel larger than the
+    /// mesh.
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;

@@ -2,8 +2,9 @@
 
 use nalgebra::{Vector2, Vector3};
 
-/// Writes the triangles of the polygon with these corners, which keep its orientation. A convex polygon becomes a fan of its
-/// first corner. A polygon that crosses itself has no inside: what remains of it when no ear is left becomes a fan.
+/// Writes the triangles of the polygon with these corners, which keep its orientation. A convex polygon
+/// becomes a fan of its first corner. A self-intersecting polygon has no inside: once no ear is left, the
+/// remainder becomes a fan.
 pub(super) fn triangulate(points: &[Vector3<f64>], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let fan = |corners: &[u32], triangles: &mut Vec<[u32; 3]>| {
         if let [first, others @ ..] = corners {
@@ -50,7 +51,8 @@ fn neighbours(left: &[usize], place: usize) -> (usize, usize) {
     (left[(place + left.len() - 1) % left.len()], left[(place + 1) % left.len()])
 }
 
-/// True if the triangle at a corner is inside the polygon: the corner is convex and no other corner is in the triangle.
+/// True if the triangle at a corner is inside the polygon: the corner is convex and no other corner is in the
+/// triangle.
 fn is_ear(flat: &[Vector2<f64>], left: &[usize], place: usize) -> bool {
     let (before, after) = neighbours(left, place);
     let [a, b, c] = [before, left[place], after].map(|corner| flat[corner]);
@@ -60,7 +62,7 @@ fn is_ear(flat: &[Vector2<f64>], left: &[usize], place: usize) -> bool {
     }
     left.iter().filter(|corner| ![before, left[place], after].contains(corner)).all(|&corner| {
         let p = flat[corner];
-        // corners at the same point as one of the triangle's, as at the bridge to a hole, do not block it
+        // corners that coincide with a corner of the triangle, as at the bridge to a hole, do not block it
         let is_corner = [a, b, c].contains(&p);
         is_corner || [(a, b), (b, c), (c, a)].iter().any(|(from, to)| cross(from, to, &p) < 0.0)
     })

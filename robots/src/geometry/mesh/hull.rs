@@ -12,9 +12,9 @@ use crate::geometry::support::{v3, vector};
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl TriangleMesh {
-    /// Convex hull of the corners that triangles use, with triangles that face outward. A hull of more than
-    /// `most_corners` corners is replaced by that of the corners farthest along `most_corners` directions, which lies
-    /// within it.
+    /// Computes the convex hull of the used corners, with outward-facing triangles. A hull of more than
+    /// `most_corners` corners is replaced by the inscribed hull of the corners farthest along `most_corners`
+    /// directions.
     ///
     /// `None` for a flat mesh, whose hull has no volume.
     pub fn hull(&self, most_corners: usize) -> Option<Self> {

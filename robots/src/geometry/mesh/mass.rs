@@ -31,7 +31,7 @@ impl VolumeProperties {
 }
 
 impl TriangleMesh {
-    /// The same mesh with each position once, and without triangles that have no area.
+    /// Returns the mesh with merged equal positions and without degenerate triangles.
     pub fn welded(&self) -> Self {
         let mut places: HashMap<[u64; 3], u32> = HashMap::new();
         let mut points = Vec::new();
@@ -49,14 +49,14 @@ impl TriangleMesh {
         Self { points, triangles }
     }
 
-    /// True for a mesh that encloses a volume: every edge borders two triangles, which run along it in opposite directions, and
-    /// they face outward. Corners at one position must be one: see [`welded`](Self::welded).
+    /// Returns `true` for a mesh that encloses a volume: every edge borders two triangles with opposite
+    /// directions, and triangles face outward. Equal positions must be merged; see [`welded`](Self::welded).
     pub fn is_closed(&self) -> bool {
         self.is_without_rim() && self.volume() > 0.0
     }
 
-    /// The same mesh, turned inside out where it encloses a volume and its triangles face inward. Corners at one position must be one:
-    /// see [`welded`](Self::welded).
+    /// The same mesh, turned inside out where it encloses a volume and its triangles face inward. Corners at
+    /// one position must be one: see [`welded`](Self::welded).
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;
@@ -74,8 +74,9 @@ impl TriangleMesh {
         self
     }
 
-    /// Ends of an edge \[m\] of two triangles that face opposite sides: both run along it in the same direction. `None` where all
-    /// neighbours face the same side. Corners at one position must be one: see [`welded`](Self::welded).
+    /// Ends of an edge \[m\] of two triangles that face opposite sides: both run along it in the same
+    /// direction. `None` where all neighbours face the same side. Corners at one position must be one: see
+    /// [`welded`](Self::welded).
     pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
         let edges = self.directed_edges();
         let twisted = |(from, to): &(u32, u32), count: i32| count == 2 && !edges.contains_key(&(*to, *from));
@@ -83,7 +84,7 @@ impl TriangleMesh {
         found.min().map(|(from, to)| [from, to].map(|index| self.points[index as usize]))
     }
 
-    /// How many triangles run along each edge, from one corner to another.
+    /// Number of triangles along each directed edge.
     fn directed_edges(&self) -> HashMap<(u32, u32), i32> {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         for [a, b, c] in &self.triangles {
@@ -94,7 +95,7 @@ impl TriangleMesh {
         edges
     }
 
-    /// True where as many triangles run along each edge in one direction as in the other.
+    /// Returns `true` if each edge has equally many triangles in both directions.
     fn is_without_rim(&self) -> bool {
         let edges = self.directed_edges();
         let paired = |((from, to), count): (&(u32, u32), &i32)| edges.get(&(*to, *from)) == Some(count);

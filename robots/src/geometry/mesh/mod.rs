@@ -31,8 +31,8 @@ const LONGEST: u64 = 512 * 1024 * 1024;
 impl TriangleMesh {
     /// Reads an `.stl` (text or binary), `.obj` or `.dae` file.
     ///
-    /// Lengths in STL and OBJ files are metres. The `unit` of a COLLADA file is applied, its `up_axis` is not, as in
-    /// RViz, Gazebo and Pinocchio.
+    /// Lengths in STL and OBJ files are metres. The `unit` of a COLLADA file is applied, its `up_axis` is
+    /// not, as in RViz, Gazebo and Pinocchio.
     ///
     /// # Errors
     ///
@@ -109,10 +109,10 @@ pub enum MeshProblem {
     /// A file without triangles.
     #[error("has no triangles")]
     Empty,
-    /// A corner that is infinite or not a number.
+    /// A corner is infinite or not a number.
     #[error("a corner is not a finite number")]
     NotFinite,
-    /// A file that ends too early.
+    /// The file ends prematurely.
     #[error("ends after {found} bytes where its header promises {expected}")]
     Short {
         /// Length of the file \[bytes\].
@@ -120,10 +120,10 @@ pub enum MeshProblem {
         /// Length that its header promises \[bytes\].
         expected: usize,
     },
-    /// Something that is not a number.
+    /// A word is not a number.
     #[error("\"{0}\" is not the number expected there")]
     Number(String),
-    /// A corner that does not exist.
+    /// The corner does not exist.
     #[error("names corner {index} of {count}")]
     Index {
         /// Corner named, counted from 0.

@@ -1,4 +1,4 @@
-//! Wavefront OBJ files: corners and faces; other elements do not change the shape.
+//! Wavefront OBJ files: corners and faces; other elements do not affect the shape.
 
 use nalgebra::Vector3;
 

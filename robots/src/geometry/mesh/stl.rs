@@ -10,7 +10,7 @@ const HEADER: usize = 84;
 const FACET: usize = 50;
 
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
-    // Some binary files begin with "solid" like text: their length distinguishes them.
+    // Some binary files start with "solid" like text files; their length distinguishes them.
     let count =
         bytes.get(80..HEADER).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let expected = count.map(|count| HEADER + FACET * count as usize);
@@ -74,7 +74,7 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
     Ok(soup.mesh)
 }
 
-/// Triangles whose corners are joined where they are equal to the last bit.
+/// Triangles with corners merged if bitwise equal.
 #[derive(Default)]
 struct Soup {
     mesh: TriangleMesh,

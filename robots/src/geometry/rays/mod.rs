@@ -1,9 +1,9 @@
-//! Rays: the first surface that a straight line from a point meets.
+//! Ray casting: the first surface hit by a ray.
 //!
-//! A [`RayShape`] is one shape as rays meet it, in closed form. A [`RayScene`] is a set of them at places, for many rays at
-//! once: rays that lie side by side are bounded by one cone, and only the shapes that reach into it are tried.
+//! A [`RayShape`] is one shape with closed-form intersections. A [`RayScene`] is a set of placed shapes for
+//! many rays: neighbouring rays are bounded by one cone, and only shapes that intersect it are tested.
 //!
-//! A shape in which a ray begins is not met: a sensor sees out of the case that it sits in.
+//! A ray does not hit a shape that contains its origin, so a sensor sees out of its own housing.
 
 mod scene;
 mod shape;
@@ -39,7 +39,7 @@ impl Ray {
     }
 }
 
-/// The surface that a ray meets first.
+/// First surface hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit {
     /// The shape, by its index in the scene.

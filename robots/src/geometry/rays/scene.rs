@@ -1,4 +1,4 @@
-//! Shapes at places, and many rays among them.
+//! Placed shapes, and the casting of many rays.
 
 use std::sync::Arc;
 
@@ -11,9 +11,9 @@ use crate::{CollisionModel, ConvexShape, HeightField, World};
 /// Rays that are bounded together.
 const BUNDLE: usize = 16;
 
-/// Shapes at places, for rays to meet.
+/// A scene of placed shapes for ray casting.
 ///
-/// Shapes are numbered in the order in which they are added. After they are, nothing allocates.
+/// Shapes are numbered in order of addition. Casting does not allocate.
 ///
 /// ```
 /// use motorium_robots::{ConvexShape, Ray, RayScene, RayShape};
@@ -36,10 +36,9 @@ const BUNDLE: usize = 16;
 #[derive(Clone, Debug, Default)]
 pub struct RayScene {
     targets: Vec<Target>,
-    /// Those of endless reach, tried first.
+    /// Infinite shapes, tested first.
     endless: Vec<usize>,
-    /// Those of the others that a bundle may meet, each with a distance that it does not come below; as long as
-    /// `targets`.
+    /// Finite shapes that a bundle may hit, each with a lower bound of its distance; as long as `targets`.
     near: Vec<(f64, usize)>,
 }
 
@@ -50,7 +49,7 @@ struct Target {
     position: V3,
 }
 
-/// A cone of directions about a ball of origins that holds rays.
+/// A cone of directions around a ball of origins that contains all rays of a bundle.
 struct Bundle {
     centre: V3,
     /// Of the ball \[m\].
@@ -74,8 +73,8 @@ impl RayScene {
         index
     }
 
-    /// Adds all solids of a collision model, in their order, where they stand in the frames that they are
-    /// [attached](CollisionModel::attachment) to.
+    /// Adds all solids of a collision model, in order, relative to the frames to which they are
+    /// [attached](CollisionModel::attachment).
     pub fn add_solids(&mut self, solids: &CollisionModel) {
         for index in 0..solids.solid_count() {
             let shape: ConvexShape = solids.convex_shape(index);
@@ -83,8 +82,9 @@ impl RayScene {
         }
     }
 
-    /// Adds the objects of a world in their order, where they start, then its ground or its terrain. Returns the
-    /// number of the first. Objects are met [as they look](RayShape::of_object). A terrain that [cannot be made](World::check) is left out.
+    /// Adds the objects of a world in order at their initial poses, then its ground or terrain. Returns the
+    /// index of the first. Objects have their [visual shape](RayShape::of_object). An [invalid](World::check)
+    /// terrain is skipped.
     pub fn add_world(&mut self, world: &World) -> usize {
         let first = self.len();
         for object in &world.objects {
@@ -100,7 +100,7 @@ impl RayScene {
         first
     }
 
-    /// Puts another terrain into the place of the one that [`add_world`](Self::add_world) added. `false` where there is none.
+    /// Replaces the terrain added by [`add_world`](Self::add_world). Returns `false` if there is none.
     pub fn set_terrain(&mut self, field: HeightField) -> bool {
         let terrain = self.targets.iter_mut().find(|target| target.shape.is_terrain());
         let is_there = terrain.is_some();
@@ -115,7 +115,7 @@ impl RayScene {
         self.targets.len()
     }
 
-    /// True if there is no shape.
+    /// Returns `true` if there are no shapes.
     pub fn is_empty(&self) -> bool {
         self.targets.is_empty()
     }
@@ -130,7 +130,7 @@ impl RayScene {
         target.position = pose.translation.vector.into();
     }
 
-    /// The first surface that a ray meets within `range` \[m\].
+    /// Returns the first surface that a ray hits within `range` \[m\].
     pub fn cast(&self, ray: &Ray, range: f64) -> Option<RayHit> {
         let ray = numbers(ray);
         let mut best = None;
@@ -141,11 +141,11 @@ impl RayScene {
         best
     }
 
-    /// The first surface that each of many rays meets within `range` \[m\]. It is the faster the nearer to one another
-    /// consecutive rays begin and point.
+    /// Finds the first surface that each of many rays hits within `range` \[m\]. Consecutive rays with
+    /// similar origins and directions are fastest.
     ///
     /// # Panics
-    /// When `hits` is not as long as `rays`.
+    /// If the lengths of `hits` and `rays` differ.
     pub fn cast_all(&mut self, rays: &[Ray], range: f64, hits: &mut [Option<RayHit>]) {
         assert_eq!(rays.len(), hits.len(), "one hit a ray");
         for (rays, hits) in rays.chunks(BUNDLE).zip(hits.chunks_mut(BUNDLE)) {
@@ -176,7 +176,7 @@ impl RayScene {
         }
     }
 
-    /// Notes the shapes that a bundle of rays may meet, the nearest first.
+    /// Collects the shapes that a bundle of rays may hit, nearest first.
     fn choose(&mut self, rays: &[Ray], range: f64) {
         self.near.clear();
         let bundle = Bundle::of(rays);
@@ -220,7 +220,8 @@ impl Bundle {
         Self { centre, radius: square.sqrt(), axis, cos, sin: (1.0 - cos * cos).max(0.0).sqrt() }
     }
 
-    /// False if no ray meets the ball of radius `reach`, that of the origins included, at `away` from their centre.
+    /// Returns `false` if no ray hits the ball of radius `reach` (including that of the origins) at `away`
+    /// from their centre.
     fn may_meet(&self, away: V3, reach: f64) -> bool {
         if self.cos <= 0.05 {
             return true;

@@ -1,4 +1,4 @@
-//! One shape as rays meet it.
+//! Intersection of a ray with one shape.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::algebra::{M3, V3};
 use crate::geometry::support::{v3, vector};
 use crate::{ConvexShape, HeightField, ObjectShape, TriangleSurface};
 
-/// A shape as rays meet it.
+/// A shape for ray casting.
 ///
 /// ```
 /// use motorium_robots::{ConvexShape, Ray, RayShape};
@@ -25,7 +25,7 @@ use crate::{ConvexShape, HeightField, ObjectShape, TriangleSurface};
 #[derive(Clone, Debug)]
 pub struct RayShape {
     pub(super) surface: Surface,
-    /// Radius of the sphere about the origin that holds the shape \[m\].
+    /// Radius of the bounding sphere about the origin \[m\].
     pub(super) reach: f64,
 }
 
@@ -51,7 +51,7 @@ pub(super) enum Surface {
     Nothing,
 }
 
-/// Two planes are the same where their normals differ by no more than this.
+/// Tolerance of equal plane normals.
 const SAME: f64 = 1e-9;
 
 impl RayShape {
@@ -83,8 +83,8 @@ impl RayShape {
         Self { surface: Surface::Triangles(surface), reach }
     }
 
-    /// The shape of an object: triangles of meshes as they are [drawn](crate::MeshShape::visual), of a compound all parts. A mesh that cannot
-    /// be read is never met.
+    /// The shape of an object: triangles of meshes as they are [drawn](crate::MeshShape::visual), of a
+    /// compound all parts. A mesh that cannot be read is never met.
     pub fn of_object(shape: &ObjectShape) -> Self {
         match shape {
             ObjectShape::Mesh(mesh) => match mesh.body() {
@@ -111,8 +111,8 @@ impl RayShape {
         matches!(self.surface, Surface::Terrain(_))
     }
 
-    /// Distance \[m\] along a ray to the shape at `pose`, and the outward normal there, world axes; `None` if the ray
-    /// does not meet it within `range` \[m\], or begins inside.
+    /// Returns the distance \[m\] along a ray to the shape at `pose`, and the outward normal there in world
+    /// axes. `None` without a hit within `range` \[m\], or if the origin is inside.
     pub fn cast(&self, pose: &Isometry3<f64>, ray: &Ray, range: f64) -> Option<(f64, Vector3<f64>)> {
         let rotation: M3 = pose.rotation.to_rotation_matrix().into_inner().into();
         let (origin, direction) = (ray.origin.coords.into(), (*ray.direction).into());
@@ -121,7 +121,7 @@ impl RayShape {
         Some((distance, normal.into()))
     }
 
-    /// As [`cast`](Self::cast), all in the algebra of this crate.
+    /// Like [`cast`](Self::cast), in the algebra of this crate.
     #[inline(always)]
     pub(super) fn meet(
         &self,
@@ -132,7 +132,7 @@ impl RayShape {
     ) -> Meeting {
         let from = origin - position;
         let along = -from.dot(direction);
-        // Passes by, lies behind, or lies beyond.
+        // The ray misses the sphere, or the sphere is behind it or too far away.
         let square = from.dot(from) - along * along;
         if square > self.reach * self.reach || along < -self.reach || along - self.reach > range {
             return None;
@@ -160,7 +160,7 @@ impl RayShape {
     }
 }
 
-/// The first meeting with shapes at places.
+/// Returns the first hit with placed shapes.
 #[inline(never)]
 fn first_of(parts: &[(M3, V3, RayShape)], ray: (V3, V3), range: f64) -> Meeting {
     let mut best: Meeting = None;
@@ -185,7 +185,7 @@ pub(in crate::geometry) fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f6
             continue;
         }
         let normal = normal * (1.0 / length);
-        // the outermost corner, so that rounding leaves none outside
+        // the outermost corner, so that rounding leaves no corner outside
         let height = corners.iter().map(|corner| normal.dot(*corner)).fold(f64::NEG_INFINITY, f64::max);
         let known = |(other, at): &(V3, f64)| 1.0 - normal.dot(*other) < SAME && (height - at).abs() < SAME;
         if !planes.iter().any(known) {

@@ -7,7 +7,7 @@ pub(super) type Meeting = Option<(f64, V3)>;
 
 #[inline(always)]
 pub(super) fn sphere(origin: V3, direction: V3, radius: f64) -> Meeting {
-    // From the point nearest to the centre: exact from afar, too.
+    // From the point nearest to the centre, which stays accurate at large distances.
     let along = -origin.dot(direction);
     let nearest = origin + direction * along;
     let square = radius * radius - nearest.dot(nearest);

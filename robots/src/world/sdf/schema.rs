@@ -1,13 +1,13 @@
-//! Elements of SDF that a world does not hold, and their treatment. An element that no table names is refused.
+//! SDF elements that a world cannot contain, and their treatment. Elements without an entry are rejected.
 
-/// Treatment of an element that is not read.
+/// Treatment of an unread element.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Treatment {
-    /// Nothing in a world depends on it.
+    /// No effect on a world.
     NoEffect,
-    /// It changes the motion elsewhere: a warning names it, with this reason.
+    /// Changes the motion elsewhere: a warning with this reason.
     Ignored(&'static str),
-    /// Without it the motion is another one: refused, with this reason.
+    /// Required for the motion: rejected with this reason.
     Refused(&'static str),
 }
 
@@ -38,7 +38,7 @@ const COLLISION: Table = &[
     (Ignored("the mass of a mesh is not computed here"), &["auto_inertia_params"]),
 ];
 
-/// Elements anywhere below `<surface>`. What is read, and a default, does not come here.
+/// Elements at any depth below `<surface>`. Elements that are read, and defaults, are handled before.
 const SURFACE: Table = &[
     (NoEffect, &["friction", "contact", "bounce", "ode", "bullet", "mu", "restitution_coefficient"]),
     (NoEffect, &["dart", "soft_contact", "min_depth", "max_vel", "soft_cfm", "soft_erp"]),

@@ -6,7 +6,7 @@ use roxmltree::Node;
 use super::{Reader, WorldFileError, child, is_true, problem};
 
 impl Reader<'_> {
-    /// The mass of a link that moves. Warns of a centre or an inertia that differ from those of its shape.
+    /// Returns the mass of a moving link. Warns if its centre or inertia differ from those of its shape.
     pub(super) fn mass(
         &mut self,
         inertial: Node<'_, '_>,
@@ -37,7 +37,8 @@ impl Reader<'_> {
         child(inertial, "mass").map(|_| self.number(inertial, "mass")).transpose()
     }
 
-    /// The mass of a shape with a density, of the collision before that of the link; SDF's default is 1000 kg/m3.
+    /// Returns the mass of a shape from a density, the collision's before the link's; SDF's default is 1000
+    /// kg/m3.
     fn automatic_mass(
         &self,
         inertial: Node<'_, '_>,
@@ -69,7 +70,7 @@ impl Reader<'_> {
         Ok(Some(density * volume))
     }
 
-    /// Friction and restitution of a surface; what else it states is warned of or refused.
+    /// Returns friction and restitution of a surface; other elements cause warnings or errors.
     pub(super) fn surface(&mut self, collision: Node<'_, '_>) -> Result<(f64, f64), WorldFileError> {
         for node in collision.children().filter(Node::is_element) {
             if !["pose", "geometry", "surface", "density"].contains(&node.tag_name().name()) {

@@ -14,7 +14,7 @@ pub(in crate::graph) struct ActivateTable {
     /// Source of the events.
     #[schemars(required)]
     pub on: Option<At<EventSource>>,
-    /// Shortest time between two steps: events that come faster wait for it, and several are one step.
+    /// Minimum time between two steps; faster events are delayed and combined into one step.
     #[schemars(required)]
     pub min_interval: Option<At<TimeSpan>>,
     /// Known keys that misspelt ones probably mean.

@@ -13,29 +13,31 @@ use crate::graph::values::{Named, Number, Triple};
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Robot", extend("anyOf" = [{ "required": ["urdf"] }, { "required": ["mjcf"] }]))]
 pub(in crate::graph) struct RobotTable {
-    /// Its model: a name of the catalogue, a folder, or a URDF or MJCF file (relative to the graph file). This or `mjcf`.
+    /// Its model: a catalogue name, a folder, or a URDF or MJCF file (relative to the graph file). Either
+    /// this or `mjcf`.
     pub urdf: Option<At<String>>,
-    /// Its model in an MJCF file, or a folder with one (relative to the graph file). This or `urdf`.
+    /// Its model in an MJCF file, or a folder with one (relative to the graph file). Either this or `urdf`.
     pub mjcf: Option<At<String>>,
-    /// Its profile, a TOML file (relative to the graph file). If left out: that of the catalogue, or the `.toml` of the same
-    /// name beside its file.
+    /// Its profile, a TOML file (relative to the graph file). Default: the catalogue's profile, or the
+    /// `.toml` of the same name next to the robot's file.
     pub profile: Option<At<String>>,
-    /// Folders in which `package://` files of its model are searched first (relative to the graph file). Default none.
+    /// Folders searched first for `package://` files of its model (relative to the graph file). Default none.
     pub package_path: Option<At<Vec<At<String>>>>,
-    /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile has it.
+    /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile
+    /// has it.
     pub base: Option<At<BaseTable>>,
-    /// The joints that move: names of joints, or of end effectors of its profile for the joints that place them. The others are held in the
-    /// pose of `start`, where `fixed` has no position for them: they are no part of states and commands. If left out: all but those of
-    /// `fixed`.
+    /// The moving joints: names of joints, or of end effectors of its profile for the joints that move them.
+    /// The others are held in the `start` pose, unless `fixed` has a position, and are not part of states and
+    /// commands. Default: all except those in `fixed`.
     pub joints: Option<At<Vec<At<String>>>>,
-    /// Positions at which joints are held (rad or m). If left out: none.
+    /// Positions at which joints are held (rad or m). Default: none.
     pub fixed: Option<At<Named<Number>>>,
-    /// The link that tasks move (text). If left out: that of the only end effector of its profile.
+    /// The link moved by tasks. Default: that of the only end effector of its profile.
     pub frame: Option<At<String>>,
-    /// Where it starts and what its home pose is: a pose of its profile, one number for all joints, or a list of one for
-    /// each (rad or m). If left out: the home pose of its profile.
+    /// Start and home pose: a pose of its profile, one number for all joints, or a list with one number per
+    /// joint (rad or m). Default: the home pose of its profile.
     pub start: Option<At<ParameterValue>>,
-    /// Gains of its joints. If left out: those of its profile.
+    /// Gains of its joints. Default: the profile's gains.
     pub gains: Option<At<GainsTable>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
@@ -52,7 +54,7 @@ impl<'i> Read<'i> for RobotTable {
 }
 
 impl RobotTable {
-    /// The settings in place of a profile, for the loader of robots; `None` if there are none.
+    /// Returns the settings that override a profile, for the robot loader; `None` without any.
     pub(in crate::graph) fn settings(&self) -> Option<Json> {
         let mjcf = self.mjcf.is_some().then_some(("mjcf", Json::Bool(true)));
         let names = |names: &Vec<At<String>>| names.iter().filter_map(At::get).cloned().collect::<Vec<_>>();
@@ -103,7 +105,7 @@ impl<'i> Read<'i> for GainsTable {
 pub(in crate::graph) struct BaseTable {
     /// Position of its origin (m).
     pub position: Option<At<Triple>>,
-    /// Its roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    /// Roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
     pub rpy: Option<At<Triple>>,
 }
 

@@ -9,7 +9,8 @@ use crate::graph::values::TopicName;
 use crate::plan::{LimitPolicy, ResumeRule, SafeState};
 use crate::units::TimeSpan;
 
-/// Limits and states that keep the robot safe. The actuator applies them by itself, whichever process died.
+/// Limits and states for the safety of the robot. The actuator enforces them on its own, whichever process
+/// has died.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Safety")]
 pub(in crate::graph) struct SafetyTable {
@@ -19,27 +20,26 @@ pub(in crate::graph) struct SafetyTable {
     /// State applied instead.
     #[schemars(extend("default" = defaults::SAFE_STATE))]
     pub safe_state: Option<At<SafeState>>,
-    /// Time for which the actuators stay in the safe state before they are stopped, at every end of a run.
+    /// Time that the actuators stay in the safe state before they are stopped, at every end of a run.
     #[schemars(extend("default" = defaults::SETTLE))]
     pub settle: Option<At<TimeSpan>>,
-    /// A command computed from a measurement older than this is never applied. Default: `stale_after` and twice the
-    /// periods of the components from the measurement to the command.
+    /// A command computed from a measurement older than this is never applied. Default: `stale_after` and
+    /// twice the periods of the components from the measurement to the command.
     pub source_stale_after: Option<At<TimeSpan>>,
     /// Treatment of a command beyond a limit of the robot's joints.
     #[schemars(extend("default" = defaults::LIMITS))]
     pub limits: Option<At<LimitPolicy>>,
-    /// The way out of the safe state once commands are fresh again.
+    /// Recovery from the safe state once commands are fresh again.
     #[schemars(extend("default" = defaults::RESUME))]
     pub resume: Option<At<ResumeRule>>,
-    /// Topic of `motorium.EmergencyStop`: a message that stops keeps every actuator in its safe state until
+    /// Topic of `motorium.EmergencyStop`: a pressed stop keeps every actuator in its safe state until
     /// `motorium resume`.
     pub emergency_stop: Option<At<TopicName>>,
-    /// Longest age of the newest message on that topic. A feeder that is silent for longer counts as a pressed
-    /// emergency stop.
+    /// Maximum age of the newest message on that topic. A longer silence counts as a pressed emergency stop.
     #[schemars(extend("default" = defaults::EMERGENCY_STOP_MAX_AGE))]
     pub emergency_stop_max_age: Option<At<TimeSpan>>,
-    /// Of an actuator that moves several robots: one without a good command takes all of them into the safe state; else
-    /// each one stops by itself.
+    /// For an actuator with several robots: if true, one robot without a valid command takes all of them to
+    /// the safe state; otherwise each stops independently.
     #[schemars(extend("default" = false))]
     pub stop_together: Option<At<bool>>,
 }
@@ -60,6 +60,31 @@ impl<'i> Read<'i> for SafetyTable {
             stop_together
         );
         keys.finish("`[safety]`");
+        Some(table)
+    }
+}
+
+/// The safety of one actuator, in place of what `[safety]` says of all.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "ActuatorSafety")]
+pub(in crate::graph) struct ActuatorSafetyTable {
+    /// A command older than this is never applied: at least a period of the component that writes the
+    /// commands. The limit on the age of measurements changes by as much.
+    pub stale_after: Option<At<TimeSpan>>,
+    /// State applied instead.
+    pub safe_state: Option<At<SafeState>>,
+    /// The way out of the safe state once commands are fresh again.
+    pub resume: Option<At<ResumeRule>>,
+    /// Time for which this actuator stays in the safe state before it is stopped, at every end of a run. All
+    /// actuators wait for the one with the longest.
+    pub settle: Option<At<TimeSpan>>,
+}
+
+impl<'i> Read<'i> for ActuatorSafetyTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(key, value, report)?;
+        let table = take_fields!(keys, stale_after, safe_state, resume, settle);
+        keys.finish("the `safety` of a component");
         Some(table)
     }
 }

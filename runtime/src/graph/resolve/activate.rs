@@ -85,8 +85,8 @@ fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) 
     }
 }
 
-/// The key by which a component has no rate, why a grid of releases has no meaning for it, and when it steps instead;
-/// `None` for a component that the clock releases.
+/// Returns the key that replaces a rate, why a grid of releases is meaningless, and when the component steps
+/// instead; `None` for a clock-released component.
 pub(super) fn not_by_the_clock<'d>(
     draft: &'d Draft<'_, '_>,
 ) -> Option<(&'d Span, &'static str, &'static str)> {
@@ -99,7 +99,7 @@ pub(super) fn not_by_the_clock<'d>(
     Some((&activate.key, why, "it steps when an event comes"))
 }
 
-/// The advice on an activation for a component that has none, where its kind has a descriptor to wait for.
+/// Advice for a component without an activation whose kind has a descriptor.
 pub(super) fn advice(draft: &Draft<'_, '_>) -> Option<String> {
     let waits = draft.declaration.as_ref().is_some_and(|declaration| declaration.wakes_on_descriptor);
     let advice = "add `activate = { on = \"fd\", min_interval = \"1 ms\" }`, or a `rate`";

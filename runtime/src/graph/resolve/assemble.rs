@@ -11,8 +11,8 @@ use crate::graph::model::{EpisodesTable, GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Name;
 use crate::plan::{
-    Activation, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan, PortPlan,
-    RestartPlan, SafetyPlan, TopicPlan, component_seed,
+    Activation, ActuatorSafety, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan,
+    PortPlan, RestartPlan, SafetyPlan, TopicPlan, component_seed,
 };
 
 /// Everything that was resolved.
@@ -28,12 +28,14 @@ pub(super) struct Parts<'g, 'i> {
     /// Values kept for taps, by topic.
     pub histories: Vec<usize>,
     pub safety: SafetyPlan,
+    /// By component.
+    pub actuators: Vec<Option<ActuatorSafety>>,
     pub expectations: Vec<Expectation>,
     pub order: Vec<usize>,
 }
 
 impl Parts<'_, '_> {
-    /// The plan; `None` if a part is missing, which only a graph with errors has.
+    /// Returns the plan; `None` if a part is missing, which happens only for a graph with errors.
     pub(super) fn assemble(self, graph: &GraphTable<'_>, context: &Context<'_>) -> Option<Plan> {
         let Name(name) = good(&graph.name)?.clone();
         let seed = good_or(&graph.seed, defaults::SEED);
@@ -85,9 +87,11 @@ impl Parts<'_, '_> {
             robot: draft.robot.clone(),
             robots: draft.robots.clone(),
             actuator: declaration.actuator,
+            safety: self.actuators[index],
             seed: component_seed(seed, draft.name),
             resets: declaration.resets,
             ends_episode: good_or(&draft.table.ends_episode, false),
+            begins_episodes: good_or(&draft.table.begins_episodes, false),
             on_overrun: good_or(&draft.table.on_overrun, defaults::ON_OVERRUN),
             liveness: self.liveness[index],
             overruns_tolerated: good(&draft.table.overruns_tolerated).copied(),
@@ -116,7 +120,7 @@ impl Parts<'_, '_> {
         let written = self.written(topic)?;
         let readers: Vec<usize> =
             self.wiring.of_topic(topic, Direction::Input).map(|wire| wire.component).collect();
-        // every reader gets as much room as the one that wants most
+        // every reader gets the capacity of the most demanding one
         let wanted = self.wiring.of_topic(topic, Direction::Input).filter_map(|wire| {
             self.drafts[wire.component].ports(Direction::Input).nth(wire.index?)?.pattern.capacity()
         });

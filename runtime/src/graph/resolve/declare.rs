@@ -24,10 +24,11 @@ use crate::nearest::suggest;
 use crate::plan::Program;
 use crate::worker::{ConfigProblem, DescribeRequest};
 
-/// Most components of a graph: what is beyond is no robot, and would take the analysis of its times long.
+/// Maximum number of components of a graph; more would not be a robot and would slow down the timing
+/// analysis.
 const MOST: usize = 512;
 
-/// All components of the file, in its order.
+/// Resolves all components of the file, in order.
 pub(super) fn resolve<'g, 'i>(
     graph: &'g GraphTable<'i>,
     robots: &[Robot],
@@ -85,7 +86,7 @@ pub(super) fn resolve<'g, 'i>(
             declare_ns: 0,
         };
         if let (true, Some(robot)) = (table.kind.is_some(), draft.robot.as_ref().or(draft.robots.first())) {
-            // where its paths have been made relative to, see `paths`
+            // the folder to which its paths were made relative, see `paths`
             draft.placement.folder = robot.base.clone();
         }
         let written = config_value(&draft, graph, context, report);
@@ -132,7 +133,7 @@ fn unread_world(
     }
 }
 
-/// `robots` names each robot once, and stands alone.
+/// Checks that `robots` lists each robot once and is used alone.
 fn several_robots(table: &ComponentTable<'_>, report: &mut Report) -> bool {
     let Some(robots) = &table.robots else { return true };
     let names = robots.get().map(Vec::as_slice).unwrap_or_default();
@@ -181,7 +182,7 @@ fn find_robot(wanted: &At<String>, robots: &[Robot], report: &mut Report) -> Opt
     found
 }
 
-/// Finds the kind or program of a component and, if `ask`, asks it what it declares.
+/// Finds the kind or program of a component and, if `ask`, queries its declaration.
 fn identify(
     draft: &mut Draft<'_, '_>,
     config: Value<'_>,
@@ -246,7 +247,7 @@ fn identify(
     }
 }
 
-/// The declaration of a component by the program that hosts it.
+/// Returns the declaration of a component from its host program.
 fn asked(
     draft: &mut Draft<'_, '_>,
     config: &Value<'_>,
@@ -283,8 +284,8 @@ fn timed<T>(wall_ns: &mut u64, call: impl FnOnce() -> T) -> T {
     value
 }
 
-/// The `config` table with its places, its paths as the component can find them, and the graph's world where the kind
-/// reads it; an empty table at the component's name if there is none.
+/// Returns the `config` table with its positions, with paths resolvable by the component, and the graph's
+/// world if the kind reads it; an empty table at the component's name if missing.
 fn config_value<'i>(
     draft: &Draft<'_, 'i>,
     graph: &GraphTable<'i>,
@@ -298,13 +299,13 @@ fn config_value<'i>(
     let Some(Ok(kind)) = good(&draft.table.kind).map(|kind| context.home(kind)) else { return value };
     world::insert(&mut value, &kind, draft, graph, context, report);
     let known = draft.robot.as_ref().or(draft.robots.first());
-    // a component without a robot knows no folder: all its paths are made absolute
+    // a component without a robot has no folder, so all its paths are made absolute
     let folder = known.map_or(Path::new(""), |robot| &robot.base);
     paths::rebase(&mut value, &kind, folder, context.sources);
     value
 }
 
-/// A user's program may declare anything: what no component built with this crate would declare is refused.
+/// A user's program may declare anything: reject declarations that this crate would not produce.
 fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report) -> bool {
     let ports = &declaration.ports;
     let twice = |index: usize| ports[..index].iter().any(|port| port.name == ports[index].name);

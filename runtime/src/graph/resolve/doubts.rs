@@ -1,4 +1,4 @@
-//! Errors and warnings of components about their own configuration, with the places of the keys that they name.
+//! Errors and warnings of components about their configuration, with the positions of the affected keys.
 
 use super::Draft;
 use super::wording::reworded;
@@ -11,10 +11,10 @@ use crate::nearest::nearest;
 use crate::plan::Program;
 use crate::worker::ConfigProblem;
 
-/// The beginning of serde's message about a key that does not exist.
+/// Start of serde's message about an unknown key.
 const UNKNOWN_KEY: &str = "unknown field `";
 
-/// Reports what a component finds doubtful in its configuration.
+/// Reports a component's warning about its configuration.
 pub(super) fn warning(draft: &Draft<'_, '_>, warning: &DeclareWarning, report: &mut Report) {
     let DeclareWarning { key, message, advice } = warning;
     let place = key.as_deref().and_then(|key| place_of(key, draft));
@@ -36,7 +36,7 @@ fn subject(draft: &Draft<'_, '_>, key: Option<&str>) -> String {
     }
 }
 
-/// Reports a configuration that a component refused. `config` is its table as the component gets it.
+/// Reports a configuration rejected by a component. `config` is its table as passed to the component.
 pub(super) fn problem(
     draft: &Draft<'_, '_>,
     config: &Value<'_>,

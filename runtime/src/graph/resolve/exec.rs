@@ -1,8 +1,9 @@
-//! Programs of the user: found, and asked what they declare.
+//! User programs: search, and queries of their declarations.
 //!
-//! The program is run once as `program motorium-describe`, gets `{"config": ..., "robot": ..., "placement": ...}` on its
-//! standard input and answers on its standard output with `{"motorium": VERSION, "declaration": ...}`, or with
-//! `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice": ...}}`.
+//! The program is run once as `program motorium-describe`, receives `{"config": ..., "robot": ...,
+//! "placement": ...}` on standard input and answers on standard output with `{"motorium": VERSION,
+//! "declaration": ...}`, or with `{"motorium": VERSION, "error": {"key": ..., "message": ..., "advice":
+//! ...}}`.
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
@@ -22,11 +23,11 @@ use crate::worker::{
     DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, KINDS, KindAnswer, KindsAnswer,
 };
 
-/// Time within which it must answer.
+/// Timeout of the answer.
 const DESCRIBE_TIMEOUT: Duration = Duration::from_secs(5);
 /// The most that is read of its answer.
 const LONGEST_ANSWER: u64 = 1 << 20;
-/// The version of this crate: both sides share memory layouts, so it must be the same.
+/// Version of this crate, which must be equal on both sides because they share memory layouts.
 pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A program that cannot be used.
@@ -38,7 +39,7 @@ pub enum ExecProblem {
     /// The path names something else than a program.
     #[error("`{}` is not a program that may be executed", .0.display())]
     NotExecutable(PathBuf),
-    /// The system does not start it.
+    /// The system cannot start it.
     #[error("program `{}` cannot be started: {reason}", path.display())]
     Start {
         /// The program.
@@ -49,7 +50,7 @@ pub enum ExecProblem {
     /// It does not answer in time.
     #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
-    /// Its answer is not that of a component.
+    /// Its answer is not a component's.
     #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
     NoComponent {
         /// The program.
@@ -69,7 +70,7 @@ pub enum ExecProblem {
         /// Its version.
         found: String,
     },
-    /// Its shared memory has another layout.
+    /// It is another build of the same version, whose shared memory has another layout.
     #[error("program `{}` lays shared memory out in another way than this motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
@@ -110,10 +111,10 @@ impl ExecProblem {
     }
 }
 
-/// The program that a path names, relative to a folder: that of the graph file.
+/// Finds the program at a path relative to a folder, that of the graph file.
 ///
 /// # Errors
-/// There is no such program.
+/// The program does not exist.
 pub fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     let path = folder.join(exec);
     let Ok(found) = path.canonicalize() else { return Err(ExecProblem::Missing(path)) };
@@ -123,10 +124,10 @@ pub fn find(exec: &str, folder: &Path) -> Result<PathBuf, ExecProblem> {
     }
 }
 
-/// Asks a program for the declaration of its component with this configuration. It may refuse it.
+/// Queries a program for the declaration of its component with this configuration, which it may reject.
 ///
 /// # Errors
-/// The program does not answer as one of this version does.
+/// The program does not answer according to this version's protocol.
 pub fn describe(
     path: &Path,
     request: &DescribeRequest,
@@ -134,6 +135,7 @@ pub fn describe(
     let request = serde_json::to_string(request)
         .map_err(|error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() })?;
     let reply: DescribeAnswer = answer(path, DESCRIBE, request)?;
+    same_memory(path, &reply.memory)?;
     match (reply.declaration, reply.error) {
         (_, Some(DescribeError { key, message, advice })) => Ok(Err(ConfigError { key, message, advice })),
         (Some(declaration), None) => Ok(Ok(declaration)),
@@ -146,16 +148,20 @@ pub fn describe(
     }
 }
 
-/// Asks a program for the kinds that it hosts: the one of `motorium::main!`, or several.
+/// Queries the kinds hosted by a program: the one of `motorium::main!`, or several.
 ///
 /// # Errors
-/// The program does not answer as one of this version does.
+/// The program does not answer according to this version's protocol.
 pub fn kinds(path: &Path) -> Result<Vec<KindAnswer>, ExecProblem> {
     let reply: KindsAnswer = answer(path, KINDS, String::new())?;
-    if reply.memory != layout_digest() {
-        return Err(ExecProblem::Memory(path.to_path_buf()));
-    }
+    same_memory(path, &reply.memory)?;
     Ok(reply.kinds)
+}
+
+/// Two builds of one version may differ in the layout of shared memory: they would meet in a control block
+/// that neither can read.
+fn same_memory(path: &Path, digest: &str) -> Result<(), ExecProblem> {
+    if digest == layout_digest() { Ok(()) } else { Err(ExecProblem::Memory(path.to_path_buf())) }
 }
 
 /// The answer of the program, of this version, to a request.
@@ -213,7 +219,7 @@ fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProbl
     let silent = || ExecProblem::Silent(path.to_path_buf());
     let deadline = Instant::now() + DESCRIBE_TIMEOUT;
     if let Some(mut stdin) = child.stdin.take() {
-        // a program that never reads must not hold us up; whether it read at all shows in its answer
+        // a program that never reads must not block; its answer shows whether it read the request
         let spawned = thread().spawn(move || stdin.write_all(request.as_bytes()));
         spawned.map(drop).or_else(|error| ended(&mut child, error)).map_err(start)?;
     }
@@ -221,7 +227,7 @@ fn ask(path: &Path, argument: &str, request: String) -> Result<Answer, ExecProbl
     let stderr = read_all(child.stderr.take()).or_else(|error| ended(&mut child, error)).map_err(start)?;
     let finished = wait_until(&mut child, deadline);
     let Some(status) = finished.map_err(start)? else {
-        // it may have ended by itself just now: then there is nothing left to end
+        // it may just have ended on its own
         let _ = child.kill();
         let _ = child.wait();
         return Err(silent());
@@ -247,13 +253,13 @@ fn ended<T>(child: &mut Child, error: std::io::Error) -> std::io::Result<T> {
     Err(error)
 }
 
-/// Reads a stream to its end on a thread of its own; a child of the program may keep it open for ever.
+/// Reads a stream to its end on a separate thread; a child of the program may keep it open forever.
 fn read_all(stream: Option<impl std::io::Read + Send + 'static>) -> std::io::Result<Receiver<String>> {
     let (send, receive) = bounded(1);
     thread().spawn(move || {
         let mut bytes = Vec::new();
         if let Some(stream) = stream {
-            // what was read before an error is still worth showing
+            // data read before an error are still worth showing
             let _ = stream.take(LONGEST_ANSWER).read_to_end(&mut bytes);
         }
         let _ = send.send(String::from_utf8_lossy(&bytes).into_owned());

@@ -1,4 +1,4 @@
-//! Expectations: whether the components exist whose figures they are about.
+//! Checks that the components of expected figures exist.
 
 use super::Draft;
 use crate::graph::diagnostic::Report;

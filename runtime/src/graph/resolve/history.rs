@@ -1,4 +1,4 @@
-//! Histories of topics: how many values behind the newest are kept for taps.
+//! Histories of topics: number of older values kept for taps.
 
 use super::Draft;
 use super::wiring::Wiring;
@@ -61,7 +61,7 @@ pub(super) fn resolve(
     histories
 }
 
-/// Lengthens the histories of what a component taps, so that it may leave them unread for as long as it says.
+/// Extends the histories of tapped topics to the requested unread time.
 fn tapped(
     draft: &Draft<'_, '_>,
     taps: &Taps,

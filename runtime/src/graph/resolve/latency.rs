@@ -1,8 +1,8 @@
-//! End-to-end latency budgets, and the source times they are measured from.
+//! End-to-end latency budgets, and the source times from which they are measured.
 //!
 //! A sample carries the source time of the input that caused it: for a triggered component its trigger; for a
-//! time-triggered one the input on the path of a latency budget, if there is any. A chain begins at a component
-//! without such a cause, whose samples come into being with it.
+//! time-triggered one the input on the path of a latency budget, if any. A chain starts at a component
+//! without such a cause, where its samples originate.
 
 use super::Draft;
 use super::timing::Timing;
@@ -22,7 +22,7 @@ use crate::units::TimeSpan;
 #[derive(Debug)]
 pub(super) struct Latencies {
     pub plans: Vec<LatencyPlan>,
-    /// By component: index of the input whose source time its outputs propagate.
+    /// Per component: index of the input whose source time its outputs propagate.
     pub causes: Vec<Option<usize>>,
 }
 
@@ -55,7 +55,7 @@ pub(super) fn resolve(
     let tables = good(&graph.latency).map(Vec::as_slice).unwrap_or_default();
     let budgets: Vec<Budget<'_>> =
         tables.iter().filter_map(|at| budget(at.get()?, &at.span, wiring, report)).collect();
-    // source times can only be followed through a graph whose wires are all sound
+    // source times can only be followed through a fully valid graph
     if timing.activation.iter().any(Option::is_none) || wiring.wires.iter().any(|wire| wire.index.is_none()) {
         return Latencies { plans: Vec::new(), causes };
     }
@@ -82,7 +82,7 @@ pub(super) fn resolve(
             output,
         });
     }
-    // a later budget may have made a cause of a component at which an earlier one starts
+    // a later budget may have added a cause to the start component of an earlier one
     for budget in &budgets {
         at_the_head(budget, drafts, wiring, &causes, report);
     }
@@ -139,7 +139,8 @@ fn topic(at: Option<&At<TopicName>>, wiring: &Wiring, report: &mut Report) -> Op
     found
 }
 
-/// The inputs through which data goes from one topic to another, with the source time it had: the fewest of them.
+/// Finds the shortest path of inputs through which data with its source time passes from one topic to
+/// another.
 fn path<'w>(
     budget: &Budget<'_>,
     causes: &[Option<usize>],
@@ -147,7 +148,7 @@ fn path<'w>(
     timing: &Timing,
 ) -> Option<Vec<&'w Wire>> {
     let start = wiring.writer(budget.from)?.component;
-    // by topic: the wire into the component that wrote it
+    // by topic: the wire to the component that wrote it
     let mut came_by: Vec<Option<&Wire>> = vec![None; wiring.topics.len()];
     let mut reached = vec![budget.from];
     let mut next = 0;
@@ -180,10 +181,10 @@ fn path<'w>(
     Some(path)
 }
 
-/// The topic from which the source time of a topic's samples comes.
+/// Topic from which the source time of a topic's samples comes.
 fn origin(topic: usize, causes: &[Option<usize>], wiring: &Wiring) -> Option<usize> {
     let mut current = topic;
-    // a way back is no longer than there are topics, unless it goes round in a circle
+    // a path back is at most as long as the number of topics, unless it is cyclic
     for _ in 0..=wiring.topics.len() {
         let writer = wiring.writer(current)?.component;
         let Some(cause) = causes[writer] else { return Some(current) };
@@ -233,7 +234,7 @@ fn no_path(
     };
 }
 
-/// A budget must start where its data comes into being.
+/// Checks that a budget starts where its data originates.
 fn at_the_head(
     budget: &Budget<'_>,
     drafts: &[Draft<'_, '_>],

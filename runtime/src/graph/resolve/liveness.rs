@@ -1,5 +1,4 @@
-//! Limits of liveness: the time a component may go without a step, the time it may compute without waiting, the
-//! steps it may lose.
+//! Liveness limits: time without a step, time of computing without waiting, and lost steps.
 
 use super::Draft;
 use super::timing::Timing;
@@ -11,7 +10,7 @@ use crate::graph::values::{Choice as _, Schedule};
 use crate::plan::LivenessPlan;
 use crate::units::TimeSpan;
 
-/// Finds the limits of every component: its own, else those of the graph, else the defaults.
+/// Determines the limits of every component: its own, else the graph's, else the defaults.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],
@@ -43,7 +42,7 @@ pub(super) fn resolve(
     (0..drafts.len()).map(|component| of(component, report)).collect()
 }
 
-/// A component that waits for its next release has not hung.
+/// Checks that a component waiting for its next release does not count as hung.
 fn long_enough(draft: &Draft<'_, '_>, at: &At<TimeSpan>, period_ns: u64, report: &mut Report) {
     let Some(time) = at.get().filter(|time| time.ns < 2 * period_ns || time.ns == 0) else { return };
     let period = TimeSpan { ns: period_ns };

@@ -1,7 +1,7 @@
-//! From tables to a plan: every name looked up, every wire checked, every default filled in.
+//! Resolution of tables to a plan: names, wires and defaults.
 //!
-//! Each step goes on as far as it can in spite of mistakes found before it, so that one check finds as many of them as
-//! possible; what follows from a mistake that was already reported is not reported again.
+//! Each step continues despite earlier mistakes as far as possible, so that one check finds most of them.
+//! Consequences of reported mistakes are not reported again.
 
 mod activate;
 mod assemble;
@@ -46,15 +46,15 @@ use siblings::Siblings;
 pub(super) struct Context<'c> {
     /// The graph file.
     pub file: &'c Path,
-    /// All texts: relative paths start in the folder of the file in which they stand.
+    /// All texts; relative paths start in the folder of their file.
     pub sources: &'c Sources,
     /// Kinds of components, and robots.
     pub registry: &'c Registry,
     /// The machine it will run on.
     pub machine: &'c Machine,
-    /// The other programs that host kinds, as far as they have been asked.
+    /// Other programs that host kinds, as far as they have been queried.
     siblings: Siblings,
-    /// Gravity of the file of the world, as TOML writes it, once it has been read; `None` where it cannot be.
+    /// Gravity of the world file, in TOML notation, once read; `None` if unavailable.
     gravity: OnceCell<Option<[String; 3]>>,
 }
 
@@ -69,7 +69,7 @@ impl<'c> Context<'c> {
     }
 }
 
-/// A component as far as it is resolved.
+/// A partially resolved component.
 struct Draft<'g, 'i> {
     /// Its name.
     name: &'g str,
@@ -87,14 +87,14 @@ struct Draft<'g, 'i> {
     program: Option<Program>,
     /// Its `config` table.
     config: serde_json::Value,
-    /// Its declaration; `None` if it could not be asked, which has been reported.
+    /// Its declaration; `None` if the query failed, which has been reported.
     declaration: Option<Declaration>,
-    /// Wall time that its declaration took, ns.
+    /// Wall time of its declaration, ns.
     declare_ns: u64,
 }
 
 impl Draft<'_, '_> {
-    /// Its kind or its program, for messages.
+    /// Returns its kind or its program, for messages.
     fn what(&self) -> String {
         match &self.program {
             Some(Program::Builtin { kind } | Program::Sibling { kind, .. }) => format!("`{kind}`"),
@@ -103,13 +103,14 @@ impl Draft<'_, '_> {
         }
     }
 
-    /// Its declared ports of one direction, in the order of their declaration.
+    /// Returns its declared ports of one direction, in order of declaration.
     fn ports(&self, direction: Direction) -> impl Iterator<Item = &PortDeclaration> {
         self.declaration.iter().flat_map(|d| &d.ports).filter(move |port| port.direction == direction)
     }
 }
 
-/// Resolves a graph, with the time that each declaration took. Gives nothing if and only if an error has been reported.
+/// Resolves a graph, with the time of each declaration. Returns `None` if and only if an error has been
+/// reported.
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     context: &Context<'_>,
@@ -134,6 +135,7 @@ pub(super) fn resolve(
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
     let histories = history::resolve(graph, &drafts, &wiring, report);
     let safety = safety::resolve(graph, &drafts, &wiring, &timing, &latencies.causes, report);
+    let actuators = safety::of_actuators(&safety, &drafts, &wiring, &timing, report);
     episodes::check(graph, &drafts, report);
     let expectations = expectations::resolve(graph, &drafts, report);
     if report.has_errors() {
@@ -154,6 +156,7 @@ pub(super) fn resolve(
         latencies,
         histories,
         safety,
+        actuators,
         expectations,
         order,
     };

@@ -2,8 +2,7 @@
 
 use super::timing::Timing;
 
-/// Position of every component: a triggered component comes after the one that triggers it, and otherwise the order of
-/// the file holds.
+/// Position of every component: a triggered component follows its trigger; otherwise file order applies.
 pub(super) fn of(timing: &Timing) -> Vec<usize> {
     let count = timing.triggered_by.len();
     let mut order = vec![0; count];
@@ -12,7 +11,7 @@ pub(super) fn of(timing: &Timing) -> Vec<usize> {
         let ready = |component: &usize| {
             !placed[*component] && timing.triggered_by[*component].is_none_or(|writer| placed[writer])
         };
-        // loops have been refused, so that one is always ready
+        // loops have been rejected, so one is always ready
         let Some(next) = (0..count).find(ready) else { break };
         placed[next] = true;
         order[next] = position;

@@ -1,8 +1,8 @@
-//! Relative paths in a `config` table: each starts in the folder of the file in which it stands.
+//! Relative paths in a `config` table: each starts in the folder of its file.
 //!
-//! A component resolves its paths against one folder, that of its robot. Where the files of a graph lie in several
-//! folders, paths of the others are made absolute. Which texts are paths the JSON Schema of the kind says: texts and
-//! lists of the format `path`, but for the words that it lists as `words`.
+//! A component resolves its paths against one folder, that of its robot. If the files of a graph are in
+//! several folders, paths of the others are made absolute. The JSON Schema of the kind defines the paths:
+//! texts and lists of the format `path`, except for the words listed as `words`.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -17,7 +17,7 @@ use crate::graph::source::{Sources, Span};
 /// Deepest nesting that is followed.
 const DEEPEST: usize = 64;
 
-/// Makes the paths of a `config` table absolute that do not stand in `folder`.
+/// Makes the paths of a `config` table absolute that are not in `folder`.
 pub(super) fn rebase(config: &mut Value<'_>, kind: &Home<'_>, folder: &Path, sources: &Sources) {
     if sources.files().iter().all(|file| file.folder == *folder) {
         return;

@@ -1,11 +1,12 @@
-//! The period of each component as the file has it, before any component has declared its ports.
+//! Periods of the components in the file, before any component has declared its ports.
 
 use crate::graph::model::ComponentTable;
 use crate::graph::read::{At, good};
 use crate::graph::values::TopicName;
 
-/// The period of each component, ns: by its rate or the shortest time between its events, or by that at the head of its trigger chain. `None` where the file has
-/// a mistake, which is reported when the times are resolved.
+/// The period of each component, ns: by its rate or the shortest time between its events, or by that at the
+/// head of its trigger chain. `None` where the file has a mistake, which is reported when the times are
+/// resolved.
 pub(super) fn of(components: &[(String, At<ComponentTable<'_>>)]) -> Vec<Option<u64>> {
     let tables: Vec<Option<&ComponentTable<'_>>> = components.iter().map(|(_, at)| at.get()).collect();
     (0..tables.len()).map(|component| of_component(component, &tables)).collect()
@@ -13,7 +14,7 @@ pub(super) fn of(components: &[(String, At<ComponentTable<'_>>)]) -> Vec<Option<
 
 fn of_component(component: usize, tables: &[Option<&ComponentTable<'_>>]) -> Option<u64> {
     let mut current = tables[component]?;
-    // a chain is no longer than there are components, unless it is a loop
+    // a chain is at most as long as the number of components, unless it is a loop
     for _ in 0..tables.len() {
         if let Some(rate) = good(&current.rate) {
             return Some(rate.period_ns);

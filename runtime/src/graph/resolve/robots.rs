@@ -1,4 +1,4 @@
-//! Robots: looked up through what the program knows of them.
+//! Look-up of robots by the host program.
 
 use super::Context;
 use crate::declare::RobotReference;
@@ -13,11 +13,11 @@ pub(super) struct Robot {
     pub name: String,
     /// Place of its name.
     pub place: Span,
-    /// `None` if its model cannot be used, which has then been reported.
+    /// `None` if its model cannot be used, which has been reported.
     pub reference: Option<RobotReference>,
 }
 
-/// All robots of the file, in its order.
+/// Resolves all robots of the file, in order.
 pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mut Report) -> Vec<Robot> {
     let mut robots = Vec::new();
     for (name, at) in good(&graph.robot).iter().flat_map(|robots| &robots.0) {

@@ -1,4 +1,4 @@
-//! Kinds that other installed programs host: found beside this one or on `PATH`, and asked once which kinds they have.
+//! Kinds hosted by other installed programs, found next to this one or on `PATH` and queried once.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ use crate::worker::{Kind, KindAnswer, Sibling};
 pub(super) enum Home<'c> {
     /// This one.
     Here(&'c Kind),
-    /// Another one, and which of its kinds it is.
+    /// Another program, and the index of the kind.
     Sibling(Rc<Program>, usize),
 }
 
@@ -31,25 +31,25 @@ pub(super) struct Program {
     kinds: Vec<KindAnswer>,
 }
 
-/// A kind that no program hosts.
+/// No program hosts the kind.
 #[derive(Debug, Clone)]
 pub(super) enum Homeless {
-    /// Neither this program has it, nor is it of the family of another one.
+    /// The kind is neither in this program nor in the family of another one.
     Unknown,
-    /// The program that has it is not there.
+    /// The program with the kind is not installed.
     Missing { sibling: Sibling, beside: PathBuf },
-    /// The program that should have it cannot be used.
+    /// The program that should have the kind cannot be used.
     Unusable { sibling: Sibling, problem: Rc<ExecProblem> },
-    /// The program of its family does not have it.
+    /// The program of its family does not have the kind.
     NotAmong { program: Rc<Program> },
 }
 
-/// The other programs that host kinds, by name, as far as they have been asked.
+/// Other host programs by name, as far as they have been queried.
 #[derive(Debug, Default)]
 pub(super) struct Siblings(RefCell<BTreeMap<&'static str, Result<Rc<Program>, Homeless>>>);
 
 impl Home<'_> {
-    /// Its configuration has a key `world`.
+    /// Returns `true` if its configuration has a key `world`.
     pub(super) fn reads_world(&self) -> bool {
         match self {
             Self::Here(kind) => kind.reads_world,
@@ -57,7 +57,7 @@ impl Home<'_> {
         }
     }
 
-    /// Its configuration has a key `gravity`, whose default is that of the graph's world.
+    /// Returns `true` if its configuration has a key `gravity`, whose default is that of the graph's world.
     pub(super) fn reads_gravity(&self) -> bool {
         match self {
             Self::Here(kind) => kind.reads_gravity,
@@ -65,7 +65,7 @@ impl Home<'_> {
         }
     }
 
-    /// The JSON Schema of the `config` table, and the definitions to which it refers.
+    /// Returns the JSON Schema of the `config` table, and its definitions.
     pub(super) fn config_schema(&self) -> (Json, Json) {
         match self {
             Self::Here(kind) => kind.config_schema(),
@@ -93,7 +93,7 @@ impl<'c> Context<'c> {
     }
 }
 
-/// Finds a program beside this one, else on `PATH`, and asks it for its kinds.
+/// Finds a program next to this one or on `PATH`, and queries its kinds.
 fn find(sibling: Sibling) -> Result<Rc<Program>, Homeless> {
     let beside = own_folder();
     let Some(path) = locate(&sibling) else { return Err(Homeless::Missing { sibling, beside }) };
@@ -103,7 +103,7 @@ fn find(sibling: Sibling) -> Result<Rc<Program>, Homeless> {
     }
 }
 
-/// The path of a program beside this one, else on `PATH`; `None` where it is not installed.
+/// Returns the path of a program next to this one or on `PATH`; `None` if not installed.
 pub fn locate(sibling: &Sibling) -> Option<PathBuf> {
     let on_path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(own_folder()).chain(std::env::split_paths(&on_path));

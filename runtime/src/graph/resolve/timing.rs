@@ -16,9 +16,10 @@ use crate::units::TimeSpan;
 /// The activation of each component.
 #[derive(Debug)]
 pub(super) struct Timing {
-    /// By component; `None` if it is unknown, which has then been reported.
+    /// Per component; `None` if unknown, which has been reported.
     pub activation: Vec<Option<Activation>>,
-    /// The component at the head of each one's trigger chain, which the clock or events release; itself if it is one.
+    /// The component at the head of each one's trigger chain, which the clock or events release; itself if it
+    /// is one.
     pub head: Vec<Option<usize>>,
     /// The component whose output triggers each one.
     pub triggered_by: Vec<Option<usize>>,
@@ -33,7 +34,7 @@ impl Timing {
 
 /// The activation of a component, from its own table.
 enum Start {
-    /// It has been reported that this cannot be.
+    /// Invalid, which has been reported.
     Unknown,
     Periodic {
         period_ns: u64,
@@ -50,7 +51,7 @@ enum Start {
 }
 
 impl Start {
-    /// The period of a component that no other one releases, ns: of one that events release the shortest.
+    /// Period of a component that no other one releases, ns; the shortest for an event-released one.
     fn own_period_ns(&self) -> Option<u64> {
         match self {
             Self::Periodic { period_ns, .. } => Some(*period_ns),
@@ -170,7 +171,7 @@ fn start(
     }
 }
 
-/// Overrun policies that speak of a grid of releases, which only a component with a rate has.
+/// Rejects overrun policies that refer to a grid of releases for a component without a rate.
 fn without_grid(draft: &Draft<'_, '_>, report: &mut Report) {
     let Some((place, why, label)) = activate::not_by_the_clock(draft) else { return };
     let Some(policy) = draft.table.on_overrun.as_ref().filter(|_| draft.table.rate.is_none()) else { return };
@@ -220,7 +221,7 @@ fn find_trigger(
 /// The component at the head of a trigger chain.
 fn head(component: usize, starts: &[Start], triggered_by: &[Option<usize>]) -> Option<usize> {
     let mut current = component;
-    // a chain is no longer than there are components, unless it is a loop
+    // a chain is at most as long as the number of components, unless it is a loop
     for _ in 0..starts.len() {
         match starts[current] {
             Start::Periodic { .. } | Start::Descriptor { .. } => return Some(current),
@@ -275,7 +276,7 @@ fn loops(
     }
 }
 
-/// `cycle` goes from each component to the one that triggers it.
+/// Reports a loop; `cycle` maps each component to its trigger.
 fn report_loop(
     cycle: &[usize],
     drafts: &[Draft<'_, '_>],

@@ -1,4 +1,4 @@
-//! Topics: one writer each, and readers that agree with it on the type.
+//! Topics: one writer each, and readers of the same type.
 
 use super::Draft;
 use super::wiring::{Wire, Wiring, carries};

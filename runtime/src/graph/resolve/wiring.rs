@@ -17,7 +17,7 @@ pub(super) struct Wire {
     pub component: usize,
     /// Name of the port.
     pub port: String,
-    /// Its index among the declared ports of its direction; `None` if no such port is known.
+    /// Index among the declared ports of its direction; `None` for an unknown port.
     pub index: Option<usize>,
     /// Reads or writes.
     pub direction: Direction,
@@ -39,9 +39,9 @@ impl Wire {
 pub(super) struct Wiring {
     /// Names of the topics in the order of their first mention.
     pub topics: Vec<String>,
-    /// All wires, by component, in the order of the file.
+    /// All wires, per component, in file order.
     pub wires: Vec<Wire>,
-    /// True if outputs are missing because they were refused, so that a topic may only seem to have no writer.
+    /// `true` if outputs were rejected, so that a topic may only seem to have no writer.
     pub incomplete: bool,
 }
 
@@ -75,7 +75,7 @@ impl Wiring {
         self.wires.iter().filter(move |wire| wire.topic == Some(topic) && wire.direction == direction)
     }
 
-    /// The wire that writes a topic; the first if there are several, which has then been reported.
+    /// Returns the wire that writes a topic; the first if there are several, which has been reported.
     pub(super) fn writer(&self, topic: usize) -> Option<&Wire> {
         self.of_topic(topic, Direction::Output).next()
     }
@@ -159,7 +159,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: 
     wiring
 }
 
-/// Two ports of one table on one topic: one of them is a mistake.
+/// Reports two ports of one table on one topic.
 fn used_twice(side: &[(String, At<TopicName>)], direction: Direction, report: &mut Report) {
     for (index, (port, at)) in side.iter().enumerate() {
         let Some(topic) = at.get() else { continue };
@@ -253,7 +253,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
             .at(&draft.place, "neither reads nor writes")
             .advise("fine if it works for the world outside only");
     } else if declaration.ports.iter().all(|port| !port.required) {
-        // a required port that is missing has been reported already
+        // a missing required port has been reported already
         let ports: Vec<String> =
             declaration.ports.iter().map(|port| format!("`{}` ({})", port.name, carries(port))).collect();
         report

@@ -1,7 +1,7 @@
 //! Messages of serde in the words of a graph file.
 
-/// A message of serde about a `config` table in the words of a graph file: keys, numbers, lists and tables in place of fields,
-/// types of Rust, sequences and maps. Any other message is left as it is.
+/// Rewords a serde message about a `config` table in terms of graph files: keys, numbers, lists and tables
+/// instead of fields, Rust types, sequences and maps. Other messages are unchanged.
 pub(super) fn reworded(message: &str) -> String {
     told(message).unwrap_or_else(|| message.to_string())
 }
@@ -25,7 +25,7 @@ fn told(message: &str) -> Option<String> {
         return Some(format!("found {count} {noun}, expected {}", expected(expectation)));
     }
     let rest = ["invalid type: ", "invalid value: "].iter().find_map(|start| message.strip_prefix(start))?;
-    // The value may hold the same words: the last ones are serde's.
+    // The value may contain the same words: the last ones are serde's.
     let (value, expectation) = rest.rsplit_once(", expected ")?;
     Some(format!("found {}, expected {}", found(value), expected(expectation)))
 }
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn values_of_another_type_are_told_without_the_words_of_rust() {
+    fn type_errors_avoid_rust_terms() {
         assert_eq!(refusal::<f64>("\"heavy\""), "found \"heavy\", expected a number");
         assert_eq!(refusal::<f64>("\"a, expected b\""), "found \"a, expected b\", expected a number");
         assert_eq!(refusal::<usize>("1.5"), "found 1.5, expected a whole number of at least 0");
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_of_components_are_left_as_they_are() {
+    fn component_messages_are_unchanged() {
         for message in ["2 m, expected 0 to 0.5 m", "no pose is named \"hoem\"", ""] {
             assert_eq!(reworded(message), message);
         }

@@ -1,4 +1,4 @@
-//! The graph's world in the configuration of the kinds that read it.
+//! Insertion of the graph's world into the configuration of kinds that read it.
 
 use std::borrow::Cow;
 
@@ -12,8 +12,8 @@ use crate::graph::model::GraphTable;
 use crate::graph::read::Value;
 use crate::graph::values::AnyTable;
 
-/// Puts the graph's world, or its gravity alone, into the configuration of a kind that reads it. Gravity is three numbers, those of
-/// the file of the world where this states none.
+/// Inserts the graph's world, or its gravity only, into the configuration of a kind that reads it. Gravity is
+/// three numbers, from the world file if the world states none.
 pub(super) fn insert<'i>(
     value: &mut Value<'i>,
     kind: &Home<'_>,

@@ -1,4 +1,4 @@
-//! The expectations of a graph: figures of the report and the conditions that they are to meet.
+//! Expectations of a graph: figures of the report and their conditions.
 
 use std::borrow::Cow;
 
@@ -10,8 +10,8 @@ use crate::graph::read::{Read, Value, entries, mismatch, table};
 use crate::graph::source::Span;
 use crate::plan::Expectation;
 
-/// Conditions on figures, with their places: `"controller.position_error_m" = "<= 1e-3"`. A figure may be written as a key
-/// in quotes or as tables.
+/// Conditions on figures, with their positions: `"controller.position_error_m" = "<= 1e-3"`. A figure is a
+/// quoted key or nested tables.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::graph) struct Expectations(pub Vec<(Expectation, Span)>);
 

@@ -208,7 +208,7 @@ macro_rules! read_whole {
                     mismatch(key, value, "a whole number", report);
                     return None;
                 };
-                // what does not fit into 64 bits is refused like any other number out of range
+                // values beyond 64 bits are rejected like any other number out of range
                 let number = i128::from_str_radix(number.as_str(), number.radix()).unwrap_or(i128::MAX);
                 let (low, high) = ($type::MIN as i128, ($type::MAX as i128).min(i64::MAX as i128));
                 if number < low || number > high {
@@ -233,7 +233,7 @@ pub(super) trait Choice: Copy + Serialize + 'static {
     /// All of them.
     const ALL: &'static [Self];
 
-    /// The word for this one: as it is serialised.
+    /// Returns its serialised name.
     fn word(self) -> String {
         match serde_json::to_value(self) {
             Ok(serde_json::Value::String(word)) => word,

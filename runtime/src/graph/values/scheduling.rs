@@ -1,4 +1,4 @@
-//! The values that say how a component is scheduled.
+//! Values that define the scheduling of a component.
 
 use std::borrow::Cow;
 
@@ -26,7 +26,7 @@ pub(in crate::graph) enum Schedule {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::graph) enum EventSource {
-    /// A file descriptor of the component, such as a socket or a bus, that is readable.
+    /// A readable file descriptor of the component, such as a socket or a bus.
     Fd,
 }
 

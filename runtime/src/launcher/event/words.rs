@@ -1,4 +1,4 @@
-//! Events as text: the one place where they are worded.
+//! Texts of events, all in one place.
 
 use core::fmt;
 
@@ -9,7 +9,7 @@ use crate::plan::ClockKind;
 use crate::region::{Latch, Misses, Refusal};
 use crate::units::TimeSpan;
 
-/// Its words, in one line, without its kind; nothing for a status.
+/// Writes its text in one line, without its kind; nothing for a status.
 impl fmt::Display for Event<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let milliseconds = |ns: &u64| *ns as f64 * 1e-6;
@@ -31,6 +31,7 @@ impl fmt::Display for Event<'_> {
                 write!(f, "`{component}` steps again after {:.1} ms", milliseconds(after_ns))
             }
             Self::Reset { episode, seed } => write!(f, "reset for episode {episode}, seed {seed}"),
+            Self::EpisodeBegan { episode, seed } => write!(f, "episode {episode} began, seed {seed}"),
             Self::Missed { component, misses } => {
                 let steps = count_of(misses.missed(), "step");
                 write!(f, "`{component}` missed the deadline of {steps}: {}", causes(misses))
@@ -112,7 +113,7 @@ impl fmt::Display for Event<'_> {
 }
 
 impl Refusal {
-    /// The refused commands in a few words, as in "3 commands stamped in the future".
+    /// Short description of the refused commands, such as "3 commands stamped in the future".
     pub fn words(self) -> &'static str {
         match self {
             Self::Content => "not finite",
@@ -153,7 +154,7 @@ mod tests {
     use crate::region::{EventKind, EventSeverity};
 
     #[test]
-    fn misses_are_told_with_their_causes() {
+    fn misses_are_reported_with_their_causes() {
         let misses = Misses { long_step: 2, stolen: 1, ..Misses::default() };
         let event = Event::Missed { component: "controller", misses };
         assert_eq!(
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn refused_commands_are_told_with_their_reasons() {
+    fn refused_commands_are_reported_with_reasons() {
         let refused = [(Refusal::Limits, 4), (Refusal::Future, 1)];
         let event = Event::Refused { component: "physics", refused: &refused };
         assert_eq!(
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_safe_state_that_the_end_of_the_run_brings_is_no_warning() {
+    fn safe_state_at_the_end_of_a_run_is_not_a_warning() {
         let entered = |is_end| {
             let cause = "its commands are stale";
             Event::EnteredSafeState { component: "physics", times: 1, cause, is_end, since_ns: 0 }
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn latencies_are_told_with_their_budget() {
+    fn latencies_are_reported_with_their_budget() {
         let (max_ns, longest_ns) = (300_000, 412_000);
         let event = Event::LatencyMissed { from: "a", to: "b", count: 1, max_ns, longest_ns };
         assert_eq!(

@@ -15,14 +15,14 @@ pub enum EventSeverity {
     /// As planned.
     #[default]
     Information = Event::INFORMATION,
-    /// The run goes on, but not as the graph asks.
+    /// The run continues but deviates from the graph.
     Warning = Event::WARNING,
     /// A failure.
     Error = Event::ERROR,
 }
 
 impl EventSeverity {
-    /// All of them, the least severe first.
+    /// All severities, the least severe first.
     pub const ALL: [Self; 3] = [Self::Information, Self::Warning, Self::Error];
 
     /// Its name, as in JSON.
@@ -55,7 +55,7 @@ macro_rules! kinds {
                 }
             }
 
-            /// Decodes a number; `None` for one that is no kind of this version.
+            /// Decodes a number; `None` for one unknown to this version.
             pub fn from_number(number: u32) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$kind),)*
@@ -71,7 +71,7 @@ kinds! {
     Created = 1, "created";
     /// All ports are connected; the first step is due.
     Started = 2, "started";
-    /// The system denied something that the graph asks for.
+    /// The system denied something required by the graph.
     Denied = 3, "denied";
     /// A line that a component printed.
     Output = 4, "output";
@@ -79,7 +79,7 @@ kinds! {
     Failed = 5, "failed";
     /// A restarted component steps again. Its value is the time from its end to its first step, s.
     Restarted = 6, "restarted";
-    /// All components and simulated time were set back for an episode. Its value is the number of the episode.
+    /// All components and simulated time were reset for an episode. The value is the index of the episode.
     Reset = 7, "reset";
     /// Steps ended after their deadline. Its value is their number since the last event of this kind.
     Missed = 8, "missed";
@@ -93,7 +93,7 @@ kinds! {
     LeftSafeState = 12, "left_safe_state";
     /// The whole graph goes to its safe state, and ends.
     SafeStop = 13, "safe_stop";
-    /// All actuators are in their safe state. Its value is the time that it took, s.
+    /// All actuators are in their safe state. The value is the time taken, s.
     Safe = 14, "safe";
     /// Not all actuators reached their safe state.
     NotSafe = 15, "not_safe";
@@ -103,11 +103,11 @@ kinds! {
     Resumed = 17, "resumed";
     /// A component loses more of its steps than the graph allows. Its value is the share.
     LosesSteps = 18, "loses_steps";
-    /// A tick of lockstep has not ended. Its value is the time since its beginning, s.
+    /// A tick of lockstep has not ended. The value is the time since its start, s.
     Waiting = 19, "waiting";
-    /// Something else did not go as the graph asks.
+    /// Another deviation from the graph.
     Warning = 20, "warning";
-    /// The run is asked to end.
+    /// The run received the request to end.
     Ending = 21, "ending";
     /// The launcher does not respond; its guard monitors the graph.
     LauncherSilent = 22, "launcher_silent";
@@ -115,8 +115,10 @@ kinds! {
     LauncherBack = 23, "launcher_back";
     /// The launcher has ended; its guard brings the robot to its safe state and ends the run.
     LauncherEnded = 24, "launcher_ended";
-    /// The guard has brought the robot to its safe state, as far as its actuators were there.
+    /// The guard has brought the robot to its safe state, as far as its actuators existed.
     GuardActed = 25, "guard_acted";
+    /// An episode of real time began, without a reset. Its value is the number of the episode.
+    EpisodeBegan = 26, "episode_began";
 }
 
 #[cfg(test)]
@@ -124,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kind_has_a_number_and_a_name_of_its_own_which_is_that_of_its_json() {
+    fn kinds_have_unique_numbers_and_json_names() {
         for kind in EventKind::ALL {
             assert_eq!(EventKind::from_number(*kind as u32), Some(*kind));
             assert_eq!(serde_json::to_value(kind).unwrap(), kind.name());

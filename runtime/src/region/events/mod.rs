@@ -1,8 +1,9 @@
-//! The log of events of a run, in its control block: a ring for each severity and one for printed lines, of a fixed size.
+//! Event log of a run in its control block: a ring of fixed size for each severity, and one for printed
+//! lines.
 //!
-//! Its writers are the launcher, and the guard when the launcher is gone. No worker writes it: misses
-//! and refusals are counted by workers and told by the launcher, at its own pace. Since each severity has its ring,
-//! printed lines push out nothing else, and warnings push out no failure.
+//! Its writers are the launcher, and the guard when the launcher is gone. Workers do not write it: they count
+//! misses and refusals, which the launcher reports at its own pace. Separate rings prevent printed lines from
+//! displacing events, and warnings from displacing failures.
 
 mod kind;
 mod ring;
@@ -21,7 +22,7 @@ use crate::atomics::Native;
 /// The severity of the events in each ring. The last ring is for printed lines.
 const RINGS: [EventSeverity; 4] =
     [EventSeverity::Information, EventSeverity::Warning, EventSeverity::Error, EventSeverity::Information];
-/// Records of one ring that are kept.
+/// Number of records kept per ring.
 const RECORDS: usize = 128;
 /// Words of a record, so that its slot has 512 bytes.
 const WORDS: usize = 63;
@@ -29,14 +30,14 @@ const WORDS: usize = 63;
 const HEAD: usize = 6;
 /// The longest text of an event, bytes.
 pub const EVENT_TEXT_BYTES: usize = (WORDS - HEAD) * 8;
-/// Written in place of a simulated time where there is none.
+/// Marks a missing simulated time.
 const NONE: u64 = u64::MAX;
 
 /// The log of events in the control block of a run.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct EventLog {
-    /// Time at which it was made, `CLOCK_MONOTONIC` ns.
+    /// Time of its creation, `CLOCK_MONOTONIC` ns.
     opened_ns: AtomicU64,
     rings: [Ring<Native, RECORDS, WORDS>; RINGS.len()],
 }
@@ -44,19 +45,21 @@ pub struct EventLog {
 /// One event in the log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventRecord {
-    /// Time at which it happened, or was found, `CLOCK_MONOTONIC` ns.
+    /// Time of the event or its detection, `CLOCK_MONOTONIC` ns.
     pub time_ns: u64,
-    /// In lockstep: the episode, and the simulated time in it, ns.
-    pub simulated: Option<(u64, u64)>,
+    /// Number of the episode.
+    pub episode: u64,
+    /// In lockstep: the simulated time in the episode, ns.
+    pub simulated_ns: Option<u64>,
     /// Its severity.
     pub severity: EventSeverity,
     /// Its kind.
     pub kind: EventKind,
-    /// Index of the component that it is about, in the plan.
+    /// Index of the affected component in the plan.
     pub component: Option<usize>,
-    /// A number that belongs to it, as its kind says; else 0.
+    /// Value as defined by its kind; otherwise 0.
     pub value: f64,
-    /// Some words for people, the first [`EVENT_TEXT_BYTES`] of them.
+    /// Text for users, limited to [`EVENT_TEXT_BYTES`].
     pub text: String,
 }
 
@@ -71,9 +74,9 @@ impl EventLog {
         self.opened_ns.load(Relaxed)
     }
 
-    /// Writes an event in place of the oldest one of its ring. It waits for nobody and takes no memory.
+    /// Writes an event over the oldest one of its ring. Wait-free, without allocation.
     pub fn write(&self, record: &EventRecord) {
-        // In no slot only if its writers were killed; there is nobody to tell then.
+        // It fails only if the writers of the slot were killed; there is nobody to inform then.
         let ring = if record.kind == EventKind::Output { RINGS.len() - 1 } else { record.severity as usize };
         let _ = self.rings[ring].write(&encode(record));
     }
@@ -83,12 +86,12 @@ impl EventLog {
         self.rings.iter().map(Ring::newest).fold(0, u64::saturating_add)
     }
 
-    /// All events that are still there, oldest first, and the number of those that are not.
+    /// Returns all available events, oldest first, and the number of lost ones.
     pub fn all(&self) -> (Vec<EventRecord>, u64) {
         let mut reader = EventReader::default();
         let mut records = reader.read(self);
         if reader.is_waiting() {
-            // One was being written: what is not there a moment later never will be.
+            // A record was being written: if it is not complete a moment later, it never will be.
             std::thread::sleep(core::time::Duration::from_millis(1));
             records.extend(reader.read(self));
             in_order(&mut records);
@@ -101,7 +104,7 @@ fn in_order(records: &mut [EventRecord]) {
     records.sort_by_key(|record| record.time_ns);
 }
 
-/// A reader of a log of events, which remembers what it has read.
+/// A reader of an event log that remembers its position.
 ///
 /// ```no_run
 /// use motorium::region::{EventReader, Region};
@@ -127,12 +130,12 @@ pub struct EventReader {
 struct Place {
     /// Number of the record that was read last.
     read: u64,
-    /// Number of one that was being written when it was to be read.
+    /// Number of a record that was being written when it was to be read.
     waits_for: u64,
 }
 
 impl EventReader {
-    /// The events since the last call, or all that are still there, oldest first.
+    /// Returns the events since the last call, or all available ones, oldest first.
     pub fn read(&mut self, log: &EventLog) -> Vec<EventRecord> {
         let mut records = Vec::new();
         for ((place, ring), severity) in self.places.iter_mut().zip(&log.rings).zip(RINGS) {
@@ -142,7 +145,7 @@ impl EventReader {
         records
     }
 
-    /// Number of events that were overwritten before this reader came to them.
+    /// Number of events overwritten before this reader read them.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -154,7 +157,7 @@ impl EventReader {
 }
 
 impl Place {
-    /// Reads the new records of a ring; returns the number of those that were lost.
+    /// Reads the new records of a ring; returns the number of lost ones.
     fn read_on(
         &mut self,
         ring: &Ring<Native, RECORDS, WORDS>,
@@ -162,7 +165,7 @@ impl Place {
         records: &mut Vec<EventRecord>,
     ) -> u64 {
         let newest = ring.newest();
-        // Numbers only rise, but in a damaged log.
+        // Numbers only increase, except in a damaged log.
         self.read = self.read.min(newest);
         let oldest = newest.saturating_sub(RECORDS as u64);
         let mut lost = oldest.saturating_sub(self.read);
@@ -191,10 +194,9 @@ fn encode(record: &EventRecord) -> [u64; WORDS] {
     let mut words = [0; WORDS];
     let text = &record.text[..record.text.floor_char_boundary(EVENT_TEXT_BYTES)];
     let component = record.component.and_then(|index| u16::try_from(index + 1).ok()).unwrap_or(0);
-    let (episode, simulated_ns) = record.simulated.unwrap_or((0, NONE));
     words[0] = record.time_ns;
-    words[1] = episode;
-    words[2] = simulated_ns;
+    words[1] = record.episode;
+    words[2] = record.simulated_ns.unwrap_or(NONE);
     words[3] = u64::from(record.kind as u32) << 32 | u64::from(component);
     words[4] = record.value.to_bits();
     words[5] = text.len() as u64;
@@ -206,14 +208,15 @@ fn encode(record: &EventRecord) -> [u64; WORDS] {
     words
 }
 
-/// `None` if the words are no event of this version: the log is damaged.
+/// `None` if the words are not an event of this version: the log is damaged.
 fn decode(words: &[u64; WORDS], severity: EventSeverity) -> Option<EventRecord> {
     let value = f64::from_bits(words[4]);
     let length = usize::try_from(words[5]).ok().filter(|length| *length <= EVENT_TEXT_BYTES)?;
     let bytes: Vec<u8> = words[HEAD..].iter().flat_map(|word| word.to_le_bytes()).take(length).collect();
     Some(EventRecord {
         time_ns: words[0],
-        simulated: (words[2] != NONE).then_some((words[1], words[2])),
+        episode: words[1],
+        simulated_ns: Some(words[2]).filter(|ns| *ns != NONE),
         severity,
         kind: EventKind::from_number((words[3] >> 32) as u32)?,
         component: usize::from(words[3] as u16).checked_sub(1),

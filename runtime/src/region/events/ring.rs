@@ -1,19 +1,19 @@
-//! A ring of records in shared memory, with several writers and any number of readers. Nobody waits for anybody.
+//! A wait-free ring of records in shared memory, with several writers and any number of readers.
 //!
-//! Every record has a number, from 1 on, which chooses its slot. A slot has a word for its state: twice the number of the
-//! record in it, and one more while the record is being written. A writer takes the next number, enters the slot by
-//! exchanging its state, writes the words, and leaves. A reader takes a record only if the state was the same, and that of a
-//! whole record, before and after it read the words: a torn record is never taken for a whole one.
+//! Every record has a number, starting at 1, which selects its slot. The state word of a slot is twice the
+//! number of its record, plus one while the record is being written. A writer takes the next number, enters
+//! the slot by exchanging its state, writes the words, and leaves. A reader accepts a record only if the
+//! state was that of the same complete record before and after reading, so a torn record is never accepted.
 //!
-//! A writer that is killed within a slot leaves it to nobody. Others pass it by with a number that holds no record, which
-//! readers count as lost.
+//! A slot of a killed writer stays unusable. Other writers skip it with an empty number, which readers count
+//! as lost.
 
 use core::cmp::Ordering as Order;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 
 use crate::atomics::{Atomics, Site, Word};
 
-/// A ring of `SLOTS` records of `WORDS` words each. Zero bytes are an empty one.
+/// A ring of `SLOTS` records of `WORDS` words each. Zero bytes are an empty ring.
 #[derive(Debug)]
 #[repr(C)]
 pub(crate) struct Ring<A: Atomics, const SLOTS: usize, const WORDS: usize> {
@@ -54,7 +54,8 @@ impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
         self.taken.load(Relaxed)
     }
 
-    /// Writes a record in place of the oldest. False, and nothing is written, if other writers are in all of its slots.
+    /// Writes a record in place of the oldest. False, and nothing is written, if other writers are in all of
+    /// its slots.
     pub(crate) fn write(&self, words: &[u64; WORDS]) -> bool {
         for _ in 0..SLOTS {
             let number = self.taken.fetch_add(1, Relaxed).wrapping_add(1);

@@ -8,7 +8,6 @@ use motorium_recordings::Selection;
 
 use super::writer::FigureWriter;
 use super::{body, letters, perception, search};
-use crate::out::outln;
 
 /// The motion library of Delhaisse's thesis (2019), chapter 3: figures 3.9 to 3.12 and 3.14 to 3.19.
 ///
@@ -95,19 +94,6 @@ impl Chapter3 {
         writer.part("movements of a body", |writer| {
             body::figures(writer, &self.data.join("cmu-mocap"), self.searches)
         })?;
-        let claims = serde_json::to_string_pretty(&writer.claims)?;
-        writer.write("claims.json", &claims)?;
-        writer.bar.finish_and_clear();
-        if self.json {
-            let report = serde_json::json!({ "claims": writer.claims, "files": writer.files });
-            outln!("{}", serde_json::to_string_pretty(&report)?);
-            return Ok(ExitCode::SUCCESS);
-        }
-        for claim in &writer.claims {
-            let word = if claim.holds { "holds" } else { "does not hold" };
-            outln!("{}: {}\n    {word}: {}", claim.figure, claim.claim, claim.evidence);
-        }
-        outln!("{} files in {}", writer.files.len(), self.output.display());
-        Ok(ExitCode::SUCCESS)
+        writer.finish(self.json)
     }
 }

@@ -2,6 +2,7 @@
 
 mod body;
 mod chapter3;
+mod chapter4;
 mod letters;
 mod perception;
 mod qp;
@@ -22,6 +23,7 @@ pub(crate) struct Reproduce {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Chapter3(chapter3::Chapter3),
+    Chapter4(chapter4::Chapter4),
     Qp(qp::Qp),
 }
 
@@ -29,6 +31,7 @@ impl Reproduce {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         match self.command {
             Command::Chapter3(command) => command.run(),
+            Command::Chapter4(command) => command.run(),
             Command::Qp(command) => command.run(),
         }
     }

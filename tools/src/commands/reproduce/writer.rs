@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -10,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
 use crate::chart::Chart;
-use crate::out::errln;
+use crate::out::{errln, outln};
 
 /// A claim, and the verdict of this run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -135,6 +136,24 @@ impl FigureWriter {
     pub(super) fn chart(&mut self, name: &str, chart: &Chart) -> anyhow::Result<()> {
         self.write(&format!("{name}.svg"), &chart.svg())?;
         self.write(&format!("{name}.csv"), &chart.csv())
+    }
+
+    /// Writes the claims, and prints them.
+    pub(super) fn finish(mut self, json: bool) -> anyhow::Result<ExitCode> {
+        let claims = serde_json::to_string_pretty(&self.claims)?;
+        self.write("claims.json", &claims)?;
+        self.bar.finish_and_clear();
+        if json {
+            let report = serde_json::json!({ "claims": self.claims, "files": self.files });
+            outln!("{}", serde_json::to_string_pretty(&report)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        for claim in &self.claims {
+            let word = if claim.holds { "holds" } else { "does not hold" };
+            outln!("{}: {}\n    {word}: {}", claim.figure, claim.claim, claim.evidence);
+        }
+        outln!("{} files in {}", self.files.len(), self.folder.display());
+        Ok(ExitCode::SUCCESS)
     }
 
     pub(super) fn claim(&mut self, figure: &str, claim: &str, holds: bool, evidence: String) {

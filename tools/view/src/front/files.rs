@@ -21,7 +21,7 @@ macro_rules! file {
     };
 }
 
-/// All of them. They are built by `tools/view/page/build.mjs`.
+/// All files, built by `tools/view/page/build.mjs`.
 pub(super) static FILES: [File; 4] = [
     file!("/", "text/html; charset=utf-8", "index.html"),
     file!("/page.js", "text/javascript; charset=utf-8", "page.js"),

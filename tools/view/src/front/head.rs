@@ -9,7 +9,7 @@ const MOST_HEADERS: usize = 64;
 /// A parsed request.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Asked {
-    /// A file of the page; only the head of the answer where `body` is false.
+    /// Sends a file of the page; only the header if `body` is `false`.
     File {
         /// The file.
         file: &'static File,
@@ -21,7 +21,7 @@ pub(super) enum Asked {
         /// The token in its address, if there is one.
         token: Option<String>,
     },
-    /// Something else: a status and what to do instead.
+    /// Another request: a status and advice.
     Wrong(Status, &'static str),
 }
 
@@ -49,7 +49,7 @@ impl Status {
     }
 }
 
-/// Reads a request from what came of it so far; `None` if more must come.
+/// Parses a request from the bytes so far; `None` if it is incomplete.
 pub(super) fn read(bytes: &[u8]) -> Option<Asked> {
     let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
     let mut parsed = httparse::Request::new(&mut headers);
@@ -67,7 +67,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<Asked> {
         let found = parsed.headers.iter().find(|header| header.name.eq_ignore_ascii_case(name))?;
         core::str::from_utf8(found.value).ok()
     };
-    // A page elsewhere whose name was made to point here is not this machine's.
+    // Reject DNS rebinding: a foreign page whose host name resolves to this machine.
     if !header("host").is_some_and(is_loopback) {
         return Some(Asked::Wrong(Status::Forbidden, "the viewer serves localhost alone; use an SSH tunnel"));
     }
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_and_its_files_are_asked_for_with_get() {
+    fn page_and_files_are_served_for_get() {
         assert_eq!(path("GET / HTTP/1.1\r\nHost: localhost:8765\r\n\r\n"), ("/", true));
         assert_eq!(path("GET /?token=a HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"), ("/", true));
         assert_eq!(path("HEAD /page.js HTTP/1.1\r\nHost: [::1]:8765\r\n\r\n"), ("/page.js", false));

@@ -1,9 +1,9 @@
-//! The port of the viewer: the page over HTTP, and WebSockets, which are handed on to the server of
-//! Foxglove's protocol.
+//! The port of the viewer: serves the page over HTTP and forwards WebSockets to the server of Foxglove's
+//! protocol.
 //!
-//! That server answers WebSockets alone and listens on a port of its own, so both stand behind this one. A
-//! WebSocket whose address carries the token is given the right to command before its first word is passed
-//! on: the token is set as the parameter [`TOKEN`](crate::rights::TOKEN), as a viewer may do itself.
+//! That server accepts only WebSockets and listens on its own port, so both are behind this one. A WebSocket
+//! whose address contains the token gets the right to command before its first message is forwarded: the
+//! token is set as the parameter [`TOKEN`](crate::rights::TOKEN), as a viewer may do itself.
 
 mod files;
 mod head;
@@ -19,9 +19,9 @@ use tokio::time::timeout;
 use crate::rights;
 use head::{Asked, Status};
 
-/// A client with a slow request, or a stalled answer, is dropped.
+/// Maximum time for a client's request, and for a stall while it is answered.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Pause after a connection that could not be accepted: the shortage does not pass at once.
+/// Pause after a failed accept: a resource shortage does not resolve immediately.
 const SHORTAGE: Duration = Duration::from_millis(100);
 
 /// The port cannot be had.
@@ -35,7 +35,7 @@ pub(crate) enum FrontError {
     Refused { port: u16, reason: io::Error },
 }
 
-/// A digest of the page, which stands in the pictures that `--headless-check` makes of it.
+/// Digest of the page, stored in screenshots by `--headless-check`.
 ///
 /// ```
 /// assert_eq!(motorium_view::page_digest().len(), 16);
@@ -44,7 +44,7 @@ pub fn page_digest() -> String {
     files::digest()
 }
 
-/// The port of the viewer, taken before anything starts.
+/// The port of the viewer, bound before anything starts.
 #[derive(Debug)]
 pub(crate) struct Front(std::net::TcpListener);
 
@@ -65,7 +65,7 @@ impl Front {
         self.0.local_addr().map_or(0, |address| address.port())
     }
 
-    /// Serves it until the program ends. `server` is the address of the server of the protocol.
+    /// Serves until the program ends. `server` is the address of the protocol's server.
     pub(crate) async fn serve(self, server: SocketAddr, token: String) -> io::Result<()> {
         let listener = TcpListener::from_std(self.0)?;
         loop {
@@ -144,7 +144,7 @@ async fn hand_on(
     Ok(())
 }
 
-/// The head of the server's answer, and whatever came with it.
+/// Reads the header of the server's answer, and any bytes that follow.
 async fn answer_of(upstream: &mut TcpStream) -> io::Result<Vec<u8>> {
     let mut answer = Vec::new();
     while !answer.windows(4).any(|end| end == b"\r\n\r\n") {
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_has_its_length_and_a_mask() {
+    fn frame_has_its_length_and_a_mask() {
         let short = frame("hello");
         assert_eq!(short, [&[0x81, 0x85, 0, 0, 0, 0][..], b"hello"].concat());
         let long = frame(&"a".repeat(300));
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_taken_port_is_named_with_the_option_that_helps() {
+    fn occupied_port_is_reported_with_advice() {
         let first = Front::bind(0).unwrap();
         let error = Front::bind(first.port()).unwrap_err().to_string();
         assert!(error.contains(&first.port().to_string()) && error.contains("--port"), "{error}");

@@ -16,25 +16,25 @@ pub(crate) struct Player {
     place: f64,
     speed: f64,
     plays: bool,
-    /// True until the first subscription or request: the recording waits at its start.
+    /// `true` until a viewer subscribes or sends a request; the player is at the start.
     waits: bool,
-    /// True if the place was set since the last step.
+    /// `true` if the position was set since the last step.
     sought: bool,
 }
 
 /// The move of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Moved {
-    /// The place now, as times of the recording, ns.
+    /// Current position, as recording time, ns.
     pub(crate) to_ns: u64,
-    /// True if a client has set the position: the display restarts there.
+    /// `true` after a seek: viewers must discard earlier data.
     pub(crate) sought: bool,
     /// True if this step came to the end.
     pub(crate) ended: bool,
 }
 
 impl Player {
-    /// A player at the start, which plays on the first subscription.
+    /// Creates a player at the start, which plays as soon as a viewer subscribes.
     pub(crate) fn new((start_ns, end_ns): (u64, u64)) -> Self {
         Self { start_ns, end_ns, place: 0.0, speed: 1.0, plays: true, waits: true, sought: true }
     }
@@ -51,8 +51,8 @@ impl Player {
         Moved { to_ns: self.time_ns(), sought: std::mem::take(&mut self.sought), ended }
     }
 
-    /// Plays or pauses at a speed, from another place if one is given. To play at the end is to play from the
-    /// start.
+    /// Plays or pauses at a speed, optionally from another position. Playing at the end restarts from the
+    /// beginning.
     pub(crate) fn set(&mut self, plays: bool, speed: f64, seek_ns: Option<u64>) {
         if speed.is_finite() && speed > 0.0 {
             self.speed = speed.clamp(SPEEDS[0], SPEEDS[1]);
@@ -71,14 +71,14 @@ impl Player {
         self.waits = false;
     }
 
-    /// Applies a request of Foxglove's playback control; returns the state to send.
+    /// Handles Foxglove's playback control and returns the new state.
     pub(crate) fn obey(&mut self, request: PlaybackControlRequest) -> PlaybackState {
         let plays = request.playback_command == PlaybackCommand::Play;
         self.set(plays, f64::from(request.playback_speed), request.seek_time);
         PlaybackState { request_id: Some(request.request_id), ..self.state() }
     }
 
-    /// The state as sent to viewers.
+    /// State for Foxglove viewers.
     pub(crate) fn state(&self) -> PlaybackState {
         let status = match (self.plays, self.place >= self.length()) {
             (true, _) => PlaybackStatus::Playing,
@@ -94,8 +94,8 @@ impl Player {
         }
     }
 
-    /// The recording and its position, as sent to the page.
-    pub(crate) fn position_json(&self) -> serde_json::Value {
+    /// Recording and position for the viewer's own page.
+    pub(crate) fn told(&self) -> serde_json::Value {
         serde_json::json!({
             "length_s": self.length() * 1e-9,
             "place_s": self.place * 1e-9,
@@ -104,12 +104,12 @@ impl Player {
         })
     }
 
-    /// The recording time at this distance from its start, ns.
-    pub(crate) fn time_at(&self, place_s: f64) -> u64 {
+    /// Recording time at a position in seconds from the start, ns.
+    pub(crate) fn at(&self, place_s: f64) -> u64 {
         self.start_ns.saturating_add((place_s * 1e9) as u64)
     }
 
-    /// Speed, relative to the recording.
+    /// Speed relative to the recording.
     pub(crate) fn speed(&self) -> f64 {
         self.speed
     }
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn it_moves_at_its_speed_and_stops_at_the_end() {
+    fn player_moves_at_its_speed_and_stops_at_the_end() {
         let mut player = player();
         assert_eq!(player.step(Duration::from_secs(3)).to_ns, START + 3 * SECOND);
         player.set(true, 2.0, None);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_holds_the_place_and_a_seek_is_told_once() {
+    fn pause_holds_the_position_and_seek_is_reported_once() {
         let mut player = player();
         let state = player.obey(ask(PlaybackCommand::Pause, Some(START + 4 * SECOND)));
         assert_eq!((state.status, state.current_time), (PlaybackStatus::Paused, START + 4 * SECOND));
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn play_at_the_end_restarts_and_seeks_are_clamped() {
+    fn play_at_the_end_restarts_and_positions_are_clamped() {
         let mut player = player();
         player.set(false, 1.0, Some(START + 99 * SECOND));
         assert_eq!(player.step(Duration::ZERO).to_ns, START + 10 * SECOND);

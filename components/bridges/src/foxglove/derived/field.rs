@@ -5,9 +5,9 @@ use motorium::state::TypeLayout;
 use super::super::wire::{self, Read};
 use super::DerivedError;
 
-/// Number of the field that holds the first field of the layout; the others follow in its order.
+/// Number of the layout's first field; the others follow in order.
 const FIRST: u32 = 2;
-/// Padding that a type declares; it is left out.
+/// Padding declared by a type; it is skipped.
 const PADDING: &str = "reserved";
 
 /// One field of a layout and of the message.
@@ -88,7 +88,7 @@ impl Scalar {
         }
     }
 
-    /// Writes the integer of a varint to `place`; false if it does not fit.
+    /// Writes an integer from a varint to `place`; `false` if it does not fit.
     fn put(self, form: u64, place: &mut [u8]) -> bool {
         let size = self.size();
         let raw = match self {
@@ -154,7 +154,7 @@ impl Field {
         out
     }
 
-    /// Its bytes in use in a sample.
+    /// Returns the field's bytes in use in a sample.
     pub(super) fn content<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
         let entries = match (self.length, self.count) {
             (None, _) => 1,
@@ -197,7 +197,7 @@ impl Field {
         }
     }
 
-    /// Writes what was read to its place in a sample; `None` if it does not fit.
+    /// Writes a decoded value to its position in a sample; `None` if it does not fit.
     pub(super) fn decode(&self, content: Read<'_>, bytes: &mut [u8]) -> Option<()> {
         let (size, capacity) = (self.scalar.size(), self.length.unwrap_or(1) * self.scalar.size());
         let place = bytes.get_mut(self.offset..self.offset + capacity)?;
@@ -207,7 +207,7 @@ impl Field {
             {
                 place.copy_from_slice(number);
             }
-            // A text that was not UTF-8 may have become longer.
+            // Text that was not UTF-8 may have become longer.
             (Scalar::Text, Read::Bytes(content)) if self.length.is_some() => {
                 let length = content.len().min(capacity);
                 place[..length].copy_from_slice(&content[..length]);

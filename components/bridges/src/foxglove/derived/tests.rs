@@ -15,7 +15,7 @@ motorium::state_buffer! {
 }
 
 #[test]
-fn every_message_of_the_runtime_has_a_descriptor_that_a_reader_of_protobuf_understands() {
+fn every_runtime_message_has_a_valid_descriptor() {
     for layout in built_in() {
         let derived = Derived::new(&layout).unwrap();
         let set = FileDescriptorSet::decode(&derived.schema().data[..]).unwrap();
@@ -56,7 +56,7 @@ fn a_sample_comes_back_to_the_last_bit() {
 }
 
 #[test]
-fn only_the_entries_in_use_are_written_and_those_beyond_come_back_as_zeros() {
+fn unused_entries_are_skipped_and_decode_as_zeros() {
     let layout = JointCommand::layout();
     let derived = Derived::new(&layout).unwrap();
     let mut bytes = encode(&layout, "position=[0.5, -1.25] kp=[1, 2]").unwrap();
@@ -70,7 +70,7 @@ fn only_the_entries_in_use_are_written_and_those_beyond_come_back_as_zeros() {
 }
 
 #[test]
-fn text_is_a_string_and_damage_is_an_error_or_another_value_and_never_a_panic() {
+fn text_is_a_string_and_damage_never_panics() {
     let layout = Event::layout();
     let derived = Derived::new(&layout).unwrap();
     let bytes = encode(&layout, "code=3 severity=1 value=0.5 text=\"out of reach\"").unwrap();
@@ -89,7 +89,7 @@ fn text_is_a_string_and_damage_is_an_error_or_another_value_and_never_a_panic() 
 }
 
 #[test]
-fn a_layout_with_a_field_that_is_no_number_is_refused_by_name() {
+fn layout_with_a_non_numeric_field_is_rejected_by_name() {
     let mut layout = JointState::layout();
     layout.fields[2].kind = "[f128; 64]".to_string();
     let error = Derived::new(&layout).unwrap_err().to_string();

@@ -1,13 +1,13 @@
-//! The signals of a dataset where nobody names them.
+//! Default signals of a dataset.
 
 use motorium::plan::Plan;
 use motorium::state::{JointCommand, JointState, StateBuffer as _, from_bytes};
 
 use super::super::{Recording, Signal};
 
-/// The state and the action of a recording with one robot under command: the measured positions that the writer of its joint
-/// commands reads, and what it commands: positions, or efforts where no position is controlled. `None` if the recording has
-/// no joint commands, those of several writers, or no joint states.
+/// Returns state and action of a recording with one commanded robot. The state is the measured positions read
+/// by the writer of the joint commands; the action is the commanded positions, or efforts if no position is
+/// controlled. `None` if there are no joint states, no joint commands, or several writers of commands.
 pub fn usual_signals(recording: &Recording, plan: &Plan) -> Option<(Signal, Signal)> {
     let of_type = |name: &'static str| {
         plan.topics.iter().enumerate().filter(move |(_, topic)| topic.layout.type_name == name)

@@ -103,7 +103,7 @@ impl Frames {
         Ok(frames)
     }
 
-    /// Takes the frames of the episode to which the next samples belong.
+    /// Reads the frames of the episode to which the next samples belong.
     fn episode(
         &mut self,
         samples: &mut Peekable<impl Iterator<Item = Result<RecordedSample, SignalsError>>>,
@@ -118,12 +118,15 @@ impl Frames {
             return samples.next().map_or(Ok(()), |failed| Ok(failed.map(drop)?));
         };
         let (number, begun_ns) = (first.stamp.episode, first.time_ns);
+        // In real time each component enters an episode at its next step: a slow one still publishes in the
+        // last episode after a fast one has begun the next.
         let in_episode = |sample: &Result<RecordedSample, SignalsError>| {
-            sample.as_ref().map_or(true, |sample| sample.stamp.episode == number)
+            sample.as_ref().map_or(true, |sample| sample.stamp.episode <= number)
         };
         let pictured = self.pictures.iter().map(|pictures| pictures.first_from(begun_ns).unwrap_or(u64::MAX));
         let pictured_ns = pictured.max().unwrap_or(0);
-        // In whole nanoseconds from the first frame on: a rate that does not divide a second does not drift.
+        // In whole nanoseconds from the first frame, so that a rate that does not divide a second does not
+        // drift.
         let frame_ns = |first_ns: u64, index: usize| {
             first_ns + (index as u128 * 1_000_000_000 / u128::from(fps.max(1))) as u64
         };
@@ -132,7 +135,7 @@ impl Frames {
             for source in sources.iter_mut().filter(|source| source.topic == sample.topic) {
                 source.take(&sample)?;
             }
-            // A sample at the very time of a frame is in it: what comes at one time comes first.
+            // A sample at exactly the time of a frame belongs to it: entries with equal times come first.
             let next = samples.peek().filter(|next| in_episode(next)).and_then(|next| next.as_ref().ok());
             let next_ns = next.map_or(sample.time_ns + 1, |next| next.time_ns);
             let is_whole = sources.iter().all(|source| source.newest.is_some()) && pictured_ns < next_ns;
@@ -158,7 +161,7 @@ impl Frames {
         Ok(())
     }
 
-    /// Adds a frame; which of both has another width than before, and its width.
+    /// Adds a frame. On a change of width, returns the signal and its width.
     fn frame(&mut self, sources: &[Source], time_s: f64) -> Result<(), (usize, usize)> {
         for what in 0..2 {
             let newest = sources.iter().filter(|source| source.what == what);
@@ -202,7 +205,8 @@ impl Frames {
         numbers.into_iter().chain(self.pictures.iter().map(Pictures::column)).collect()
     }
 
-    /// The names of the numbers of the state and of the action: those that are known, else the signal and a number.
+    /// The names of the numbers of the state and of the action: those that are known, else the signal and a
+    /// number.
     pub(super) fn names(&self, dataset: &Dataset) -> [Vec<String>; 2] {
         let signals = [&dataset.state, &dataset.action];
         core::array::from_fn(|what| {

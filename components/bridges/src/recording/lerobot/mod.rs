@@ -1,4 +1,5 @@
-//! Recordings as datasets of LeRobot, in the format of version 3.0: episodes of frames at a fixed rate, in Parquet.
+//! Recordings as datasets of LeRobot, in the format of version 3.0: episodes of frames at a fixed rate, in
+//! Parquet.
 //!
 //! | file | holds |
 //! |---|---|
@@ -34,7 +35,7 @@ const DATA: &str = "data/chunk-000/file-000.parquet";
 const EPISODES: &str = "meta/episodes/chunk-000/file-000.parquet";
 const TASKS: &str = "meta/tasks.parquet";
 
-/// Frames of a row group that holds pictures: it must not have more than two gigabytes of them.
+/// Frames per row group with images, whose data must stay below two gigabytes.
 const GROUP: usize = 200;
 
 /// A camera whose pictures are part of a dataset.
@@ -65,11 +66,11 @@ impl Camera {
 /// The contents of a dataset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
-    /// The numbers that the policy sees: `observation.state`, one signal after the other.
+    /// Policy inputs: `observation.state`, one signal after the other.
     pub state: Vec<Signal>,
-    /// The numbers that it gives: `action`.
+    /// Policy outputs: `action`.
     pub action: Vec<Signal>,
-    /// The pictures that it sees: of each frame the newest of each camera.
+    /// Policy images: the newest of each camera at each frame.
     pub cameras: Vec<Camera>,
     /// Frames a second.
     pub fps: u32,
@@ -77,7 +78,7 @@ pub struct Dataset {
     pub task: String,
     /// The type of the robot.
     pub robot: Option<String>,
-    /// Names of the numbers of the state and of the action; those of their signals where there are too few.
+    /// Names of the entries of state and action; signal names where entry names are missing.
     pub names: [Vec<String>; 2],
 }
 
@@ -104,7 +105,7 @@ pub enum DatasetError {
         /// The error of the system.
         source: io::Error,
     },
-    /// A sample has another number of entries than those before.
+    /// The number of entries of a sample changed.
     #[error(
         "the {what} has {found} numbers at {time_s:.3} s and had {expected} before: a dataset has frames of one width; \
          choose entries, such as TOPIC.FIELD[0..{least}]"
@@ -129,7 +130,7 @@ pub enum DatasetError {
         /// The one that was probably meant, or all.
         advice: String,
     },
-    /// A picture that a dataset cannot hold.
+    /// A dataset cannot store the image.
     #[error("the picture of `{topic}` at {time_s:.3} s {found}")]
     Picture {
         /// The topic.
@@ -139,15 +140,15 @@ pub enum DatasetError {
         /// The fault of it.
         found: String,
     },
-    /// There is no time at which all signals have a value.
+    /// The signals never all have a value at the same time.
     #[error(
         "there is no frame: at no time have all signals of the state and the action, and pictures of all cameras, been published"
     )]
     Empty,
 }
 
-/// Writes a recording as a dataset into a folder. At each frame the newest samples count. A frame is there from the time on at
-/// which all signals of its episode have a sample.
+/// Writes a recording as a dataset into a folder. At each frame the newest samples count. A frame is there
+/// from the time on at which all signals of its episode have a sample.
 ///
 /// # Errors
 /// The recording cannot be read, has no such signals, or the files cannot be written.
@@ -250,7 +251,7 @@ fn episodes(lengths: &[usize], task: &str) -> Vec<Column> {
     ]
 }
 
-/// The columns that are no pictures.
+/// Returns the columns other than images.
 fn numbers(columns: &[Column]) -> impl Iterator<Item = &Column> {
     columns.iter().filter(|column| !matches!(column.values, Values::Group(_)))
 }
@@ -280,7 +281,7 @@ fn stats_of_episodes(columns: &[Column], lengths: &[usize]) -> Vec<Column> {
     made
 }
 
-/// Metadata by which pandas takes the words of a task for the index of the table, in which LeRobot looks them up.
+/// Metadata that makes pandas use the task texts as the index, in which LeRobot looks tasks up.
 fn index_of_tasks() -> Value {
     let column = |name: &str, kind: &str, numpy: &str| json!({ "name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null });
     json!({

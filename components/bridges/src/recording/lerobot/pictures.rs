@@ -14,8 +14,8 @@ use crate::png;
 /// Name of the encoding of depths in metres.
 const DEPTH: &str = "32FC1";
 
-/// The cameras of a recording whose pictures a dataset can hold, which has 8 bits for each colour, and the topics of the others:
-/// those of depths.
+/// Returns the cameras whose images fit a dataset, with 8 bits per colour, and the topics of the others, such
+/// as depth images.
 pub fn usual_cameras(recording: &Recording) -> (Vec<Camera>, Vec<String>) {
     let mut is_depth = vec![None; recording.pictures().len()];
     for picture in recording.images() {
@@ -41,7 +41,7 @@ pub fn usual_cameras(recording: &Recording) -> (Vec<Camera>, Vec<String>) {
 #[derive(Debug)]
 pub(super) struct Pictures {
     camera: Camera,
-    /// Its index among the pictures of the recording.
+    /// Index among the images of the recording.
     index: usize,
     /// Times of its pictures, ns, rising.
     times: Vec<u64>,
@@ -52,7 +52,7 @@ pub(super) struct Pictures {
     brightness: Vec<Brightness>,
 }
 
-/// For red, green and blue the number of pixels of each brightness.
+/// Histogram of brightness for red, green and blue.
 type Brightness = [[u64; 256]; 3];
 
 impl Pictures {
@@ -90,8 +90,8 @@ impl Pictures {
         self.times.get(self.times.partition_point(|time| *time < time_ns)).copied()
     }
 
-    /// Reads the newest picture at each of these times, which rise, and makes a file of it. `lengths` are the numbers of frames of the
-    /// episodes.
+    /// Reads the newest picture at each of these times, which rise, and makes a file of it. `lengths` are the
+    /// numbers of frames of the episodes.
     pub(super) fn read(
         &mut self,
         recording: &Recording,
@@ -161,8 +161,8 @@ impl Pictures {
         json!({ "dtype": "image", "shape": [height, width, 3], "names": ["height", "width", "channels"] })
     }
 
-    /// The entry of `stats.json`: of each colour of all pixels of all frames, in parts of the brightest; one number for each,
-    /// in a form that is taken times a picture.
+    /// The entry of `stats.json`: of each colour of all pixels of all frames, in parts of the brightest; one
+    /// number for each, in a form that is taken times a picture.
     pub(super) fn stats(&self) -> Value {
         let mut all: Brightness = [[0; 256]; 3];
         self.brightness.iter().for_each(|of_episode| add(&mut all, of_episode, 1));
@@ -192,7 +192,7 @@ impl Pictures {
     }
 }
 
-/// Adds pixels, each as often as `times`.
+/// Adds a histogram `times` times.
 fn add(to: &mut Brightness, pixels: &Brightness, times: u64) {
     for (sum, count) in to.as_flattened_mut().iter_mut().zip(pixels.as_flattened()) {
         *sum += count * times;
@@ -212,7 +212,7 @@ fn named(brightness: &Brightness) -> Vec<(&'static str, [f64; 3])> {
     named
 }
 
-/// The pixels of a picture as red, green and blue without gaps, or what is wrong with it.
+/// Returns the pixels of an image as contiguous RGB, or the reason why it is invalid.
 fn colours(image: &RawImage) -> Result<Vec<u8>, String> {
     let places: &[usize] = match image.encoding.as_str() {
         "rgb8" => &[0, 1, 2],
@@ -243,7 +243,7 @@ fn mean(counts: &[u64]) -> f64 {
     counts.iter().enumerate().map(|(value, count)| value as f64 * *count as f64).sum::<f64>() / total(counts)
 }
 
-/// Of all values, not of a sample: `ddof = 0`.
+/// Standard deviation of the population: `ddof = 0`.
 fn deviation(counts: &[u64]) -> f64 {
     let mean = mean(counts);
     let squares =
@@ -251,7 +251,7 @@ fn deviation(counts: &[u64]) -> f64 {
     (squares.sum::<f64>() / total(counts)).sqrt()
 }
 
-/// The value at a part of the way from the least to the greatest, straight between the two values on both sides.
+/// Quantile `part` of the values, with linear interpolation between neighbours.
 fn ranked(counts: &[u64], part: f64) -> f64 {
     let place = part * (counts.iter().sum::<u64>().saturating_sub(1)) as f64;
     let at = |rank: u64| {
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_are_red_green_and_blue_whatever_their_encoding_and_whatever_stands_behind_a_row() {
+    fn pixels_convert_to_rgb_from_any_encoding() {
         let bgr = [3, 2, 1, 6, 5, 4, 0, 9, 8, 7, 12, 11, 10, 0];
         assert_eq!(colours(&image("bgr8", 7, &bgr)).unwrap(), [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
         assert_eq!(colours(&image("mono8", 2, &[1, 2, 3, 4])).unwrap(), [1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4]);
@@ -284,9 +284,9 @@ mod tests {
         assert!(colours(&image("32FC1", 8, &[0; 16])).unwrap_err().contains("--pictures"));
     }
 
-    /// The expected figures are those of numpy for [3, 3, 3, 10, 200]: `numpy.mean`, `numpy.std`, `numpy.quantile`.
+    /// Expected figures from numpy for [3, 3, 3, 10, 200]: `numpy.mean`, `numpy.std`, `numpy.quantile`.
     #[test]
-    fn statistics_of_brightness_are_those_of_numpy() {
+    fn brightness_statistics_match_numpy() {
         let mut counts = vec![0; 256];
         (counts[3], counts[10], counts[200]) = (3, 1, 1);
         let near =

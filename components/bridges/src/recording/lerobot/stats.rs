@@ -1,4 +1,4 @@
-//! The statistics of a column, by which policies normalise what they see and give.
+//! Statistics of a column, which policies use for normalisation.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ pub(super) struct Numbers {
 }
 
 impl Numbers {
-    /// Those of a column; none of one that is no numbers.
+    /// Computes the statistics of a column; empty for columns without numbers.
     pub(super) fn of(values: &Values) -> Self {
         let flat = numbers(values);
         let width = flat.len().checked_div(values.len()).unwrap_or(0);
@@ -35,7 +35,7 @@ pub(super) struct Stats {
 }
 
 impl Stats {
-    /// Those of some rows of a column.
+    /// Computes the statistics of some rows of a column.
     pub(super) fn of(Numbers { flat, width }: &Numbers, rows: Range<usize>) -> Self {
         let width = *width;
         let flat = &flat[rows.start * width..rows.end * width];
@@ -85,7 +85,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Of all values, not of a sample: `ddof = 0`.
+/// Standard deviation of the population: `ddof = 0`.
 fn deviation(values: &[f64]) -> f64 {
     let mean = mean(values);
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt()
@@ -107,9 +107,9 @@ fn quantile(rising: &[f64], part: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The expected figures are those of numpy: `numpy.quantile`, `numpy.std`.
+    /// Expected figures from numpy: `numpy.quantile`, `numpy.std`.
     #[test]
-    fn statistics_are_those_of_numpy() {
+    fn statistics_match_numpy() {
         let values = [3.0, 1.0, 2.0, 10.0];
         let entries = values.iter().flat_map(|value| [*value, 1.0]).collect();
         let column = Values::List { lengths: vec![2; 4], entries: Box::new(Values::Float(entries)) };

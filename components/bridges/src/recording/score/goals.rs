@@ -1,4 +1,4 @@
-//! The goals of a recording, and the way of a frame from one to the next.
+//! Goals of a recording, and the path of a frame between them.
 
 use motorium::plan::{ComponentPlan, Plan};
 use motorium::state::{BaseState, JointState, PoseTarget, StateBuffer, from_bytes};
@@ -9,11 +9,12 @@ use serde::Serialize;
 use super::super::{RecordedSample, Recording};
 use super::{Tolerance, spectral_arc_length};
 
-/// Distance from a goal within which it counts as reached, where the graph does not say, m.
+/// Default distance from a goal within which it counts as reached, m.
 const POSITION: f64 = 5e-3;
 /// The same for the orientation, rad.
 const ORIENTATION: f64 = 0.02;
-/// Time for which the target must have rested at the last goal of a run, or of an episode, for it to count, s.
+/// Time for which the target must have rested at the last goal of a run, or of an episode, for it to count,
+/// s.
 const SETTLE_S: f64 = 0.2;
 
 /// A frame that follows the pose targets of one topic.
@@ -23,13 +24,14 @@ pub struct PoseScore {
     pub target: String,
     /// The component that reads them.
     pub reader: String,
-    /// The topic of the joint states, or of the state of the base, that it reads.
+    /// Topic of the joint states or of the base state that the component reads.
     pub state: String,
     /// The frame.
     pub frame: String,
-    /// Goals at which the target rested, and at which the frame was within the tolerances when it left them.
+    /// Number of goals at which the target rested and the frame was within the tolerances when the target
+    /// left.
     pub goals_reached: u64,
-    /// Goals at which it was not.
+    /// Number of goals at which the frame was outside the tolerances.
     pub goals_missed: u64,
     /// Greatest distance at any of these goals, m.
     pub position_error_m: Option<f64>,
@@ -45,7 +47,7 @@ pub struct PoseScore {
     pub path_orientation_max_rad: f64,
     /// Mean smoothness of the movements to the goals, as [`GoalScore::smoothness`].
     pub smoothness: Option<f64>,
-    /// True if the reader leaves the position free: its errors say nothing then.
+    /// `true` if the reader leaves the position free; its position errors are meaningless then.
     pub position_is_free: bool,
     /// True if the reader leaves the orientation free.
     pub orientation_is_free: bool,
@@ -68,8 +70,8 @@ pub struct GoalScore {
     pub orientation_error_rad: f64,
     /// True if both were within the tolerances.
     pub reached: bool,
-    /// Spectral arc length of the speed of the frame on the way there; about -1.4 for a movement that speeds up once and
-    /// slows down once, less for one that hesitates.
+    /// Spectral arc length of the frame's speed on the path to the goal. About -1.4 for a movement with one
+    /// acceleration and one deceleration, lower for hesitant movements.
     pub smoothness: Option<f64>,
 }
 
@@ -98,14 +100,15 @@ pub(super) struct Follower {
 struct Movement {
     episode: u64,
     goal: u64,
-    /// Time and place of the frame until the target rests.
+    /// Times and positions of the frame until the target rests.
     way: Vec<(u64, Vector3<f64>)>,
-    /// Time at which the target came to rest, ns, for how long it rested, s, and the newest error meanwhile.
+    /// Time at which the target came to rest, ns, duration of the rest, s, and the newest error during it.
     rest: Option<(u64, f64, [f64; 2])>,
 }
 
 impl Follower {
-    /// `None` if the reader has no robot with such a frame, brings none to the target, or what it reads was not recorded.
+    /// `None` if the reader has no robot with such a frame, moves no frame to the target, or its inputs were
+    /// not recorded.
     pub(super) fn new(
         recording: &Recording,
         plan: &Plan,
@@ -123,7 +126,7 @@ impl Follower {
         let (joints, base) = (input(JointState::NAME), input(BaseState::NAME));
         let port = component.inputs.iter().find(|input| input.topic == Some(topic))?;
         let task = task_of(component, &port.port);
-        // A target that a task of another kind reads, such as one that is looked at, is no pose for a frame.
+        // A target read by another kind of task, such as a gaze target, is not a pose for a frame.
         if task.is_none() && component.config.get("tasks").is_some() {
             return None;
         }
@@ -137,7 +140,7 @@ impl Follower {
         }
         let number = |key: &str| task?.get(key)?.as_f64();
         let is_free = |weight: &str| number(weight) == Some(0.0);
-        // An axis that a task leaves free counts as no miss.
+        // An axis that a task leaves free cannot miss.
         let of_task = |key: &str, weight: &str, usual: f64| {
             if is_free(weight) { f64::INFINITY } else { number(key).unwrap_or(usual) }
         };
@@ -186,7 +189,7 @@ impl Follower {
         })
     }
 
-    /// True if this topic of the recording is that of its targets.
+    /// Returns `true` if this topic of the recording contains the targets.
     pub(super) fn reads_target(&self, topic: usize) -> bool {
         topic == self.target
     }
@@ -291,7 +294,7 @@ impl Follower {
         });
     }
 
-    /// `None` without a target and a state to compare it with.
+    /// `None` without a target and a state to compare.
     pub(super) fn result(mut self) -> Option<PoseScore> {
         if let (Some(last), Some(begin_ns)) = (self.movement.take(), self.begin_ns) {
             self.finish(&last, false, begin_ns);
@@ -321,7 +324,7 @@ fn task_of<'c>(component: &'c ComponentPlan, port: &str) -> Option<&'c serde_jso
     following.find(|task| target(task))
 }
 
-/// `None` if the orientation is no unit quaternion.
+/// `None` if the orientation is not a unit quaternion.
 fn pose(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Isometry3<f64>> {
     let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5)?;
     Some(Isometry3::from_parts(Translation3::from(position), rotation))

@@ -1,4 +1,4 @@
-//! The joints of a recording: how they follow their commands, and how near they come to their limits.
+//! Joint scores of a recording: tracking errors and distances from the limits.
 
 use motorium::plan::Plan;
 use motorium::state::{JointState, from_bytes};
@@ -13,13 +13,13 @@ use crate::foxglove::robot_of_topic;
 pub struct JointsScore {
     /// The topic.
     pub state: String,
-    /// The topic of the commands that they follow, where they are what an actuator makes of it.
+    /// Topic of the commands that the joints follow, if an actuator produced the state.
     pub command: Option<String>,
     /// Each joint, in the order of the robot's model.
     pub joints: Vec<JointScore>,
 }
 
-/// One joint: angles in rad, or lengths in m.
+/// Score of one joint: angles in rad, or lengths in m.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct JointScore {
     /// Its name.
@@ -32,7 +32,7 @@ pub struct JointScore {
     pub position_min: f64,
     /// Highest position.
     pub position_max: f64,
-    /// Least distance from a limit of the position, negative beyond it; `null` without a limit.
+    /// Minimum distance from a position limit, negative beyond it; `null` without a limit.
     pub position_margin: Option<f64>,
     /// Greatest speed, rad/s or m/s.
     pub velocity_max: f64,
@@ -108,7 +108,7 @@ impl Limits {
         for (index, joint) in self.joints.iter_mut().enumerate() {
             joint.velocity_share = share(joint.velocity_max, model.velocity_limit()[index]);
             joint.effort_share = share(joint.effort_max, model.effort_limit()[index]);
-            // Where no position is commanded, none is compared.
+            // No comparison without commanded positions.
             let errors = tracking.and_then(|tracking| tracking.joints.get(index)).filter(|both| both.1 > 0.0);
             (joint.tracking_rms, joint.tracking_max) = (errors.map(|both| both.0), errors.map(|both| both.1));
         }

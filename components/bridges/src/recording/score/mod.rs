@@ -1,7 +1,8 @@
 //! The score of a run, computed from its recording: goals, paths, tracking, limits.
 //!
-//! Nothing of it is what a component says of itself: positions of frames are computed from recorded joint states by our
-//! kinematics, in the way of the component that read the targets, and compared with the recorded targets.
+//! The score does not rely on figures reported by components. Frame positions are computed from recorded
+//! joint states with motorium's kinematics, as configured in the component that read the targets, and
+//! compared with the recorded targets.
 
 mod goals;
 mod joints;
@@ -45,14 +46,15 @@ pub struct Score {
 }
 
 impl Score {
-    /// Goals that were reached, and goals that were missed.
+    /// Number of reached goals and number of missed goals.
     pub fn goals(&self) -> (u64, u64) {
         let sum = |of: fn(&PoseScore) -> u64| self.poses.iter().map(of).sum();
         (sum(|pose| pose.goals_reached), sum(|pose| pose.goals_missed))
     }
 }
 
-/// The distances from a goal within which it counts as reached, where they are not those that the graph gives its reader.
+/// Distances from a goal within which it counts as reached, if they differ from those in the reader's
+/// configuration.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tolerance {
     /// Distance, m.
@@ -78,7 +80,8 @@ pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result
     let mut limits: Vec<Limits> =
         of_type(JointState::NAME).filter_map(|(index, _)| Limits::new(recording, plan, index)).collect();
     let mut samples = recording.in_order().peekable();
-    // What was published at one time, as all of a tick of lockstep is: states before the targets that were made of them.
+    // Values with equal times, such as all values of a lockstep tick: states first, then the targets derived
+    // from them.
     let mut together = Vec::new();
     while let Some(sample) = samples.next() {
         let sample = sample?;
@@ -102,7 +105,7 @@ pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result
     })
 }
 
-/// Loads a robot where it stands in the world.
+/// Loads a robot at its pose in the world.
 fn load(robot: &RobotReference) -> Option<Loaded> {
     let source = RobotSource {
         name: &robot.name,

@@ -2,19 +2,21 @@
 
 use core::f64::consts::PI;
 
-/// Frequency above which the spectrum of a movement does not count, Hz.
+/// Frequency above which the spectrum of a movement is ignored, Hz.
 const CUT_OFF_HZ: f64 = 10.0;
-/// Part of the largest amplitude below which the end of the spectrum does not count.
+/// Fraction of the largest amplitude below which the end of the spectrum is ignored.
 const THRESHOLD: f64 = 0.05;
-/// Fewest speeds of which a spectrum is taken.
+/// Minimum number of speed samples for a spectrum.
 const FEWEST: usize = 8;
 
-/// The spectral arc length of the speeds of a movement, taken `rate_hz` times a second: the length of its normalised Fourier
-/// spectrum up to 10 Hz, negated. A movement that speeds up once and slows down once has about -1.4; the more often it does,
-/// the lower it is. Noise above 10 Hz has no part in it. `None` for fewer than 8 speeds, or a movement that stands still.
+/// Returns the spectral arc length of a movement from its speed sampled at `rate_hz`: the negated length of
+/// its normalised Fourier spectrum up to 10 Hz. A movement that accelerates and decelerates once has about
+/// -1.4; more changes of speed lower the value. Noise above 10 Hz has no effect. `None` for fewer than 8
+/// samples, or without motion.
 ///
-/// S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami, E. Burdet: On the analysis of movement smoothness. Journal of
-/// NeuroEngineering and Rehabilitation 12 (2015), section "SPARC", with their zero-padding of four powers of two.
+/// S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami, E. Burdet: On the analysis of movement
+/// smoothness. Journal of NeuroEngineering and Rehabilitation 12 (2015), section "SPARC", with their
+/// zero-padding of four powers of two.
 ///
 /// ```
 /// use motorium_bridges::recording::spectral_arc_length;
@@ -41,7 +43,7 @@ pub fn spectral_arc_length(speeds: &[f64], rate_hz: f64) -> Option<f64> {
         sum.norm()
     };
     let mut spectrum: Vec<f64> = (0..=highest).map(amplitude).collect();
-    // Speeds are not negative: no amplitude is above that at rest.
+    // Speeds are not negative, so no amplitude exceeds the one at frequency zero.
     let largest = spectrum.first().copied().filter(|largest| *largest > 0.0)?;
     spectrum.iter_mut().for_each(|amplitude| *amplitude /= largest);
     let last = spectrum.iter().rposition(|amplitude| *amplitude >= THRESHOLD)?;
@@ -64,9 +66,9 @@ mod tests {
         time.map(|t| 1.0 + 0.5 * (7.0 * t).sin() + 0.3 * (19.0 * t + 0.4).cos().abs()).collect()
     }
 
-    /// The figures are those of the authors' formula computed by `numpy.fft.fft` (numpy 2).
+    /// Expected figures from the authors' formula, computed with `numpy.fft.fft` (numpy 2).
     #[test]
-    fn the_arc_length_is_that_of_a_fast_fourier_transform() {
+    fn arc_length_matches_a_fast_fourier_transform() {
         let bells: Vec<f64> = (0..1000).map(|index| bell(f64::from(index) / 1000.0)).collect();
         for (speeds, rate_hz, expected) in
             [(bells, 1000.0, BELL), (wave(300, 100.0), 100.0, WAVE_100), (wave(777, 250.0), 250.0, WAVE_250)]
@@ -81,7 +83,7 @@ mod tests {
     const WAVE_250: f64 = -2.891_275_673_101_556_5;
 
     #[test]
-    fn what_stands_still_or_is_too_short_has_no_smoothness() {
+    fn short_or_motionless_speeds_have_no_smoothness() {
         assert_eq!(spectral_arc_length(&[0.0; 100], 100.0), None);
         assert_eq!(spectral_arc_length(&[1.0; 7], 100.0), None);
         assert_eq!(spectral_arc_length(&[1.0; 70], 0.0), None);

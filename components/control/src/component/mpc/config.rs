@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::mpc::{Landing, MpcWeights};
 
-/// Configuration of `control.mpc`. Every key has a default: with an empty table the robot stands on all feet.
+/// Configuration of `control.mpc`. Every key has a default; with an empty table the robot stands on all feet.
 ///
 /// ```toml
 /// horizon  = { steps = 10, step = "30 ms" }
@@ -20,36 +20,38 @@ use crate::mpc::{Landing, MpcWeights};
 pub struct MpcConfig {
     /// Steps that are predicted.
     pub horizon: HorizonConfig,
-    /// Time between two solutions, whose forces hold meanwhile. Default: each step of the component has one.
+    /// Time between two solutions; forces are constant in between. Default: one solution per step.
     pub solve_every: Option<TimeSpan>,
     /// Gait. Default: all feet stand.
     pub gait: Option<GaitConfig>,
     /// Knowledge of the ground. Default "level".
     pub ground: GroundConfig,
-    /// Reaction to feet that touch before or after their time. It needs the input `feet`.
+    /// Reaction to early and late touchdown. Requires the input `feet`.
     pub landing: LandingConfig,
     /// Costs of errors.
     pub weights: WeightsConfig,
-    /// Velocity without a target: forward and to the left, m/s, and about the vertical, rad/s, in the axes of the heading. Default 0.
+    /// Velocity without a target: forward and to the left, m/s, and about the vertical, rad/s, in the axes of
+    /// the heading. Default 0.
     pub velocity: [f64; 3],
     /// Largest acceleration of the reference, m/s2, and rad/s2 about the vertical, 1e-3 to 1000. Default 1.
     pub acceleration: f64,
-    /// Height of the centre of mass above the ground, m, from 1e-3. Default: that of the home pose.
+    /// Height of the centre of mass above the ground, m, at least 1e-3. Default: the height in the home pose.
     pub height: Option<f64>,
-    /// Largest distance of the reference from the measured centre of mass in the plane, m, 1e-3 to 10. Default 0.05.
+    /// Largest distance of the reference from the measured centre of mass in the plane, m, 1e-3 to 10.
+    /// Default 0.05.
     pub max_lead: f64,
     /// Largest angle of the reference from the measured heading, rad, 1e-3 to 3. Default 0.3.
     pub max_turn: f64,
-    /// Coefficient of friction of all feet, 1e-3 to 10. Default: that of each foot in the profile, or 0.6.
+    /// Coefficient of friction of all feet, 1e-3 to 10. Default: each foot's value in the profile, or 0.6.
     pub friction: Option<f64>,
     /// Largest normal force at a point of a foot, N, from 1e-3. Default: twice the robot's weight.
     pub max_force: Option<f64>,
-    /// Acceleration of gravity along z of the world, m/s2, below 0. Default: that of `[world]`, -9.81 without one.
+    /// Gravity along z of the world, m/s2, below 0. Default: the value in `[world]`, or -9.81.
     #[serde(default = "gravity")]
     pub gravity: [f64; 3],
-    /// Age from which a state is not acted upon: nothing is planned then. Default 20 ms.
+    /// Maximum age of a state; beyond it nothing is planned. Default 20 ms.
     pub state_timeout: TimeSpan,
-    /// Age from which a target counts as zero. Default 100 ms.
+    /// Age beyond which a target counts as zero. Default 100 ms.
     pub target_timeout: TimeSpan,
 }
 
@@ -73,21 +75,21 @@ pub struct HorizonConfig {
 pub struct GaitConfig {
     /// Time of a stride.
     pub period: TimeSpan,
-    /// Share of the stride for which a foot stands, more than 0, less than 1. Default 0.5.
+    /// Fraction of the stride that a foot spends in stance, above 0, below 1. Default 0.5.
     #[serde(default = "half")]
     pub duty: f64,
-    /// Share of the stride at which each foot of the profile begins to stand, 0 to 1.
+    /// Phase of the stride at which the stance of each foot of the profile starts, 0 to 1.
     pub offsets: BTreeMap<String, f64>,
-    /// Time for which all feet stand at first. Default 1 s.
+    /// Duration of the initial stance on all feet. Default 1 s.
     #[serde(default = "second")]
     pub stand_for: TimeSpan,
-    /// Height by which a foot is lifted half-way, m, 0 to 10. Default 0.05.
+    /// Height of a foot at mid-swing, m, 0 to 10. Default 0.05.
     #[serde(default = "clearance")]
     pub clearance: f64,
     /// Largest distance that a step is moved against a velocity error, m, 0 to 10. Default 0.1.
     #[serde(default = "most")]
     pub max_capture: f64,
-    /// Time within which a foot is loaded after it lands, and unloaded before it is lifted. Default 10 ms.
+    /// Duration over which a foot is loaded after touchdown and unloaded before lift-off. Default 10 ms.
     #[serde(default = "ramp")]
     pub ramp: TimeSpan,
 }
@@ -119,11 +121,13 @@ fn ramp() -> TimeSpan {
     expecting = "expected \"level\", { fitted = { smoothing = TIME } } or { normal = [X, Y, Z] }"
 )]
 pub enum GroundConfig {
-    /// Level, at the mean height of the feet that stand.
+    /// Level, at the mean height of the stance feet.
     Level,
-    /// A plane through the places at which each foot stood last, by least squares. The base is held parallel to it.
+    /// A plane fitted by least squares to the last stance positions of the feet. The base is kept parallel to
+    /// it.
     Fitted(FittedConfig),
-    /// A plane of this normal, of any length, through the feet that stand, axes of the world. The base is held parallel to it.
+    /// A plane with this normal, of any length, in world axes, through the stance feet. The base is kept
+    /// parallel to it.
     Normal([f64; 3]),
 }
 
@@ -141,15 +145,17 @@ impl Default for FittedConfig {
     }
 }
 
-/// Reaction to feet that touch before or after their time.
+/// Reaction to early and late touchdown.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LandingConfig {
     /// Share of a swing from which a contact ends it, 0 to 1; 1 for never. Default 0.5.
     pub early_from: f64,
-    /// Speed at which a foot that has not touched at the end of its swing is moved on into the ground, m/s, 0 to 10. Default 0.3.
+    /// Speed at which a foot that has not touched at the end of its swing is moved on into the ground, m/s, 0
+    /// to 10. Default 0.3.
     pub search_speed: f64,
-    /// Longest time for which it is; it then counts as standing all the same. Default 80 ms; 0: never.
+    /// Maximum duration of the search for the ground; then the foot counts as standing. Default 80 ms; 0
+    /// disables the search.
     pub search_for: TimeSpan,
 }
 
@@ -165,15 +171,16 @@ impl Default for LandingConfig {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WeightsConfig {
-    /// Of the orientation about each axis, 1/rad, 0 to 1e4. Default 1, 1, 1.
+    /// Weight of the orientation about each axis, 1/rad, 0 to 1e4. Default 1, 1, 1.
     pub turn: [f64; 3],
-    /// Of the centre of mass, 1/m, 0 to 1e4. Default 10, 10, 20.
+    /// Weight of the position of the centre of mass, 1/m, 0 to 1e4. Default 10, 10, 20.
     pub position: [f64; 3],
-    /// Of the angular velocity, 1/(rad/s), 0 to 1e4. Default 0.05, 0.05, 0.05.
+    /// Weight of the angular velocity, 1/(rad/s), 0 to 1e4. Default 0.05, 0.05, 0.05.
     pub angular_velocity: [f64; 3],
-    /// Of the velocity of the centre of mass, 1/(m/s), 0 to 1e4. Default 0.5, 0.5, 0.5.
+    /// Weight of the velocity of the centre of mass, 1/(m/s), 0 to 1e4. Default 0.5, 0.5, 0.5.
     pub velocity: [f64; 3],
-    /// Of the difference of a force from its share of the weight, in weights of the robot, 1e-6 to 1e4. Default 0.5.
+    /// Weight of the deviation of a force from its share of the weight, in units of the robot's weight, 1e-6
+    /// to 1e4. Default 0.5.
     pub force: f64,
 }
 

@@ -17,11 +17,12 @@ use super::period_ns;
 use crate::mpc::{LegPlanner, PlanarVelocity};
 use setup::MpcSetup;
 
-/// A planner of contact forces, contacts and swings of the feet of a robot that follows a velocity, by model-predictive control of its
-/// centroidal motion ([`LegPlanner`]).
+/// Plans contact forces, contacts and swing motions of a legged robot that follows a velocity command, by
+/// model-predictive control of its centroidal motion ([`LegPlanner`]).
 ///
-/// It begins with the first state, on all feet. Without a fresh state it plans nothing, so that its readers see that its plan is old,
-/// and begins anew with the next one. If a horizon has no solution the forces of the one before hold.
+/// It starts on all feet with the first state. Without a fresh state it publishes no plan, so readers notice
+/// that the plan is stale; it restarts with the next state. If a horizon has no solution, the forces of the
+/// previous one are kept.
 pub struct MpcPlanner {
     measured: MeasuredState,
     target: Input<TwistTarget>,
@@ -61,7 +62,7 @@ struct Figures {
     largest_error: f64,
     start: Option<[f64; 2]>,
     end: [f64; 2],
-    /// Length of the way along the heading, m.
+    /// Distance travelled along the heading, m.
     forward: f64,
 }
 
@@ -202,7 +203,7 @@ impl Component for MpcPlanner {
     }
 }
 
-/// The velocity of the newest target; without a fresh one zero, without an input that of the configuration.
+/// Returns the newest target velocity; zero without a fresh one, and the configured one without an input.
 fn wanted(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> PlanarVelocity {
     let [x, y, yaw] = if target.is_wired() {
         let fresh = target.latest().filter(|target| target.age_ns() <= config.target_timeout.ns);
@@ -213,7 +214,8 @@ fn wanted(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> P
     PlanarVelocity { linear: Vector2::new(x, y) * factor, yaw_rate: yaw * factor }
 }
 
-/// Tells the planner what the newest contacts say; without fresh ones of all its feet that nothing is known. True with fresh ones.
+/// Passes the newest contacts to the planner, or no information if they are stale or incomplete. Returns
+/// `true` for fresh contacts.
 fn touching(input: &mut Input<FootContacts>, planner: &mut LegPlanner, feet: usize, timeout_ns: u64) -> bool {
     let fresh = input.latest().filter(|feet| feet.age_ns() <= timeout_ns);
     let fresh = fresh.filter(|contacts| contacts.count() == feet);

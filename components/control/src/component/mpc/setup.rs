@@ -18,7 +18,7 @@ pub(super) struct MpcSetup {
     pub(super) model: Model,
     pub(super) names: Vec<String>,
     pub(super) planner: LegPlanner,
-    /// Time for which all feet stand at first, s; infinite without a gait.
+    /// Duration of the initial stance, s; infinite without a gait.
     pub(super) stand_for: f64,
 }
 
@@ -76,7 +76,7 @@ fn planned_foot(
     Ok(PlannedFoot { frame: contact.frame, points, radius, friction })
 }
 
-/// The gait of these feet; one that is never begun if none is given.
+/// Returns the gait of these feet; without a configuration, one that never starts.
 fn gait(config: Option<&GaitConfig>, names: &[String]) -> Result<Gait, ConfigError> {
     let Some(config) = config else {
         return Gait::new(1.0, 0.5, vec![0.0; names.len()])

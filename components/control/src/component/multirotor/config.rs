@@ -4,8 +4,8 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Configuration of `control.multirotor`. Every key has a default: for the quadrotor of the catalogue the table may stay
-/// empty.
+/// Configuration of `control.multirotor`. Every key has a default: for the quadrotor of the catalogue the
+/// table may stay empty.
 ///
 /// ```toml
 /// position_frequency = 2.0
@@ -16,27 +16,29 @@ use serde::Deserialize;
 pub struct MultirotorConfig {
     /// Frequency of the position control, critically damped, rad/s. Default 4.
     pub position_frequency: f64,
-    /// Frequency of the attitude control, critically damped, rad/s; at least three times that of the position. Default 20.
+    /// Bandwidth of the critically damped attitude control, rad/s; at least three times the position
+    /// bandwidth. Default 20.
     pub attitude_frequency: f64,
-    /// Rate at which a lasting error of the position, as of a wrong mass, is taken away, 1/s; at most the
-    /// frequency of the position control. Default 1.
+    /// Rate of integral action on a persistent position error, for example from a wrong mass, 1/s; at most
+    /// the position bandwidth. Default 1.
     pub integral_rate: f64,
     /// Largest lean, rad. Default 0.6.
     pub max_tilt: f64,
-    /// Share of the thrust of all rotors that is used at most, so that torque is left, 0.1 to 1. Default 0.9.
+    /// Maximum fraction of the total thrust, so that torque remains available, 0.1 to 1. Default 0.9.
     pub max_thrust_share: f64,
-    /// Gravity in the world frame, m/s^2; it acts downwards. Default: that of the graph's world, 9.81 without one.
+    /// Gravity in the world frame, m/s^2, pointing downwards. Default: the value in the graph's world, or
+    /// 9.81.
     pub gravity: [f64; 3],
-    /// Largest distance from the target with which a goal counts as reached, m. Default 0.01.
+    /// Position error within which a goal counts as reached, m. Default 0.01.
     pub position_tolerance: f64,
-    /// Largest angle about the vertical from the target with which a goal counts as reached, rad. Default 0.05.
+    /// Largest angle about the vertical from the target with which a goal counts as reached, rad. Default
+    /// 0.05.
     pub yaw_tolerance: f64,
-    /// Time after the target came to rest at a goal from which on the error counts. Default 1 s.
+    /// Settling time after the target comes to rest before errors are scored. Default 1 s.
     pub settle: TimeSpan,
-    /// Age from which a state of the base is not acted upon: nothing is commanded then, and the rotors stop. Default
-    /// 10 ms.
+    /// Maximum age of the base state. Beyond it nothing is commanded, and the rotors stop. Default 10 ms.
     pub state_timeout: TimeSpan,
-    /// Age from which a target counts as standing still where it was. Default 50 ms.
+    /// Age beyond which a target is treated as stationary. Default 50 ms.
     pub target_timeout: TimeSpan,
 }
 

@@ -13,9 +13,9 @@ use super::measured::load_robot;
 use crate::multirotor::{Flight, FlightControl, FlightSettings, FlightTarget, Mixer, Propeller};
 use crate::{GoalError, GoalRecord, GoalTolerance};
 
-/// A controller that turns target poses into thrusts of rotors; see [`FlightControl`] and [`Mixer`].
+/// A controller that converts target poses to rotor thrusts; see [`FlightControl`] and [`Mixer`].
 ///
-/// Without a target it stays where it was found. Without a fresh state of the base it commands nothing, so that the rotors
+/// Without a target it holds its initial pose. Without a fresh base state it commands nothing, so the rotors
 /// stop.
 pub struct MultirotorController {
     base_state: Input<BaseState>,
@@ -26,7 +26,7 @@ pub struct MultirotorController {
     goal: Option<Goal>,
     thrusts: Vec<f64>,
     record: GoalRecord,
-    /// The goal at which the target rests, and for how long, s.
+    /// Current goal and the time for which the target has rested there, s.
     rested: (u64, f64),
     last_ns: Option<u64>,
     saturated: u64,
@@ -235,7 +235,7 @@ impl Component for MultirotorController {
 }
 
 impl MultirotorController {
-    /// Takes over the newest target; where it was found is the first.
+    /// Applies the newest target; the initial pose is the first target.
     fn take_target(&mut self, pose: &Isometry3<f64>, dt: f64) {
         let Some(target) = self.target.latest() else {
             let here = FlightTarget {
@@ -267,7 +267,7 @@ impl MultirotorController {
         });
     }
 
-    /// Records the error at a goal, once it has had the time to settle.
+    /// Records the error at a goal after the settling time.
     fn observe(&mut self, goal: &Goal, pose: &Isometry3<f64>, dt: f64) {
         if self.rested.0 != goal.number || !goal.rests {
             self.rested = (goal.number, 0.0);

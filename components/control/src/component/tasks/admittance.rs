@@ -21,20 +21,20 @@ const FIGURES: core::ops::RangeInclusive<f64> = 0.0..=1e6;
 /// The least mass \[kg\] and moment of inertia \[kg m2\].
 const LIGHTEST: f64 = 1e-3;
 
-/// An admittance task: a frame gives way to a measured wrench, like a mass on a spring and a damper.
+/// An admittance task: a frame yields to a measured wrench like a mass on a spring and a damper.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdmittanceConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "admittance".
+    /// Name of the task, used as a prefix of its parameter names. Default "admittance".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Link whose frame gives way. Default: that of the robot's only end effector.
+    /// Link whose frame yields. Default: the robot's only end effector.
     pub frame: Option<String>,
     /// Link in whose frame the wrench is measured. Default: `frame`.
     pub sensor: Option<String>,
-    /// Name of the input port of its target, the pose of the frame without a wrench. The input is optional: without a target
-    /// it is the pose at the start. Default "target".
+    /// Name of the input port of its target, the pose of the frame without a wrench. The input is optional:
+    /// without a target it is the pose at the start. Default "target".
     pub target: String,
     /// Name of the input port of the wrench that the world exerts on the robot. Default "wrench".
     pub wrench: String,
@@ -42,7 +42,7 @@ pub struct AdmittanceConfig {
     pub mass: f64,
     /// Damping, N s/m, 0 to 1e6. Default 40.
     pub damping: f64,
-    /// Stiffness, N/m, 0 to 1e6; without it what is pushed away stays there. Default 100.
+    /// Stiffness, N/m, 0 to 1e6; with 0 the frame stays where it was pushed. Default 100.
     pub stiffness: f64,
     /// Moment of inertia, kg m2, 1e-3 to 1e6. Default 0.1.
     pub inertia: f64,
@@ -54,8 +54,8 @@ pub struct AdmittanceConfig {
     pub max_displacement: f64,
     /// Largest turn, rad, 0 to 3. Default 0.8.
     pub max_rotation: f64,
-    /// Rate at which the frame approaches the pose that gave way, 1/s, 0 to 1000; at most half the tick rate is used. Default
-    /// 20.
+    /// Rate at which the frame approaches the displaced pose, 1/s, 0 to 1000; limited to half the tick rate.
+    /// Default 20.
     pub gain: f64,
     /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
     pub position_weight: f64,
@@ -177,7 +177,7 @@ impl TaskKind for AdmittanceConfig {
     }
 }
 
-/// A frame that gives way to the wrenches of one input.
+/// A frame that yields to the wrenches of one input.
 struct HeldAdmittance {
     task: CartesianTask,
     acceleration: Option<CartesianAcceleration>,
@@ -209,7 +209,8 @@ impl HeldAdmittance {
         self.sensed = state.kinematics.pose(state.model, self.sensor);
     }
 
-    /// The newest force and torque, in world axes about the origin of the frame; none from a sensor that fell silent.
+    /// The newest force and torque, in world axes about the origin of the frame; none from a sensor that fell
+    /// silent.
     fn push(&mut self, timeout_ns: u64) -> (Vector3<f64>, Vector3<f64>) {
         let reading = self.wrench.latest().filter(|reading| reading.age_ns() <= timeout_ns);
         let Some(reading) = reading else {
@@ -249,7 +250,7 @@ impl HeldTask for HeldAdmittance {
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         if let Some(reading) = self.target.latest() {
-            // a target that is no pose is not taken
+            // an invalid target pose is ignored
             if let Some(goal) = pose_of(reading.position, reading.orientation) {
                 let fresh = reading.age_ns() <= bounds.target_timeout_ns;
                 let moving = Twist {

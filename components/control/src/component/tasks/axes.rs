@@ -18,7 +18,8 @@ use crate::tasks::{AxisShares, PoseAxes};
 pub struct AxesConfig {
     /// Axes in which the error is counted. Default "frame".
     pub of: PoseAxes,
-    /// Factors of `position_weight`: one for each axis, 0 to 1, or a matrix, each row a direction, -1 to 1. Default [1, 1, 1].
+    /// Factors of `position_weight`: one for each axis, 0 to 1, or a matrix, each row a direction, -1 to 1.
+    /// Default [1, 1, 1].
     pub position: SharesConfig,
     /// Factors of `orientation_weight`, for the rotations about the axes. Default [1, 1, 1].
     pub orientation: SharesConfig,
@@ -28,7 +29,7 @@ pub struct AxesConfig {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected three numbers, one for each axis, or a matrix of three rows")]
 pub enum SharesConfig {
-    /// One for each axis; 0 leaves it free.
+    /// One factor per axis; 0 leaves the axis free.
     Each([f64; 3]),
     /// A matrix: each row a direction whose error costs.
     Matrix([[f64; 3]; 3]),

@@ -12,16 +12,18 @@ use super::{
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, CapturePoint};
 
-/// A capture-point task: the point at which the robot would have to step to come to rest follows a point on the ground.
+/// A capture-point task: the point where the robot would have to step to come to rest follows a point on the
+/// ground.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CapturePointConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "capture_point".
+    /// Name of the task, used as a prefix of its parameter names. Default "capture_point".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Name of the input port of its target, of which x and y of position and linear velocity count. The input is optional:
-    /// without a target the point stays below where the centre of mass was at the start. Default "capture_point_target".
+    /// Name of the input port of its target, of which x and y of position and linear velocity count. The
+    /// input is optional: without a target the point stays below where the centre of mass was at the start.
+    /// Default "capture_point_target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 3.
     pub gain: f64,

@@ -23,37 +23,40 @@ use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CartesianConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "cartesian".
+    /// Name of the task, used as a prefix of its parameter names. Default "cartesian".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Link whose frame follows the target. Default: that of the robot's only end effector.
+    /// Link whose frame follows the target. Default: the robot's only end effector.
     pub frame: Option<String>,
-    /// Name of the input port of its target. Without a target the frame stays where it was at the start. Default
-    /// "target".
+    /// Name of the input port of its target. Without a target the frame stays where it was at the start.
+    /// Default "target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,
-    /// Spring and damper in place of the gain. Default: none.
+    /// Spring and damper replacing the gain. Default: none.
     pub impedance: Option<CartesianImpedanceConfig>,
     /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
     pub position_weight: f64,
     /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
     pub orientation_weight: f64,
-    /// Contact of `inverse_dynamics`, such as a foot: the task counts only while it is lifted. Default: it always counts.
+    /// Contact of `inverse_dynamics`, such as a foot: the task is active only while it is lifted. Default:
+    /// always active.
     pub while_lifted: Option<String>,
-    /// Factors of both weights by axis: what has none is free. Default: the whole pose counts.
+    /// Factors of both weights per axis; an axis without a factor is free. Default: all axes.
     pub axes: Option<AxesConfig>,
-    /// Largest speed at which an error is corrected, m/s. Default: no limit.
+    /// Maximum linear speed of the correction, m/s. Default: no limit.
     pub max_linear_speed: Option<f64>,
-    /// Largest angular speed at which an error is corrected, rad/s. Default: no limit.
+    /// Maximum angular speed of the correction, rad/s. Default: no limit.
     pub max_angular_speed: Option<f64>,
-    /// Levenberg-Marquardt damping, s m/rad^2: keeps the robot calm where the target is out of reach. Default: 5e-3, or
-    /// two ticks times one metre where that is more.
+    /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach. Default:
+    /// 5e-3, or two tick periods times one metre if that is larger.
     pub damping: Option<f64>,
-    /// Distance from a goal within which it counts as reached, m. Default 5e-3; without a limit if `position_weight` is 0.
+    /// Distance from a goal within which it counts as reached, m. Default 5e-3; unlimited if
+    /// `position_weight` is 0.
     pub position_tolerance: f64,
-    /// Angle from a goal within which it counts as reached, rad. Default 0.02; without a limit if `orientation_weight` is 0.
+    /// Angle from a goal within which it counts as reached, rad. Default 0.02; unlimited if
+    /// `orientation_weight` is 0.
     pub orientation_tolerance: f64,
 }
 
@@ -97,18 +100,18 @@ impl CartesianConfig {
         Ok(CartesianTask::new(model, frame).with(settings))
     }
 
-    /// The contact while which is lifted it counts.
+    /// Returns the contact during whose lift the task is active.
     fn lifted(&self, place: &TaskPlace<'_>) -> Result<Option<usize>, ConfigError> {
         self.while_lifted.as_ref().map(|name| place.contact("while_lifted", name)).transpose()
     }
 
-    /// Spring and damper, if it has them.
+    /// Spring and damper, if configured.
     fn spring(&self, place: &TaskPlace<'_>) -> Result<Option<CartesianImpedance>, ConfigError> {
         let gain = || Gain { given: self.gain, default: CartesianSettings::default().gain };
         self.impedance.as_ref().map(|impedance| impedance.build(place, gain())).transpose()
     }
 
-    /// The tolerance of the goals: what the task leaves free is not missed.
+    /// Tolerance of the goals; free directions cannot miss.
     fn tolerance(&self, place: &TaskPlace<'_>) -> Result<GoalTolerance, ConfigError> {
         let of = |name, tolerance, counts| {
             let tolerance = place.tolerance(name, tolerance)?;
@@ -198,7 +201,7 @@ impl TaskKind for CartesianConfig {
 
 /// The pull of an error.
 enum Pull {
-    /// The rate at which it decays.
+    /// Rate of decay of the error.
     Gain(Ramped),
     /// A spring and a damper, with parameters of the position.
     Spring { spring: CartesianImpedance, stiffness: Ramped, damping: Ramped },
@@ -212,12 +215,12 @@ struct Cartesian {
     pull: Pull,
     position_weight: Ramped,
     orientation_weight: Ramped,
-    /// Contact while which is lifted it counts.
+    /// Contact during whose lift the task is active.
     lifted: Option<usize>,
     goals: GoalRecord,
     /// The newest target with a usable orientation.
     current: Option<PoseTarget>,
-    /// Targets that are no pose: an orientation that is no unit quaternion, a number that is not finite.
+    /// Number of invalid target poses: the orientation is not a unit quaternion, or a number is not finite.
     refused: u64,
 }
 
@@ -316,7 +319,7 @@ impl HeldTask for Cartesian {
         let Some(target) = &self.current else { return };
         let pose = measured.kinematics.pose(measured.model, self.task.frame());
         let settings = self.task.settings();
-        // what is not controlled has no error
+        // free directions have no error
         let wanted = self.task.target();
         let (position, orientation) = match &settings.shares {
             Some(shares) => {

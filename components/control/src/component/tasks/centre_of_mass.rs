@@ -17,12 +17,13 @@ use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CentreOfMassConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "centre_of_mass".
+    /// Name of the task, used as a prefix of its parameter names. Default "centre_of_mass".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Name of the input port of its target, of which position and linear velocity count. The input is optional:
-    /// without a target the centre of mass stays where it was at the start. Default "centre_of_mass_target".
+    /// Name of the input port of its target, of which position and linear velocity count. The input is
+    /// optional: without a target the centre of mass stays where it was at the start. Default
+    /// "centre_of_mass_target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,
@@ -30,12 +31,12 @@ pub struct CentreOfMassConfig {
     pub weight: f64,
     /// Factors of the weight along x, y and z of the world, 0 to 1; 0 leaves an axis free. Default [1, 1, 1].
     pub shares: [f64; 3],
-    /// Largest speed at which an error is corrected, m/s. Default: no limit.
+    /// Maximum speed of the correction, m/s. Default: no limit.
     pub max_speed: Option<f64>,
-    /// Levenberg-Marquardt damping, s m/rad^2: keeps the robot calm where the target is out of reach. Default: 5e-3, or
-    /// two ticks times one metre where that is more.
+    /// Levenberg-Marquardt damping, s m/rad^2; prevents oscillation if the target is out of reach. Default:
+    /// 5e-3, or two tick periods times one metre if that is larger.
     pub damping: Option<f64>,
-    /// Distance from a goal within which it counts as reached, along the axes that are not free, m. Default 5e-3.
+    /// Distance from a goal, along the controlled axes, within which it counts as reached, m. Default 5e-3.
     pub tolerance: f64,
 }
 
@@ -130,7 +131,7 @@ struct CentreOfMass {
     gain: Ramped,
     weight: Ramped,
     goals: GoalRecord,
-    /// 1 along each axis that is not free, else 0.
+    /// 1 for each controlled axis, else 0.
     held: Vector3<f64>,
     current: Option<PoseTarget>,
 }

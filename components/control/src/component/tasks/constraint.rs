@@ -1,4 +1,4 @@
-//! The constraint of `control.qp` that is made of a task.
+//! A task used as a constraint of `control.qp`.
 
 use motorium::prelude::*;
 use schemars::JsonSchema;
@@ -9,12 +9,12 @@ use crate::inverse_dynamics::tasks::AccelerationTask;
 use crate::tasks::Task;
 use crate::{GoalRecord, RobotState};
 
-/// A constraint made of a task: what the task asks for holds exactly, above all levels. Rows without a weight stay free; the sizes of
-/// the weights, and damping, do not count.
+/// A task as a constraint: it holds exactly, above all levels. Rows with zero weight stay free; otherwise
+/// weights and damping are ignored.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConstraintConfig {
-    /// The task, a table with one key like those of `tasks`; its `level` does not count.
+    /// The task, a table with one key as in `tasks`; its `level` is ignored.
     pub task: Box<TaskConfig>,
 }
 
@@ -46,7 +46,7 @@ impl TaskKind for ConstraintConfig {
             let (key, _) = self.task.kind();
             return Err(ConfigError::key(
                 place.key("task"),
-                format!("`{key}` is no task that can hold exactly"),
+                format!("`{key}` is not a task that can hold exactly"),
             )
             .advise("name a task, such as task = { cartesian = {} }"));
         }

@@ -15,14 +15,15 @@ use crate::inverse_dynamics::tasks::{AccelerationTask, ContactWrench};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ContactWrenchConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "contact_wrench".
+    /// Name of the task, used as a prefix of its parameter names. Default "contact_wrench".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Name of the contact, of those of `inverse_dynamics`.
+    /// Name of the contact, as in `inverse_dynamics`.
     pub contact: String,
-    /// Name of the input port of its target: what the world exerts on the robot, in the axes of the world, about the origin of the
-    /// contact's frame. Without a target, `force` and `torque` count. Default "wrench_target".
+    /// Name of the input port of the target: the wrench exerted by the world on the robot, in world axes
+    /// about the origin of the contact's frame. Without a target, `force` and `torque` apply. Default
+    /// "wrench_target".
     pub target: String,
     /// Force without a target, axes of the world, N. Default [0, 0, 0].
     pub force: [f64; 3],

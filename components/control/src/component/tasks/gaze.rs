@@ -13,33 +13,33 @@ use crate::inverse_dynamics::tasks::{AccelerationTask, GazeAcceleration};
 use crate::tasks::{GazeSettings, GazeTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
-/// Distance of the point that an axis without a target keeps pointing at, m: so far that the motion of the frame turns it by
-/// nothing that counts.
+/// Distance of the virtual target used when no target is set, m; large enough that frame motion does not
+/// change the direction.
 const FAR: f64 = 1e6;
 
 /// A gaze task: an axis of a frame points at a point.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GazeConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "gaze".
+    /// Name of the task, used as a prefix of its parameter names. Default "gaze".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Link whose axis points. Default: that of the robot's only end effector.
+    /// Link whose axis points at the target. Default: the robot's only end effector.
     pub frame: Option<String>,
     /// The axis in the axes of the frame, of any length but 0. Default [0, 0, 1].
     pub axis: [f64; 3],
-    /// Name of the input port of its target, of which position and linear velocity count. The input is optional: without
-    /// a target the axis keeps its direction. Default "gaze_target".
+    /// Name of the input port of its target, of which position and linear velocity count. The input is
+    /// optional: without a target the axis keeps its direction. Default "gaze_target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,
     /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 1.
     pub weight: f64,
-    /// Largest angular speed at which an error is corrected, rad/s. Default: no limit.
+    /// Maximum angular speed of the correction, rad/s. Default: no limit.
     pub max_speed: Option<f64>,
-    /// Levenberg-Marquardt damping, s/rad: keeps the robot calm where it cannot look at the point. Default: 5e-3, or two
-    /// ticks where that is more.
+    /// Levenberg-Marquardt damping, s/rad; prevents oscillation if the robot cannot look at the target.
+    /// Default: 5e-3, or two tick periods if that is larger.
     pub damping: Option<f64>,
     /// Angle from a goal within which it counts as reached, rad. Default 0.02.
     pub tolerance: f64,

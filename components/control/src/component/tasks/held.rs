@@ -1,4 +1,4 @@
-//! Running tasks: what the controller asks of each, and those that have parameters and nothing else.
+//! Running tasks: their common interface, and tasks that only have parameters.
 
 use motorium::prelude::*;
 
@@ -18,7 +18,8 @@ pub(in crate::component) struct Held {
 }
 
 impl Held {
-    /// The cost on accelerations or forces; `None` if the task has none, or does not count while its contact carries a load.
+    /// Returns the cost on accelerations or forces; `None` if the task has none, or is inactive while its
+    /// contact carries a load.
     pub(in crate::component) fn counting(
         &mut self,
         control: &InverseDynamics,
@@ -30,44 +31,46 @@ impl Held {
 
 /// A task of a running controller, with its input and its parameters.
 pub(in crate::component) trait HeldTask {
-    /// Begins at the measured state `start`: a task without a target takes its target from there.
+    /// Starts at the measured state `start`, which a task without a target uses as its target.
     fn begin(&mut self, _start: &RobotState<'_>) {}
 
-    /// Forgets all targets, for a new episode; [`begin`](Self::begin) follows.
+    /// Clears all targets for a new episode; [`begin`](Self::begin) follows.
     fn reset(&mut self) {}
 
-    /// Applies the current parameters: once per step, and again for each part of the mixture while weights fade.
+    /// Applies the current parameters: once per step, and again for each part of the mixture while weights
+    /// fade.
     fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades);
 
     /// Applies the newest target, once per step, after the parameters.
     fn prepare(&mut self, _bounds: &TaskBounds) {}
 
-    /// The cost of the task on velocities; `None` for a task of inverse dynamics alone.
+    /// Returns the velocity cost of the task; `None` for a task of inverse dynamics only.
     fn task(&mut self) -> Option<&mut dyn Task> {
         None
     }
 
-    /// The cost of the task on accelerations or contact forces, where the controller computes torques and the task can.
+    /// The cost of the task on accelerations or contact forces, where the controller computes torques and the
+    /// task can.
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
         None
     }
 
-    /// Limits that give way, and the cost of a velocity beyond them.
+    /// Returns soft limits and the cost of a velocity beyond them.
     fn limits(&mut self) -> Option<(&mut [Box<dyn RowLimit>], f64)> {
         None
     }
 
-    /// The contact without whose load alone it counts.
+    /// Returns the contact that must be lifted for the task to be active.
     fn while_lifted(&self) -> Option<usize> {
         None
     }
 
-    /// True if it holds exactly, above all levels.
+    /// Returns `true` if the task holds exactly, above all levels.
     fn is_constraint(&self) -> bool {
         false
     }
 
-    /// Takes the velocity that was decided.
+    /// Receives the velocity of the solution.
     fn solved(&mut self, _velocity: &[f64]) {}
 
     /// The number of rows of its cost.
@@ -97,13 +100,13 @@ pub(in crate::component) trait HeldTask {
 pub(in crate::component) struct TaskBounds {
     /// True in the first step at a state.
     pub(in crate::component) begins: bool,
-    /// Time within which a change of a parameter takes effect, s.
+    /// Duration of parameter ramps, s.
     pub(in crate::component) ramp: f64,
-    /// Time since the step before, s.
+    /// Time since the previous step, s.
     pub(in crate::component) dt: f64,
     /// The largest gain: half the tick rate, 1/s.
     pub(in crate::component) max_gain: f64,
-    /// Age from which a target counts as standing still, ns.
+    /// Age beyond which a target is treated as stationary, ns.
     pub(in crate::component) target_timeout_ns: u64,
 }
 
@@ -133,7 +136,7 @@ impl<V: Task, A: AccelerationTask> Form<V, A> {
     }
 }
 
-/// A task on velocities whose parameters `apply` takes over before each step.
+/// A velocity task; `apply` sets its parameters before each step.
 pub(super) struct OnVelocities<T, const N: usize> {
     pub(super) task: T,
     pub(super) parameters: [Ramped; N],
@@ -166,7 +169,7 @@ pub(super) fn on_joints<T: JointVelocities + Send + 'static, const N: usize>(
     Ok(Box::new(OnJoints { task: Form::Torque(task), parameters, apply }))
 }
 
-/// A task that asks the joints for velocities, whose parameters `apply` takes over before each step.
+/// A task that commands joint velocities; `apply` sets its parameters before each step.
 struct OnJoints<T, const N: usize> {
     task: Form<T, JointVelocityAcceleration<T>>,
     parameters: [Ramped; N],

@@ -12,7 +12,7 @@ use crate::inverse_dynamics::tasks::CartesianImpedance;
 /// Range of every stiffness and damping.
 const FIGURES: core::ops::RangeInclusive<f64> = 0.0..=1e6;
 
-/// A spring and a damper that draw a frame to its target, in place of `gain`; with `inverse_dynamics` only.
+/// A spring and a damper that pull a frame to its target, replacing `gain`. Requires `inverse_dynamics`.
 ///
 /// ```toml
 /// impedance = { stiffness = 300.0, damping = 50.0, rotational_stiffness = 20.0, rotational_damping = 3.0 }
@@ -43,7 +43,7 @@ impl CartesianImpedanceConfig {
         })
     }
 
-    /// The parameters that take the place of the gain.
+    /// Parameters that replace the gain.
     pub(super) fn parameters(&self) -> [TaskParameter; 2] {
         [
             TaskParameter::new("stiffness", self.stiffness, FIGURES, "N/m", "stiffness towards the target"),
@@ -52,7 +52,7 @@ impl CartesianImpedanceConfig {
     }
 }
 
-/// Springs and dampers that draw the joints to their posture, in place of `gain`; with `inverse_dynamics` only.
+/// Springs and dampers that pull the joints to their posture, replacing `gain`. Requires `inverse_dynamics`.
 ///
 /// ```toml
 /// impedance = { stiffness = 100.0, damping = 10.0 }
@@ -82,7 +82,7 @@ impl JointImpedanceConfig {
     }
 }
 
-/// The gain of a task with an impedance, and its default: it has no use for another one.
+/// Gain of a task and its default; unused with an impedance.
 pub(super) struct Gain {
     pub(super) given: f64,
     pub(super) default: f64,

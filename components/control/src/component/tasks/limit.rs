@@ -1,4 +1,4 @@
-//! The task of `control.qp` that is made of limits.
+//! The task of `control.qp` that consists of soft limits.
 
 use motorium::prelude::*;
 use motorium_robots::World;
@@ -11,11 +11,12 @@ use super::{
 use crate::component::{collision_limits::CollisionConfig, frame_limits::FrameLimitConfig};
 use crate::limits::RowLimit;
 
-/// A task made of limits: they give way where the tasks of smaller levels, or of their own, ask for more.
+/// A task of soft limits: they yield to tasks of smaller level numbers, and partially to those of their own
+/// level.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "limit".
+    /// Name of the task, used as a prefix of its parameter names. Default "limit".
     pub name: String,
     /// Level of the task, 1 to 8. Default 1.
     pub level: u32,

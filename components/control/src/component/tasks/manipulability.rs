@@ -13,11 +13,11 @@ use crate::tasks::{ManipulabilityTask, Measure};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ManipulabilityConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "manipulability".
+    /// Name of the task, used as a prefix of its parameter names. Default "manipulability".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Link whose frame counts. Default: that of the robot's only end effector.
+    /// Link of the evaluated frame. Default: the robot's only end effector.
     pub frame: Option<String>,
     /// Motions of the frame that count. Default "position".
     pub rows: ManipulabilityRows,
@@ -27,10 +27,10 @@ pub struct ManipulabilityConfig {
     pub gain: f64,
     /// Cost of a joint velocity error, 1/(rad/s), 0 to 1000. Default 1e-2.
     pub weight: f64,
-    /// Largest speed of the joints together that it asks for, rad/s. Default 0.5.
+    /// Maximum norm of the commanded joint velocities, rad/s. Default 0.5.
     pub max_speed: f64,
-    /// With `inverse_dynamics`: rate at which an error of a joint velocity decays, 1/s, 0 to 1000; at most half the tick rate is used.
-    /// Default 20.
+    /// With `inverse_dynamics`: decay rate of joint velocity errors, 1/s, 0 to 1000; limited to half the tick
+    /// rate. Default 20.
     pub rate: Option<f64>,
 }
 

@@ -17,22 +17,22 @@ use crate::tasks::{MinimumEffortTask, MinimumVelocityTask, Task};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MinimumConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "minimum".
+    /// Name of the task, used as a prefix of its parameter names. Default "minimum".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
     /// The quantity that is small. Default "acceleration".
     pub of: MinimumOf,
-    /// Of efforts alone: speed per slope of their sum, (rad/s)^2, 0 to 1000. Default 1.
+    /// For efforts only: speed per gradient of their sum, (rad/s)^2, 0 to 1000. Default 1.
     pub gain: f64,
     /// Cost of the quantity, in the inverse of its unit, 0 to 1000. Default 1e-2.
     pub weight: f64,
-    /// Of velocities and efforts with `inverse_dynamics`: rate at which an error of a joint velocity decays, 1/s, 0 to 1000; at most half
-    /// the tick rate is used. Default 20.
+    /// For velocities and efforts with `inverse_dynamics`: decay rate of joint velocity errors, 1/s, 0 to
+    /// 1000; limited to half the tick rate. Default 20.
     pub rate: Option<f64>,
 }
 
-/// A quantity that a minimum task makes small.
+/// The minimised quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MinimumOf {
@@ -40,7 +40,7 @@ pub enum MinimumOf {
     Velocity,
     /// Accelerations; without `inverse_dynamics` the change of the velocities from step to step.
     Acceleration,
-    /// Efforts that hold the robot's weight, as shares of their limits; of a robot with a fixed base.
+    /// Efforts that hold the robot's weight, relative to their limits; for robots with a fixed base.
     Effort,
     /// Torques of the drives, as shares of their limits; with `inverse_dynamics`.
     Torque,

@@ -1,7 +1,7 @@
 //! The tasks of `control.qp`: one file and one line of [`task_kinds!`] for each kind of task.
 //!
-//! A file holds the configuration of its kind, which implements [`TaskKind`], and the running task, which implements
-//! [`HeldTask`]. The controller knows only these two traits.
+//! A file holds the configuration of its kind, which implements [`TaskKind`], and the running task, which
+//! implements [`HeldTask`]. The controller knows only these two traits.
 
 mod admittance;
 mod axes;
@@ -47,10 +47,11 @@ use crate::inverse_dynamics::tasks::Feedback;
 const GAINS: RangeInclusive<f64> = 0.0..=1000.0;
 /// Range of every weight.
 const WEIGHTS: RangeInclusive<f64> = 0.0..=1000.0;
-/// Rate at which an error of a velocity decays where the controller computes torques and the task has no positions, 1/s.
+/// Decay rate of velocity errors for tasks without positions in a torque controller, 1/s.
 const RATE: f64 = 20.0;
 
-/// Defines [`TaskConfig`]: for each kind of task its key in the configuration, its variant, and the file and the type of its table.
+/// Defines [`TaskConfig`]: for each kind of task its key in the configuration, its variant, and the file and
+/// the type of its table.
 macro_rules! task_kinds {
     ($( $(#[$doc:meta])* $key:literal => $variant:ident($file:ident::$config:ident), )*) => {
         $( pub use $file::$config; )*
@@ -73,9 +74,9 @@ macro_rules! task_kinds {
 }
 
 task_kinds! {
-    /// A frame gives way to a measured wrench, like a mass on a spring and a damper.
+    /// A frame yields to a measured wrench like a mass on a spring and a damper.
     "admittance" => Admittance(admittance::AdmittanceConfig),
-    /// The point at which the robot would have to step to come to rest follows a point; torques only.
+    /// The point where the robot would have to step to come to rest follows a point; torques only.
     "capture_point" => CapturePoint(capture_point::CapturePointConfig),
     /// A frame follows a pose target.
     "cartesian" => Cartesian(cartesian::CartesianConfig),
@@ -87,19 +88,19 @@ task_kinds! {
     "contact_wrench" => ContactWrench(contact_wrench::ContactWrenchConfig),
     /// An axis of a frame points at a point.
     "gaze" => Gaze(gaze::GazeConfig),
-    /// Limits that give way; velocities only.
+    /// Soft limits; velocities only.
     "limit" => Limit(limit::LimitConfig),
     /// The joints move to where a frame is moved, or exerts forces, more easily.
     "manipulability" => Manipulability(manipulability::ManipulabilityConfig),
     /// Velocities, accelerations, efforts, torques or contact forces are small.
     "minimum" => Minimum(minimum::MinimumConfig),
-    /// The momentum about the centre of mass comes to rest; torques only.
+    /// The momentum about the centre of mass decays to zero; torques only.
     "momentum" => Momentum(momentum::MomentumConfig),
     /// The joints keep a posture.
     "posture" => Posture(posture::PostureConfig),
     /// A frame reaches a pose in another frame of the robot.
     "relative" => Relative(relative::RelativeConfig),
-    /// A steered wheel rolls along the way of its base.
+    /// A steered wheel turns into the direction of motion of its base.
     "rigid_rotation" => RigidRotation(rigid_rotation::RigidRotationConfig),
     /// A wheel rolls without slipping.
     "rolling" => Rolling(rolling::RollingConfig),
@@ -109,18 +110,18 @@ task_kinds! {
 
 /// The configuration of one kind of task.
 pub(super) trait TaskKind {
-    /// Its name, its level, its inputs and the formulations that it has.
+    /// Name, level, inputs and supported formulations.
     fn head(&self) -> TaskHead<'_>;
 
-    /// Its parameters, each of which `NAME_PARAMETER` changes in a running controller.
+    /// Parameters, each of which can be changed at run time as `NAME_PARAMETER`.
     fn parameters(&self) -> Vec<TaskParameter>;
 
-    /// True for a task that holds exactly, above all levels.
+    /// Returns `true` for a task that holds exactly, above all levels.
     fn is_constraint(&self) -> bool {
         false
     }
 
-    /// True if it has limits about an object of the world that moves.
+    /// Returns `true` if the task has limits that involve a moving object of the world.
     fn has_moving_objects(&self, _world: &World) -> bool {
         false
     }
@@ -150,23 +151,23 @@ pub(super) trait TaskKind {
         let count = opened.len();
         opened
             .try_into()
-            .map_err(|_| ConfigureError::failed(format!("a task that takes {N} of its {count} parameters")))
+            .map_err(|_| ConfigureError::failed(format!("a task that reads {N} of its {count} parameters")))
     }
 }
 
 /// Name, priority and inputs of a task.
 pub(super) struct TaskHead<'a> {
-    /// Name of the task, with which the names of its parameters begin.
+    /// Name of the task, used as a prefix of its parameter names.
     pub(super) name: &'a str,
-    /// Tasks of a higher number decide only what those of lower ones leave open.
+    /// Priority level; lower numbers have strict priority.
     pub(super) level: u32,
     /// Name of the input of its target, if it has one.
     pub(super) target: Option<&'a str>,
     /// Name of the input of a measured wrench, if it has one.
     pub(super) wrench: Option<&'a str>,
-    /// The formulations of the controller that it has a cost for.
+    /// Formulations of the controller that the task supports.
     pub(super) formulations: Formulations,
-    /// The unknowns of the controller that it has a part in.
+    /// Unknowns of the controller that the task involves.
     pub(super) acts_on: ActsOn,
 }
 
@@ -228,7 +229,7 @@ impl TaskParameter {
         format!("{task}_{}", self.name)
     }
 
-    /// Declares it as one of the task of this name.
+    /// Declares the input for the task of this name.
     pub(super) fn declare(self, task: &str, declare: &mut Declare) {
         declare.float(&self.key(task), self.default, self.range, self.unit, self.doc);
     }
@@ -239,7 +240,7 @@ impl TaskParameter {
 pub(super) enum Formulations {
     /// Velocities and torques.
     Both,
-    /// Velocities alone, and what to do for torques instead.
+    /// Velocities only, and advice for torques.
     Velocity(&'static str),
     /// Torques alone.
     Torque,
@@ -250,13 +251,13 @@ pub(super) enum Formulations {
 pub(super) enum ActsOn {
     /// Motions of a body, which joints and contact forces both cause.
     Body,
-    /// Motions of the joints alone: contact forces do not cause them.
+    /// Joint motion only; contact forces have no effect.
     Joints,
     /// Contact forces and torques.
     Forces,
 }
 
-/// Feedback at acceleration level of a task whose error is to decay at the rate `gain` \[1/s\].
+/// Acceleration-level feedback of a task whose error decays at the rate `gain` \[1/s\].
 fn feedback(gain: f64) -> Feedback {
     Feedback::critical(gain)
 }

@@ -12,9 +12,9 @@ use crate::inverse_dynamics::tasks::MomentumRate;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MomentumConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "momentum".
+    /// Name of the task, used as a prefix of its parameter names. Default "momentum".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
     /// Rate at which the momentum decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 5.
     pub gain: f64,

@@ -1,4 +1,4 @@
-//! The robot that a task is for, and what its table may hold.
+//! Build context of a task: the robot and the checks of its table.
 
 use core::ops::RangeInclusive;
 
@@ -22,14 +22,14 @@ pub(in crate::component) struct TaskPlace<'a> {
     pub(in crate::component) gravity: Vector3<f64>,
     /// Ground and objects around the robot.
     pub(in crate::component) world: &'a World,
-    /// Contacts of inverse dynamics; none where the controller computes velocities.
+    /// Contacts of inverse dynamics; empty for a velocity controller.
     pub(in crate::component) contacts: &'a [Contact],
     /// Path of the table of the task in the configuration, such as `tasks[0].cartesian`.
     pub(in crate::component) path: String,
 }
 
 impl<'a> TaskPlace<'a> {
-    /// The place of a table within that of the task.
+    /// Returns the context of a nested table.
     pub(super) fn within(&self, name: &str) -> TaskPlace<'a> {
         TaskPlace { path: self.key(name), ..*self }
     }
@@ -54,7 +54,7 @@ impl<'a> TaskPlace<'a> {
         })
     }
 
-    /// The direction that the key `name` gives.
+    /// Parses the direction in the key `name`.
     pub(super) fn axis(&self, name: &str, axis: [f64; 3]) -> Result<Unit<Vector3<f64>>, ConfigError> {
         Unit::try_new(Vector3::from(axis), 1e-9)
             .filter(|axis| axis.iter().all(|number| number.is_finite()))
@@ -69,7 +69,7 @@ impl<'a> TaskPlace<'a> {
         format!("{}.{name}", self.path)
     }
 
-    /// The frame that a task of this kind leads: the one named, or that of the robot's only end effector.
+    /// Returns the controlled frame: the named one, or the robot's only end effector.
     pub(super) fn frame(&self, kind: &str, named: Option<&str>) -> Result<FrameId, ConfigError> {
         self.model.end_effector(self.profile, named).map_err(|error| match error {
             EndEffectorError::UnknownFrame(unknown) => ConfigError::key(self.key("frame"), unknown.to_string()),
@@ -90,8 +90,8 @@ impl<'a> TaskPlace<'a> {
         checks::in_range(&self.key(name), value, range)
     }
 
-    /// The rate at which the error of a velocity decays where the controller computes torques, 1/s: the one given, or 20, and at most
-    /// half the tick rate.
+    /// The rate at which the error of a velocity decays where the controller computes torques, 1/s: the one
+    /// given, or 20, and at most half the tick rate.
     pub(super) fn rate(&self, given: Option<f64>) -> Result<f64, ConfigError> {
         if given.is_some() && !self.torque {
             return Err(ConfigError::key(
@@ -104,18 +104,18 @@ impl<'a> TaskPlace<'a> {
         Ok(if self.period > 0.0 { rate.min(0.5 / self.period) } else { rate })
     }
 
-    /// The largest speed of a correction: infinite if none is given.
+    /// Maximum speed of a correction; infinite if not given.
     pub(super) fn max_speed(&self, name: &str, speed: Option<f64>) -> Result<f64, ConfigError> {
         speed.map_or(Ok(f64::INFINITY), |speed| self.in_range(name, speed, 1e-6..=f64::MAX))
     }
 
-    /// The largest error with which a goal counts as reached.
+    /// Maximum error at which a goal counts as reached.
     pub(super) fn tolerance(&self, name: &str, tolerance: f64) -> Result<f64, ConfigError> {
         self.in_range(name, tolerance, 0.0..=f64::MAX)
     }
 
-    /// Levenberg-Marquardt damping, s m/rad^2: `usual`, or two steps times one metre where that is more, unless it is
-    /// given.
+    /// Levenberg-Marquardt damping, s m/rad^2: the given value, else `usual`, or two tick periods times one
+    /// metre if that is larger.
     pub(super) fn damping(&self, given: Option<f64>, usual: f64) -> Result<f64, ConfigError> {
         given.map_or(Ok(usual.max(2.0 * self.period)), |damping| {
             self.in_range("damping", damping, 0.0..=f64::MAX)

@@ -20,17 +20,18 @@ use crate::tasks::{PostureSettings, PostureTask, Task};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PostureConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "posture".
+    /// Name of the task, used as a prefix of its parameter names. Default "posture".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no profile.
+    /// A pose of the robot's profile. Default: its home pose, or the first measured pose if it has no
+    /// profile.
     pub pose: Option<String>,
     /// The posture itself, rad or m: one number for all joints, or one for each. This or `pose`.
     pub positions: Option<PerJoint>,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 1.
     pub gain: f64,
-    /// Springs and dampers in place of the gain. Default: none.
+    /// Springs and dampers replacing the gain. Default: none.
     pub impedance: Option<JointImpedanceConfig>,
     /// Cost of a joint velocity error, 1/(rad/s) or 1/(m/s), 0 to 1000. Default 1e-3.
     pub weight: f64,
@@ -52,7 +53,7 @@ impl Default for PostureConfig {
 }
 
 impl PostureConfig {
-    /// The task, and true if its posture is to be taken from the first joint state.
+    /// Builds the task; also returns `true` if the posture comes from the first joint state.
     fn build(&self, place: &TaskPlace<'_>) -> Result<(PostureTask, bool), ConfigError> {
         let TaskPlace { model, profile, .. } = *place;
         let refused =
@@ -137,13 +138,13 @@ impl TaskKind for PostureConfig {
     }
 }
 
-/// A posture that the joints keep.
+/// A task that keeps the joints at a posture.
 struct Posture {
     task: PostureTask,
     acceleration: Option<PostureAcceleration>,
-    /// True if the posture is that of the first joint state.
+    /// `true` if the posture is defined by the first joint state.
     takes_start: bool,
-    /// True until the posture is taken from the first joint state.
+    /// `true` until the posture has been set from the first joint state.
     from_start: bool,
     /// None with springs.
     gain: Option<Ramped>,

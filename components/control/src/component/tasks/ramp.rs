@@ -1,4 +1,4 @@
-//! Parameters of tasks whose changes take time.
+//! Task parameters whose changes are ramped.
 
 use motorium::prelude::*;
 
@@ -7,16 +7,16 @@ use super::TaskBounds;
 /// Difference of two presences that is rounding.
 const SAME: f64 = 1e-9;
 
-/// A parameter of a task: a change of it takes effect within [`TaskBounds::ramp`], evenly, so that a task that is switched on, off or
-/// weighed anew in a running controller moves no joint by a jump.
+/// A ramped task parameter: a change is applied linearly over [`TaskBounds::ramp`], so that enabling,
+/// disabling or reweighting a task at run time causes no jump.
 ///
-/// A weight of 0 switches something off. In a stack of priorities a small weight is as good as a large one, so that a weight that falls
-/// to 0 would end in a jump: it keeps its value instead, while its presence falls from 1 to 0, and the controller mixes the solutions
-/// with and without it by its [`Fades`].
+/// A weight of 0 disables a task. Under strict priorities a small weight acts like a large one, so a weight
+/// ramped to 0 would still end in a jump. Instead the weight keeps its value while its presence falls from 1
+/// to 0, and the controller mixes the solutions with and without the task by its [`Fades`].
 pub(in crate::component) struct Ramped {
     parameter: Parameter<f64>,
     value: Change,
-    /// Presence of a weight, from 0 to 1; none of another parameter.
+    /// Presence of a weight, from 0 to 1; `None` for other parameters.
     presence: Option<Change>,
 }
 
@@ -67,15 +67,17 @@ fn presence(weight: f64) -> f64 {
     if weight > 0.0 { 1.0 } else { 0.0 }
 }
 
-/// The mixture of solutions while weights fade: with the presences `1 > a_1 > ... > a_n > 0`, the solution without all that fades by
-/// the share `1 - a_1`, that with what has at least the presence `a_1` by `a_1 - a_2`, and so on, and that with all by `a_n`.
+/// Mixture of solutions while weights fade. For presences `1 > a_1 > ... > a_n > 0`, the solution without the
+/// fading weights has the share `1 - a_1`. The solution with the weights of at least presence `a_1` has `a_1 -
+/// a_2`, and so on; the solution with all weights has `a_n`.
 ///
-/// It is continuous in all presences (the Lovasz extension of a function of sets), and as a convex combination it keeps each limit that
-/// all of its solutions keep, and what levels above those that change decide.
+/// The mixture is continuous in all presences (the Lovasz extension of a set function). As a convex
+/// combination it satisfies every limit that all its solutions satisfy, and preserves the solution of higher
+/// levels.
 pub(in crate::component) struct Fades {
     /// Presences, each once, in falling order.
     presences: Vec<f64>,
-    /// Least presence of a weight that takes part.
+    /// Minimum presence of a participating weight.
     threshold: f64,
     /// True while the parameters advance by a step.
     begins: bool,
@@ -87,7 +89,7 @@ impl Fades {
         Self { presences: Vec::with_capacity(most), threshold: 0.0, begins: true }
     }
 
-    /// Starts a step, in which all that has any presence takes part.
+    /// Starts a step, in which all weights with nonzero presence participate.
     pub(in crate::component) fn begin(&mut self) {
         self.presences.clear();
         (self.threshold, self.begins) = (0.0, true);
@@ -102,7 +104,8 @@ impl Fades {
         self.presences.insert(place, present);
     }
 
-    /// Number of solutions of the step, 1 if nothing fades. The last one is that with all that has any presence.
+    /// Number of solutions in the step; 1 without fading. The last one includes all weights with nonzero
+    /// presence.
     pub(in crate::component) fn parts(&self) -> usize {
         self.presences.len() + 1
     }
@@ -115,7 +118,7 @@ impl Fades {
     }
 }
 
-/// A value on its way to another one.
+/// A ramped change of a value.
 struct Change {
     value: f64,
     wanted: f64,
@@ -146,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_change_takes_the_time_of_the_ramp_whatever_its_size_and_ends_exactly() {
+    fn change_lasts_one_ramp_and_ends_exactly() {
         for (from, to) in [(0.0, 1.0), (1.0, 0.0), (3.0, 700.0)] {
             let mut change = Change::at(from);
             let share = |value: f64| (value - from) / (to - from);
@@ -157,7 +160,7 @@ mod tests {
             }
             change.follow(to, 1e-3, 0.1);
             assert_eq!(change.value, to);
-            // turned back half-way, the way back takes the ramp, too
+            // reversed half-way, the return also lasts one ramp
             for _ in 0..50 {
                 change.follow(from, 1e-3, 0.1);
             }
@@ -174,7 +177,7 @@ mod tests {
         assert_eq!(change.value, 5.0);
     }
 
-    /// The mixture of a function of the set of weights that take part.
+    /// Mixture of a function of the set of participating weights.
     fn mixed(presences: &[f64], of: impl Fn(&[bool]) -> f64) -> f64 {
         let mut fades = Fades::new(presences.len());
         fades.begin();

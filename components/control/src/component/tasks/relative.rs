@@ -20,16 +20,16 @@ use crate::tasks::{RelativeSettings, RelativeTask, Task};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RelativeConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "relative".
+    /// Name of the task, used as a prefix of its parameter names. Default "relative".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
-    /// Link whose frame moves. Default: that of the robot's only end effector.
+    /// Link whose frame moves. Default: the robot's only end effector.
     pub frame: Option<String>,
     /// Link in whose frame the target is given.
     pub other: String,
-    /// Name of the input port of its target, whose pose is that of `frame` in `other` and whose velocity does not count. Without a
-    /// target the pose stays that of the start. Default "relative_target".
+    /// Name of the input port of the target: the pose of `frame` in `other`; its velocity is ignored. Without
+    /// a target the initial pose is kept. Default "relative_target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,
@@ -123,9 +123,9 @@ impl TaskKind for RelativeConfig {
     }
 }
 
-/// A frame that follows poses in another.
+/// A frame that follows poses relative to another frame.
 struct Relative {
-    /// The other frame, and the one that moves.
+    /// The reference frame and the moving frame.
     frames: (FrameId, FrameId),
     task: Form<RelativeTask, RelativeAcceleration>,
     input: Input<PoseTarget>,
@@ -133,7 +133,7 @@ struct Relative {
     parameters: [Ramped; 3],
     /// The newest target with a usable orientation.
     target: Option<Isometry3<f64>>,
-    /// Targets that are no pose: an orientation that is no unit quaternion, a number that is not finite.
+    /// Number of invalid target poses: the orientation is not a unit quaternion, or a number is not finite.
     refused: u64,
     /// Weights as configured.
     weights: (f64, f64),

@@ -14,13 +14,13 @@ use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, RigidRotationAcceleration};
 use crate::tasks::{RigidRotationTask, Task};
 
-/// A rigid rotation task: a steered wheel turns until it rolls along the way on which its base carries it.
+/// A rigid rotation task: a steered wheel turns until it rolls in the direction in which its base moves it.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RigidRotationConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "rigid_rotation".
+    /// Name of the task, used as a prefix of its parameter names. Default "rigid_rotation".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
     /// Link of the wheel: the origin of its frame is the centre of the wheel.
     pub frame: String,
@@ -30,8 +30,9 @@ pub struct RigidRotationConfig {
     pub axis: [f64; 3],
     /// Normal of the ground, in the axes of the world. Default [0, 0, 1].
     pub normal: [f64; 3],
-    /// Name of the input port of the velocity of the base: `linear` x and y and `angular` z, in the axes of `base`. Without a target,
-    /// or with one older than `target_timeout`, the wheel is asked for nothing. Default "base_target".
+    /// Name of the input port of the velocity of the base: `linear` x and y and `angular` z, in the axes of
+    /// `base`. Without a target, or with a stale one (`target_timeout`), the task is inactive. Default
+    /// "base_target".
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,
@@ -112,7 +113,7 @@ impl TaskKind for RigidRotationConfig {
     }
 }
 
-/// A wheel that points along the way of its base.
+/// A wheel that points in the direction of motion of its base.
 struct RigidRotation {
     task: Form<RigidRotationTask, RigidRotationAcceleration>,
     input: Input<TwistTarget>,

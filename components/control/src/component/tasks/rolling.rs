@@ -13,9 +13,9 @@ use crate::tasks::RollingTask;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RollingConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "rolling".
+    /// Name of the task, used as a prefix of its parameter names. Default "rolling".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
     /// Link of the wheel: the origin of its frame is the centre of the wheel.
     pub frame: String,
@@ -27,8 +27,8 @@ pub struct RollingConfig {
     pub normal: [f64; 3],
     /// Cost of a velocity of the contact point, 1/(m/s), 0 to 1000. Default 1.
     pub weight: f64,
-    /// With `inverse_dynamics`: rate at which an error of the velocity of the contact point decays, 1/s, 0 to 1000; at most half the tick rate is used.
-    /// Default 20.
+    /// With `inverse_dynamics`: decay rate of velocity errors of the contact point, 1/s, 0 to 1000; limited
+    /// to half the tick rate. Default 20.
     pub rate: Option<f64>,
 }
 

@@ -10,18 +10,19 @@ use super::{Fades, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParamet
 use crate::inverse_dynamics::tasks::{AccelerationTask, UnicycleAcceleration};
 use crate::tasks::{Task, UnicycleSettings, UnicycleTask};
 
-/// A unicycle task: a frame moves forward and turns as it is told, and never sideways.
+/// A unicycle task: a frame moves forward and turns as commanded, and never sideways.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct UnicycleConfig {
-    /// Name of the task, with which the names of its parameters begin. Default "unicycle".
+    /// Name of the task, used as a prefix of its parameter names. Default "unicycle".
     pub name: String,
-    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    /// Priority level of the task, 1 to 8; lower numbers have strict priority. Default 1.
     pub level: u32,
     /// Link whose frame drives along its x and turns about its z.
     pub frame: String,
-    /// Name of the input port of its target, of which `linear` x and `angular` z count, in the axes of the frame. Without a target, or
-    /// with one older than `target_timeout`, it stands. Default "unicycle_target".
+    /// Name of the input port of the target, of which `linear` x and `angular` z are used, in the axes of the
+    /// frame. Without a target, or with a stale one (`target_timeout`), the frame stands still. Default
+    /// "unicycle_target".
     pub target: String,
     /// Cost of an error of the forward speed, 1/(m/s), 0 to 1000. Default 1.
     pub forward_weight: f64,
@@ -29,7 +30,7 @@ pub struct UnicycleConfig {
     pub sideways_weight: f64,
     /// Cost of an error of the yaw rate, 1/(rad/s), 0 to 1000. Default 1.
     pub yaw_weight: f64,
-    /// With `inverse_dynamics`: rate at which an error of the velocity decays, 1/s, 0 to 1000; at most half the tick rate is used.
+    /// With `inverse_dynamics`: decay rate of velocity errors, 1/s, 0 to 1000; limited to half the tick rate.
     /// Default 20.
     pub rate: Option<f64>,
 }
@@ -119,7 +120,7 @@ impl TaskKind for UnicycleConfig {
     }
 }
 
-/// A frame that drives as an input says.
+/// A frame driven by an input.
 struct Unicycle {
     task: Form<UnicycleTask, UnicycleAcceleration>,
     input: Input<TwistTarget>,

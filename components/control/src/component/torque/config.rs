@@ -13,8 +13,8 @@ use crate::inverse_dynamics::{
     WrenchCone,
 };
 
-/// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of the catalogue with
-/// feet the table may stay empty.
+/// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of
+/// the catalogue with feet the table may stay empty.
 ///
 /// ```toml
 /// contacts = [{ foot = "left" }, { foot = "right", friction = 0.5 }]
@@ -30,33 +30,36 @@ pub struct InverseDynamicsConfig {
     pub contacts: Option<Vec<ContactConfig>>,
     /// Cost of a contact force, 1/N, 0 to 1000: spreads the load over the contact points. Default 1e-3.
     pub force_weight: f64,
-    /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6. Default 20.
+    /// Deceleration with which a joint can always stop before its limits, rad/s2 or m/s2, 1e-3 to 1e6.
+    /// Default 20.
     pub braking: f64,
     /// Largest acceleration of a joint, rad/s2 or m/s2, at least `braking`. Default 1000.
     pub max_acceleration: f64,
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
     pub torque_fraction: f64,
-    /// Rate at which the room between a velocity and one of `limits.frames`, `limits.collision` and `limits.support` may be used up, 1/s,
-    /// 1e-3 to 1e6; at most the tick rate is used. Default 100.
+    /// Rate at which the room between a velocity and one of `limits.frames`, `limits.collision` and
+    /// `limits.support` may be used up, 1/s, 1e-3 to 1e6; at most the tick rate is used. Default 100.
     pub barrier_rate: f64,
-    /// Share of the damping of the joints, as the robot's file has it, that the torques overcome, 0 to 1. Default 0.
+    /// Fraction of the joint damping in the robot's file that the torques compensate, 0 to 1. Default 0.
     pub joint_damping: f64,
     /// Rate at which the velocity of a contact that slips decays, 1/s, 0 to 1000. Default 20.
     pub contact_damping: f64,
     /// Time in which a contact that is switched on or off is loaded or unloaded. Default 200 ms.
     pub contact_ramp: TimeSpan,
-    /// Share of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1. Default 0: torques alone; with
-    /// `unknowns = "accelerations"` 1: positions and velocities, with the torques as a feed-forward.
+    /// Share of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1.
+    /// Default 0: torques alone; with `unknowns = "accelerations"` 1: positions and velocities, with the
+    /// torques as a feed-forward.
     pub impedance: Option<f64>,
-    /// Time from the start for which the drives hold their positions by all of kp and kd besides the torques, while their actuator
-    /// comes out of its safe state; the gains then fall to `impedance` in half of that time. Default 600 ms.
+    /// Time from the start for which the drives hold their positions by all of kp and kd besides the torques,
+    /// while their actuator comes out of its safe state; the gains then fall to `impedance` in half of that
+    /// time. Default 600 ms.
     pub stiff_start: TimeSpan,
     /// Form of the friction of all contacts. Default "pyramid".
     pub friction_model: FrictionModel,
-    /// Largest number of iterations of all solvers in a step together, the bound of its time, 10 to 100000. A step that needs more has no
-    /// solution, and its joints are held. Default 500.
+    /// Largest number of iterations of all solvers in a step together, the bound of its time, 10 to 100000. A
+    /// step that needs more has no solution, and its joints are held. Default 500.
     pub max_iterations: u32,
-    /// Course of action where nothing satisfies all constraints. Default "relax".
+    /// Policy for infeasible constraints. Default "relax".
     pub on_infeasible: InfeasiblePolicy,
 }
 
@@ -83,15 +86,15 @@ impl Default for InverseDynamicsConfig {
     }
 }
 
-/// Course of action of a step whose constraints contradict each other.
+/// Policy for a step with contradictory constraints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InfeasiblePolicy {
-    /// Contacts at rest, limits of the joints and tasks that are constraints give way; by how much is in the result. Torque limits and
-    /// friction never do. Without `inverse_dynamics` the tasks alone give way.
+    /// Contacts at rest, joint limits and constraint tasks are relaxed; the result reports the violation.
+    /// Torque limits and friction are never relaxed. Without `inverse_dynamics` only the tasks are relaxed.
     Relax,
-    /// The joints are held where they are by their gains, with the torques that bear the weight of the robot there; without
-    /// `inverse_dynamics` the setpoint stands still.
+    /// The joints hold their positions by their gains, with the torques that carry the robot's weight.
+    /// Without `inverse_dynamics` the setpoint stands still.
     Hold,
     /// Nothing is commanded: the drives go to their safe state.
     SafeStop,
@@ -101,32 +104,33 @@ pub enum InfeasiblePolicy {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ContactConfig {
-    /// Foot of the robot's profile; its name is that of the contact. This or `frame`.
+    /// Foot of the robot's profile, whose name the contact gets. Either this or `frame`.
     pub foot: Option<String>,
-    /// Link whose frame touches the ground; its name is that of the contact. This or `foot`.
+    /// Link whose frame touches the ground, whose name the contact gets. Either this or `foot`.
     pub frame: Option<String>,
     /// Radius of a ball about the origin of `frame`, m. Without it and `sole`: a point.
     pub radius: Option<f64>,
     /// Sides of a sole along x and y of `frame`, centred on its origin, m.
     pub sole: Option<[f64; 2]>,
-    /// Coefficient of friction, 1e-3 to 10. Default: that of the foot, or 0.6.
+    /// Coefficient of friction, 1e-3 to 10. Default: the foot's value, or 0.6.
     pub friction: Option<f64>,
     /// Largest normal force at each point of the contact, N. Default: no limit.
     pub max_force: Option<f64>,
-    /// Distance that the centre of pressure of a sole keeps from its edges, m, less than half of its shorter side. Default 0.
+    /// Distance that the centre of pressure of a sole keeps from its edges, m, less than half of its shorter
+    /// side. Default 0.
     pub margin: Option<f64>,
-    /// Limits of the whole wrench of a sole. Default: none besides those of its points.
+    /// Limits of the total wrench of a sole. Default: only those of its points.
     pub wrench: Option<WrenchConfig>,
 }
 
-/// Limits of the whole wrench of a sole, besides those of the forces at its corners.
+/// Limits of the total wrench of a sole, in addition to the forces at its corners.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WrenchConfig {
-    /// Sides of the rectangle, centred at the origin of the frame, that the centre of pressure stays in, along x and y, m. Default: the
-    /// sole less `margin`.
+    /// Sides of the rectangle, centred at the origin of the frame, that the centre of pressure stays in,
+    /// along x and y, m. Default: the sole less `margin`.
     pub sides: Option<[f64; 2]>,
-    /// Coefficient of friction of force and yaw torque, 1e-3 to 10. Default: that of the contact.
+    /// Coefficient of friction of force and yaw torque, 1e-3 to 10. Default: the contact's value.
     pub friction: Option<f64>,
     /// Least normal force, N, at least 0. Default 0.
     pub min_force: Option<f64>,
@@ -206,7 +210,7 @@ impl InverseDynamicsConfig {
         self.impedance.unwrap_or(if self.unknowns == Unknowns::Accelerations { 1.0 } else { 0.0 })
     }
 
-    /// Refuses keys that the unknowns have no use for.
+    /// Rejects keys that have no effect for the unknowns.
     fn refuse_unused_keys(&self) -> Result<(), ConfigError> {
         let default = Self::default();
         let of_forces = [
@@ -226,7 +230,7 @@ impl InverseDynamicsConfig {
         if let Some((key, _)) = unused.iter().find(|(_, given)| *given) {
             return Err(no_use(words, format!("inverse_dynamics.{key}")));
         }
-        // accelerations may ask for no force at all
+        // accelerations may require no force at all
         let has_least = |config: &ContactConfig| {
             config.wrench.is_some_and(|wrench| wrench.min_force.is_some_and(|force| force != 0.0))
         };
@@ -237,7 +241,7 @@ impl InverseDynamicsConfig {
         }
     }
 
-    /// Refuses limits of the joints where forces alone are decided: no joint moves then.
+    /// Rejects joint limits if only forces are decided, since no joint moves then.
     pub(in crate::component) fn refuse_unused_limits(
         &self,
         limits: &LimitsConfig,

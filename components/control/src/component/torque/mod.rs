@@ -32,7 +32,7 @@ pub(super) struct TorqueController {
     measured: MeasuredState,
     joint_command: Output<JointCommand>,
     output: DiagnosticsOutput,
-    /// In the order of the configuration.
+    /// Tasks in the order of the configuration.
     tasks: Vec<Held>,
     fades: Fades,
     control: InverseDynamics,
@@ -56,12 +56,12 @@ pub(super) struct TorqueController {
     task_ramp: f64,
     kp_scale: Parameter<f64>,
     kd_scale: Parameter<f64>,
-    /// None where forces alone are decided.
+    /// `None` if only forces are decided.
     velocity_fraction: Option<Parameter<f64>>,
     joints: JointAccelerationLimits,
     clock: RunClock,
     last_ns: Option<u64>,
-    /// True while the last step had no solution.
+    /// `true` while the last step had no solution.
     failing: bool,
     /// The constraints that left the last step without a solution.
     conflict: Option<Conflicting>,
@@ -239,7 +239,7 @@ impl TorqueController {
     }
 
     fn publish(&mut self, solved: bool) -> Result<(), StepError> {
-        // held, the joints have nothing but their gains
+        // held joints are driven by their gains only
         let left = (self.stiff_start - self.began_for) / (0.5 * self.stiff_start).max(1e-9) + 1.0;
         let stiff = left.clamp(0.0, 1.0);
         let share = if solved { self.impedance + stiff * (1.0 - self.impedance) } else { 1.0 };

@@ -18,7 +18,7 @@ impl TorqueController {
             };
             self.diagnostics.failed(conflict);
             self.conflict = conflict;
-            // where the drives go by themselves, the next reference begins there
+            // the drives move on their own, so the next reference starts from there
             if !std::mem::replace(&mut self.failing, true) || self.policy == InfeasiblePolicy::SafeStop {
                 self.reference.reset(self.measured.joints().0);
             }
@@ -68,7 +68,7 @@ impl TorqueController {
         Ok(())
     }
 
-    /// Solves the stack of the tasks as they are weighed.
+    /// Solves the task stack with the current weights.
     fn solve_tasks(&mut self, dt: f64) -> Result<(), InverseDynamicsError> {
         let state = self.measured.motion();
         self.control.begin(&state, dt);

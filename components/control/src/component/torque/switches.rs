@@ -7,17 +7,17 @@ use nalgebra::Vector3;
 use crate::component::setup::ControllerSetup;
 use crate::inverse_dynamics::{Contact, InverseDynamics};
 
-/// Normal force at each point of a contact up to which it is loaded, as a multiple of the robot's weight.
+/// Limit of the normal force at each point of a fully loaded contact, as a multiple of the robot's weight.
 const LOADED: f64 = 2.0;
 
-/// Length of a normal below which it counts as none.
+/// Length below which a normal is treated as missing.
 const LEAST_NORMAL: f64 = 1e-6;
 
 /// Name of the input of the schedule.
 const INPUT: &str = "contact_schedule";
 
-/// The contacts of a controller of torques: each carries the share of its load that its parameter allows, ramped, times that of the
-/// schedule, which its planner ramps.
+/// Contacts of a torque controller. The load fraction of each is its ramped parameter times the fraction in
+/// the schedule, which the planner ramps.
 pub(super) struct ContactSwitches {
     switches: Vec<Switch>,
     /// None for a robot without feet.
@@ -27,15 +27,15 @@ pub(super) struct ContactSwitches {
     ramp: f64,
     /// Normal of the ground, of the last schedule.
     normal: Vector3<f64>,
-    /// Steps in which the schedule was too old or of other feet, so that all feet stood.
+    /// Number of steps with a stale or mismatched schedule, in which all feet stood.
     without_schedule: u64,
 }
 
-/// The share of its load that a contact may carry, which follows a parameter.
+/// Load fraction of a contact, which follows a parameter.
 struct Switch {
     parameter: Parameter<f64>,
     load: f64,
-    /// Share that the schedule allows; it goes back to 1 in a ramp where there is no fresh one.
+    /// Load fraction allowed by the schedule; it returns to 1 in a ramp without a fresh schedule.
     share: f64,
     /// Place of its foot in the schedule.
     foot: Option<usize>,
@@ -75,7 +75,8 @@ impl ContactSwitches {
         Ok(Self { switches, schedule, feet, ramp, normal: Vector3::z(), without_schedule: 0 })
     }
 
-    /// Loads and unloads the contacts for a step of `dt` seconds. A schedule older than `timeout_ns` does not count.
+    /// Loads and unloads the contacts for a step of `dt` seconds. A schedule older than `timeout_ns` does not
+    /// count.
     pub(super) fn apply(&mut self, control: &mut InverseDynamics, dt: f64, timeout_ns: u64) {
         let step = dt / self.ramp.max(dt);
         let wired = self.is_scheduled();
@@ -86,7 +87,7 @@ impl ContactSwitches {
             .filter(|schedule| schedule.age_ns() <= timeout_ns && schedule.count() == self.feet);
         self.without_schedule += u64::from(wired && fresh.is_none());
         let planned = fresh.as_ref().map(|schedule| schedule.load());
-        // without a fresh schedule the ground is what it was
+        // without a fresh schedule the ground stays unchanged
         if let Some(schedule) = &fresh {
             let normal = Vector3::from(schedule.ground_normal);
             self.normal = normal.try_normalize(LEAST_NORMAL).unwrap_or(Vector3::z());

@@ -4,7 +4,8 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Configuration of `control.wheels`. Every key has a default: for a robot of the catalogue the table may stay empty.
+/// Configuration of `control.wheels`. Every key has a default: for a robot of the catalogue the table may
+/// stay empty.
 ///
 /// ```toml
 /// speed = 0.15
@@ -14,30 +15,32 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WheelsConfig {
-    /// Largest speed of the rim of a wheel, m/s. Default: that of the joints' velocity limits, which hold as well.
+    /// Maximum rim speed of a wheel, m/s. Default: the joints' velocity limits, which always apply as well.
     pub speed: Option<f64>,
-    /// Largest acceleration of the rim of a wheel, m/s^2; of joints that are the pose of the base, m/s^2 and rad/s^2.
-    /// Acceleration limits of the profile hold as well. Default 1.
+    /// Largest acceleration of the rim of a wheel, m/s^2; of joints that are the pose of the base, m/s^2 and
+    /// rad/s^2. Acceleration limits of the profile hold as well. Default 1.
     pub acceleration: f64,
-    /// Proportional gain of the wheels, N m/rad: it holds against friction. Default: that of the profile, or 20/s times
-    /// `wheel_kd` where the profile has none.
+    /// Proportional gain of the wheels, N m/rad, which acts against friction. Default: the profile's gain, or
+    /// 20/s times `wheel_kd`.
     pub wheel_kp: Option<f64>,
-    /// Derivative gain of the wheels, N m s/rad. Default: that of the profile.
+    /// Derivative gain of the wheels, N m s/rad. Default: the profile's gain.
     pub wheel_kd: Option<f64>,
-    /// Largest angle by which the setpoint of a wheel may lead the measured angle, rad (m of a joint that slides).
-    /// Default 0.5.
+    /// Maximum lead of a wheel's setpoint over its measured angle, rad (m for a prismatic joint). Default
+    /// 0.5.
     pub max_lead: f64,
     /// Pose of the base in the world at the beginning, for the odometry. Default the origin.
     pub start: StartConfig,
-    /// Slip that the covariance of the odometry counts with: standard deviation in a way of 1 m, m. Default 0.003.
+    /// Wheel slip assumed in the covariance of the odometry: standard deviation after 1 m travelled, m.
+    /// Default 0.003.
     pub slip: f64,
-    /// Compensation of the weight of joints that are held, such as those of an arm, by a feed-forward effort. Default true.
+    /// Feed-forward effort that compensates the weight of held joints, such as an arm's. Default true.
     pub gravity_compensation: bool,
-    /// Acceleration of free fall in the world, m/s^2. Default: that of the graph's `[world]`, or [0, 0, -9.81].
+    /// Gravitational acceleration in the world, m/s^2. Default: the value in the graph's `[world]`, or [0, 0,
+    /// -9.81].
     pub gravity: [f64; 3],
-    /// Age from which a joint state is not acted upon: nothing is commanded then. Default 10 ms.
+    /// Maximum age of the joint state; beyond it nothing is commanded. Default 10 ms.
     pub state_timeout: TimeSpan,
-    /// Age from which a target counts as zero, so that the base brakes. Default 100 ms.
+    /// Age beyond which a target counts as zero, so that the base brakes. Default 100 ms.
     pub target_timeout: TimeSpan,
 }
 

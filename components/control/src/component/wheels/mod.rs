@@ -1,4 +1,4 @@
-//! `control.wheels`: a controller that moves a base on wheels at a target velocity, and says how far it went.
+//! `control.wheels`: a controller that drives a wheeled base at a target velocity and publishes odometry.
 
 mod config;
 mod setup;
@@ -12,11 +12,11 @@ use nalgebra::{Matrix3, Vector3};
 use crate::wheels::{BaseKind, Odometry as DeadReckoning, PlanarPose, PlanarTwist, WheelDrive};
 use setup::{BaseJoint, WheelSetup};
 
-/// A controller that turns a target velocity of a base into commands of its wheels and steering joints; see
-/// [`WheelDrive`]. Joints that are not the base's follow `arm_command`, or are held where they were found.
+/// A controller that converts a target velocity of a base to commands of its wheels and steering joints; see
+/// [`WheelDrive`]. The other joints follow `arm_command`, or hold their initial positions.
 ///
-/// From the measured angles of the wheels it publishes odometry, which goes on after a crash. Without a fresh joint state it
-/// commands nothing; without a fresh target the base brakes.
+/// It publishes odometry from the measured wheel angles, which continues after a crash. Without a fresh joint
+/// state it commands nothing; without a fresh target the base brakes.
 pub struct WheelController {
     joint_state: Input<JointState>,
     target: Input<TwistTarget>,
@@ -28,13 +28,13 @@ pub struct WheelController {
     drive: WheelDrive,
     wheels: Vec<BaseJoint>,
     steering: Vec<Option<BaseJoint>>,
-    /// Of every joint, whether it is the base's.
+    /// For every joint, `true` if it belongs to the base.
     of_base: Vec<bool>,
     gains: Gains,
     reckoning: DeadReckoning,
     config: WheelsConfig,
     start: PlanarPose,
-    /// Gravity on the joints, for an upright base; `None` if it is not compensated.
+    /// Gravity torques for an upright base; `None` without compensation.
     dynamics: Option<Dynamics>,
     configuration: Vec<f64>,
     gravity: Vec<f64>,
@@ -44,9 +44,9 @@ pub struct WheelController {
     v: Vec<f64>,
     setpoint: Vec<f64>,
     rate: Vec<f64>,
-    /// Angles of the wheels, and of what steers them, in the sense of the base.
+    /// Angles of the wheels and steering joints, with the sign convention of the base.
     angles: Vec<f64>,
-    /// The angles are those of the sample before.
+    /// `true` if the angles are those of the previous sample.
     reckons: bool,
     turned: Vec<f64>,
     steered: Vec<f64>,
@@ -201,7 +201,7 @@ impl WheelController {
         Ok(true)
     }
 
-    /// Adds up the way since the sample before, and returns the velocity of the base.
+    /// Integrates the distance travelled since the previous sample and returns the velocity of the base.
     fn reckon(&mut self) -> PlanarTwist {
         let measured = self.wheels.iter().zip(&mut self.angles).zip(&mut self.turned);
         for ((joint, angle), turned) in measured {
@@ -226,7 +226,7 @@ impl WheelController {
         PlanarTwist { x: cos * way.x + sin * way.y, y: cos * way.y - sin * way.x, yaw: way.yaw }
     }
 
-    /// Begins at rest, with all joints where they are.
+    /// Starts at rest, with all joints at their current positions.
     fn begin(&mut self) {
         for (steered, joint) in self.steered.iter_mut().zip(&self.steering) {
             *steered = joint.map_or(0.0, |joint| joint.sign * self.q[joint.index]);

@@ -9,16 +9,16 @@ use super::super::measured::load_robot;
 use super::config::WheelsConfig;
 use crate::wheels::{PlanarPose, Wheel, WheelBase, WheelDrive, WheelLimits};
 
-/// Proportional over derivative gain of wheels whose profile has none, 1/s.
+/// Ratio of proportional to derivative gain for wheels without a gain in the profile, 1/s.
 const KP_PER_KD: f64 = 20.0;
 
-/// A base, its drive, and where its joints are among those of the robot.
+/// A base, its drive, and the indices of its joints in the robot.
 #[derive(Debug)]
 pub(super) struct WheelSetup {
     pub(super) model: Model,
     pub(super) drive: WheelDrive,
     pub(super) wheels: Vec<BaseJoint>,
-    /// Of every wheel, the joint that steers it.
+    /// Steering joint of every wheel.
     pub(super) steering: Vec<Option<BaseJoint>>,
     pub(super) gains: Gains,
     pub(super) start: PlanarPose,
@@ -28,7 +28,7 @@ pub(super) struct WheelSetup {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BaseJoint {
     pub(super) index: usize,
-    /// -1 for an axis that points against that of the base.
+    /// -1 for an axis opposite to the base's convention.
     pub(super) sign: f64,
 }
 
@@ -92,7 +92,7 @@ fn check_numbers(config: &WheelsConfig) -> Result<(), ConfigError> {
 
 type Geometry = (WheelBase, Vec<BaseJoint>, Vec<Option<BaseJoint>>);
 
-/// The base as the model has it: wheels where their joints are, radii as the profile has them.
+/// Geometry of the base: wheel positions from the model, radii from the profile.
 fn geometry(model: &Model, facts: &MobileBase, robot: &str) -> Result<Geometry, ConfigError> {
     let refused = |message: String| ConfigError::key("robot", message);
     let joint = |name: &String| {
@@ -160,7 +160,7 @@ fn sense(model: &Model, body: usize, pose: &Isometry3<f64>, axis: Vector3<f64>) 
     if joint.dot(&axis) < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// The gains of the profile, those of the wheels as configured.
+/// Gains of the profile, with the configured gains of the wheels.
 fn gains(
     config: &WheelsConfig,
     model: &Model,

@@ -5,13 +5,13 @@ use motorium_robots::Model;
 use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 
-/// Accelerations are small:
+/// Minimises accelerations:
 ///
 /// ```text
 /// A = 1 on all accelerations,   b = 0,   W = weight diag(shares)       1/(rad/s2) or 1/(m/s2)
 /// ```
 ///
-/// (PyRoboLearn's task.) It stops nothing that moves; a posture task without `kp` does.
+/// (PyRoboLearn's task.) It does not stop a moving robot; use a posture task without `kp` for that.
 #[derive(Clone, Debug)]
 pub struct AccelerationMinimum {
     weight: f64,
@@ -37,10 +37,10 @@ impl AccelerationMinimum {
         self.weight = weight;
     }
 
-    /// Sets the factor of the weight of one acceleration; zero leaves it free.
+    /// Sets the weight factor of one acceleration; zero leaves it free.
     ///
     /// # Panics
-    /// If there is no such acceleration.
+    /// If the acceleration does not exist.
     pub fn set_share(&mut self, acceleration: usize, share: f64) {
         self.shares[acceleration] = share;
     }

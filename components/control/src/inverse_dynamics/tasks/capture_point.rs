@@ -9,8 +9,8 @@ use crate::inverse_dynamics::{InverseDynamics, MotionState};
 /// The least height of the centre of mass above the contacts that is reckoned with \[m\].
 const LOWEST: f64 = 0.05;
 
-/// The capture point `k` of the robot, at which it would have to step to come to rest, follows a point `k*` \[m, axes of the
-/// world\], both on the ground:
+/// Moves the capture point `k`, where the robot would have to step to come to rest, to a point `k*` \[m, axes
+/// of the world\], both on the ground:
 ///
 /// ```text
 /// h = height of the centre of mass above the active contacts (their mean)     m
@@ -21,11 +21,12 @@ const LOWEST: f64 = 0.05;
 /// W = weight                                                                  1/(m/s2)
 /// ```
 ///
-/// for a height that changes slowly (Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward humanoid push recovery*,
-/// 2006; Englsberger, Ott and Albu-Schäffer, *Three-dimensional bipedal walking control based on divergent component of motion*,
-/// 2015). The capture point decays to its target at the rate `gain`, and the centre of mass follows it at the rate `o`: nothing
-/// has to be chosen for its velocity. It takes a zero-moment point at `k + gain / o (k - k*)`, which has to lie in the support.
-/// Without an active contact nothing is asked for.
+/// for a height that changes slowly (Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward
+/// humanoid push recovery*, 2006; Englsberger, Ott and Albu-Schäffer, *Three-dimensional bipedal walking
+/// control based on divergent component of motion*, 2015). The capture point converges to its target at the
+/// rate `gain`, and the centre of mass follows it at the rate `o`, so no velocity has to be specified. This
+/// requires a zero-moment point at `k + gain / o (k - k*)` within the support. The task is inactive without
+/// an active contact.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::{Contact, InverseDynamics, MotionState, tasks::CapturePoint};

@@ -30,9 +30,10 @@ impl Default for CartesianWeights {
     }
 }
 
-/// A frame of the robot follows a target pose: its position, its orientation, or both.
+/// Moves a frame to a target pose: its position, its orientation, or both.
 ///
-/// All in the axes of the world, at the origin of the frame. With `R` the orientation of the frame, `R*` that of the target,
+/// All quantities are in world axes at the origin of the frame. With the orientations `R` of the frame and
+/// `R*` of the target,
 ///
 /// ```text
 /// e = (p* - p, log(R* R'))                        m, rad
@@ -41,11 +42,12 @@ impl Default for CartesianWeights {
 /// W = diag(p, p, p, o, o, o)
 /// ```
 ///
-/// (OpenSoT's and TSID's task). For the error near zero the closed loop is `e'' = -kd e' - kp e`. `kp e` is cut where it would
-/// correct the error faster than the largest speeds.
+/// (OpenSoT's and TSID's task). For the error near zero the closed loop is `e'' = -kd e' - kp e`. `kp e` is
+/// limited so that the error is corrected no faster than the maximum speeds.
 ///
-/// With [`shares`](CartesianWeights::shares) the error, without what is free, stands in their axes, which may turn with the angular
-/// velocity `u`. With the error `p` of the position in the axes of the world, its rate `p'`, and `S` and `R` of [`AxisShares`],
+/// With [`shares`](CartesianWeights::shares) the error of the controlled directions is expressed in their
+/// axes, which may rotate with the angular velocity `u`. With the error `p` of the position in the axes of
+/// the world, its rate `p'`, and `S` and `R` of [`AxisShares`],
 ///
 /// ```text
 /// A_p = S R'(J_v - [p]x J_w)                      the term of p for the axes of the frame alone
@@ -97,13 +99,13 @@ impl CartesianAcceleration {
         self
     }
 
-    /// Changes the spring and the damper from the next update on; they take the place of the feedback.
+    /// Replaces the feedback by this spring and damper from the next update.
     pub fn set_impedance(&mut self, impedance: CartesianImpedance) {
         self.impedance = Some(impedance);
     }
 
-    /// The acceleration towards the target of an error and its rate, in axes that `to_world` turns to those of the world, while the cost
-    /// holds the Jacobian of the frame.
+    /// Returns the acceleration towards the target for an error and its rate, in axes rotated to the world by
+    /// `to_world`. The cost contains the Jacobian of the frame.
     fn response(
         &mut self,
         dynamics: &InverseDynamics,
@@ -131,7 +133,8 @@ impl CartesianAcceleration {
         self.set_moving_target(target, Twist::zero(), Twist::zero());
     }
 
-    /// Sets the target pose, its velocity and its classical acceleration, of the origin of the target, in world axes.
+    /// Sets the target pose, its velocity and its classical acceleration, of the origin of the target, in
+    /// world axes.
     pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist, acceleration: Twist) {
         (self.target, self.velocity, self.acceleration) = (target, velocity, acceleration);
     }
@@ -158,7 +161,7 @@ impl CartesianAcceleration {
 }
 
 impl CartesianAcceleration {
-    /// Error, `A` and `b` of the directions that have a share, where the cost holds the Jacobian of the frame.
+    /// Computes error, `A` and `b` of the controlled directions. The cost contains the Jacobian of the frame.
     fn update_axes(
         &mut self,
         dynamics: &InverseDynamics,

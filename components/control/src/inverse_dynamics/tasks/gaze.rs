@@ -7,13 +7,14 @@ use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::least_turn;
 
-/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every direction is right.
+/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every
+/// direction is right.
 const NEAREST: f64 = 1e-2;
 
-/// An axis `d` of a frame points at a point `p*` \[m, world axes\]. How the frame is turned about the axis is left open.
+/// Points an axis `d` of a frame at a point `p*` \[m, world axes\]. Rotation about the axis is free.
 ///
-/// All in the axes of the frame. With `r` the way to the point, `u = r / |r|`, `P = 1 - u u'`, the velocity `w` of the point,
-/// and `v`, `o` the linear and the angular velocity of the frame,
+/// All quantities are in the axes of the frame. With the vector `r` to the point, `u = r / |r|`, `P = 1 - u
+/// u'`, the velocity `w` of the point, and `v`, `o` the linear and the angular velocity of the frame,
 ///
 /// ```text
 /// e = the rotation vector that turns d onto u     rad
@@ -23,7 +24,8 @@ const NEAREST: f64 = 1e-2;
 /// W = weight                                      1/(rad/s2)
 /// ```
 ///
-/// (the [gaze task](crate::tasks::GazeTask) of velocities, differentiated once more). The point moves at a constant velocity.
+/// (the [gaze task](crate::tasks::GazeTask) of velocities, differentiated again). The point moves at a
+/// constant velocity.
 #[derive(Clone, Debug)]
 pub struct GazeAcceleration {
     frame: FrameId,
@@ -39,8 +41,8 @@ pub struct GazeAcceleration {
 }
 
 impl GazeAcceleration {
-    /// A task for an axis of `frame`, given in the frame's own axes, with the world's origin as target and weight 1
-    /// \[1/(rad/s2)\].
+    /// Creates a task for an axis of `frame`, given in the frame's axes, with the world's origin as target
+    /// and weight 1 \[1/(rad/s2)\].
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, feedback: Feedback) -> Self {
         Self {
             frame,

@@ -1,4 +1,4 @@
-//! Springs and dampers in place of rates: the accelerations that a force gives the robot.
+//! Springs and dampers as an alternative to rates: accelerations caused by forces.
 
 use motorium_robots::{MassFactor, Model};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
@@ -6,12 +6,13 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use super::Feedback;
 use crate::inverse_dynamics::InverseDynamics;
 
-/// A spring and a damper that draw a frame to its target.
+/// A spring and a damper that pull a frame to its target.
 ///
-/// The task asks for the acceleration that the forces `f = K e + D e'` at the frame give the robot without its contacts,
-/// `J M^-1 J' f` in place of `kp e + kd e'`: that of the torques `J' f`. A push `p` on the frame of a robot with a fixed base therefore
-/// displaces it by `p / K`, whatever inertia the robot has there. Stiffness and damping are to suit that inertia: in a step of `dt`
-/// a damping beyond `2 / dt` times the inertia is unstable, which light wrists have little of.
+/// The task requests the acceleration caused by the forces `f = K e + D e'` at the frame without contacts: `J
+/// M^-1 J' f`, from the torques `J' f`, instead of `kp e + kd e'`. A push `p` on the frame of a fixed-base
+/// robot therefore displaces it by `p / K`, independently of its inertia. Choose stiffness and damping for
+/// that inertia: with a step of `dt`, a damping beyond `2 / dt` times the inertia is unstable. Light wrists
+/// have little inertia.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::tasks::{CartesianAcceleration, CartesianImpedance, Feedback};
@@ -46,7 +47,7 @@ impl CartesianImpedance {
     }
 }
 
-/// The accelerations that forces give a robot without its contacts.
+/// Accelerations caused by forces on a robot without contacts.
 #[derive(Clone, Debug)]
 pub(super) struct Mobility {
     factor: MassFactor,
@@ -58,7 +59,8 @@ impl Mobility {
         Self { factor: MassFactor::new(model), moving: DVector::zeros(model.nv()) }
     }
 
-    /// `J M^-1 J' f` of a wrench `f` at a frame with the Jacobian `J`; nothing for a robot without inertia somewhere.
+    /// `J M^-1 J' f` of a wrench `f` at a frame with the Jacobian `J`; nothing for a robot without inertia
+    /// somewhere.
     pub(super) fn of_frame(
         &mut self,
         dynamics: &InverseDynamics,
@@ -76,7 +78,8 @@ impl Mobility {
         (found.fixed_rows::<3>(0).into(), found.fixed_rows::<3>(3).into())
     }
 
-    /// The accelerations `M^-1 f` of all velocities for the efforts of the joints, which `efforts` writes after those of a base.
+    /// Returns the accelerations `M^-1 f` of all velocities for joint efforts, which `efforts` writes after
+    /// the entries of the base.
     pub(super) fn of_joints(&mut self, dynamics: &InverseDynamics, efforts: &DVector<f64>) -> &[f64] {
         let base = self.moving.len() - efforts.len();
         self.moving.rows_mut(0, base).fill(0.0);

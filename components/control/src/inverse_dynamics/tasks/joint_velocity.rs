@@ -1,4 +1,4 @@
-//! The joints take on the velocities that a task of velocities asks for, by their accelerations.
+//! Acceleration-level form of tasks that command joint velocities.
 
 use motorium_robots::Model;
 
@@ -7,9 +7,9 @@ use crate::RobotState;
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::{ManipulabilityTask, MinimumEffortTask, MinimumVelocityTask, Task};
 
-/// A task of velocities with `A = 1`: it asks each joint for a velocity.
+/// A velocity task with `A = 1`: it commands a velocity for each joint.
 pub trait JointVelocities: Task {
-    /// The velocities, and the weight of an error of each, as of the last update; a floating base comes first.
+    /// Velocities and weights of the last update; a floating base comes first.
     fn cost(&self) -> &Cost;
 }
 
@@ -31,7 +31,7 @@ impl JointVelocities for MinimumVelocityTask {
     }
 }
 
-/// The velocities of the joints follow those that a task of velocities asks for, `v*`:
+/// Makes the joint velocities follow the velocities `v*` of a velocity task:
 ///
 /// ```text
 /// A = S                                           the accelerations of the independent joints
@@ -39,8 +39,9 @@ impl JointVelocities for MinimumVelocityTask {
 /// W = weights of the task                         1/(rad/s2) or 1/(m/s2)
 /// ```
 ///
-/// It gives the tasks of [manipulability](ManipulabilityTask), of [minimum effort](MinimumEffortTask) and of [minimum
-/// velocity](MinimumVelocityTask), which is damping, a form for torques. A floating base is left to other tasks.
+/// It provides a torque formulation for the tasks of [manipulability](ManipulabilityTask), [minimum
+/// effort](MinimumEffortTask) and [minimum velocity](MinimumVelocityTask) (damping). A floating base is left
+/// to other tasks.
 ///
 /// ```
 /// use motorium_control::{inverse_dynamics::tasks::JointVelocityAcceleration, tasks::MinimumVelocityTask};
@@ -60,7 +61,8 @@ pub struct JointVelocityAcceleration<T> {
 }
 
 impl<T: JointVelocities> JointVelocityAcceleration<T> {
-    /// The form of `task`, which is for `model`, for accelerations; an error of a velocity decays at `rate` \[1/s\].
+    /// The form of `task`, which is for `model`, for accelerations; an error of a velocity decays at `rate`
+    /// \[1/s\].
     pub fn new(model: &Model, task: T, rate: f64) -> Self {
         let joints = model.joint_count();
         Self { task, rate, cost: Cost::identity(model.nv() - joints, joints) }

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 
-/// The momentum of the whole robot about its centre of mass follows a target, in world axes: `h = (linear, angular)`
-/// \[kg m/s, kg m2/s\].
+/// The momentum of the whole robot about its centre of mass follows a target, in world axes: `h = (linear,
+/// angular)` \[kg m/s, kg m2/s\].
 ///
 /// ```text
 /// A = A_G(q)                                      centroidal momentum matrix, 6 x nv, on the accelerations
@@ -15,9 +15,9 @@ use crate::inverse_dynamics::{InverseDynamics, MotionState};
 /// W = diag(l, l, l, g, g, g)                      cost of a force (1/N) and of a torque (1/Nm)
 /// ```
 ///
-/// so that the error of the momentum decays at the rate `gain`. Without a target the momentum comes to rest. An angular weight
-/// alone keeps the body from turning while the limbs move. Orin, Goswami and Lee, *Centroidal dynamics of a humanoid
-/// robot*, 2013.
+/// so that the error of the momentum decays at the rate `gain`. Without a target the momentum comes to rest.
+/// An angular weight alone keeps the body from turning while the limbs move. Orin, Goswami and Lee,
+/// *Centroidal dynamics of a humanoid robot*, 2013.
 #[derive(Clone, Debug)]
 pub struct MomentumRate {
     gain: f64,
@@ -33,7 +33,8 @@ pub struct MomentumRate {
 const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: Vector3::new(0.0, 0.0, 0.0) };
 
 impl MomentumRate {
-    /// A task for the angular momentum of `model`, which comes to rest at the rate `gain` \[1/s\], with weight 1 \[1/Nm\].
+    /// A task for the angular momentum of `model`, which comes to rest at the rate `gain` \[1/s\], with
+    /// weight 1 \[1/Nm\].
     pub fn angular(model: &Model, gain: f64) -> Self {
         Self {
             gain,

@@ -7,7 +7,7 @@ use super::impedance::Mobility;
 use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 
-/// Joint positions `q` approach a posture `q*` \[rad or m\], which may move:
+/// Moves joint positions `q` to a posture `q*` \[rad or m\], which may move:
 ///
 /// ```text
 /// A = S                                           the accelerations of the independent joints
@@ -15,9 +15,10 @@ use crate::inverse_dynamics::{InverseDynamics, MotionState};
 /// W = weight diag(shares)
 /// ```
 ///
-/// With an [impedance](Self::impedance) the joints are drawn by springs and dampers in place of rates, and accelerate as the efforts of
-/// these make a robot without its contacts: `M^-1 (K (q* - q) + D (q*' - q'))` in place of `kp (q* - q) + kd (q*' - q')`. A floating
-/// base is left alone; [`CartesianAcceleration`](super::CartesianAcceleration) of its frame leads it.
+/// With an [impedance](Self::impedance) the joints are pulled by springs and dampers instead of rates, and
+/// accelerate as their efforts would move a robot without contacts: `M^-1 (K (q* - q) + D (q*' - q'))`
+/// instead of `kp (q* - q) + kd (q*' - q')`. A floating base is not affected; use
+/// [`CartesianAcceleration`](super::CartesianAcceleration) of its frame.
 #[derive(Clone, Debug)]
 pub struct PostureAcceleration {
     feedback: Feedback,
@@ -64,8 +65,8 @@ impl PostureAcceleration {
         self
     }
 
-    /// The same task with springs and dampers in place of the feedback: a stiffness \[N m/rad or N/m\] and a damping
-    /// \[N m s/rad or N s/m\] for each independent joint.
+    /// The same task with springs and dampers in place of the feedback: a stiffness \[N m/rad or N/m\] and a
+    /// damping \[N m s/rad or N s/m\] for each independent joint.
     ///
     /// # Panics
     /// If one of them has not one entry per independent joint.
@@ -101,10 +102,10 @@ impl PostureAcceleration {
         self.acceleration.copy_from_slice(acceleration);
     }
 
-    /// Sets the factor of the weight of one joint; zero leaves it out.
+    /// Sets the weight factor of one joint; zero removes it.
     ///
     /// # Panics
-    /// If there is no such joint.
+    /// If the joint does not exist.
     pub fn set_share(&mut self, joint: usize, share: f64) {
         self.shares[joint] = share;
     }

@@ -6,9 +6,11 @@ use nalgebra::{Isometry3, Matrix6xX, Vector3};
 use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 
-/// A frame `b` reaches a pose `t` relative to a frame `a` of the same robot, such as one hand beside the other.
+/// Moves a frame `b` to a pose `t` relative to a frame `a` of the same robot, such as one hand relative to
+/// the other.
 ///
-/// All in the axes of `a`. With `d = p_b - p_a`, the velocities `v`, `w` of both frames and their accelerations `v'`, `w'`,
+/// All quantities are in the axes of `a`. With `d = p_b - p_a`, the velocities `v`, `w` of both frames and
+/// their accelerations `v'`, `w'`,
 ///
 /// ```text
 /// e = (p* - R_a' d, log(R* R_ab'))                                 m, rad
@@ -20,8 +22,8 @@ use crate::inverse_dynamics::{InverseDynamics, MotionState};
 /// s' = R_a' (v_b' - v_a' - w_a' x d - w_a x (w_a x d) - 2 w_a x (v_b - v_a - w_a x d), w_b' - w_a' - w_a x w_b)
 /// ```
 ///
-/// (the [relative task](crate::tasks::RelativeTask) of velocities at the level of accelerations). The motion of a floating base drops
-/// out.
+/// (the [relative task](crate::tasks::RelativeTask) of velocities at the level of accelerations). The motion
+/// of a floating base cancels.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::tasks::{Feedback, RelativeAcceleration};
@@ -49,8 +51,8 @@ pub struct RelativeAcceleration {
 }
 
 impl RelativeAcceleration {
-    /// A task for the frame `b` relative to `a`, with the frame `a` as target and the weights 1 \[1/(m/s2)\] and 0.5
-    /// \[1/(rad/s2)\].
+    /// A task for the frame `b` relative to `a`, with the frame `a` as target and the weights 1 \[1/(m/s2)\]
+    /// and 0.5 \[1/(rad/s2)\].
     pub fn new(model: &Model, a: FrameId, b: FrameId, feedback: Feedback) -> Self {
         Self {
             frames: (a, b),

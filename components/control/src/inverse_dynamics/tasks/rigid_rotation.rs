@@ -1,4 +1,4 @@
-//! A steered wheel points along the way of its base, by its acceleration.
+//! Steers a wheel into the direction of motion of its base, at acceleration level.
 
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Unit, Vector3};
@@ -7,10 +7,11 @@ use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::SteeredWheel;
 
-/// A steered wheel turns until it rolls along the velocity that its centre has where the base moves as one rigid body.
+/// Steers a wheel until it rolls along the velocity of its centre, given the rigid motion of the base.
 ///
-/// With the angle `e` of the [task of velocities](crate::tasks::RigidRotationTask), the normal `n` of the ground, the yaw rate `W` of
-/// the base, and the angular velocity `w` of the wheel and its angular acceleration `w'` without accelerations of the joints,
+/// With the angle `e` of the [velocity task](crate::tasks::RigidRotationTask), the normal `n` of the ground,
+/// the yaw rate `W` of the base, and the angular velocity `w` of the wheel and its angular acceleration `w'`
+/// without accelerations of the joints,
 ///
 /// ```text
 /// A = n' J_w                                      1 x nv, on the accelerations
@@ -18,7 +19,7 @@ use crate::tasks::SteeredWheel;
 /// W = weight                                      1/(rad/s2)
 /// ```
 ///
-/// A wheel that is to stand, or that lies flat, is asked for nothing.
+/// The task is inactive for a standing or flat wheel.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::tasks::{Feedback, RigidRotationAcceleration};
@@ -41,8 +42,8 @@ pub struct RigidRotationAcceleration {
 }
 
 impl RigidRotationAcceleration {
-    /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of that frame, on a base with
-    /// the frame `base` at rest on level ground; with weight 1.
+    /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of
+    /// that frame, on a base with the frame `base` at rest on level ground; with weight 1.
     pub fn new(
         model: &Model,
         wheel: FrameId,
@@ -71,7 +72,7 @@ impl RigidRotationAcceleration {
         self.steering.set_twist([x, y, yaw]);
     }
 
-    /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 for a wheel that is asked for nothing.
+    /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 while the task is inactive.
     pub fn error(&self) -> f64 {
         self.steering.error()
     }

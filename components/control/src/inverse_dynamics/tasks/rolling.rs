@@ -7,10 +7,12 @@ use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::RollingWheel;
 
-/// The point of a wheel that touches the ground comes to rest, and stays at rest: the wheel rolls, and does not slip or slide.
+/// Brings the contact point of a wheel to rest and keeps it at rest: the wheel rolls without slipping or
+/// sliding.
 ///
-/// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, the way `c` from its centre to the contact,
-/// the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` without accelerations of the joints,
+/// In world axes, with the axis `d` of the wheel, the normal `n` of the ground, the vector `c` from its
+/// centre to the contact, the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` without
+/// accelerations of the joints,
 ///
 /// ```text
 /// u  = (n - d d' n) / |n - d d' n|,   c = -radius u
@@ -21,8 +23,8 @@ use crate::tasks::RollingWheel;
 /// W  = weight                                     1/(m/s2)
 /// ```
 ///
-/// (the [rolling task](crate::tasks::RollingTask) of velocities: what slips comes to rest at `rate`). A wheel that lies flat has no
-/// contact point, and is asked for nothing.
+/// (the [rolling task](crate::tasks::RollingTask) of velocities: slip decays at `rate`). The task is inactive
+/// for a flat wheel, which has no contact point.
 ///
 /// ```
 /// use motorium_control::inverse_dynamics::tasks::RollingAcceleration;
@@ -44,8 +46,8 @@ pub struct RollingAcceleration {
 }
 
 impl RollingAcceleration {
-    /// A task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and its radius \[m\], on
-    /// level ground, with weight 1; what slips comes to rest at `rate` \[1/s\].
+    /// Creates a task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the
+    /// frame and its radius \[m\], on level ground, with weight 1; slip decays at `rate` \[1/s\].
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64, rate: f64) -> Self {
         let wheel = RollingWheel::new(model, frame, axis, radius);
         Self { wheel, rate, weight: 1.0, cost: Cost::dense(3, 0, model.nv()) }

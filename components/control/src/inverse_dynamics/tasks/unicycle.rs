@@ -7,9 +7,10 @@ use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::UnicycleSettings;
 
-/// A frame moves forward and turns as it is told, and never sideways.
+/// Moves a frame forward and turns it as commanded, and never sideways.
 ///
-/// In the axes of the frame, with its velocity `v`, `w` and its acceleration `v'`, `w'` without accelerations of the joints,
+/// In the axes of the frame, with its velocity `v`, `w` and its acceleration `v'`, `w'` without accelerations
+/// of the joints,
 ///
 /// ```text
 /// s = (v_x, v_y, w_z)                             m/s, m/s, rad/s
@@ -18,8 +19,8 @@ use crate::tasks::UnicycleSettings;
 /// W = diag(f, s, y)                               1/(m/s2), 1/(m/s2), 1/(rad/s2)
 /// ```
 ///
-/// (the [unicycle task](crate::tasks::UnicycleTask) of velocities: an error of the velocity decays at `rate`). There is no position
-/// to come back to: a way on which the frame drifted stays drifted.
+/// (the [unicycle task](crate::tasks::UnicycleTask) of velocities: an error of the velocity decays at
+/// `rate`). Position drift is not corrected.
 ///
 /// ```
 /// use motorium_control::{inverse_dynamics::tasks::UnicycleAcceleration, tasks::UnicycleSettings};
@@ -41,7 +42,8 @@ pub struct UnicycleAcceleration {
 }
 
 impl UnicycleAcceleration {
-    /// A task for `frame` of `model`, which is to stand, with default weights; an error of its velocity decays at `rate` \[1/s\].
+    /// Creates a task for `frame` of `model`, initially at rest, with default weights; velocity errors decay
+    /// at `rate` \[1/s\].
     pub fn new(model: &Model, frame: FrameId, rate: f64) -> Self {
         let (jacobian, cost) = (Matrix6xX::zeros(model.nv()), Cost::dense(3, 0, model.nv()));
         Self { frame, rate, settings: UnicycleSettings::default(), jacobian, cost }

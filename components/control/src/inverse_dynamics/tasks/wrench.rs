@@ -6,7 +6,8 @@ use nalgebra::Matrix3;
 use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 
-/// The force of one contact and its torque about the origin of the contact's frame follow a target, in world axes:
+/// Tracks a target for the force of one contact and its torque about the origin of the contact's frame, in
+/// world axes:
 ///
 /// ```text
 /// A = (   R        R    ... )                     R: axes of the contact, on the forces of its points, at the arms r_i
@@ -15,7 +16,7 @@ use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 /// W = diag(f, f, f, n, n, n)                      1/N, 1/Nm
 /// ```
 ///
-/// (PyRoboLearn's wrench task.) A contact that is a point or a ball has no torque about itself but that of its arm.
+/// (PyRoboLearn's wrench task.) A point or a ball has only the torque of its lever arm.
 #[derive(Clone, Debug)]
 pub struct ContactWrench {
     contact: usize,
@@ -56,8 +57,8 @@ impl ContactWrench {
         (self.force_weight, self.torque_weight) = (force, torque);
     }
 
-    /// Sets the target: force \[N\] as linear part, torque about the origin of the contact's frame \[Nm\] as angular part, world
-    /// axes.
+    /// Sets the target: force \[N\] as linear part, torque about the origin of the contact's frame \[Nm\] as
+    /// angular part, world axes.
     pub fn set_target(&mut self, wrench: Twist) {
         self.target = wrench;
     }

@@ -7,18 +7,19 @@ use super::rounds::POOR;
 use super::working_set::NO_RATE;
 use crate::solver::{Conflict, Problem, SolveError};
 
-/// Share of the sizes of their values by which constraints disagree that is more than rounding.
+/// Relative disagreement of constraints that exceeds rounding.
 const CONFLICT: f64 = 1e-9;
-/// Multiple of the numbers of the first minimum, and of one, within which a certificate rules every `x` out whose variables have no bounds.
+/// Multiple of the magnitude of the first minimum (at least one) within which a certificate must exclude
+/// every `x` for unbounded variables.
 const FAR: f64 = 1e6;
-/// Multiple of the same beyond which a minimum is not looked for where the constraint that leads there is nearly a combination of members:
-/// the square of the share that is left of it.
+/// Multiple of the same magnitude beyond which no minimum is sought if the constraint is nearly a combination
+/// of members: squared relative remainder.
 const OUT_OF_REACH: f64 = 1e4;
 const NEARLY: f64 = 1e-6;
 
 impl Run<'_> {
-    /// The conflict between a constraint, the last that was examined, and the members that it depends on. `sign` is that of the side which
-    /// is violated, 0 for an equality.
+    /// Conflict between the last examined constraint and the members on which it depends. `sign` is the
+    /// violated side, 0 for an equality.
     #[inline(always)]
     pub(super) fn infeasible<F: Arithmetic>(
         &mut self,
@@ -53,11 +54,13 @@ impl Run<'_> {
         }
     }
 
-    /// True if the numbers of the problem prove the contradiction, whatever the condition of its Hessian.
+    /// Returns `true` if the problem data prove the contradiction, independently of the condition of the
+    /// Hessian.
     ///
-    /// With the normal `a = N r + e` and shares `r` of the members whose signs press against the constraint, every `x` that satisfies the
-    /// members has `a x` beyond `r b + e x`: that is beyond the value by the gap between both, but for `|e x|`. Farkas' lemma, for
-    /// all `x` within their bounds, and without bounds not farther away than [`FAR`] times what is known of them.
+    /// With the normal `a = N r + e` and shares `r` of the members whose signs press against the constraint,
+    /// every `x` that satisfies the members has `a x` beyond `r b + e x`: that is beyond the value by the gap
+    /// between both, but for `|e x|`. Farkas' lemma, for all `x` within their bounds, and without bounds not
+    /// farther away than [`FAR`] times what is known of them.
     #[inline(always)]
     fn is_proven<F: Arithmetic>(&mut self, sign: f64, value: f64) -> bool {
         let problem = self.problem;
@@ -65,7 +68,7 @@ impl Run<'_> {
         let working = &mut self.work.working;
         let (mut implied, mut size) = (0.0, value.abs());
         for (member, r) in working.members.iter().zip(&mut working.projection) {
-            // one that presses the other way has no part in it but rounding
+            // a member of the opposite sign contributes rounding only
             if member.sign != 0.0 && (sign == 0.0 || sign * *r * member.sign > 0.0) {
                 *r = 0.0;
             }
@@ -82,10 +85,11 @@ impl Run<'_> {
         gap > CONFLICT * (1.0 + size) && gap > unexplained
     }
 
-    /// True if the constraint examined last is so nearly a combination of members that all of them hold together only far beyond the first
-    /// minimum. Members that contradict each other but for rounding would drive `x` and the multipliers there, where neither has a digit
-    /// left, and constraints would join and leave without end. It then counts as a combination of members: one of them makes way, or
-    /// the problem is infeasible, which a second attempt decides where the condition of the Hessian is poor.
+    /// True if the constraint examined last is so nearly a combination of members that all of them hold
+    /// together only far beyond the first minimum. Members that contradict each other but for rounding would
+    /// drive `x` and the multipliers there, where neither has a digit left, and constraints would join and
+    /// leave without end. It then counts as a combination of members: one of them makes way, or the problem
+    /// is infeasible, which a second attempt decides where the condition of the Hessian is poor.
     #[inline(always)]
     pub(super) fn is_out_of_reach<F: Arithmetic>(&mut self, excess: f64) -> bool {
         let work = &mut *self.work;

@@ -34,7 +34,7 @@ impl Run<'_> {
         self.problem.equality_value.len()
     }
 
-    /// The value at which a constraint is held at one of its sides.
+    /// Value at which a constraint is held on one of its sides.
     #[inline(always)]
     pub(super) fn value(&self, constraint: usize, sign: f64) -> f64 {
         let (m, p) = (self.equalities(), self.problem.row_lower.len());
@@ -50,7 +50,8 @@ impl Run<'_> {
         }
     }
 
-    /// True if the two sides of a row or a bound are one: its multiplier may have any sign, as that of an equality.
+    /// Returns `true` if both sides of a row or bound are equal; its multiplier may have either sign, as for
+    /// an equality.
     #[inline(always)]
     pub(super) fn is_fixed(&self, constraint: usize) -> bool {
         self.value(constraint, -1.0) == self.value(constraint, 1.0)
@@ -62,7 +63,7 @@ impl Run<'_> {
         self.problem.equality_matrix.row(equality).iter().all(|entry| *entry == 0.0)
     }
 
-    /// Writes the normal of a member that is to be adopted.
+    /// Writes the normal of a member to be adopted.
     #[inline(always)]
     pub(super) fn write_normal(&mut self, member: usize, constraint: usize) {
         let (m, p) = (self.equalities(), self.problem.row_lower.len());
@@ -83,7 +84,7 @@ impl Run<'_> {
         }
     }
 
-    /// Writes the normal of a constraint that is to be examined.
+    /// Writes the normal of a constraint to be examined.
     #[inline(always)]
     pub(super) fn take_normal(&mut self, constraint: usize) {
         let (m, p) = (self.equalities(), self.problem.row_lower.len());
@@ -105,7 +106,7 @@ impl Run<'_> {
         }
     }
 
-    /// The row or bound that `x` violates most, or the first one.
+    /// Returns the row or bound that `x` violates most, or the first violated one.
     #[inline(always)]
     pub(super) fn violated<F: Arithmetic>(&mut self, by_number: bool) -> Option<Violated> {
         let problem = self.problem;

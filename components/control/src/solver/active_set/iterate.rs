@@ -13,11 +13,12 @@ use crate::solver::{Accuracy, Problem, Solution, SolveError};
 const SINGULAR: f64 = 1e-12;
 /// Wrong signs of multipliers up to this share of the largest are rounding.
 const SIGN: f64 = 1e-13;
-/// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by turns.
+/// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by
+/// turns.
 const NOISE: f64 = 1e-9;
-/// Violation, as a share of one and of the value, that the minimum is refined for before it counts.
+/// Relative violation that triggers a refinement of the minimum before it counts.
 const UNSURE: f64 = 1e-6;
-/// Violation, as a share of one and of the value, that may be rounding where the multipliers say so.
+/// Relative violation that may be rounding if the multipliers agree.
 const TIE: f64 = 1e-8;
 
 /// One solve.
@@ -38,13 +39,13 @@ impl WithSimd for Run<'_> {
 }
 
 impl Run<'_> {
-    /// Solves the problem; one whose Hessian is singular by a sequence of problems in which the distance to the solution
-    /// before costs something.
+    /// Solves the problem. A problem with a singular Hessian is solved as a sequence of problems that
+    /// penalise the distance to the previous solution.
     #[inline(always)]
     fn solve<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         let (most, all) =
             (self.settings.max_iterations, self.work.is_member.len() + self.problem.gradient.len());
-        // without a limit of its own half of them is left for a second attempt
+        // without an explicit limit, half of the iterations are reserved for a second attempt
         (self.work.iterations, self.work.limit) = (0, most.unwrap_or(5 * all as u32 + 25));
         (self.work.is_certain, self.work.first_size, self.work.bounces) = (false, 0.0, 0);
         (self.work.tied, self.work.joined) = (false, None);
@@ -84,7 +85,7 @@ impl Run<'_> {
         }
     }
 
-    /// Factorises the Hessian with the shift; the variable at which it is singular.
+    /// Factorises the shifted Hessian; returns the variable at which it is singular.
     #[inline(always)]
     pub(super) fn factorize<F: Arithmetic>(&mut self) -> Option<usize> {
         let n = self.problem.gradient.len();
@@ -99,7 +100,7 @@ impl Run<'_> {
         Some(lower.factorize::<F>(n, SINGULAR)).filter(|rows| *rows < n)
     }
 
-    /// `g = L^-1 q`, and the working set of the solve before, or the equalities alone.
+    /// Computes `g = L^-1 q`, and starts with the previous working set, or with the equalities alone.
     #[inline(always)]
     fn start<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         let m = self.equalities();
@@ -117,7 +118,7 @@ impl Run<'_> {
         work.working.clear();
         work.is_member.fill(false);
         work.implied.clear();
-        // A row without an entry, such as that of a contact in the air, would end what is taken at once.
+        // A zero row, such as that of a contact in the air, would end the bulk adoption.
         for constraint in 0..self.work.is_member.len() {
             let held = if constraint < m { !self.is_empty(constraint) } else { self.is_fixed(constraint) };
             if held && self.work.working.len() < n {
@@ -141,7 +142,7 @@ impl Run<'_> {
         for member in &work.working.members {
             work.is_member[member.constraint] = true;
         }
-        // Equalities that are nearly, or fully, combinations of others.
+        // Equalities that are (nearly) combinations of others.
         for constraint in 0..m {
             let holds = self.work.is_member[constraint]
                 || self.is_empty(constraint) && self.problem.equality_value[constraint] == 0.0;
@@ -149,7 +150,7 @@ impl Run<'_> {
                 self.add_equality::<F>(constraint)?;
             }
         }
-        // The bulk adoption stops at the first dependent member: those behind it are adopted one by one.
+        // The bulk adoption stops at the first dependent member; later ones are adopted one by one.
         if taken < wanted {
             for i in 0..self.work.previous.len() {
                 if let Some(member) = self.kept(i)
@@ -167,11 +168,11 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// A member of the solve before, if it is no equality and has a value to be held at.
+    /// Returns a member of the previous solve if it is not an equality and has a value to hold.
     #[inline(always)]
     fn kept(&self, i: usize) -> Option<Member> {
         let before = self.work.previous[i];
-        // what was an equality is held at the side that it presses on
+        // a former equality is held on the side on which it pressed
         let sign = if before.sign == 0.0 { before.multiplier.signum() } else { before.sign };
         let value = self.value(before.constraint, sign);
         let has_room = self.work.working.len() < self.problem.gradient.len();
@@ -183,7 +184,7 @@ impl Run<'_> {
         })
     }
 
-    /// Adds an equality that may depend on the members: then it must agree with them, or members must go.
+    /// Adds an equality that may depend on the members: it must agree with them, or members must leave.
     #[inline(always)]
     fn add_equality<F: Arithmetic>(&mut self, constraint: usize) -> Result<(), SolveError> {
         loop {
@@ -198,7 +199,7 @@ impl Run<'_> {
                 work.is_member[constraint] = true;
                 return Ok(());
             }
-            // Inequalities that it depends on make way; they come back if they are violated.
+            // Inequalities on which it depends leave; they return if violated.
             let members = &work.working.members;
             let projection = &work.working.projection;
             let blocking = (0..members.len())
@@ -221,7 +222,7 @@ impl Run<'_> {
     fn iterate<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         let n = self.problem.gradient.len();
         let all = self.work.is_member.len() + n;
-        // From here on ties are broken by number: no working set comes again for ever.
+        // From here on ties are broken by index, so no working set recurs forever.
         let careful = self.work.iterations + 3 * all as u32;
         loop {
             let iterations = self.work.iterations;
@@ -231,7 +232,7 @@ impl Run<'_> {
                 return Err(SolveError::Numerical { iterations });
             }
             self.work.working.solve::<F>();
-            // Once ties are broken by number, nothing is decided on numbers that are not refined.
+            // When ties are broken by index, decisions use refined values only.
             if !by_number && self.drop_wrong::<F>(by_number) {
                 if at_limit {
                     return Err(SolveError::MaxIterations { iterations });
@@ -251,7 +252,8 @@ impl Run<'_> {
                 violated = self.violated::<F>(by_number);
             }
             self.work.size = largest(&self.work.x);
-            // A small violation may be the error of an x that is not refined: it would join, and leave again, for ever.
+            // A small violation may be an error of an unrefined x: the constraint would join and leave
+            // forever.
             if violated
                 .as_ref()
                 .is_none_or(|violated| violated.excess <= UNSURE * (1.0 + violated.value.abs()))
@@ -279,7 +281,8 @@ impl Run<'_> {
         }
     }
 
-    /// Moves the multipliers towards those of the minimum; lets the first member go whose multiplier would change its sign.
+    /// Moves the multipliers towards the minimum; removes the first member whose multiplier would change its
+    /// sign.
     #[inline(always)]
     fn drop_wrong<F: Arithmetic>(&mut self, by_number: bool) -> bool {
         let working = &mut self.work.working;
@@ -317,7 +320,8 @@ impl Run<'_> {
         for (member, solved) in working.members.iter_mut().zip(&working.solved) {
             member.multiplier += step * (solved - member.multiplier);
         }
-        // What joins and leaves at once, without a step, is violated by rounding alone: it counts as implied, as before.
+        // A constraint that joins and leaves without a step is violated by rounding only and counts as
+        // implied.
         if step == 0.0 && self.work.joined == Some(constraint) {
             working.remove::<F>(which);
             self.work.implied.push(constraint);
@@ -329,7 +333,7 @@ impl Run<'_> {
         true
     }
 
-    /// Adds a violated constraint. If it depends on members, one of them makes way.
+    /// Adds a violated constraint. If it depends on members, one of them leaves.
     #[inline(always)]
     fn add<F: Arithmetic>(&mut self, violated: &Violated) -> Result<(), SolveError> {
         self.take_normal(violated.constraint);
@@ -348,7 +352,7 @@ impl Run<'_> {
                 return Ok(());
             }
             let work = &mut *self.work;
-            // a = N r: what the members say of it decides, not the x computed from them.
+            // a = N r: the members decide, not the x computed from them.
             if !work.working.contradicts(violated.sign, violated.value) {
                 work.implied.push(violated.constraint);
                 work.is_member[violated.constraint] = true;
@@ -381,7 +385,7 @@ impl Run<'_> {
         }
     }
 
-    /// Lets a member go, and with it what was implied.
+    /// Removes a member, and with it the implied constraints.
     #[inline(always)]
     fn remove<F: Arithmetic>(&mut self, which: usize) {
         let work = &mut *self.work;

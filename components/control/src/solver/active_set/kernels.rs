@@ -1,7 +1,7 @@
 //! Inner loops of the dense linear algebra, over rows padded to whole vectors of four numbers.
 //!
-//! All of them are inlined into one function that is compiled for the widest instructions at hand ([`pulp::Arch`]).
-//! Closures are not, so nothing that takes long stands in one.
+//! All of them are inlined into one function compiled for the widest available instructions ([`pulp::Arch`]).
+//! Closures are not, so they contain no expensive code.
 
 /// Numbers in one vector: the leading dimensions are multiples of it.
 pub(super) const LANES: usize = 4;
@@ -18,7 +18,7 @@ pub(super) trait Arithmetic: Copy {
     fn multiply_add(a: f64, b: f64, c: f64) -> f64;
 }
 
-/// One rounding, by an instruction of the processor.
+/// One rounding, by a processor instruction.
 #[derive(Clone, Copy)]
 pub(super) struct Fused;
 
@@ -100,8 +100,8 @@ pub(super) fn add_scaled<F: Arithmetic>(factor: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// A lower triangular matrix by rows: what stands below the diagonal, the diagonal and its reciprocals. Beyond the diagonal
-/// the rows are zero, up to whole vectors.
+/// A lower triangular matrix by rows: entries below the diagonal, the diagonal and its reciprocals. Beyond
+/// the diagonal the rows are zero, padded to whole vectors.
 #[derive(Clone, Debug)]
 pub(super) struct Lower {
     pub(super) size: usize,
@@ -158,8 +158,9 @@ impl Lower {
         self.size = i + 1;
     }
 
-    /// Overwrites the matrix, whose rows and diagonal hold a symmetric matrix, by its Cholesky factor, four rows at a time.
-    /// Stops at a pivot that is not above `smallest` times its diagonal; returns the number of rows before it.
+    /// Overwrites the matrix, whose rows and diagonal hold a symmetric matrix, by its Cholesky factor, four
+    /// rows at a time. Stops at a pivot that is not above `smallest` times its diagonal; returns the number
+    /// of rows before it.
     #[inline(always)]
     pub(super) fn factorize<F: Arithmetic>(&mut self, size: usize, smallest: f64) -> usize {
         self.size = size;
@@ -221,8 +222,8 @@ impl Lower {
         }
     }
 
-    /// Solves `L x = b` in place, from row `first` on, where the rows before are solved. What stands in `b` beyond the size
-    /// must be finite.
+    /// Solves `L x = b` in place, from row `first` on, where the rows before are solved. What stands in `b`
+    /// beyond the size must be finite.
     #[inline(always)]
     pub(super) fn solve<F: Arithmetic>(&self, b: &mut [f64], first: usize) {
         for i in first..self.size {
@@ -264,8 +265,8 @@ impl Lower {
         self.size -= 1;
     }
 
-    /// Solves `L B = N` for many right-hand sides in place: row i of `b` holds component i of all of them, `width` padded
-    /// numbers apart.
+    /// Solves `L B = N` for many right-hand sides in place: row i of `b` holds component i of all of them,
+    /// `width` padded numbers apart.
     #[inline(always)]
     pub(super) fn solve_many<F: Arithmetic>(&self, b: &mut [f64], stride: usize, width: usize) {
         for i in 0..self.size {
@@ -321,7 +322,8 @@ fn block<F: Arithmetic, const V: usize>(
     }
 }
 
-/// Writes `B' B` into the rows and the diagonal of `gram`; `b` holds `rows` rows, `stride` apart, with `width` columns.
+/// Writes `B' B` into the rows and the diagonal of `gram`; `b` holds `rows` rows, `stride` apart, with
+/// `width` columns.
 #[inline(always)]
 pub(super) fn gram<F: Arithmetic>(b: &[f64], stride: usize, width: usize, gram: &mut Lower) {
     let mut first = 0;

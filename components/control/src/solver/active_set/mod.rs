@@ -1,10 +1,11 @@
-//! A dense dual active-set solver, behind [`QpSolver`]: what a control loop uses.
+//! A dense dual active-set [`QpSolver`], the default for control loops.
 //!
-//! It keeps a working set of constraints that are held as equalities, and multipliers of the right sign for them. While
-//! the minimum on the working set violates a constraint, that constraint joins; a member whose multiplier would change its
-//! sign on the way leaves. Every change raises the dual cost, so no working set comes again; should rounding undo that,
-//! ties are broken by the number of the constraint (Bland's rule) until the iterations are used up. A constraint that joins and leaves
-//! at once, and joins again, is violated as far as rounding can tell and has a multiplier that is rounding: it stays.
+//! The solver keeps a working set of constraints held as equalities, with multipliers of the right sign.
+//! While the minimum on the working set violates a constraint, that constraint joins; a member whose
+//! multiplier would change its sign leaves. Every change raises the dual cost, so no working set recurs. If
+//! rounding breaks this, ties are broken by constraint index (Bland's rule) until the iterations are used up.
+//! A constraint that repeatedly joins and leaves is violated within rounding, with a multiplier within
+//! rounding: it stays.
 //!
 //! With `P = L L'` and the normals `N` of the members, `B = L^-1 N`, the minimum on the working set is
 //!
@@ -12,19 +13,21 @@
 //! B'B mu = -(b + B'g),   g = L^-1 q,   L'x = -(g + B mu)
 //! ```
 //!
-//! The Cholesky factor of `B'B` is kept and changed by one row at a time; a row is computed by repeated projection, so that
-//! it is as exact as that of an orthogonal factorisation. A solve begins with the working set and the multipliers of the one
-//! before, all at once: along a smooth motion most solves change nothing. The result is refined with the residuals of the
-//! problem's own numbers. Rows and bounds whose two sides are one are equalities, and an equality without an entry counts for nothing: where
-//! a contact is lifted, its motion is free and its force is zero, and the rest of the working set stays.
+//! The Cholesky factor of `B'B` is updated one row at a time. A row is computed by repeated projection, as
+//! accurately as by an orthogonal factorisation. A solve starts with the previous working set and
+//! multipliers; along a smooth motion most solves change nothing. The result is refined with the residuals of
+//! the original problem. Rows and bounds whose two sides are one are equalities, and a zero equality is
+//! ignored. When a contact is lifted, its motion becomes free and its force zero, and the rest of the working
+//! set is kept.
 //!
-//! A Hessian that is singular, or so badly conditioned that no solution was found, is solved as a sequence of
-//! well-conditioned problems (proximal point method), whose certificates tell *infeasible* from *unbounded*.
+//! A problem with a singular Hessian, or one too badly conditioned for a solution, is solved as a sequence of
+//! well-conditioned problems (proximal point method), whose certificates distinguish *infeasible* from
+//! *unbounded*.
 //!
-//! Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*, 1983; Arnström,
-//! Bemporad and Axehill, *A dual active-set solver for embedded quadratic programming using recursive LDL' updates*, 2022;
-//! Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable algorithms for updating the Gram-Schmidt QR
-//! factorization*, 1976.
+//! Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*,
+//! 1983; Arnström, Bemporad and Axehill, *A dual active-set solver for embedded quadratic programming using
+//! recursive LDL' updates*, 2022; Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable
+//! algorithms for updating the Gram-Schmidt QR factorization*, 1976.
 
 mod certificate;
 mod constraints;
@@ -43,14 +46,14 @@ use working_set::{Member, WorkingSet};
 /// Settings of [`ActiveSetSolver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActiveSetSettings {
-    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. A row with a largest entry outside
-    /// 1/32 to 32 is scaled first, so that this entry is from 1 to 2. Default 1e-10.
+    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. A row with a
+    /// largest entry outside 1/32 to 32 is scaled first, so that this entry is from 1 to 2. Default 1e-10.
     pub feasibility: f64,
-    /// Largest number of iterations of one solve, the bound of its time: of changes of the working set, and of factorisations of the
-    /// problem and its working set after the first. All that a solve tries counts. Default: `None`, ten times the number of constraints
-    /// and variables, and 50.
+    /// Largest number of iterations of one solve, the bound of its time: of changes of the working set, and
+    /// of factorisations of the problem and its working set after the first. All that a solve tries counts.
+    /// Default: `None`, ten times the number of constraints and variables, and 50.
     pub max_iterations: Option<u32>,
-    /// Warm start: a solve begins with the working set of the one before. Default true.
+    /// Warm start: a solve starts with the previous working set. Default true.
     pub warm_start: bool,
 }
 
@@ -60,7 +63,7 @@ impl Default for ActiveSetSettings {
     }
 }
 
-/// A [`QpSolver`] that keeps its working set from solve to solve.
+/// A [`QpSolver`] that keeps its working set between solves.
 ///
 /// ```
 /// use motorium_control::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};
@@ -90,7 +93,7 @@ pub struct ActiveSetSolver {
     solution: Solution,
 }
 
-/// Everything that a solve works on but the problem.
+/// Working memory of a solve, without the problem.
 #[derive(Debug)]
 struct Work {
     /// The Cholesky factor of the Hessian.
@@ -113,32 +116,34 @@ struct Work {
     is_member: Vec<bool>,
     /// Constraints that the members imply.
     implied: Vec<usize>,
-    /// The constraint that joined last, if it is violated so little that it may be rounding.
+    /// Constraint that joined last, if its violation may be rounding.
     joined: Option<usize>,
-    /// The constraint that joined last, if no member left since; and the one that left last, if it had joined just before.
+    /// Constraint that joined last, if no member has left since; and the one that left last, if it had just
+    /// joined.
     newest: Option<usize>,
     bounced: Option<usize>,
     /// Largest number of the last minimum.
     size: f64,
-    /// True if the last refinement ended with a correction that no other one changes.
+    /// `true` if the last refinement converged.
     settled: bool,
-    /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within rounding.
+    /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within
+    /// rounding.
     tied: bool,
     /// The members of the solve before.
     previous: Vec<Member>,
     iterations: u32,
     /// Number of iterations at which this attempt ends.
     limit: u32,
-    /// Number of constraints that were violated, joined, and left at once without a step, so far.
+    /// Number of violated constraints that joined and left without a step, so far.
     bounces: u32,
-    /// One and the largest number of the first minimum of this solve; 0 before it.
+    /// One plus the magnitude of the first minimum of this solve; 0 before it.
     first_size: f64,
-    /// True if the numbers of the problem prove that it is infeasible.
+    /// `true` if the problem data prove infeasibility.
     is_certain: bool,
 }
 
 impl ActiveSetSolver {
-    /// Builds the solver for `structure`; everything that it needs is allocated here.
+    /// Builds a solver for `structure` and allocates all memory.
     pub fn new(structure: Structure, settings: ActiveSetSettings) -> Self {
         let n = structure.variables();
         let all = structure.equality_count() + structure.row_sides().len() + n;
@@ -183,17 +188,19 @@ impl ActiveSetSolver {
 }
 
 impl ActiveSetSolver {
-    /// The solution of the last [`solve`](QpSolver::solve) that had one.
+    /// Returns the last solution found by [`solve`](QpSolver::solve).
     pub fn solution(&self) -> &Solution {
         &self.solution
     }
 
-    /// Sets the largest number of iterations from the next solve on, see [`ActiveSetSettings::max_iterations`].
+    /// Sets the largest number of iterations from the next solve on, see
+    /// [`ActiveSetSettings::max_iterations`].
     pub fn set_max_iterations(&mut self, most: Option<u32>) {
         self.settings.max_iterations = most;
     }
 
-    /// The rows and bounds of the working set with their multipliers, as the last solve left them, with or without a solution.
+    /// The rows and bounds of the working set with their multipliers, as the last solve left them, with or
+    /// without a solution.
     pub fn working_set(&self) -> impl Iterator<Item = (Constraint, f64)> {
         let (m, p) = (self.problem.equality_value.len(), self.problem.row_lower.len());
         self.work.working.members.iter().filter(move |member| member.constraint >= m).map(move |member| {
@@ -203,8 +210,8 @@ impl ActiveSetSolver {
         })
     }
 
-    /// Makes the next solve begin with these rows and bounds and their multipliers, in place of those of the solve before. Which ones they
-    /// are changes the way to the solution and not the solution: those of a similar problem shorten it.
+    /// Warm-starts the next solve with these rows and bounds and their multipliers, instead of the previous
+    /// ones. They affect the number of iterations but not the solution; use those of a similar problem.
     ///
     /// ```
     /// use motorium_control::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};

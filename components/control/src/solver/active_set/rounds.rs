@@ -1,28 +1,29 @@
-//! Problems whose Hessian is singular, or nearly so, as a sequence of well-conditioned ones.
+//! Problems with a singular or nearly singular Hessian, as a sequence of well-conditioned ones.
 
 use super::iterate::Run;
 use super::kernels::{Arithmetic, largest};
 use crate::solver::{Accuracy, Problem, ROUNDING, SolveError};
 
-/// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not believed.
+/// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not
+/// believed.
 pub(super) const POOR: f64 = 1e-3;
-/// Number of constraints that joined and left at once up to which the arithmetic holds.
+/// Number of constraints that may join and leave immediately before the arithmetic counts as broken down.
 const BOUNCES: u32 = 8;
-/// First share of the largest diagonal entry that is added to a singular Hessian.
+/// Initial shift of a singular Hessian, relative to the largest diagonal entry.
 const FIRST_SHIFT: f64 = 1e-4;
 /// Solves with one shift, the factor of the next one, and solves in all.
 const ROUNDS_A_SHIFT: usize = 10;
 const LOWER_SHIFT: f64 = 0.1;
 const ROUNDS: usize = 60;
-/// Relative change of the solution from one round to the next at which the rounds end.
+/// Relative change of the solution between rounds at which the iteration ends.
 const CLOSE: f64 = 1e-10;
 /// Force of the proximal term, as a share of the numbers of the cost's slope, that is rounding.
 const NO_FORCE: f64 = 1e-12;
-/// The share up to which the last round is a solution of reduced accuracy.
+/// Maximum relative force at which the last round is a solution of reduced accuracy.
 const LITTLE_FORCE: f64 = 1e-10;
 /// Relative tolerance below which a rate of change along a direction counts as zero.
 const RECESSION: f64 = 1e-9;
-/// Violation, as a share of one and of the value, that only a breakdown of the arithmetic leaves.
+/// Relative violation that only a breakdown of the arithmetic leaves.
 const GROSS: f64 = 1e-6;
 
 /// Next action after a round of the proximal point method.
@@ -37,7 +38,7 @@ pub(super) enum Next {
 }
 
 impl Run<'_> {
-    /// Decides what follows on a round that is not the solution yet.
+    /// Decides how to continue after a round without a solution.
     #[inline(never)]
     pub(super) fn next_round(
         &mut self,
@@ -55,7 +56,8 @@ impl Run<'_> {
             }
             self.work.limit = self.settings.max_iterations.unwrap_or(2 * self.work.limit);
             self.work.iterations += 1;
-            // A poor condition may be the reason: the same problem, solved in well-conditioned steps, decides.
+            // A poor condition may be the reason: the same problem, solved in well-conditioned steps,
+            // decides.
             self.work.working.clear();
             self.shift();
             return Ok(Next::Solve { factorize: true });
@@ -65,7 +67,8 @@ impl Run<'_> {
         }
         self.work.centre[..n].copy_from_slice(&self.work.x[..n]);
         let (step, size) = (largest(&self.work.residual[..n]), largest(&self.work.centre[..n]));
-        // Where the cost is as good as flat, x may go on in small steps for ever: the conditions of the optimum decide, too.
+        // On a nearly flat cost, x may drift in small steps forever, so the optimality conditions decide as
+        // well.
         let force = self.work.shift * step;
         let slope = self.problem.gradient.amax() + self.largest_curvature() * size;
         if step <= CLOSE * (1.0 + size) || force <= NO_FORCE * slope {
@@ -88,8 +91,8 @@ impl Run<'_> {
         Ok(Next::Solve { factorize })
     }
 
-    /// True if constraints that are violated joined and left at once, again and again: the multiplier of one that is violated has the
-    /// right sign but for rounding. Where the condition of the Hessian is poor a second attempt in well-conditioned steps decides.
+    /// Returns `true` if violated constraints repeatedly joined and left immediately. For a badly conditioned
+    /// Hessian, a second attempt in well-conditioned steps decides.
     #[inline(always)]
     pub(super) fn has_broken_down(&self) -> bool {
         self.work.bounces > BOUNCES && self.work.shift == 0.0 && self.work.hessian.weakest() <= POOR
@@ -98,7 +101,8 @@ impl Run<'_> {
     /// Shifts a singular Hessian.
     ///
     /// # Errors
-    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it is no factor's square.
+    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it
+    /// is no factor's square.
     #[inline(never)]
     pub(super) fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
         let before = self.work.shift;
@@ -110,7 +114,7 @@ impl Run<'_> {
             }
         }
         self.shift();
-        // the same once more: no round would change it
+        // identical to the previous round: no round would change it
         if self.work.shift <= before { Err(SolveError::NotConvex { variable }) } else { Ok(()) }
     }
 
@@ -125,8 +129,8 @@ impl Run<'_> {
         self.work.shift = if largest > 0.0 { FIRST_SHIFT * largest } else { FIRST_SHIFT };
     }
 
-    /// Test for an unbounded cost along `residual`, the last step: the variable that moves most, if the cost falls along it
-    /// for ever and no constraint blocks it.
+    /// Tests for an unbounded cost along `residual`, the last step. Returns the variable that moves most if
+    /// the cost decreases forever and no constraint blocks it.
     pub(super) fn recession(&self) -> Option<usize> {
         let problem = self.problem;
         let n = problem.gradient.len();

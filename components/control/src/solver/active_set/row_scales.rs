@@ -1,19 +1,20 @@
-//! Scales of equalities and rows, so that tolerances mean the same for rows of any unit.
+//! Scaling of equalities and rows, so that tolerances have the same meaning for rows of any unit.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::working_set::WorkingSet;
 use crate::solver::{Problem, Solution};
 
-/// Largest entries of a row that need no scale. Within this band a problem is solved in its own numbers, bit for bit.
+/// Range of the largest entry of a row that needs no scaling. Within it a problem is solved in its original
+/// values, bit for bit.
 const BAND: std::ops::RangeInclusive<f64> = 0.03125..=32.0;
 
-/// A factor for each equality and each row, in this order: 1 within [`BAND`], else the power of two that brings the largest
-/// entry to a number from 1 to 2. Powers of two add no rounding.
+/// A factor for each equality and each row, in this order: 1 within [`BAND`], else the power of two that
+/// brings the largest entry to a number from 1 to 2. Powers of two add no rounding.
 #[derive(Debug)]
 pub(super) struct RowScales {
     scales: Vec<f64>,
-    /// Scales of the update before, whose multipliers the working set has.
+    /// Scales of the previous update, to which the multipliers of the working set refer.
     previous: Vec<f64>,
     any: bool,
 }
@@ -29,7 +30,8 @@ impl RowScales {
         self.scales.get(constraint).copied().unwrap_or(1.0)
     }
 
-    /// Chooses the scales of `problem` and applies them to it, and to the multipliers of the working set of the solve before.
+    /// Chooses the scales of `problem`, and applies them to it and to the multipliers of the previous working
+    /// set.
     pub(super) fn apply(&mut self, problem: &mut Problem, working: &mut WorkingSet) {
         let had_any = self.any;
         std::mem::swap(&mut self.scales, &mut self.previous);

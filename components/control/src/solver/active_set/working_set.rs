@@ -1,15 +1,15 @@
-//! The working set: the constraints held as equalities, and the factor of their Schur complement.
+//! The working set: constraints held as equalities, with the factor of their Schur complement.
 
 use super::kernels::{Arithmetic, Lower, add_scaled, dot, gram, padded};
 
-/// Share of its length below which what is left of a constraint beside the others counts as nothing.
+/// Relative length of the remainder below which a constraint counts as dependent.
 const DEPENDENT: f64 = 1e-10;
-/// Disagreement of a constraint with those that it depends on, as a share of their values, beyond which nothing satisfies
-/// them all.
+/// Relative disagreement of a constraint with those on which it depends beyond which they contradict each
+/// other.
 const CONFLICT: f64 = 1e-9;
 /// Share of a member in a combination of members that is rounding.
 pub(super) const NO_RATE: f64 = 1e-8;
-/// Share of its square below which the pivot of a constraint in the Gram matrix is computed anew.
+/// Relative squared pivot of the Gram matrix below which the pivot is recomputed.
 const WEAK: f64 = 1e-7;
 /// Share of its length below which the projection of a constraint is repeated.
 const REPEAT: f64 = 0.3;
@@ -21,7 +21,7 @@ pub(super) struct Member {
     pub(super) constraint: usize,
     /// 1 at the upper side, -1 at the lower, 0 for an equality: the sign that its multiplier must have.
     pub(super) sign: f64,
-    /// The value that the constraint is held at.
+    /// Value at which the constraint is held.
     pub(super) value: f64,
     /// Its multiplier.
     pub(super) multiplier: f64,
@@ -29,7 +29,8 @@ pub(super) struct Member {
     pub(super) stays: bool,
 }
 
-/// The members with their normals `N`, with `B = L^-1 N`, where `P = L L'`, and with the Cholesky factor of `B' B`.
+/// The members with their normals `N`, with `B = L^-1 N`, where `P = L L'`, and with the Cholesky factor of
+/// `B' B`.
 #[derive(Clone, Debug)]
 pub(super) struct WorkingSet {
     pub(super) members: Vec<Member>,
@@ -45,13 +46,13 @@ pub(super) struct WorkingSet {
     /// Right-hand side of the equations of the multipliers, and its forward substitution.
     right: Vec<f64>,
     forward: Vec<f64>,
-    /// The candidate: `a`, `L^-1 a`, its projection on the members and what is left of it.
+    /// The candidate: `a`, `L^-1 a`, its projection on the members and the remainder.
     pub(super) normal: Vec<f64>,
     candidate: Vec<f64>,
     pub(super) projection: Vec<f64>,
     below: Vec<f64>,
     pub(super) left: Vec<f64>,
-    /// Square of the length of what is left, and its share of that of the candidate.
+    /// Squared length of the remainder, absolute and relative to the candidate.
     pub(super) left_squared: f64,
     pub(super) left_share: f64,
 }
@@ -109,14 +110,14 @@ impl WorkingSet {
         self.factor.size = 0;
     }
 
-    /// Writes one entry of the normal of a member that [`adopt`](Self::adopt) is to take.
+    /// Writes one entry of the normal of a member for [`adopt`](Self::adopt).
     #[inline(always)]
     pub(super) fn set_normal(&mut self, variable: usize, member: usize, value: f64) {
         self.normals[variable * self.stride + member] = value;
     }
 
-    /// Takes members whose normals are written, all at once. Returns the number of leading members that are independent: those
-    /// after it are not taken.
+    /// Adopts the members with written normals. Returns the number of leading independent members; later ones
+    /// are not adopted.
     #[inline(always)]
     pub(super) fn adopt<F: Arithmetic>(&mut self, hessian: &Lower, g: &[f64]) -> usize {
         let (count, width) = (self.members.len(), self.width());
@@ -131,7 +132,7 @@ impl WorkingSet {
         gram::<F>(&self.scaled, self.stride, count, &mut self.factor);
         let taken = self.factor.factorize::<F>(count, WEAK);
         self.factor.size = taken;
-        // Columns that are not taken are cleared: what is beyond the members is zero.
+        // Columns that are not adopted are cleared: entries beyond the members must be zero.
         for matrix in [&mut self.scaled, &mut self.normals] {
             for row in matrix.chunks_exact_mut(self.stride.max(1)) {
                 row[taken..width].fill(0.0);
@@ -166,7 +167,7 @@ impl WorkingSet {
         self.factor.solve_transposed::<F>(&mut self.solved);
     }
 
-    /// Keeps the multipliers of the last [`solve`](Self::solve) as those of the members.
+    /// Stores the multipliers of the last [`solve`](Self::solve) in the members.
     #[inline(always)]
     pub(super) fn keep_multipliers(&mut self) {
         for (member, solved) in self.members.iter_mut().zip(&self.solved) {
@@ -201,7 +202,7 @@ impl WorkingSet {
         }
     }
 
-    /// Projects the constraint whose normal is in `normal` on the members. True if it is independent of them;
+    /// Projects the constraint in `normal` on the members. Returns `true` if it is independent;
     /// [`projection`](Self::projection) is its combination of the members.
     #[inline(always)]
     pub(super) fn examine<F: Arithmetic>(&mut self, hessian: &Lower) -> bool {
@@ -212,7 +213,7 @@ impl WorkingSet {
         self.left.copy_from_slice(&self.candidate);
         self.projection[..width].fill(0.0);
         self.below[..width].fill(0.0);
-        // Projected again where little is left: the first projection has lost as many digits.
+        // Projected again if little remains, since the first projection lost as many digits.
         for _ in 0..3 {
             let mut part = std::mem::take(&mut self.solved);
             Self::project::<F>(&self.scaled, self.stride, width, &self.left, &mut part);
@@ -235,7 +236,7 @@ impl WorkingSet {
         left > DEPENDENT * DEPENDENT * size && left > 0.0 && count < self.capacity
     }
 
-    /// An entry of `a - N r`, of what the shares in [`projection`](Self::projection) leave of the normal examined last.
+    /// Returns an entry of `a - N r`, the remainder of the last examined normal.
     #[inline(always)]
     pub(super) fn left_of_normal<F: Arithmetic>(&self, variable: usize) -> f64 {
         let width = self.width();
@@ -243,8 +244,8 @@ impl WorkingSet {
         self.normal[variable] - dot::<F>(row, &self.projection[..width])
     }
 
-    /// True if the members contradict the constraint examined last, their combination: they keep it beyond `value`, above it
-    /// (`sign` 1) or below it.
+    /// Returns `true` if the members contradict the last examined constraint, which is their combination:
+    /// they keep it above `value` (`sign` 1) or below it.
     #[inline(always)]
     pub(super) fn contradicts(&self, sign: f64, value: f64) -> bool {
         let (mut implied, mut size) = (0.0, value.abs());
@@ -255,7 +256,7 @@ impl WorkingSet {
         sign * (implied - value) > CONFLICT * (1.0 + size)
     }
 
-    /// Takes the constraint that was examined last, which is independent.
+    /// Adds the last examined constraint, which must be independent.
     #[inline(always)]
     pub(super) fn push<F: Arithmetic>(&mut self, member: Member, g: &[f64]) {
         let i = self.members.len();
@@ -290,8 +291,8 @@ impl WorkingSet {
         self.substitute::<F>(j);
     }
 
-    /// Residuals of stationarity and of the members at `x` and the multipliers of `solved`: subtracts `N multipliers` from `r`
-    /// and writes `value - N' x` into `gaps`.
+    /// Residuals of stationarity and of the members at `x` and the multipliers of `solved`: subtracts `N
+    /// multipliers` from `r` and writes `value - N' x` into `gaps`.
     #[inline(always)]
     pub(super) fn residuals<F: Arithmetic>(&self, x: &[f64], r: &mut [f64], gaps: &mut [f64]) {
         let width = self.width();
@@ -306,8 +307,8 @@ impl WorkingSet {
         }
     }
 
-    /// Corrects the multipliers and gives the scaled correction of the minimum, from the scaled residual `g1 = L^-1 r`, which
-    /// becomes it, and the gaps of the members.
+    /// Corrects the multipliers and gives the scaled correction of the minimum, from the scaled residual `g1
+    /// = L^-1 r`, which becomes it, and the gaps of the members.
     #[inline(always)]
     pub(super) fn correct<F: Arithmetic>(&mut self, g1: &mut [f64], gaps: &[f64]) {
         let width = self.width();

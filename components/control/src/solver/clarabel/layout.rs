@@ -1,9 +1,9 @@
 //! The place of each number of a [`Problem`] in Clarabel's form `A x + s = b`, `s` in a cone.
 //!
 //! Rows in order: equalities (zero cone), then one row per declared side (non-negative cone), sides of `G`
-//! before bounds, then three rows per friction cone (second-order cone): `mu n`, then the two tangents. A side that is
-//! infinite at this tick keeps its place as the row `0 x + s = 1`, which never matters, and so does a cone that is off as
-//! `0 x + s = (1, 0, 0)`: the pattern is the same at every tick.
+//! before bounds, then three rows per friction cone (second-order cone): `mu n`, then the two tangents. A
+//! side that is infinite at this tick keeps its place as the row `0 x + s = 1`, which never matters, and so
+//! does a cone that is off as `0 x + s = (1, 0, 0)`: the pattern is the same at every tick.
 
 use clarabel::{
     algebra::CscMatrix,
@@ -24,10 +24,10 @@ pub(super) struct Layout {
     inequalities: Vec<Constraint>,
     /// For each variable, the rows of its bounds, ascending.
     bounds_of: Vec<[Option<usize>; 2]>,
-    /// Number of inequalities that are sides of `G`; they come first.
+    /// Number of inequalities that are sides of `G`, which come first.
     row_sides: usize,
     cones: Vec<FrictionCone>,
-    /// For each variable, its row in a cone, and true for the normal.
+    /// For each variable, its row in a cone, and `true` for the normal.
     cone_row: Vec<Option<(usize, bool)>>,
 }
 
@@ -72,7 +72,7 @@ impl Layout {
         self.variables
     }
 
-    /// Number of rows of equalities and inequalities; those of the cones come after them.
+    /// Number of rows of equalities and inequalities, before those of the cones.
     pub(super) fn linear_count(&self) -> usize {
         self.equalities + self.inequalities.len()
     }
@@ -190,7 +190,7 @@ impl Layout {
         }
     }
 
-    /// Undoes the scaling and sorts the multipliers back to where they belong.
+    /// Undoes the scaling and maps the multipliers back to the problem.
     pub(super) fn read(&self, found: &DefaultSolution<f64>, scaling: &Scaling, solution: &mut Solution) {
         for (x, (found, d)) in solution.x.iter_mut().zip(found.x.iter().zip(&scaling.variable)) {
             *x = scaling.length * d * found;

@@ -4,8 +4,8 @@
 //! It needs about the same time whatever the active set, finds certificates of infeasibility, and cannot be
 //! warm-started. The solver object is built once; each update overwrites its numbers. Three things make that
 //! safe: its presolve and zero-dropping stay off, the sparsity pattern comes from the [`Structure`] alone
-//! (never from values, where an exact zero would shift every later entry), and scaling is done here afresh for
-//! each problem, because Clarabel's own is fixed by the first one.
+//! (never from values, where an exact zero would shift every later entry), and scaling is done here afresh
+//! for each problem, because Clarabel's own is fixed by the first one.
 
 mod layout;
 mod scaling;
@@ -27,14 +27,14 @@ pub struct ClarabelSettings {
     pub feasibility: f64,
     /// Largest number of iterations. Default 50.
     pub max_iterations: u32,
-    /// Iterative refinement of each linear solve, default true. It takes a third of the time of a small problem, for
-    /// residuals up to a thousand times smaller and safety where the Hessian is nearly singular.
+    /// Iterative refinement of each linear solve, default true. It takes a third of the time of a small
+    /// problem, for residuals up to a thousand times smaller and safety where the Hessian is nearly singular.
     pub refinement: bool,
 }
 
 impl Default for ClarabelSettings {
-    /// Tight enough that the error is far below what a joint can resolve; one or two iterations more than
-    /// Clarabel's own defaults.
+    /// Tight tolerances whose error is far below the resolution of a joint, at one or two iterations more
+    /// than Clarabel's defaults.
     fn default() -> Self {
         Self { gap: 1e-11, feasibility: 1e-9, max_iterations: 50, refinement: true }
     }
@@ -65,7 +65,7 @@ impl ClarabelSettings {
     }
 }
 
-/// Share of the way from the axis of a cone to its surface that is left to a point that counts as on it.
+/// Relative distance to the surface of a cone at which a point counts as being on it.
 const ON_CONE: f64 = 1e-4;
 
 /// Three variables of a problem that are a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
@@ -77,10 +77,10 @@ pub struct FrictionCone {
     pub normal: usize,
 }
 
-/// A [`QpSolver`] made of one Clarabel instance. Alone of the solvers it takes friction cones.
+/// A [`QpSolver`] based on Clarabel. The only solver with friction cones.
 ///
-/// An update overwrites its numbers in place. A solve makes one allocation, the table of Clarabel's stopwatch, which Clarabel 0.11 empties
-/// at the beginning of each solve and offers no setting to keep.
+/// An update overwrites the problem data in place. A solve makes one allocation: the timer table that
+/// Clarabel 0.11 recreates for each solve, without an option to keep it.
 ///
 /// ```
 /// use motorium_control::solver::{ClarabelSettings, ClarabelSolver, FrictionCone, Problem, QpSolver, Structure};
@@ -110,7 +110,7 @@ pub struct ClarabelSolver {
     gradient: Vec<f64>,
     constraints: Vec<f64>,
     limits: Vec<f64>,
-    /// Coefficient of each friction cone; `None` while it is off.
+    /// Coefficient of each friction cone; `None` if disabled.
     friction: Vec<Option<f64>>,
     solution: Solution,
     updated: bool,
@@ -122,15 +122,15 @@ impl ClarabelSolver {
         Self::with_cones(structure, Vec::new(), settings)
     }
 
-    /// As [`new`](Self::new), with friction cones, which are off until they get a coefficient.
+    /// Like [`new`](Self::new), with friction cones, which are disabled until they get a coefficient.
     ///
     /// # Panics
-    /// If a variable stands in two cones, or there is no such variable.
+    /// If a variable is in two cones or does not exist.
     pub fn with_cones(structure: Structure, cones: Vec<FrictionCone>, settings: ClarabelSettings) -> Self {
         let friction = vec![None; cones.len()];
         let layout = Layout::new(&structure, cones);
         let scaling = Scaling::new(&layout);
-        // numbers that make a valid problem; the first update replaces them all
+        // a valid placeholder problem; the first update replaces it
         let hessian = layout.hessian_pattern();
         let constraints = layout.constraint_pattern();
         let gradient = vec![0.0; structure.variables()];
@@ -157,7 +157,8 @@ impl ClarabelSolver {
         }
     }
 
-    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` turns the cone off.
+    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` turns the cone
+    /// off.
     ///
     /// # Panics
     /// If there is no such cone.
@@ -165,13 +166,13 @@ impl ClarabelSolver {
         self.friction[cone] = friction.map(|friction| friction.max(0.0));
     }
 
-    /// The solution of the last [`solve`](QpSolver::solve) that had one.
+    /// Returns the last solution found by [`solve`](QpSolver::solve).
     pub fn solution(&self) -> &Solution {
         &self.solution
     }
 
-    /// Calls `visit` with each inequality and cone that has a force on the last solution: whose multiplier is larger than what is left
-    /// to its surface, both scaled. An interior-point method leaves neither at zero.
+    /// Calls `visit` with each active inequality and cone: its multiplier exceeds the distance to its
+    /// surface, both scaled. An interior-point method leaves neither at zero.
     pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         let found = &self.solver.solution;
         let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());
@@ -191,7 +192,7 @@ impl ClarabelSolver {
         let mut taken = [usize::MAX; Conflict::CAPACITY];
         let mut strongest = 0.0;
         for slot in 0..taken.len() {
-            // of a cone the first row has the largest multiplier
+            // the first row of a cone has the largest multiplier
             let linear = self.layout.linear_count();
             let next = (0..certificate.len())
                 .filter(|row| *row < linear || (row - linear).is_multiple_of(3))
@@ -200,7 +201,7 @@ impl ClarabelSolver {
             let Some(row) = next else { break };
             let weight = certificate[row].abs();
             strongest = f64::max(strongest, weight);
-            // a multiplier below a hundredth is rounding, or that of a constraint that plays no part
+            // a multiplier below a hundredth is rounding or belongs to an irrelevant constraint
             if weight < 1e-2 * strongest {
                 break;
             }

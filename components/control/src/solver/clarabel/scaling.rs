@@ -1,8 +1,8 @@
 //! Scaling of a problem to numbers around one, for which Clarabel's absolute tolerances are meant.
 //!
 //! `x = length D x'` with `D` from the diagonal of `P` (Jacobi), `length` from the farthest limit, and each
-//! constraint row brought to unit size. Without it a tolerance of 1e-8 means nothing: the same control problem
-//! posed in radians per tick or in radians per second would stop at errors a hundred times apart.
+//! constraint row brought to unit size. Without it a tolerance of 1e-8 means nothing: the same control
+//! problem posed in radians per tick or in radians per second would stop at errors a hundred times apart.
 
 use super::{
     super::{Constraint, Problem},
@@ -14,11 +14,11 @@ use super::{
 pub(super) struct Scaling {
     /// `D`, one per variable.
     pub(super) variable: Vec<f64>,
-    /// One per row of the layout; zero for a side that is infinite at this tick, and for a cone that is off.
+    /// One factor per row of the layout; zero for an infinite side and a disabled cone.
     pub(super) constraint: Vec<f64>,
-    /// Coefficient of each friction cone; zero, as the factor of its rows, where it is off.
+    /// Coefficient of each friction cone; zero if disabled.
     pub(super) friction: Vec<f64>,
-    /// Factor of the cost; `D` already does its work wherever there is curvature.
+    /// Factor of the cost; `D` suffices wherever there is curvature.
     pub(super) cost: f64,
     /// Typical size of `D^-1 x`.
     pub(super) length: f64,
@@ -63,7 +63,7 @@ impl Scaling {
             };
             reach = reach.max((*e * limit).abs());
         }
-        // one factor for the three rows of a cone, which it leaves a cone
+        // one factor for the three rows of a cone, so that it stays a cone
         for (index, (cone, friction)) in layout.friction_cones().iter().zip(friction).enumerate() {
             let [one, other] = cone.tangents.map(|tangent| self.variable[tangent]);
             let first = layout.linear_count() + 3 * index;

@@ -1,6 +1,6 @@
-//! Recorded quadratic programs: what a user sends with a bad solve, and what solvers are compared on.
+//! Recorded quadratic programs, for bug reports and for the comparison of solvers.
 //!
-//! A file holds one problem, or a list of consecutive problems of the same size, as JSON objects:
+//! A file contains one problem, or a list of consecutive problems of the same size, as JSON objects:
 //!
 //! ```text
 //! { "P": [[...], ...], "q": [...],                      1/2 x'Px + q'x
@@ -9,11 +9,13 @@
 //!   "lb": [...], "ub": [...] }                          lb <= x <= ub
 //! ```
 //!
-//! Matrices are lists of rows; `P` is symmetric, or has its upper triangle alone. What is left out is empty, or unbounded; numbers of 1e20 and more stand for infinity.
+//! Matrices are lists of rows; `P` is symmetric, or given by its upper triangle. Missing entries are empty or
+//! unbounded; numbers of at least 1e20 mean infinity.
 //!
-//! A matrix all of whose numbers are of single precision was recorded in it. Its rounding is then no reason to refuse it: `P` may curve
-//! downwards, and differ from its transpose, by n times the spacing of single precision (1.2e-7) of its largest number, in double precision
-//! by 1e-9, and rows of `A` that depend on each other within it do so exactly.
+//! A matrix all of whose numbers are of single precision was recorded in it. Its rounding is then no reason
+//! to refuse it: `P` may curve downwards, and differ from its transpose, by n times the spacing of single
+//! precision (1.2e-7) of its largest number, in double precision by 1e-9, and rows of `A` that depend on each
+//! other within it do so exactly.
 
 mod precision;
 mod replay;
@@ -28,10 +30,10 @@ use super::{Problem, Sides, Structure};
 /// Error of reading recorded problems.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
-    /// It is no JSON of the expected form.
+    /// The file is not JSON of the expected form.
     #[error("expected one problem or a list of them, each with P and q: {0}")]
     Syntax(#[from] serde_json::Error),
-    /// A word that is no number of JSON.
+    /// A word is not a JSON number.
     #[error(
         "`{word}` at line {line} column {column}, expected a number: no solver can use what is not one, and 1e20 and more stand for infinity"
     )]
@@ -52,7 +54,7 @@ pub enum RecordedError {
         /// Number of the problem, from 0.
         problem: usize,
     },
-    /// A matrix that is not the same on both sides of its diagonal.
+    /// The matrix is not symmetric.
     #[error(
         "problem {problem}: `P` has {upper} in row {row}, column {column} and {lower} on the other side of the diagonal, expected a \
          symmetric matrix, or zeros below the diagonal; rows and columns count from 0"
@@ -69,7 +71,7 @@ pub enum RecordedError {
         /// The number on the other side.
         lower: f64,
     },
-    /// A matrix or vector has another size than the others ask for.
+    /// A matrix or vector has an inconsistent size.
     #[error("problem {problem}: `{key}` is {found}, expected {expected}")]
     Size {
         /// Number of the problem, from 0.
@@ -170,14 +172,14 @@ impl Numbers {
     }
 }
 
-/// The words that other writers put where JSON has no number.
+/// Words that other writers use where JSON has no number.
 const NO_NUMBERS: [&str; 6] = ["NaN", "nan", "Infinity", "-Infinity", "inf", "-inf"];
 
-/// The error for a word such as `NaN` at the place of a syntax error; `None` if another text stands there.
+/// Returns the error for a word such as `NaN` at the position of a syntax error; `None` for another text.
 fn no_number(text: &str, error: &serde_json::Error) -> Option<RecordedError> {
     let (line, column) = (error.line(), error.column());
     let before = text.lines().nth(line.checked_sub(1)?)?;
-    // the place of the error may be the first or the second character of the word
+    // the error position may be the first or second character of the word
     (column.saturating_sub(2)..=column.saturating_sub(1)).find_map(|start| {
         let rest = before.get(start..)?;
         let word = *NO_NUMBERS.iter().find(|word| rest.starts_with(**word))?;

@@ -1,10 +1,12 @@
-//! Problems recorded in single precision, and what its rounding hides: whether a cost is flat, whether equalities agree.
+//! Problems recorded in single precision, and the effects of its rounding on flat costs and dependent
+//! equalities.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::solver::{Problem, ROUNDING};
 
-/// True if each number is one of single precision: exactly, or as the shortest decimal number that is read back as it.
+/// Returns `true` if each number is a single-precision value, exactly or as its shortest decimal
+/// representation.
 pub(super) fn is_single(numbers: &[f64]) -> bool {
     numbers.iter().all(|number| {
         let single = *number as f32;
@@ -12,17 +14,19 @@ pub(super) fn is_single(numbers: &[f64]) -> bool {
     })
 }
 
-/// Share of the largest entry of a matrix that is rounding: of its recording, and of the sum of products that it is.
+/// Relative rounding error of a matrix: of its recording, and of the sum of products from which it was
+/// computed.
 pub(super) fn rounding(matrix: &DMatrix<f64>) -> f64 {
     let size = matrix.nrows().max(matrix.ncols()) as f64;
     if is_single(matrix.as_slice()) { size * f64::from(f32::EPSILON) } else { ROUNDING }
 }
 
-/// Takes the rounding of single precision out of matrices that would be refused, or misunderstood, for it alone.
+/// Removes single-precision rounding from matrices that would otherwise be rejected or misinterpreted.
 ///
-/// A Hessian that curves downwards within rounding becomes the nearest positive semidefinite one; along its flat directions a slope of
-/// the cost that is within rounding becomes zero. Equalities that depend on each other within rounding become exactly dependent, and
-/// their values agree if they did within rounding. Numbers in double precision stay as they are.
+/// A Hessian that curves downwards within rounding becomes the nearest positive semidefinite one; along its
+/// flat directions a slope of the cost that is within rounding becomes zero. Equalities that depend on each
+/// other within rounding become exactly dependent, and their values agree if they did within rounding.
+/// Numbers in double precision stay as they are.
 pub(super) fn clean(problem: &mut Problem) {
     let of_hessian = rounding(&problem.hessian);
     if of_hessian > ROUNDING {

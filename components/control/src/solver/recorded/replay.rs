@@ -1,4 +1,4 @@
-//! A replay of recorded problems through a solver: how well, in how many iterations, in what time.
+//! Replay of recorded problems through a solver: accuracy, iterations and time.
 
 use std::time::Instant;
 
@@ -73,8 +73,8 @@ pub struct Replay {
     pub solved: usize,
     /// Largest violation of a constraint by a solution, in its own unit.
     pub worst_violation: f64,
-    /// Largest difference of a number of a solution from the reference: Clarabel's solution, made exact on the constraints
-    /// that it presses on.
+    /// Largest difference of a solution's entry from the reference: Clarabel's solution, polished on its
+    /// active constraints.
     pub worst_distance: f64,
     /// Iterations of a solve.
     pub iterations: Record,
@@ -85,8 +85,8 @@ pub struct Replay {
     pub each: Option<Vec<Each>>,
 }
 
-/// Solves the problems in order, `rounds` times over; the first round is warm-up where there are more. Times are of all other
-/// rounds, accuracy of the last.
+/// Solves the problems in order, `rounds` times; with more than one round, the first is warm-up. Times cover
+/// the other rounds, accuracy the last.
 pub fn replay(
     structure: &Structure,
     problems: &[Problem],
@@ -112,7 +112,7 @@ pub fn replay(
                 continue;
             }
             each.push(match outcome {
-                // an interior-point method may end at a saddle point and not know it
+                // an interior-point method may end at a saddle point unnoticed
                 Ok(_) | Err((Status::Numerical | Status::MaxIterations | Status::Unbounded, _))
                     if !is_convex(problem) =>
                 {
@@ -163,11 +163,12 @@ fn status(error: &SolveError) -> Status {
     }
 }
 
-/// Shares of a multiplier from which on a side counts as pressed on, in units of the distance to it.
+/// Ratios of multiplier to distance above which a side counts as active.
 const PRESSED: [f64; 7] = [1.0, 1e-2, 1e2, 1e-4, 1e4, 1e-6, 1e6];
 
-/// The reference: an interior-point solution stops close to the optimum. On the sides that it presses on the optimality
-/// conditions are linear equations; of the sets of sides that it may press on, the one that fulfils all conditions best.
+/// Polishes the reference: an interior-point solution stops close to the optimum. For a given active set the
+/// optimality conditions are linear; of several candidates, the one that satisfies all conditions best is
+/// used.
 fn exact(reference: &mut ClarabelSolver, problem: &Problem) -> Option<DVector<f64>> {
     reference.update(problem).ok()?;
     let near = reference.solve().ok()?.clone();
@@ -209,7 +210,7 @@ fn pressed(problem: &Problem, near: &Solution, share: f64) -> Vec<(Constraint, f
     all
 }
 
-/// The solution of the optimality conditions with the sides held that `near` presses on.
+/// Solves the optimality conditions with the sides held that are active in `near`.
 fn on_pressed(problem: &Problem, near: &Solution, share: f64) -> Option<Solution> {
     let n = problem.gradient.len();
     let held = pressed(problem, near, share);

@@ -2,10 +2,11 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::super::axes::axes;
 use super::super::colliders::Owner;
 use super::super::detect::ContactPoint;
 use super::super::objects::FreeBody;
-use super::super::site::{Site, axes};
+use super::super::site::Site;
 use super::Impulses;
 
 /// Part of the key of the torques at a contact point, which is otherwise that of the point.

@@ -3,6 +3,7 @@
 mod articulations;
 mod assembly;
 mod couples;
+mod impact;
 mod sleeping;
 mod warm;
 
@@ -19,6 +20,7 @@ use super::objects::FreeBody;
 use super::site::{Mobility, ObjectRow, Side, Site};
 use super::sweeps::Room;
 use crate::robot::{Articulation, Robot};
+use impact::Impact;
 pub(crate) use warm::Known;
 
 /// Overlap decays at this rate \[1/s\].
@@ -53,6 +55,8 @@ const DENSE_FREE: usize = 12;
 /// step are the first guess. Surfaces that resist rolling or spinning add [torques](couples), each within a bound of its own
 /// that grows with `lambda_n`.
 ///
+/// Surfaces with restitution rebound by [Newton's law](impact), bounded by the energy.
+///
 /// Where a surface gives way as a spring and a damper, the target and the compliance are those of the force at the end of the step.
 ///
 /// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact points that
@@ -85,6 +89,7 @@ pub(crate) struct Impulses {
     sum: Vec<f64>,
     pub(super) lambda: Vec<f64>,
     room: Room,
+    impact: Impact,
     islands: Islands,
     /// Islands that are to be solved.
     pending: Vec<bool>,
@@ -134,12 +139,14 @@ impl Impulses {
             sum: vec![0.0; n],
             lambda: vec![0.0; 3 * most],
             room: Room::new(most, n, objects),
+            impact: Impact::default(),
             islands: Islands::new(articulations.len() + objects, most),
             pending: Vec::with_capacity(most),
             cone: ConeSolver::new(most.min(DENSE)),
             keys: Vec::with_capacity(most),
             last: Vec::with_capacity(most),
         };
+        impulses.impact.make_room(most);
         impulses.set_masses(robot);
         impulses
     }
@@ -154,6 +161,7 @@ impl Impulses {
         self.supported.resize(most, 0);
         self.lambda.resize(3 * most, 0.0);
         self.room = Room::new(most, n, self.bodies.capacity());
+        self.impact.make_room(most);
         self.islands.make_room(most);
         self.pending.reserve(most);
         self.keys.reserve(most);
@@ -267,7 +275,8 @@ impl Impulses {
                 site.soft = 1.0 / (h * gain);
                 -stiffness * point.distance / gain
             } else if point.distance + h * now < 0.0 && now * point.law.restitution < -0.01 {
-                -point.law.restitution * now
+                (site.restitution, site.bounce) = (point.law.restitution, -point.law.restitution * now);
+                site.bounce
             } else if point.distance > 0.0 {
                 -point.distance / h
             } else {
@@ -328,15 +337,23 @@ impl Impulses {
         let robot = places
             .clone()
             .any(|place| self.sites[self.islands.point(place)].articulations().next().is_some());
+        self.solve_points(places.clone(), robot);
+        if self.bounces(places.clone()) {
+            self.bound_rebound(places.clone(), robot);
+        }
+        self.move_articulations(places, articulations);
+    }
+
+    /// Solves an island, with a `robot` in it or without, for the targets of its points.
+    fn solve_points(&mut self, places: Range<usize>, robot: bool) {
         if places.len() <= if robot { DENSE } else { DENSE_FREE } {
-            self.solve_dense(places.clone());
+            self.solve_dense(places);
         } else {
             let rests = places.len() <= DENSE && self.rests(places.clone());
             if !self.solve_sparse(places.clone(), rests) && rests {
-                self.solve_dense(places.clone());
+                self.solve_dense(places);
             }
         }
-        self.move_articulations(places, articulations);
     }
 }
 

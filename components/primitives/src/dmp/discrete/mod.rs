@@ -1,4 +1,4 @@
-//! A discrete primitive while it runs.
+//! Execution of a discrete primitive.
 
 mod move_error;
 mod steering;
@@ -12,9 +12,10 @@ use super::quintic::{Jet, Quintic};
 use super::scaling::ForcingScale;
 use super::spring::Stride;
 
-/// A movement in progress: position, velocity and acceleration in every dimension, advanced by [`step`](Self::step).
+/// A movement in progress: position, velocity and acceleration in every dimension, advanced by
+/// [`step`](Self::step).
 ///
-/// All memory is taken by [`new`](Self::new); starting, steering and stepping never allocate.
+/// Only [`new`](Self::new) allocates; starting, steering and stepping never do.
 #[derive(Clone, Debug)]
 pub struct DiscreteDmp {
     model: DmpModel,
@@ -23,35 +24,36 @@ pub struct DiscreteDmp {
     progress: f64,
     end: f64,
     start: Vec<f64>,
-    /// The goal that was commanded, and where the goal filter has got to on the way there.
+    /// Commanded goal, and the state of the goal filter that follows it.
     goal: Vec<f64>,
     attractor: Vec<f64>,
-    /// With which the goal is passed, per duration; zero in the variants that end at rest.
+    /// Velocity at the goal, per duration; zero in the variants that end at rest.
     final_rate: Vec<f64>,
-    /// The minimum-jerk part; at rest at 0 in the variants that have none.
+    /// Minimum-jerk part; at rest at 0 in the variants without a quintic goal.
     quintics: Vec<Quintic>,
-    /// State of the spring in normalised time: position (of the deviation, with a quintic goal) and its rate.
+    /// State of the spring in normalised time: position (or deviation, with a quintic goal) and rate.
     spring: Vec<(f64, f64)>,
     /// Forcing term at the current progress, as a shift of the spring's equilibrium.
     forcing: Vec<f64>,
-    /// Addition of the coupling of the last step to the forcing term.
+    /// Contribution of the last step's coupling to the forcing term.
     pushed: Vec<f64>,
     features: Vec<f64>,
-    /// The phase at the current progress, and how fast it passes: 1 unless a coupling holds it back.
+    /// Phase at the current progress, and its rate: 1 unless a coupling slows it down.
     phase: f64,
     phase_rate: f64,
-    /// Of the last step, which is likely to be that of the next.
+    /// Width and stride of the last step, cached for steps of equal width.
     stride: (f64, Stride),
     position: Vec<f64>,
     velocity: Vec<f64>,
     acceleration: Vec<f64>,
 }
 
-/// With a quintic goal, the least part of a duration that is given to reach a goal set on the way.
+/// With a quintic goal, the minimum fraction of the duration allowed for reaching a goal set during the
+/// movement.
 pub const REPLANNING_TIME: f64 = 0.5;
 
 impl DiscreteDmp {
-    /// At rest at zero, until it is started.
+    /// Creates a primitive at rest at zero; it moves after [`start`](Self::start).
     pub fn new(model: DmpModel) -> Self {
         let dimensions = model.dimensions();
         let zeros = vec![0.0; dimensions];
@@ -84,7 +86,7 @@ impl DiscreteDmp {
         &self.model
     }
 
-    /// The weights (kernels x dimensions), to be written between movements.
+    /// Mutable weights (kernels x dimensions), to be changed between movements.
     pub fn weights_mut(&mut self) -> nalgebra::DMatrixViewMut<'_, f64> {
         self.model.weights_mut()
     }
@@ -92,7 +94,7 @@ impl DiscreteDmp {
     /// Starts from rest at `start` towards `goal`, to arrive after `duration` seconds.
     ///
     /// # Errors
-    /// Wrong lengths, numbers that are not finite, a duration that is no positive time.
+    /// A length is wrong, a number is not finite, or the duration is not positive.
     pub fn start(&mut self, start: &[f64], goal: &[f64], duration: f64) -> Result<(), MoveError> {
         self.check_duration(duration)?;
         self.check("start", start)?;
@@ -105,11 +107,11 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Starts at a velocity (per second), with the acceleration that the forcing term has at its start: a fit puts that at the
-    /// start of its demonstrations there.
+    /// Starts at a velocity (per second) with the initial acceleration of the forcing term. In a fitted model
+    /// this is the initial acceleration of the demonstrations.
     ///
     /// # Errors
-    /// As [`Self::start`].
+    /// Same as [`Self::start`].
     pub fn start_at_velocity(
         &mut self,
         [position, velocity]: [&[f64]; 2],
@@ -130,12 +132,13 @@ impl DiscreteDmp {
 
     /// Starts in motion, from `position`, `velocity` (per second) and `acceleration` (per second squared).
     ///
-    /// Only the variants with a quintic goal begin with that acceleration, and so go on from another movement without a jump in
-    /// it; the others begin with the one their spring has. To begin as a demonstration did,
-    /// [`start_at_velocity`](Self::start_at_velocity) needs no acceleration.
+    /// Only variants with a quintic goal start with the given acceleration and can therefore continue another
+    /// movement without a jump in acceleration. The others start with the acceleration of their spring. To
+    /// start like a demonstration, use [`start_at_velocity`](Self::start_at_velocity), which needs no
+    /// acceleration.
     ///
     /// # Errors
-    /// As [`Self::start`].
+    /// Same as [`Self::start`].
     pub fn start_moving(
         &mut self,
         [position, velocity, acceleration]: [&[f64]; 3],
@@ -155,12 +158,12 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Starts in motion to pass the goal after `duration` seconds with `final_velocity` (per second): a stroke.
-    /// Afterwards it goes on at that velocity. What the forcing term adds at its start comes on top of the acceleration. For
-    /// [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
+    /// Starts in motion and passes the goal after `duration` seconds with `final_velocity` (per second): a
+    /// stroke. Afterwards the primitive continues at that velocity. The initial acceleration of the forcing
+    /// term is added to `acceleration`. For [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
     ///
     /// # Errors
-    /// As [`Self::start`], and another variant.
+    /// Same as [`Self::start`], or the model has another variant.
     pub fn start_striking(
         &mut self,
         [position, velocity, acceleration]: [&[f64]; 3],
@@ -194,11 +197,11 @@ impl DiscreteDmp {
         self.advance(dt);
     }
 
-    /// Advances by `dt` seconds under the influence of what happens to the robot; see [`Coupling`]. The acceleration of
-    /// the coupling acts throughout the step. A `dt` of zero or less changes nothing.
+    /// Advances by `dt` seconds with feedback from the robot; see [`Coupling`]. The coupling acceleration is
+    /// constant throughout the step. A `dt` of zero or less changes nothing.
     ///
     /// # Errors
-    /// A coupling of another length or with numbers that are not finite; nothing has changed then.
+    /// The coupling has the wrong length or a number that is not finite. The primitive is unchanged then.
     pub fn step_coupled(&mut self, dt: f64, coupling: &Coupling<'_>) -> Result<(), MoveError> {
         let rate = coupling.phase_rate;
         if !rate.is_finite() {
@@ -226,7 +229,7 @@ impl DiscreteDmp {
         if self.stride.0 != h {
             self.stride = (h, self.model.spring().stride(h));
         }
-        // where the spring is drawn to at both ends of the step; `position` serves as scratch for the first
+        // equilibrium of the spring at both ends of the step; `position` is scratch space for the first
         for d in 0..self.spring.len() {
             self.position[d] = self.equilibrium(d);
         }
@@ -271,23 +274,23 @@ impl DiscreteDmp {
         self.duration
     }
 
-    /// Elapsed time over duration: 0 at the start, 1 at the nominal end; goes on growing.
+    /// Elapsed time over duration: 0 at the start, 1 at the nominal end, larger afterwards.
     pub fn progress(&self) -> f64 {
         self.progress
     }
 
-    /// The progress at which the movement ends: 1, or later if a goal was set too late for that.
+    /// Progress at which the movement ends: 1, or more if a goal was set too late for that.
     pub fn end(&self) -> f64 {
         self.end
     }
 
-    /// True after the duration of the movement.
+    /// Returns `true` after the duration of the movement.
     pub fn is_over(&self) -> bool {
         self.progress >= self.end
     }
 
-    /// Begins in the state that stands in `position`, `velocity` and `acceleration`; `whole` where the latter is that of the
-    /// movement, not of its polynomial.
+    /// Starts from the state in `position`, `velocity` and `acceleration`. If `whole`, the acceleration
+    /// belongs to the movement, otherwise to its polynomial.
     fn begin(&mut self, goal: &[f64], duration: f64, whole: bool) {
         self.duration = duration;
         self.progress = 0.0;

@@ -2,10 +2,10 @@
 
 use crate::dmp::Variant;
 
-/// An error of starting or steering a movement, which leaves it unchanged.
+/// An error of starting or steering a movement. The movement is left unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MoveError {
-    /// A vector of another length than the model has dimensions.
+    /// A vector's length differs from the number of dimensions.
     #[error("{name} has {found} entries, the primitive {expected} dimensions")]
     Dimensions {
         /// The vector.
@@ -23,13 +23,13 @@ pub enum MoveError {
         /// Value found.
         value: f64,
     },
-    /// A duration that is not a positive time.
+    /// The duration is not a positive time.
     #[error("a duration of {found} s, expected a positive time")]
     Duration {
         /// Value found, s.
         found: f64,
     },
-    /// A final velocity for a variant that ends at rest.
+    /// The variant ends at rest and accepts no final velocity.
     #[error(
         "a primitive of the variant {} ends at rest: one of the variant final_velocity takes a final velocity",
         .variant.name()
@@ -38,7 +38,7 @@ pub enum MoveError {
         /// The variant.
         variant: Variant,
     },
-    /// A model that was made with other settings.
-    #[error("the other model has other settings: only weights can be exchanged while it runs")]
+    /// The other model has different settings.
+    #[error("the other model has different settings: only weights can be exchanged at run time")]
     OtherSettings,
 }

@@ -1,15 +1,15 @@
-//! Another goal or another duration while a primitive runs.
+//! Changing goal, duration or weights of a running primitive.
 
 use super::{DiscreteDmp, MoveError, REPLANNING_TIME};
 use crate::dmp::model::DmpModel;
 use crate::dmp::quintic::{Jet, Quintic};
 
 impl DiscreteDmp {
-    /// Takes the weights of another model of the same settings and dimensions, without allocating. Between movements: one
-    /// that runs would change its forcing term at once.
+    /// Copies the weights of another model with equal settings and dimensions, without allocating. Call it
+    /// between movements: during a movement the forcing term would jump.
     ///
     /// # Errors
-    /// Other settings or another number of dimensions.
+    /// Settings or number of dimensions differ.
     pub fn exchange(&mut self, model: &DmpModel) -> Result<(), MoveError> {
         if model.settings() != self.model.settings() {
             return Err(MoveError::OtherSettings);
@@ -22,15 +22,15 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Sets another goal while it runs. Position and velocity stay continuous.
+    /// Changes the goal during a movement. Position and velocity stay continuous.
     ///
-    /// A variant with a quintic goal keeps the acceleration continuous too: it plans a new polynomial from where the old one
-    /// is to the end of the movement, or over [`REPLANNING_TIME`] of the duration if less is left; the end is put off
-    /// accordingly. The other variants change the acceleration by `K / T^2` times the change of the goal, unless
-    /// `goal_rate` lets the goal slide over.
+    /// A variant with a quintic goal keeps the acceleration continuous, too. It plans a new polynomial from
+    /// the current state to the end of the movement. If less than [`REPLANNING_TIME`] of the duration is
+    /// left, the polynomial lasts that long and the end is postponed. In the other variants the acceleration
+    /// jumps by `K / T^2` times the change of the goal, unless `goal_rate` filters the goal.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_goal(&mut self, goal: &[f64]) -> Result<(), MoveError> {
         self.check("goal", goal)?;
         if self.goal == goal {
@@ -52,10 +52,11 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Sets another duration while it runs: the rest of the movement is stretched, position and velocity stay continuous.
+    /// Changes the duration during a movement. The remaining movement is stretched; position and velocity
+    /// stay continuous.
     ///
     /// # Errors
-    /// A duration that is no positive time.
+    /// The duration is not positive.
     pub fn set_duration(&mut self, duration: f64) -> Result<(), MoveError> {
         self.check_duration(duration)?;
         let stretch = duration / self.duration;
@@ -76,8 +77,8 @@ impl DiscreteDmp {
         Ok(())
     }
 
-    /// Changes the coordinates under a running movement: the same motion now reads `jets`, the goal `goal` and the place
-    /// it started from `start`. The deviation from the minimum-jerk part is kept.
+    /// Changes the coordinates of a running movement: the same motion now has the state `jets`, the goal
+    /// `goal` and the start `start`. The deviation from the minimum-jerk part is kept.
     pub(in crate::dmp) fn rebase(&mut self, jets: &[Jet], start: &[f64], goal: &[f64]) {
         self.goal.copy_from_slice(goal);
         self.attractor.copy_from_slice(goal);

@@ -8,11 +8,11 @@ use crate::ValueError;
 use crate::dmp::settings::ModelError;
 use crate::dmp::spring::CriticalSpring;
 
-/// The settings of a rhythmic primitive; [`Default`] gives the values named on each field.
+/// Settings of a rhythmic primitive. [`Default`] returns the values documented on each field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RhythmicSettings {
-    /// Number of kernels round the circle for each dimension, at least 3. Default 30.
+    /// Number of kernels around the circle for each dimension, at least 3. Default 30.
     pub kernels: usize,
     /// Damping `D` of the transformation system; its stiffness is `K = D^2 / 4`, critically damped. Default 25.
     pub damping: f64,
@@ -26,7 +26,7 @@ impl Default for RhythmicSettings {
     }
 }
 
-/// A learned rhythmic primitive; constant while it runs.
+/// A learned rhythmic primitive, constant at run time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredRhythmicModel", into = "StoredRhythmicModel")]
 pub struct RhythmicModel {
@@ -36,7 +36,7 @@ pub struct RhythmicModel {
     pub(super) baseline: DVector<f64>,
 }
 
-/// A [`RhythmicModel`] as it is written to a file.
+/// File representation of a [`RhythmicModel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StoredRhythmicModel {
@@ -62,10 +62,10 @@ pub enum PeriodError {
         kernels: usize,
     },
     /// No dimension at all.
-    #[error("samples without a single dimension")]
+    #[error("the samples have no dimension, expected at least one")]
     NoDimension,
     /// Periods of different kinds.
-    #[error("period {index} has {found} dimensions, the first one {expected}")]
+    #[error("period {index} has {found} dimensions, expected {expected} as in the first")]
     Dimensions {
         /// Index, counted from 0.
         index: usize,
@@ -74,22 +74,22 @@ pub enum PeriodError {
         /// Those of the first.
         expected: usize,
     },
-    /// A sample that is not a number.
+    /// A sample is not finite.
     #[error("a sample is {value}: cut the recording or fill the gap")]
     NotFinite {
         /// Value found.
         value: f64,
     },
-    /// The settings make no model.
+    /// The settings are invalid.
     #[error(transparent)]
     Model(#[from] ModelError),
 }
 
 impl RhythmicModel {
-    /// From weights (kernels x dimensions) and the baseline of each dimension.
+    /// Creates a model from weights (kernels x dimensions) and the baseline of each dimension.
     ///
     /// # Errors
-    /// A setting out of range, sizes that do not fit, or numbers that are not finite.
+    /// A setting is out of range, sizes do not match, or a number is not finite.
     pub fn with_weights(
         settings: RhythmicSettings,
         weights: DMatrix<f64>,
@@ -123,11 +123,12 @@ impl RhythmicModel {
         Ok(Self { settings, weights, baseline })
     }
 
-    /// Fits a primitive to one period or several, by ridge regression with the penalty `lambda >= 0`.
+    /// Fits a primitive to one or more periods by ridge regression with the penalty `lambda >= 0`.
     ///
-    /// Each period is evenly spaced samples x dimensions from phase 0 on, without the sample at its end that is the
-    /// first of the next period. Derivatives are central differences round the circle. The baseline is the middle of
-    /// the range. The duration of the period does not matter: the weights are those of normalised time.
+    /// Each period is a matrix of evenly spaced samples x dimensions starting at phase 0, without the closing
+    /// sample, which belongs to the next period. Derivatives are central differences around the circle. The
+    /// baseline is the middle of the range. The weights refer to normalised time and do not depend on the
+    /// duration of the period.
     ///
     /// # Errors
     /// Too few samples, different dimensions, numbers that are not finite, or settings out of range.
@@ -163,11 +164,11 @@ impl RhythmicModel {
         Ok(model)
     }
 
-    /// As [`fit`](Self::fit), each kernel by itself: `w_i = sum psi_i f / sum psi_i` over the samples (Ijspeert et al.
-    /// 2013). Less close at the same number of kernels.
+    /// Like [`fit`](Self::fit), but fits each kernel separately: `w_i = sum psi_i f / sum psi_i` over the
+    /// samples (Ijspeert et al. 2013). Less accurate for the same number of kernels.
     ///
     /// # Errors
-    /// As there.
+    /// Same as [`fit`](Self::fit).
     pub fn fit_locally_weighted(
         settings: RhythmicSettings,
         periods: &[DMatrix<f64>],
@@ -220,7 +221,8 @@ impl RhythmicModel {
         Ok(Self::with_weights(settings, DMatrix::zeros(kernels, dimensions), baseline)?)
     }
 
-    /// The features at every sample (samples x kernels) and the forcing terms asked there (samples x dimensions).
+    /// Returns the features at every sample (samples x kernels) and the target forcing terms (samples x
+    /// dimensions).
     fn regression(&self, periods: &[DMatrix<f64>]) -> (DMatrix<f64>, DMatrix<f64>) {
         let spring = CriticalSpring::new(self.settings.damping);
         let samples: usize = periods.iter().map(DMatrix::nrows).sum();
@@ -273,7 +275,7 @@ impl RhythmicModel {
         let count = self.settings.kernels;
         let width = self.settings.width.unwrap_or(count as f64);
         let spacing = std::f64::consts::TAU / count as f64;
-        // round the circle from kernel to kernel with the addition theorem instead of a cosine each
+        // the addition theorem replaces one cosine per kernel
         let (mut sine, mut cosine) = phase.sin_cos();
         let (turn_sine, turn_cosine) = spacing.sin_cos();
         let nearest = (phase / spacing - (phase / spacing).round()) * spacing;

@@ -1,19 +1,19 @@
-//! A rhythmic primitive while it runs.
+//! Execution of a rhythmic primitive.
 
 use super::model::RhythmicModel;
 use crate::dmp::discrete::MoveError;
 use crate::dmp::kernels::dot;
 use crate::dmp::spring::CriticalSpring;
 
-/// A rhythm in progress (Ijspeert et al. 2013, section 2.1.2): with the period `P`, `tau = P / (2 pi)` and the phase
-/// `tau phi' = 1`,
+/// A rhythm in progress (Ijspeert et al. 2013, section 2.1.2): with the period `P`, `tau = P / (2 pi)` and
+/// the phase `tau phi' = 1`,
 ///
-/// `tau^2 y'' = K (g - y) - D tau y' + r f`, `f = sum(psi_i w_i) / sum(psi_i)`,
-/// `psi_i = exp(h (cos(phi - c_i) - 1))`, `c_i = 2 pi i / N`, `K = D^2 / 4`.
+/// `tau^2 y'' = K (g - y) - D tau y' + r f`, `f = sum(psi_i w_i) / sum(psi_i)`, `psi_i = exp(h (cos(phi -
+/// c_i) - 1))`, `c_i = 2 pi i / N`, `K = D^2 / 4`.
 ///
-/// `g` is the baseline, `r` the amplitude (1 is that of the demonstration). Period, amplitude and baseline may change at
-/// any time; position and velocity stay continuous. The spring is advanced exactly for an input that is linear within a
-/// step. Only [`new`](Self::new) allocates.
+/// `g` is the baseline, `r` the amplitude relative to the demonstration. Period, amplitude and baseline may
+/// change at any time; position and velocity stay continuous. The spring is advanced by its exact solution
+/// for an input that is linear within a step. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct RhythmicDmp {
     model: RhythmicModel,
@@ -24,7 +24,7 @@ pub struct RhythmicDmp {
     baseline: Vec<f64>,
     forcing: Vec<f64>,
     features: Vec<f64>,
-    /// Position and its derivative by the phase.
+    /// Position and its derivative with respect to phase.
     state: Vec<(f64, f64)>,
     position: Vec<f64>,
     velocity: Vec<f64>,
@@ -32,7 +32,7 @@ pub struct RhythmicDmp {
 }
 
 impl RhythmicDmp {
-    /// At rest at its baseline with a period of 1 s, at phase 0.
+    /// Creates a rhythm at rest at its baseline, with a period of 1 s, at phase 0.
     pub fn new(model: RhythmicModel) -> Self {
         let zeros = vec![0.0; model.dimensions()];
         let baseline = model.baseline.as_slice().to_vec();
@@ -60,10 +60,10 @@ impl RhythmicDmp {
         &self.model
     }
 
-    /// Starts at a phase (rad) from a position and a velocity (per second); from there it falls into its rhythm.
+    /// Starts at a phase (rad) from a position and a velocity (per second) and converges to the rhythm.
     ///
     /// # Errors
-    /// Wrong lengths, or numbers that are not finite.
+    /// A length is wrong, or a number is not finite.
     pub fn start(&mut self, phase: f64, position: &[f64], velocity: &[f64]) -> Result<(), MoveError> {
         finite("phase", &[phase], 1)?;
         finite("position", position, self.state.len())?;
@@ -82,7 +82,7 @@ impl RhythmicDmp {
     /// Sets the period, s.
     ///
     /// # Errors
-    /// A period that is no positive time.
+    /// The period is not positive.
     pub fn set_period(&mut self, period: f64) -> Result<(), MoveError> {
         if !(period.is_finite() && period > 0.0) {
             return Err(MoveError::Duration { found: period });
@@ -94,10 +94,10 @@ impl RhythmicDmp {
         Ok(())
     }
 
-    /// Sets the amplitude: 1 is that of the demonstration.
+    /// Sets the amplitude relative to the demonstration. Default 1.
     ///
     /// # Errors
-    /// A number that is not finite.
+    /// The number is not finite.
     pub fn set_amplitude(&mut self, amplitude: f64) -> Result<(), MoveError> {
         finite("amplitude", &[amplitude], 1)?;
         self.amplitude = amplitude;
@@ -106,10 +106,10 @@ impl RhythmicDmp {
         Ok(())
     }
 
-    /// Sets the value about which each dimension swings.
+    /// Sets the value around which each dimension oscillates.
     ///
     /// # Errors
-    /// Wrong length, or numbers that are not finite.
+    /// The length is wrong, or a number is not finite.
     pub fn set_baseline(&mut self, baseline: &[f64]) -> Result<(), MoveError> {
         finite("baseline", baseline, self.state.len())?;
         self.baseline.copy_from_slice(baseline);
@@ -122,7 +122,8 @@ impl RhythmicDmp {
         self.step_entrained(dt, 0.0);
     }
 
-    /// As [`step`](Self::step), the phase drawn along by `pull` (rad/s), such as `k sin(phi_measured - phi)`.
+    /// Like [`step`](Self::step), with the phase rate increased by `pull` (rad/s), such as `k
+    /// sin(phi_measured - phi)`.
     pub fn step_entrained(&mut self, dt: f64, pull: f64) {
         let h = dt * std::f64::consts::TAU / self.period;
         let advance = h + if pull.is_finite() { pull * dt } else { 0.0 };

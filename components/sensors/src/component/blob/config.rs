@@ -19,10 +19,10 @@ use crate::component::robot::Mount;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BlobConfig {
-    /// Place of the camera on the robot or in the `world`; it looks along x. Default: the root link.
+    /// Mount of the camera on the robot or in the `world`; the camera looks along x. Default: the root link.
     #[serde(default)]
     pub camera: Mount,
-    /// Colour of the thing: red, green and blue, 0 to 1. Its brightness does not count.
+    /// Colour of the object: red, green and blue, 0 to 1. Brightness is ignored.
     pub colour: [f64; 3],
     /// Largest angle between the levels of a pixel and the colour, both taken as vectors (rad). Default 0.15.
     #[serde(default = "tolerance")]
@@ -30,10 +30,11 @@ pub struct BlobConfig {
     /// Least level, 0 to 255, of the brightest channel of a pixel that counts. Default 30.
     #[serde(default = "least_level")]
     pub least_level: f64,
-    /// Least number of pixels that are a thing. Default 8.
+    /// Minimum number of pixels of an object. Default 8.
     #[serde(default = "least_pixels")]
     pub least_pixels: u32,
-    /// Radius of the thing, a sphere, from which its distance is found (m). Default: it lies at `distance`.
+    /// Radius of the object, assumed to be a sphere, from which its distance is computed (m). Default: the
+    /// object is at `distance`.
     #[serde(default)]
     pub radius: Option<f64>,
     /// Distance of a thing of unknown size (m). Default 1.
@@ -42,13 +43,13 @@ pub struct BlobConfig {
     /// Smoothing of position and velocity, from 0 (none) to below 1. Default 0.5.
     #[serde(default = "smoothing")]
     pub smoothing: f64,
-    /// Time without a sight of the thing after which nothing is published. Default 500 ms.
+    /// Time without a detection after which nothing is published. Default 500 ms.
     #[serde(default = "lost_after")]
     pub lost_after: TimeSpan,
     /// Time for which poses of the camera are kept: the greatest age of a picture. Default 200 ms.
     #[serde(default = "history")]
     pub history: TimeSpan,
-    /// Time from the first sight on after which errors count in the result. Default 1 s.
+    /// Time after the first detection before errors are scored. Default 1 s.
     #[serde(default = "settle")]
     pub settle: TimeSpan,
 }

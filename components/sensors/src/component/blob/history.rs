@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-/// The most poses that are kept.
+/// Maximum number of stored poses.
 const MOST: usize = 1 << 14;
 
 /// Poses of a camera with their times, a ring.
@@ -16,14 +16,15 @@ pub(super) struct PoseHistory {
 }
 
 impl PoseHistory {
-    /// Room for the poses of a time that are taken once a period.
+    /// Creates a history that covers `span`, with one pose per `period`.
     pub(super) fn new(span: Duration, period: Duration) -> Self {
         let count = span.as_nanos() / period.as_nanos().max(1) + 2;
         let room = usize::try_from(count).unwrap_or(MOST).min(MOST);
         Self { poses: vec![(0, Isometry3::identity()); room], newest: 0, count: 0 }
     }
 
-    /// Takes in the pose of a time \[ns\] after all others, or the newest one anew. With an earlier time it begins afresh.
+    /// Adds the pose at a time \[ns\] that is not before the newest one; an equal time replaces it. An
+    /// earlier time clears the history.
     pub(super) fn push(&mut self, time_ns: u64, pose: Isometry3<f64>) {
         let last = (self.count > 0).then(|| self.poses[self.newest].0);
         if last == Some(time_ns) {
@@ -38,7 +39,8 @@ impl PoseHistory {
         self.count = (self.count + 1).min(self.poses.len());
     }
 
-    /// The pose at a time, between those before and after it; after the newest one that. `None` if it lies before all.
+    /// Returns the pose at a time, interpolated between neighbours, or the newest one for later times. `None`
+    /// before the oldest.
     pub(super) fn at(&self, time_ns: u64) -> Option<Isometry3<f64>> {
         let room = self.poses.len();
         let mut after: Option<(u64, Isometry3<f64>)> = None;
@@ -65,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pose_between_two_lies_between_them_and_one_before_all_is_not_known() {
+    fn poses_are_interpolated_and_unknown_before_the_oldest() {
         let mut history = PoseHistory::new(Duration::from_millis(3), Duration::from_millis(1));
         assert!(history.at(5).is_none());
         for time in 1..20_u64 {

@@ -1,4 +1,4 @@
-//! `estimator.blob`: the place of a thing of one colour, from the pictures of a camera.
+//! `estimator.blob`: position of a coloured object in camera images.
 
 mod config;
 mod history;
@@ -15,13 +15,13 @@ use crate::pinhole::Pinhole;
 pub use config::BlobConfig;
 use history::PoseHistory;
 
-/// Pictures that may wait for the component.
+/// Capacity of the image queue.
 const PICTURES: usize = 2;
 
-/// A component that finds the thing in each picture and publishes where it is in the world, at its own rate.
+/// A component that finds the object in each image and publishes its position in the world at its own rate.
 ///
-/// A picture is old when it comes. So the pose of the camera is looked up at the time of the exposure, and the position is told
-/// as it is expected at the time of the step, with its velocity.
+/// Images arrive with a delay. The camera pose is therefore looked up at the time of exposure, and the
+/// published position is predicted to the time of the step from its velocity.
 pub struct BlobEstimator {
     motion: TrueMotion,
     history: PoseHistory,
@@ -35,14 +35,15 @@ pub struct BlobEstimator {
     counts: Counts,
 }
 
-/// Counts of what has been seen.
+/// Statistics of the detections.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     pictures: u64,
     seen: u64,
-    /// Pictures of a time of which the pose of the camera is not known.
+    /// Images whose exposure time precedes the known camera poses.
     unplaced: u64,
-    /// Distances from the optical axis, pixels: of the last picture, and since the thing has settled in the middle.
+    /// Distances from the optical axis, pixels: of the last picture, and since the thing has settled in the
+    /// middle.
     last: Option<f64>,
     sum: f64,
     worst: f64,
@@ -117,7 +118,7 @@ impl Component for BlobEstimator {
             };
             let distance = match config.radius {
                 Some(radius) if !blob.on_edge => blob.distance_of_sphere(radius),
-                // of a thing that is cut off, or of unknown size
+                // the object is cut off, or its size is unknown
                 _ => counts.distance.filter(|_| config.radius.is_some()).unwrap_or(config.distance),
             };
             counts.distance = Some(distance);
@@ -151,7 +152,7 @@ impl Component for BlobEstimator {
 }
 
 impl BlobEstimator {
-    /// Publishes where the thing is now, unless it was not seen for too long.
+    /// Publishes the current position of the object, unless it was last seen too long ago.
     fn publish(&mut self, now: u64) -> Result<(), StepError> {
         let seen =
             self.filter.last_ns().filter(|last| now.saturating_sub(*last) <= self.config.lost_after.ns);
@@ -168,7 +169,7 @@ impl BlobEstimator {
 }
 
 impl Counts {
-    /// Notes how far from the optical axis the thing is seen.
+    /// Scores the distance of the detection from the optical axis.
     fn score(&mut self, blob: &Blob, camera: &Pinhole, now: u64, settle_ns: u64) {
         let since = *self.since.get_or_insert(now);
         let Some([column, row]) = camera.project(&Vector3::from(*blob.direction)) else { return };

@@ -28,16 +28,17 @@ pub struct BaseEstimatorConfig {
     pub noise: FilterNoise,
     /// Standard deviations of the start.
     pub start_deviations: StartDeviations,
-    /// Pose of the base at the start. Default: that of the profile in the home pose.
+    /// Pose of the base at the start. Default: the profile's base pose in the home pose.
     pub start: Option<StartPose>,
-    /// Time at the start in which the robot stands still: tilt and bias of the gyroscope are the mean of the readings in it.
-    /// Default 100 ms.
+    /// Duration of the alignment at the start, during which the robot stands still. Tilt and gyroscope bias
+    /// are the mean of the readings in it. Default 100 ms.
     pub align: TimeSpan,
-    /// Time for which a foot must have been in contact before it counts: it may slip when it comes down. Default 10 ms.
+    /// Minimum duration of a contact before the foot is used, since it may slip at touchdown. Default 10 ms.
     pub contact_delay: TimeSpan,
     /// Feet with a radius roll on level ground. False: they are points. Default true.
     pub rolling: bool,
-    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    /// Gravitational acceleration (m/s^2). Default: the value in the graph's `[world]`, else standard
+    /// gravity.
     pub gravity: [f64; 3],
 }
 
@@ -109,7 +110,7 @@ impl BaseEstimatorConfig {
                 "noise.foot",
                 "feet without any error are a measurement without noise",
             )
-            .advise("give `noise.foot` or `encoder_noise` a deviation"));
+            .advise("give `noise.foot` or `encoder_noise` a standard deviation"));
         }
         if !self.gravity.iter().all(|number| number.is_finite()) || self.gravity == [0.0; 3] {
             return Err(ConfigError::key("gravity", "expected finite numbers that are not all zero"));

@@ -16,8 +16,8 @@ use crate::estimation::{ContactKinematics, FilterState, InvariantFilter};
 
 /// A component that estimates pose and velocity of a legged robot's base by an [`InvariantFilter`].
 ///
-/// It goes on by each reading of the inertial measurement unit, and corrects by the feet that are in contact, with the newest
-/// joint state and the newest contacts.
+/// Each IMU reading propagates the filter. Feet in contact correct it, using the latest joint state and
+/// contacts.
 pub struct BaseEstimator {
     imu: Input<ImuSample>,
     joints: Input<JointState>,
@@ -33,14 +33,14 @@ pub struct BaseEstimator {
     /// Position of the base at the start, and its angle about the vertical.
     start: (Vector3<f64>, f64),
     alignment: Alignment,
-    /// The sample that was used last, and the time it is for, ns.
+    /// Sequence of the last used sample, and its time, ns.
     last: ((u32, u32, u64), Option<u64>),
     last_joints: (u32, u32, u64),
     score: Score,
     counts: Counts,
 }
 
-/// The legs: where they have the feet.
+/// The legs and the frames of their feet.
 struct Legs {
     model: Model,
     kinematics: Kinematics,
@@ -52,9 +52,9 @@ struct Legs {
 
 struct Foot {
     frame: FrameId,
-    /// Of a ball or a wheel \[m\].
+    /// Radius of a spherical foot or wheel \[m\].
     radius: f64,
-    /// Time since which it is in contact, ns.
+    /// Start of the current contact, ns.
     since: Option<u64>,
 }
 
@@ -181,7 +181,7 @@ impl BaseEstimator {
         let Alignment { force, rate, count, .. } = self.alignment;
         let up = Unit::new_normalize(-Vector3::from(self.config.gravity));
         let level = so3::least_rotation(&Unit::new_normalize(force), &up);
-        // The angle about the vertical is that of the base, which the mount may turn away from that of the sensor.
+        // The yaw is the base's, from which the mount may rotate the sensor.
         let base = level * self.mount.rotation.inverse();
         let yaw = base.euler_angles().2;
         let (position, wanted) = self.start;
@@ -195,7 +195,7 @@ impl BaseEstimator {
         self.filter.start(&state, &self.config.start_deviations);
     }
 
-    /// Corrects by the feet, if the joints have been measured anew.
+    /// Corrects by the feet if there is a new joint state.
     fn correct(&mut self, time: u64, dt: f64, rate: &Vector3<f64>) -> Result<(), StepError> {
         let Some(joints) = self.joints.latest() else { return Ok(()) };
         if joints.count() < self.legs.model.joint_count() {
@@ -207,7 +207,7 @@ impl BaseEstimator {
         self.legs.place(joints.position(), joints.velocity(), &omega);
         let Some(contacts) = self.contacts.latest() else { return Ok(()) };
         if contacts.count() != self.legs.feet.len() {
-            return Err(StepError::failed("the contacts are those of another number of feet"));
+            return Err(StepError::failed("the contacts have another number of feet"));
         }
         let delay = self.config.contact_delay.ns;
         for index in 0..self.legs.feet.len() {
@@ -238,7 +238,7 @@ impl BaseEstimator {
         Ok(())
     }
 
-    /// Publishes the estimate of the base, which is that of the sensor moved along the mount.
+    /// Publishes the estimate of the base, computed from the sensor's estimate and the mount.
     fn publish(&mut self, source: u64, rate: &Vector3<f64>) -> Result<(), StepError> {
         let state = *self.filter.state();
         let rotation = state.rotation * self.mount.rotation.inverse();
@@ -274,8 +274,9 @@ impl BaseEstimator {
         Ok(())
     }
 
-    /// Covariance of the errors of the base, whose pose and velocity in the axes of the world are given. Invariant errors of
-    /// pose are the same for any point of a body; that of the velocity has the gyroscope's bias besides.
+    /// Returns the covariance of the errors of the base, given pose and velocity in world axes. The invariant
+    /// pose error is the same for every point of a body; the velocity error also depends on the gyroscope
+    /// bias.
     fn covariance(
         &self,
         rotation: &UnitQuaternion<f64>,
@@ -349,8 +350,8 @@ impl Legs {
         self.kinematics.update_with_velocity(&self.model, &self.q, &self.v);
     }
 
-    /// Velocity at which the centre of a round foot rolls over level ground, axes of the base \[m/s\]; `up` is the vertical
-    /// there.
+    /// Velocity of the centre of a round foot that rolls on level ground, in base axes \[m/s\]; `up` is the
+    /// vertical in these axes.
     fn roll(&self, foot: usize, up: &Vector3<f64>) -> Vector3<f64> {
         let Foot { frame, radius, .. } = self.feet[foot];
         self.kinematics.velocity(&self.model, frame).angular.cross(up) * radius
@@ -379,7 +380,7 @@ fn sensor_on_base(config: &BaseEstimatorConfig, robot: &Loaded) -> Result<Isomet
     let frame = &robot.model.frames()[frame.index()];
     if frame.body.is_some() || frame.in_world {
         let message = format!("link `{}` is not fixed to the base", frame.name);
-        return Err(ConfigError::key("mount.frame", message).advise("the sensor stands on the root link"));
+        return Err(ConfigError::key("mount.frame", message).advise("the sensor is on the root link"));
     }
     Ok(frame.placement * config.mount.pose()?)
 }
@@ -391,7 +392,7 @@ fn start(config: &BaseEstimatorConfig, robot: &Loaded) -> Result<(Vector3<f64>, 
     }
     let pose = robot.profile.as_ref().and_then(|profile| profile.base_poses.get(&profile.home));
     let pose = pose.ok_or_else(|| {
-        ConfigError::key("start", "the profile does not say where the base is in the home pose")
+        ConfigError::key("start", "the profile has no base pose for the home pose")
             .advise("write `start = { position = [x, y, z] }`")
     })?;
     let pose = pose.isometry();

@@ -1,11 +1,11 @@
-//! The estimate against the truth, where there is one.
+//! Error of the estimate relative to the ground truth, if available.
 
 use motorium::prelude::*;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
 use motorium_robots::lie::so3;
 
-/// States of the truth that are kept for the estimate of their time.
+/// Number of true states kept for comparison with delayed estimates.
 const KEPT: usize = 256;
 
 /// Errors of the estimate.
@@ -60,7 +60,7 @@ impl Score {
         self.next = (self.next + 1) % KEPT;
     }
 
-    /// Scores an estimate by the truth of the same source time, if that is there.
+    /// Scores an estimate against the true state with the same source time, if available.
     pub(super) fn add(&mut self, estimate: &Estimate<'_>) {
         let truth = self.truth.iter().find(|(source, ..)| *source == estimate.source);
         let Some(&(_, position, rotation)) = truth else { return };

@@ -40,7 +40,7 @@ pub struct GpsConfig {
     /// Errors of the velocity, m/s.
     #[serde(default)]
     pub velocity: ErrorModel,
-    /// Time from sampling until the fix is available. Default none.
+    /// Time from sampling until the fix is available. Default 0.
     #[serde(default)]
     pub latency: TimeSpan,
     /// Share of the fixes that are lost, 0 to 1. Default 0.
@@ -49,7 +49,8 @@ pub struct GpsConfig {
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     #[serde(default)]
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     #[serde(default)]
     pub randomise: SensorRanges,
 }

@@ -24,15 +24,16 @@ pub struct MagnetometerConfig {
     pub mount: Mount,
     /// Flux density in the axes of the world (T). Default: 21 uT to the north, which is y, and 43 uT down.
     pub field: [f64; 3],
-    /// Errors of the reading, T. A bias is what the robot's own iron adds.
+    /// Errors of the reading, T. The bias models the magnetisation of the robot.
     pub errors: ErrorModel,
-    /// Time from sampling until the reading is available. Default none.
+    /// Time from sampling until the reading is available. Default 0.
     pub latency: TimeSpan,
     /// Share of the readings that are lost, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 

@@ -1,4 +1,5 @@
-//! Sensors of the place and the motion of a point on a robot, as components: altimeter, satellite navigation, magnetometer.
+//! Sensors of the place and the motion of a point on a robot, as components: altimeter, satellite navigation,
+//! magnetometer.
 
 mod altimeter;
 mod gps;
@@ -19,7 +20,7 @@ pub use altimeter::{Altimeter, AltimeterConfig};
 pub use gps::{Gps, GpsConfig, Origin};
 pub use magnetometer::{Magnetometer, MagnetometerConfig};
 
-/// Configuration that every sensor of a place has.
+/// Configuration shared by all sensors of a position.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<'a> {
     mount: &'a Mount,
@@ -43,7 +44,7 @@ pub trait PlaceSensor: Sized + 'static {
     /// The message it publishes.
     type Message: StateBuffer;
 
-    /// The configuration that all of them have.
+    /// Returns the shared configuration.
     fn common(config: &Self::Config) -> Common<'_>;
     /// The sensor of a seed, with the errors of an episode.
     ///
@@ -60,7 +61,7 @@ pub trait PlaceSensor: Sized + 'static {
 #[derive(Clone, Copy, Debug)]
 pub struct PlaceMotion(Motion);
 
-/// A component of a [`PlaceSensor`]: it samples the true motion at its own rate, or at that of its trigger.
+/// A component of a [`PlaceSensor`]: it samples the true motion at its own rate or on its trigger.
 pub struct AtPlace<S: PlaceSensor> {
     motion: TrueMotion,
     output: Output<S::Message>,

@@ -15,7 +15,8 @@ use crate::pinhole::Pinhole;
 use crate::randomise::{SensorDraw, SensorRanges};
 use crate::rendering::{PixelNoise, PixelSensor, Renderer};
 
-/// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link that looks along its x.
+/// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link that
+/// looks along its x.
 ///
 /// ```toml
 /// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
@@ -26,8 +27,8 @@ use crate::rendering::{PixelNoise, PixelSensor, Renderer};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraConfig {
-    /// Place of the camera on the robot or in the `world`: it looks along x, the left of the picture is along y, its top along z.
-    /// Default: the root link.
+    /// Place of the camera on the robot or in the `world`: it looks along x, the left of the picture is along
+    /// y, its top along z. Default: the root link.
     pub mount: Mount,
     /// Ground, objects and their looks, in a graph without a `[world]`.
     pub world: World,
@@ -47,17 +48,18 @@ pub struct CameraConfig {
     pub most: f64,
     /// Errors of the pixels.
     pub noise: PixelNoise,
-    /// Time from exposure until the picture is available. Default none.
+    /// Time from exposure until the image is available. Default 0.
     pub latency: TimeSpan,
-    /// Share of the pictures that are not published, 0 to 1. Default 0.
+    /// Fraction of the images that are dropped, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 
-/// Focal lengths and optical axis of a camera, as a calibration gives them.
+/// Focal lengths and optical centre of a camera from a calibration.
 ///
 /// ```toml
 /// fx = 138.6
@@ -143,7 +145,8 @@ impl CameraConfig {
     }
 }
 
-/// `sensor.camera`: pictures in colour. A reading has the levels of each pixel as one number, red + 256 green + 65536 blue.
+/// `sensor.camera`: pictures in colour. A reading has the levels of each pixel as one number, red + 256 green +
+/// 65536 blue.
 pub struct Camera {
     renderer: Renderer,
     sensor: PixelSensor,
@@ -227,7 +230,7 @@ impl RangeSensor for Camera {
     }
 
     fn publish(&self, values: &[f64], source: u64, outputs: &mut CameraOutputs) -> Result<(), StepError> {
-        // before the picture, which it tells how to read
+        // sent before the image, whose layout it describes
         if outputs.info.is_wired() {
             let Pinhole { width, height, focal_length, principal_point } = *self.renderer.pinhole();
             let mut info = outputs.info.loan()?;

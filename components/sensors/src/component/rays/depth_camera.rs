@@ -15,8 +15,8 @@ use crate::pinhole::Pinhole;
 use crate::randomise::{SensorDraw, SensorRanges};
 use crate::ranging::{RangeModel, RangeSettings};
 
-/// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root link that looks along
-/// its x.
+/// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root
+/// link that looks along its x.
 ///
 /// ```toml
 /// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
@@ -28,12 +28,12 @@ use crate::ranging::{RangeModel, RangeSettings};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DepthCameraConfig {
-    /// Place of the camera on the robot: it looks along x, the left of the picture is along y, its top along z. Default: the
-    /// root link.
+    /// Place of the camera on the robot: it looks along x, the left of the picture is along y, its top along
+    /// z. Default: the root link.
     pub mount: Mount,
     /// Ground and objects, in a graph without a `[world]`.
     pub world: World,
-    /// True if the robot that carries the camera is in the picture, too. Default true.
+    /// `true` if the carrying robot appears in the image. Default true.
     pub sees_robot: bool,
     /// Pixels of a row. Default 160.
     pub width: u32,
@@ -49,13 +49,14 @@ pub struct DepthCameraConfig {
     pub depth: ErrorModel,
     /// Share of the pixels without a depth, 0 to 1. Default 0.
     pub lost: f64,
-    /// Time from exposure until the picture is available. Default none.
+    /// Time from exposure until the image is available. Default 0.
     pub latency: TimeSpan,
-    /// Share of the pictures that are not published, 0 to 1. Default 0.
+    /// Fraction of the images that are dropped, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 
@@ -83,16 +84,17 @@ impl Default for DepthCameraConfig {
 /// Pixels of a picture at most.
 pub(super) const MOST_PIXELS: u64 = 1 << 20;
 
-/// Pictures that wait for a slow reader, such as a recorder at 10 Hz.
+/// Queue capacity for images, sufficient for a slow reader such as a recorder at 10 Hz.
 pub(super) const PICTURES: usize = 6;
 
 /// Bytes of a pixel of depth.
 const DEPTH_BYTES: usize = size_of::<f32>();
 
-/// Grey of a surface that is seen edge on, and what one that is seen from the front has more, of 255.
+/// Grey level (of 255) of a surface seen edge-on, and its increase for a surface seen from the front.
 const SHADE: (f64, f64) = (40.0, 215.0);
 
-/// `sensor.depth_camera`: pictures of depth and of grey. A reading has the depths, then the cosines of the angles of incidence.
+/// `sensor.depth_camera`: pictures of depth and of grey. A reading has the depths, then the cosines of the
+/// angles of incidence.
 pub struct DepthCamera {
     pinhole: Pinhole,
     directions: Vec<Unit<Vector3<f64>>>,

@@ -27,26 +27,27 @@ pub struct HeightScanConfig {
     pub mount: Mount,
     /// Ground and objects, in a graph without a `[world]`.
     pub world: World,
-    /// True if the robot that carries the sensor is part of the surface, too. Default false.
+    /// `true` if the carrying robot is part of the scanned surface. Default false.
     pub sees_robot: bool,
     /// Length of the grid along x and y of the sensor (m). Default 1.6 and 1.0.
     pub size: [f64; 2],
     /// Distance of two points that are side by side (m). Default 0.1.
     pub spacing: f64,
-    /// The least height above the sensor that is told (m). Default -2.
+    /// Minimum reported height, relative to the sensor (m). Default -2.
     pub least: f64,
-    /// The greatest height above the sensor that is told (m): the scan looks down from there, and what hangs higher is not
-    /// seen. Default 1.
+    /// Maximum reported height, relative to the sensor (m). The scan looks down from this height, so higher
+    /// surfaces are invisible. Default 1.
     pub most: f64,
     /// Errors of a height, m.
     pub height: ErrorModel,
-    /// Time from sampling until the scan is available. Default none.
+    /// Time from sampling until the scan is available. Default 0.
     pub latency: TimeSpan,
-    /// Share of the scans that are not published, 0 to 1. Default 0.
+    /// Fraction of the scans that are dropped, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 

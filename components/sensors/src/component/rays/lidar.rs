@@ -34,7 +34,7 @@ pub struct LidarConfig {
     pub mount: Mount,
     /// Ground and objects, in a graph without a `[world]`.
     pub world: World,
-    /// True if rays meet the robot that carries the sensor, too. Default true.
+    /// `true` if rays can hit the carrying robot. Default true.
     pub sees_robot: bool,
     /// Angle over which the rays of a ring spread, in its middle x (rad). Default: a whole turn.
     pub field_of_view: f64,
@@ -50,13 +50,14 @@ pub struct LidarConfig {
     pub distance: ErrorModel,
     /// Share of the rays without a return, 0 to 1. Default 0.
     pub lost: f64,
-    /// Time from sampling until the scan is available. Default none.
+    /// Time from sampling until the scan is available. Default 0.
     pub latency: TimeSpan,
-    /// Share of the scans that are not published, 0 to 1. Default 0.
+    /// Fraction of the scans that are dropped, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 
@@ -81,7 +82,8 @@ impl Default for LidarConfig {
     }
 }
 
-/// Rays from one point in fixed directions. A reading has the distances, then the cosines of the angles of incidence.
+/// Rays from one point in fixed directions. A reading has the distances, then the cosines of the angles of
+/// incidence.
 #[derive(Debug)]
 pub(super) struct Fan {
     directions: Vec<Unit<Vector3<f64>>>,
@@ -115,13 +117,13 @@ impl Fan {
         2 * self.count()
     }
 
-    /// Fills in a reading; that of a sensor without angles of incidence has the distances only.
+    /// Fills in a reading; without incidence angles it contains distances only.
     pub(super) fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]) {
         let origin = Point3::from(pose.translation.vector);
         for (ray, direction) in self.rays.iter_mut().zip(&self.directions) {
             *ray = Ray { origin, direction: pose.rotation * direction };
         }
-        // beyond the greatest distance, for errors may bring a surface in
+        // cast beyond the maximum distance, because errors may shorten a distance
         scene.cast_all(&self.rays, self.model.no_return(), &mut self.hits);
         let (distances, cosines) = values.split_at_mut(self.directions.len());
         for (distance, hit) in distances.iter_mut().zip(&self.hits) {
@@ -147,7 +149,7 @@ impl Fan {
         ranges.publish_from(source)
     }
 
-    /// Publishes the points where there was a return, in the axes of the sensor.
+    /// Publishes the points of all returns, in the axes of the sensor.
     fn publish_points(
         &self,
         values: &[f64],

@@ -8,7 +8,7 @@ use motorium_robots::{Attachment, BaseMode, CollisionModel, ShapeSource, World};
 use super::super::robot::load;
 use crate::rendering::{Looks, Paint};
 
-/// The looks of a scene that has the solids of a robot, if they are given, and the world after them.
+/// Returns the appearance of a scene: the solids of a robot, if given, followed by the world.
 pub(super) fn looks(
     robot: &RobotReference,
     solids: Option<&CollisionModel>,

@@ -1,5 +1,5 @@
-//! Sensors that look along rays, as components: `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`,
-//! `sensor.camera`.
+//! Components of ray-casting sensors: `sensor.ray`, `sensor.lidar`, `sensor.height_scan`,
+//! `sensor.depth_camera`, `sensor.camera`.
 
 mod camera;
 mod depth_camera;
@@ -48,20 +48,20 @@ impl<'a> Common<'a> {
     }
 }
 
-/// A sensor that looks along rays.
+/// A ray-casting sensor.
 pub trait RangeSensor: Sized + 'static {
     /// Name of the kind.
     const KIND: &'static str;
     /// One line on it.
     const SUMMARY: &'static str;
-    /// True if it sees the colours of things, and is [told](Self::dress) of them. Default false.
+    /// `true` if the sensor sees colours and receives them by [`dress`](Self::dress). Default false.
     const SEES_COLOURS: bool = false;
     /// Its configuration.
     type Config: serde::de::DeserializeOwned + JsonSchema;
     /// Its outputs.
     type Outputs;
 
-    /// Its place, what it sees, its latency, and its seed.
+    /// Returns mount, visibility, latency and seed.
     fn common(config: &Self::Config) -> Common<'_>;
     /// The sensor of a seed, with the errors of an episode.
     ///
@@ -77,7 +77,7 @@ pub trait RangeSensor: Sized + 'static {
     /// # Errors
     /// A port cannot be opened.
     fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError>;
-    /// Takes note of the looks of the scene, before the first reading.
+    /// Receives the appearance of the scene before the first reading.
     fn dress(&mut self, _: &Looks) {}
     /// Fills in a reading: the sensor at `pose`, `dt` \[s\] after the last reading.
     fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]);
@@ -88,7 +88,8 @@ pub trait RangeSensor: Sized + 'static {
     fn publish(&self, values: &[f64], source: u64, outputs: &mut Self::Outputs) -> Result<(), StepError>;
 }
 
-/// A component of a [`RangeSensor`]: it looks at the true state of robot and world at its own rate, or at that of its trigger.
+/// A component of a [`RangeSensor`]: it samples the true state of robot and world at its own rate or on its
+/// trigger.
 pub struct AlongRays<S: RangeSensor> {
     view: View,
     outputs: S::Outputs,

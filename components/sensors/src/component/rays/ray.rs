@@ -23,11 +23,11 @@ use crate::ranging::RangeSettings;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RayConfig {
-    /// Place of the sensor on the robot; it looks along x. Default: the root link.
+    /// Mount of the sensor on the robot; the ray points along x. Default: the root link.
     pub mount: Mount,
     /// Ground and objects, in a graph without a `[world]`.
     pub world: World,
-    /// True if the ray meets the robot that carries the sensor, too. Default true.
+    /// `true` if the ray can hit the carrying robot. Default true.
     pub sees_robot: bool,
     /// The least distance that is measured (m). Default 0.
     pub least: f64,
@@ -37,13 +37,14 @@ pub struct RayConfig {
     pub distance: ErrorModel,
     /// Share of the readings without a return, 0 to 1. Default 0.
     pub lost: f64,
-    /// Time from sampling until the reading is available. Default none.
+    /// Time from sampling until the reading is available. Default 0.
     pub latency: TimeSpan,
-    /// Share of the readings that are not published, 0 to 1. Default 0.
+    /// Fraction of the readings that are dropped, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    /// Ranges from which noise, bias and latency are sampled at the start of every episode. Default: no
+    /// sampling.
     pub randomise: SensorRanges,
 }
 

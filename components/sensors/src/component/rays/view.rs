@@ -1,4 +1,4 @@
-//! The robot and the world as a sensor sees them.
+//! Robot and world as seen by a sensor.
 
 use std::path::Path;
 
@@ -16,14 +16,14 @@ use super::super::robot::{Mount, Needs, TrueMotion};
 use super::looks::looks;
 use crate::rendering::Looks;
 
-/// Place of a sensor, and what it sees.
+/// Mount of a sensor, and the objects it sees.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen<'a> {
     /// Place of the sensor on the robot.
     pub(super) mount: &'a Mount,
     /// The world.
     pub(super) world: &'a World,
-    /// True if it sees the robot that carries it.
+    /// `true` if the sensor sees the carrying robot.
     pub(super) sees_robot: bool,
 }
 
@@ -37,22 +37,22 @@ impl Seen<'_> {
     }
 }
 
-/// The pose of a sensor and the shapes around it, as of the newest truth.
+/// Pose of a sensor and the surrounding shapes, from the newest true state.
 pub(super) struct View {
     motion: TrueMotion,
     objects: Option<Input<ObjectPoses>>,
     pub(super) scene: RayScene,
-    /// For a sensor that sees colours.
+    /// Appearance of the scene, for sensors that see colours.
     looks: Option<Looks>,
-    /// The links that move, as shapes of the scene.
+    /// Moving links as shapes of the scene.
     links: Vec<Link>,
     root: FrameId,
     /// Number of the first object among the shapes.
     first_object: usize,
     object_count: usize,
-    /// The terrain as the graph has it, and what the simulation drew for it; where there is one.
+    /// Terrain of the graph, if any, and the values sampled for it by the simulation.
     terrain: Option<(Terrain, Drawn)>,
-    /// Seed and scale that were drawn for the terrain of the scene, where they were.
+    /// Seed and scale with which the terrain of the scene was generated, if sampled.
     shaped: [Option<f64>; 2],
 }
 
@@ -72,7 +72,7 @@ pub(super) struct Look {
 }
 
 impl View {
-    /// Declares the inputs: those of the place of the sensor and of the links it sees, `object_poses` where objects move.
+    /// Declares the inputs required by the mount and the visible links, and `object_poses` if objects move.
     pub(super) fn declare(seen: Seen<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         let model = TrueMotion::declare(seen.mount, seen.needs(), declare)?;
         let links = model.frames().iter().map(|frame| frame.name.as_str());
@@ -82,7 +82,7 @@ impl View {
         let beyond = seen.world.objects.iter().skip(MAX_OBJECTS).find(|object| object.is_dynamic());
         if let Some(object) = beyond {
             let message = format!(
-                "`{}` moves, and is none of the first {MAX_OBJECTS} objects, whose poses are known",
+                "`{}` moves, but only the poses of the first {MAX_OBJECTS} objects are known",
                 object.name
             );
             return Err(ConfigError::key("world", message).advise("name objects that move first"));
@@ -102,7 +102,7 @@ impl View {
         Ok(())
     }
 
-    /// Opens the inputs, and finds the colours of what is seen if they are asked for.
+    /// Opens the inputs and, if requested, loads the colours of the scene.
     pub(super) fn open(
         seen: Seen<'_>,
         sees_colours: bool,
@@ -140,12 +140,12 @@ impl View {
         Ok(view)
     }
 
-    /// The looks of the scene, for a sensor that sees colours.
+    /// Appearance of the scene, for sensors that see colours.
     pub(super) fn looks(&self) -> Option<&Looks> {
         self.looks.as_ref()
     }
 
-    /// The newest truth, if there is one that was not seen before.
+    /// Reads the newest true state; `None` if it was seen before.
     pub(super) fn newest(&mut self, tick: &Tick, clock: &RunClock) -> Result<Option<Look>, StepError> {
         let times = if self.motion.is_still() {
             (tick.time_ns, clock.stamp_ns(tick.time_ns))
@@ -158,7 +158,7 @@ impl View {
             for index in 0..poses.count() {
                 let object = poses.object()[index] as usize;
                 if object >= self.object_count {
-                    return Err(StepError::failed("the poses of objects are those of another world"));
+                    return Err(StepError::failed("the object poses belong to another world"));
                 }
                 let position =
                     [poses.position_x()[index], poses.position_y()[index], poses.position_z()[index]];
@@ -178,13 +178,13 @@ impl View {
         Ok(Some(Look { pose: self.motion.pose(), times }))
     }
 
-    /// Shapes the terrain as it was drawn for the episode: once, with memory of its own, which is counted apart.
+    /// Generates the terrain sampled for the episode, once. The allocated memory is counted separately.
     fn shape_terrain(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Some((terrain, drawn)) = &mut self.terrain else { return Ok(()) };
         let Some(drawn) = drawn.newest(tick) else { return Ok(()) };
         let properties = [Randomisation::TERRAIN_SEED, Randomisation::TERRAIN_SCALE];
         let found @ [seed, scale] = properties.map(|property| drawn.find(property, 0));
-        // A draw in time tells the terrain of the episode again.
+        // A repeated draw can describe the current terrain again.
         if found == self.shaped {
             return Ok(());
         }
@@ -222,7 +222,7 @@ impl View {
     }
 }
 
-/// The world with the paths of its files, which begin at `folder`.
+/// Returns the world with its file paths resolved relative to `folder`.
 fn located(world: &World, folder: &Path) -> Result<World, ConfigError> {
     let mut world = world.clone();
     world.locate(folder).map_err(|error| ConfigError::key("world", error.to_string()))?;

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-/// A symmetric matrix of 3 x 3 blocks, all of them stored. Nothing allocates after [`new`](Self::new).
+/// A symmetric matrix of 3 x 3 blocks, stored in full. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Blocks {
     n: usize,
@@ -39,7 +39,7 @@ impl Blocks {
         }
     }
 
-    /// Makes a block correlate with all others as `from` does, and gives it the covariance of `from` as well.
+    /// Gives a block the covariances of `from`, including its own.
     pub(super) fn copy_block(&mut self, from: usize, to: usize) {
         for other in 0..self.n {
             if other != to {
@@ -50,8 +50,8 @@ impl Blocks {
         *self.get_mut(to, to) = *self.get(from, from);
     }
 
-    /// Adds `factor` times row `from` to row `to`, then the same for the columns: `E P E'` with `E = 1 + factor` at
-    /// `(to, from)`. `from` and `to` differ.
+    /// Adds `factor` times row `from` to row `to`, then the same for the columns: `E P E'` with `E = 1 +
+    /// factor` at `(to, from)`. `from` and `to` differ.
     pub(super) fn add_multiple(&mut self, to: usize, from: usize, factor: &Matrix3<f64>) {
         for other in 0..self.n {
             let part = factor * self.get(from, other);

@@ -18,13 +18,14 @@ const FEET: usize = 5;
 /// Position of a foot on the ground by the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactKinematics {
-    /// Position of the foot in the axes of the sensor, from its origin \[m\]: forward kinematics of the encoders.
+    /// Position of the foot in the axes of the sensor, from its origin \[m\]: forward kinematics of the
+    /// encoders.
     pub position: Vector3<f64>,
     /// Covariance of its error in the same axes \[m2\]: `J cov(q) J'`.
     pub covariance: Matrix3<f64>,
 }
 
-/// The state of the filter without the feet: that of the inertial measurement unit.
+/// State of the filter without the feet: the state of the inertial measurement unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterState {
     /// Orientation of the sensor in the world.
@@ -51,27 +52,28 @@ impl Default for FilterState {
     }
 }
 
-/// The contact-aided invariant extended Kalman filter: pose and velocity of a legged robot's base from an inertial
-/// measurement unit, joint encoders and the contacts of its feet.
+/// Contact-aided invariant extended Kalman filter: estimates pose and velocity of a legged robot's base from
+/// an inertial measurement unit, joint encoders and the contacts of its feet.
 ///
-/// The state `X = (R, v, p, d_1 .. d_K)` in `SE_(K+2)(3)` holds orientation, velocity and position of the sensor in the world
-/// and the places of the feet on the ground; with it go the biases of both sensors. Between readings `omega`, `f`
+/// The state `X = (R, v, p, d_1 .. d_K)` in `SE_(K+2)(3)` holds orientation, velocity and position of the
+/// sensor in the world and the positions of the feet on the ground. It is augmented by the biases of both
+/// sensors. Between readings `omega`, `f`
 ///
 /// ```text
 /// dR/dt = R (omega - b_g - w_g)^      dv/dt = R (f - b_a - w_a) + g      dp/dt = v      dd/dt = R w_d
 /// ```
 ///
-/// integrated exactly for readings that are constant over a step. Its error is right-invariant, `X_est X^-1 = exp(xi)`, in
-/// the axes of the world, and moves by a linear law that but for the biases does not depend on the state. A foot on the
-/// ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the innovation `R h - (d - p)` is linear in `xi` with
-/// a constant matrix, so linearising never invents knowledge: position and the angle about the vertical stay as uncertain as
-/// they are, which no contact can tell.
+/// integrated exactly for readings that are constant over a step. The error is right-invariant, `X_est X^-1 =
+/// exp(xi)`, in world axes. Its linear dynamics do not depend on the state, except for the biases. A foot on
+/// the ground measures `R' (d - p)`, the forward kinematics `h` of its joints; the innovation `R h - (d - p)`
+/// is linear in `xi` with a constant matrix. The linearisation therefore adds no spurious information:
+/// position and yaw, which contacts cannot observe, stay uncertain.
 ///
-/// A foot that comes down is added at `p + R h`, one that lifts is forgotten. A round foot rolls:
-/// [`roll`](Self::roll) moves its place along, which leaves the error as it is.
+/// A foot is added at `p + R h` at touchdown and removed at lift-off. For rolling round feet,
+/// [`roll`](Self::roll) moves the contact without changing the error.
 ///
-/// Hartley, Ghaffari, Eustice and Grizzle, *Contact-aided invariant extended Kalman filtering for robot state estimation*,
-/// IJRR 39(4), 2020. Nothing allocates after [`new`](Self::new).
+/// Hartley, Ghaffari, Eustice and Grizzle, *Contact-aided invariant extended Kalman filtering for robot state
+/// estimation*, IJRR 39(4), 2020. Nothing allocates after [`new`](Self::new).
 ///
 /// ```
 /// use motorium_sensors::estimation::{ContactKinematics, FilterNoise, FilterState, InvariantFilter, StartDeviations};
@@ -94,7 +96,7 @@ pub struct InvariantFilter {
     noise: FilterNoise,
     gravity: Vector3<f64>,
     state: FilterState,
-    /// Places of the feet on the ground, in the world \[m\]; `None` in the air.
+    /// Positions of the feet on the ground, in the world \[m\]; `None` in the air.
     feet: Vec<Option<Vector3<f64>>>,
     covariance: Blocks,
     gain: Vec<Matrix3<f64>>,
@@ -116,7 +118,7 @@ impl InvariantFilter {
         filter
     }
 
-    /// Starts anew, all feet in the air.
+    /// Restarts with all feet in the air.
     pub fn start(&mut self, state: &FilterState, deviations: &StartDeviations) {
         self.state = *state;
         self.feet.fill(None);
@@ -135,14 +137,15 @@ impl InvariantFilter {
         ] {
             *self.covariance.get_mut(block, block) = Matrix3::identity() * deviation.powi(2);
         }
-        // The deviations are those of velocity and position themselves: xi_v = dv + [v] xi_R, and so for p.
+        // The deviations are those of velocity and position, so xi_v = dv + [v] xi_R; the position is
+        // analogous.
         for (block, value) in [(VELOCITY, state.velocity), (POSITION, state.position)] {
             self.covariance.add_multiple(block, ROTATION, &value.cross_matrix());
         }
     }
 
-    /// Goes on by `dt` \[s\] with the readings of the sensor over that time, in its axes: angular velocity \[rad/s\] and specific
-    /// force \[m/s2\].
+    /// Propagates by `dt` \[s\] with the sensor's readings over that time, in its axes: angular velocity
+    /// \[rad/s\] and specific force \[m/s2\].
     pub fn propagate(&mut self, angular_velocity: &Vector3<f64>, specific_force: &Vector3<f64>, dt: f64) {
         let before = self.state;
         self.propagate_covariance(dt);
@@ -157,12 +160,13 @@ impl InvariantFilter {
         state.rotation = UnitQuaternion::new_normalize(rotation.into_inner());
     }
 
-    /// `P = F (P + A Q A' dt) F'` with `F = exp(L dt)`, `L` the law of the error and `A` the adjoint of the state.
+    /// `P = F (P + A Q A' dt) F'` with `F = exp(L dt)`, `L` the law of the error and `A` the adjoint of the
+    /// state.
     fn propagate_covariance(&mut self, dt: f64) {
         let Self { noise, gravity, state, feet, covariance, .. } = self;
         let rotation = state.rotation.to_rotation_matrix().into_inner();
         let (v, p) = (state.velocity.cross_matrix(), state.position.cross_matrix());
-        // Noise: that of the gyroscope moves everything that turns about the origin of the world.
+        // Gyroscope noise affects every quantity that rotates about the origin of the world.
         let add = |covariance: &mut Blocks, a: usize, b: usize, part: Matrix3<f64>| {
             *covariance.get_mut(a, b) += part;
             if a != b {
@@ -191,7 +195,7 @@ impl InvariantFilter {
         for foot in (0..feet.len()).filter(|foot| feet[*foot].is_some()) {
             add(covariance, FEET + foot, FEET + foot, own(noise.slip));
         }
-        // F, row by row from the one that no other reads to the one that all read.
+        // Apply F row by row, from the row that no other reads to the row that all read.
         let g = gravity.cross_matrix();
         let (half, sixth) = (0.5 * dt * dt, dt * dt * dt / 6.0);
         let identity = Matrix3::identity();
@@ -212,14 +216,14 @@ impl InvariantFilter {
         covariance.symmetrize();
     }
 
-    /// Takes in a foot that is on the ground. One that was not before is added, and corrects nothing yet. Returns the
-    /// normalised innovation squared, whose mean is 3 when filter and noise agree; 0 for a foot that was added.
+    /// Corrects by a foot on the ground. A foot at touchdown is only added. Returns the normalised innovation
+    /// squared, whose mean is 3 for a consistent filter, or 0 for an added foot.
     ///
     /// # Errors
-    /// [`SingularInnovation`]; nothing has changed then.
+    /// [`SingularInnovation`]; the filter is unchanged then.
     ///
     /// # Panics
-    /// On a foot that the filter does not have.
+    /// If the foot does not exist.
     pub fn correct(&mut self, foot: usize, contact: &ContactKinematics) -> Result<f64, SingularInnovation> {
         let block = FEET + foot;
         let rotation = self.state.rotation.to_rotation_matrix().into_inner();
@@ -287,8 +291,8 @@ impl InvariantFilter {
         self.state = state;
     }
 
-    /// Moves the place of a foot on the ground by a distance that is known in the axes of the sensor \[m\]: the rolling of a
-    /// round foot. In the air nothing happens.
+    /// Moves the contact of a foot on the ground by a distance in the axes of the sensor \[m\]: the rolling
+    /// of a round foot. No effect in the air.
     pub fn roll(&mut self, foot: usize, distance: &Vector3<f64>) {
         if let Some(place) = &mut self.feet[foot] {
             *place += self.state.rotation * distance;
@@ -307,7 +311,7 @@ impl InvariantFilter {
         &self.state
     }
 
-    /// Place in the world \[m\] of a foot on the ground; `None` in the air.
+    /// Position in the world \[m\] of a foot on the ground; `None` in the air.
     pub fn foot(&self, foot: usize) -> Option<Vector3<f64>> {
         self.feet[foot]
     }
@@ -317,14 +321,14 @@ impl InvariantFilter {
         self.feet.iter().flatten().count()
     }
 
-    /// Covariance of the invariant error of rotation, velocity, position, gyroscope's and accelerometer's bias: the error `xi`
-    /// of `exp(xi)`, axes of the world, and those of the biases.
+    /// Covariance of the invariant error of rotation, velocity and position (`xi` of `exp(xi)`, world axes)
+    /// and of the gyroscope and accelerometer biases.
     pub fn invariant_covariance(&self) -> SMatrix<f64, 15, 15> {
         SMatrix::from_fn(|row, column| self.covariance.get(row / 3, column / 3)[(row % 3, column % 3)])
     }
 
-    /// Covariance of the errors of rotation (a rotation vector in the axes of the world), velocity and position themselves:
-    /// `v_est - v = xi_v - [v] xi_R`, and so for the position.
+    /// Covariance of the errors of rotation (a rotation vector in the axes of the world), velocity and
+    /// position themselves: `v_est - v = xi_v - [v] xi_R`, and so for the position.
     pub fn covariance(&self) -> SMatrix<f64, 9, 9> {
         let invariant = self.invariant_covariance().fixed_view::<9, 9>(0, 0).into_owned();
         let mut map = SMatrix::<f64, 9, 9>::identity();

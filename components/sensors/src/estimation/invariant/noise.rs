@@ -3,8 +3,9 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Noise of the inertial measurement unit and of the contacts, as densities: standard deviations after one second, or per
-/// square root of hertz. A reading of deviation `s` at a rate `f` has the density `s / sqrt(f)`.
+/// Noise of the inertial measurement unit and of the contacts, as densities: standard deviations after one
+/// second, or per square root of hertz. A reading of deviation `s` at a rate `f` has the density `s /
+/// sqrt(f)`.
 ///
 /// ```toml
 /// gyroscope     = 1e-4
@@ -14,24 +15,26 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterNoise {
-    /// Of the angular velocity (rad/s/sqrt(Hz)). Default 1e-4. Too little: the filter trusts a bad gyroscope, and tilts with it.
+    /// Noise density of the angular velocity (rad/s/sqrt(Hz)). Default 1e-4. If too small, the tilt follows
+    /// gyroscope errors.
     #[schemars(range(min = 0.0))]
     pub gyroscope: f64,
-    /// Of the specific force (m/s2/sqrt(Hz)). Default 2e-3. Too little: the velocity follows the accelerometer and ignores the
-    /// feet.
+    /// Noise density of the specific force (m/s2/sqrt(Hz)). Default 2e-3. If too small, the velocity follows
+    /// the accelerometer and ignores the feet.
     #[schemars(range(min = 0.0))]
     pub accelerometer: f64,
-    /// Of the walk of the gyroscope's bias (rad/s2/sqrt(Hz)). Default 1e-5.
+    /// Noise density of the gyroscope's bias walk (rad/s2/sqrt(Hz)). Default 1e-5.
     #[schemars(range(min = 0.0))]
     pub gyroscope_bias_walk: f64,
-    /// Of the walk of the accelerometer's bias (m/s3/sqrt(Hz)). Default 1e-4.
+    /// Noise density of the accelerometer's bias walk (m/s3/sqrt(Hz)). Default 1e-4.
     #[schemars(range(min = 0.0))]
     pub accelerometer_bias_walk: f64,
-    /// Of the velocity of a foot on the ground (m/s/sqrt(Hz)). Default 0.02. Too little: one slip moves the estimate for good.
+    /// Noise density of the velocity of a foot on the ground (m/s/sqrt(Hz)). Default 0.02. If too small, one
+    /// slip shifts the estimate permanently.
     #[schemars(range(min = 0.0))]
     pub slip: f64,
-    /// Standard deviation of a foot's place as the joints tell it, beyond that of the encoders (m): flexible legs and soles.
-    /// Default 1e-3.
+    /// Standard deviation of a foot's position from forward kinematics, beyond the encoder noise (m):
+    /// flexible legs and soles. Default 1e-3.
     #[schemars(range(min = 0.0))]
     pub foot: f64,
 }
@@ -58,22 +61,22 @@ impl Default for FilterNoise {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StartDeviations {
-    /// Of roll and pitch (rad). Default 0.02.
+    /// Standard deviation of roll and pitch (rad). Default 0.02.
     #[schemars(range(min = 0.0))]
     pub tilt: f64,
-    /// Of the angle about the vertical (rad). Default 1e-3.
+    /// Standard deviation of yaw (rad). Default 1e-3.
     #[schemars(range(min = 0.0))]
     pub yaw: f64,
-    /// Of the velocity (m/s). Default 0.05.
+    /// Standard deviation of the velocity (m/s). Default 0.05.
     #[schemars(range(min = 0.0))]
     pub velocity: f64,
-    /// Of the position (m). Default 1e-3.
+    /// Standard deviation of the position (m). Default 1e-3.
     #[schemars(range(min = 0.0))]
     pub position: f64,
-    /// Of the gyroscope's bias (rad/s). Default 5e-3.
+    /// Standard deviation of the gyroscope bias (rad/s). Default 5e-3.
     #[schemars(range(min = 0.0))]
     pub gyroscope_bias: f64,
-    /// Of the accelerometer's bias (m/s2). Default 0.05.
+    /// Standard deviation of the accelerometer bias (m/s2). Default 0.05.
     #[schemars(range(min = 0.0))]
     pub accelerometer_bias: f64,
 }

@@ -15,7 +15,7 @@ use crate::units::TimeSpan;
 /// The longest `emergency_stop_max_age` that is accepted.
 const LONGEST: TimeSpan = TimeSpan { ns: 10_000_000_000 };
 
-/// The emergency-stop topic as an input of each actuator, which its gate reads.
+/// Adds the emergency-stop topic as an input of each actuator, read by its gate.
 pub(in crate::graph::resolve) fn emergency_stop(graph: &GraphTable<'_>, drafts: &mut [Draft<'_, '_>]) {
     if good(&graph.safety).and_then(|table| good(&table.emergency_stop)).is_none() {
         return;

@@ -15,12 +15,12 @@ use crate::units::TimeSpan;
 pub(super) const HIGHEST_PRIORITY: u8 = 98;
 /// Periods that Linux allows for `SCHED_DEADLINE` by default, ns.
 const DEADLINE_PERIODS_NS: std::ops::RangeInclusive<u64> = 100_000..=4_194_304_000;
-/// Time in each period on top of the budget, ns: what the worker itself takes, with room to spare. Without it a step
-/// that uses up its budget would be stopped before it has accounted for itself.
+/// Time in each period in addition to the budget, ns, for the worker itself, with margin. Without it a step
+/// that exhausts its budget would be throttled before its accounting.
 const DEADLINE_ROOM_NS: u64 = 120_000;
 const _: () = assert!(DEADLINE_ROOM_NS >= Overheads::CAUTIOUS.worker_ns + Overheads::CAUTIOUS.timer_ns);
 
-/// Class and priority of each component: as the file says, else by its rate.
+/// Class and priority of each component: from the file, else by its rate.
 pub(super) fn classes(
     drafts: &[Draft<'_, '_>],
     schedules: &[Schedule],
@@ -42,7 +42,7 @@ pub(super) fn classes(
                 .advise("schedule both in the same way");
         }
     }
-    // rate-monotonic among those that the file leaves open
+    // rate-monotonic among components without an explicit priority
     let open: Vec<usize> = (0..drafts.len())
         .filter(|component| schedules[*component] == Schedule::Fifo)
         .filter(|component| {
@@ -96,7 +96,7 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
     SchedulingClass::Deadline { runtime_ns, period_ns }
 }
 
-/// The priority that the file gives.
+/// Returns the priority in the file.
 fn priority(draft: &Draft<'_, '_>, schedule: Schedule, report: &mut Report) -> Option<u8> {
     let at = draft.table.priority.as_ref()?;
     let number = *at.get()?;

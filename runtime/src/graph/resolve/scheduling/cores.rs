@@ -16,7 +16,7 @@ pub(super) struct Cores {
     pub(super) shared: Vec<usize>,
 }
 
-/// The cores that the file, or the machine, sets apart.
+/// Returns the reserved cores of the file or the machine.
 pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Report) -> Cores {
     let table = good(&graph.cores);
     let mut list = |name: &str, key: Option<&Option<At<Vec<At<usize>>>>>| {
@@ -48,7 +48,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
     let all = machine.cores();
     let without = |taken: &[usize]| -> Vec<usize> {
         let rest: Vec<usize> = all.iter().copied().filter(|core| !taken.contains(core)).collect();
-        // on a machine with too few cores the same ones do both
+        // on a machine with too few cores the same ones serve both
         if rest.is_empty() { all.to_vec() } else { rest }
     };
     let realtime = realtime.unwrap_or_else(|| {
@@ -75,8 +75,8 @@ fn names(cores: &[usize]) -> String {
     cores.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// Core of each component: as the file says; else, for a real-time one, that of its trigger chain, which goes to the
-/// least loaded real-time core.
+/// Core of each component: from the file; else, for a real-time one, the core of its trigger chain, which is
+/// assigned to the least loaded real-time core.
 pub(super) fn pin(
     drafts: &[Draft<'_, '_>],
     schedules: &[Schedule],
@@ -88,7 +88,7 @@ pub(super) fn pin(
     let given: Vec<Option<usize>> = (0..drafts.len())
         .map(|component| given(&drafts[component], schedules[component], cores, machine, report))
         .collect();
-    // chains, each by the component that leads it, and what of them has no core of its own
+    // chains by their head component, and their members without an explicit core
     let leaders: Vec<usize> = (0..drafts.len())
         .filter(|c| schedules[*c] == Schedule::Fifo && leader(*c, schedules, timing) == *c)
         .collect();
@@ -121,7 +121,7 @@ pub(super) fn pin(
         .collect()
 }
 
-/// The core that the file gives to a component.
+/// Returns the core in the file.
 fn given(
     draft: &Draft<'_, '_>,
     schedule: Schedule,
@@ -154,7 +154,7 @@ fn given(
     Some(core)
 }
 
-/// A core that is set apart for real time but used by nobody.
+/// Warns of an unused real-time core.
 pub(super) fn unused_core(
     graph: &GraphTable<'_>,
     cores: &Cores,

@@ -21,9 +21,9 @@ pub(super) struct Scheduling {
     pub plan: SchedulingPlan,
     /// By component.
     pub classes: Vec<SchedulingClass>,
-    /// By component: how far its priority lies above that of the head of its chain.
+    /// Per component: difference of its priority to the head of its chain.
     pub rises: Vec<u8>,
-    /// By component; `None` for any of the shared cores.
+    /// Per component; `None` for any of the shared cores.
     pub cores: Vec<Option<usize>>,
     /// By component.
     pub spins: Vec<Spin>,
@@ -60,7 +60,7 @@ pub(super) fn resolve(
     }
 }
 
-/// The component whose core and priority another one takes over: the real-time head of its trigger chain, else itself.
+/// Component whose core and priority are inherited: the real-time head of its trigger chain, else itself.
 fn leader(component: usize, schedules: &[Schedule], timing: &Timing) -> usize {
     timing.head[component].filter(|head| schedules[*head] == Schedule::Fifo).unwrap_or(component)
 }

@@ -3,12 +3,12 @@
 use super::classes::HIGHEST_PRIORITY;
 use crate::plan::SchedulingClass;
 
-/// Raises every component above the one that triggers it on its own core, as far as there is room below the next
-/// priority that something else has, and returns by how much each was raised.
+/// Raises every component above its trigger on the same core, as far as there is space below the next used
+/// priority, and returns each increment.
 ///
-/// A component that has published then hands over the core at once, and accounts for its step and goes to sleep when
-/// all that it has triggered is through: neither is part of the latency of a chain. A priority that the graph gives
-/// stays.
+/// A publishing component then yields the core immediately, and does its accounting and goes to sleep after
+/// everything it triggered has finished, so neither adds to the latency of a chain. Explicit priorities are
+/// kept.
 pub(super) fn rise(
     classes: &[SchedulingClass],
     given: &[bool],
@@ -23,14 +23,15 @@ pub(super) fn rise(
         let others = (0..classes.len()).filter_map(base).filter(|other| *other > priority);
         others.min().map_or(HIGHEST_PRIORITY, |next| next - 1).saturating_sub(priority)
     };
-    // A component that wakes others on another core does so as soon as it publishes: its step would be cut in two there.
+    // A component that wakes others on another core does so when it publishes, which would split its step
+    // there.
     let hands_over_here = |writer: usize| {
         let triggered = (0..classes.len()).filter(|reader| triggered_by[*reader] == Some(writer));
         cores[writer].is_some() && triggered.clone().all(|reader| cores[reader] == cores[writer])
     };
     let depth = |mut component: usize| {
         let mut depth = 0_u8;
-        // Triggers that go round in circles are reported elsewhere.
+        // Trigger loops are reported elsewhere.
         while let Some(writer) = triggered_by[component]
             && usize::from(depth) < classes.len().min(usize::from(HIGHEST_PRIORITY))
             && !given[component]
@@ -69,14 +70,14 @@ mod tests {
     }
 
     #[test]
-    fn those_who_are_triggered_are_more_urgent_than_those_who_trigger_them() {
+    fn triggered_components_rise_above_their_triggers() {
         assert_eq!(chain(&[80, 80, 80, 80]), [0, 1, 2, 3]);
         let (classes, _) = rise(&fifo(&[80, 80]), &[false; 2], &[Some(1); 2], &[None, Some(0)]);
         assert_eq!(classes, fifo(&[80, 81]));
     }
 
     #[test]
-    fn a_chain_does_not_reach_the_priority_of_a_faster_one() {
+    fn chain_stays_below_a_faster_one() {
         let triggered_by = [None, Some(0), Some(1), Some(2), None, Some(4)];
         let (classes, rises) =
             rise(&fifo(&[75, 75, 75, 75, 78, 78]), &[false; 6], &[Some(1); 6], &triggered_by);
@@ -91,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn a_priority_that_the_graph_gives_stays_and_what_it_triggers_rises_from_there() {
+    fn explicit_priority_is_kept_and_its_readers_rise() {
         let given = [false, true, false];
         let (classes, rises) = rise(&fifo(&[80, 40, 40]), &given, &[Some(1); 3], &[None, Some(0), Some(1)]);
         assert_eq!((classes, rises), (fifo(&[80, 40, 41]), vec![0, 0, 1]));
@@ -106,21 +107,21 @@ mod tests {
     }
 
     #[test]
-    fn nobody_rises_above_a_component_that_wakes_another_core_too() {
+    fn no_rise_above_a_writer_that_wakes_another_core() {
         let cores = [Some(1), Some(1), Some(0), Some(1)];
         let triggered_by = [None, Some(0), Some(0), Some(1)];
         assert_eq!(rise(&fifo(&[80; 4]), &[false; 4], &cores, &triggered_by).1, [0, 0, 0, 1]);
     }
 
     #[test]
-    fn triggers_that_go_round_in_circles_come_to_an_end() {
+    fn trigger_loops_terminate() {
         let circle = [Some(1), Some(0)];
         let (classes, _) = rise(&fifo(&[80; 2]), &[false; 2], &[Some(1); 2], &circle);
         assert_eq!(classes.len(), 2);
     }
 
     #[test]
-    fn what_is_not_scheduled_by_priority_does_not_rise() {
+    fn only_priority_scheduling_rises() {
         let classes = [SchedulingClass::Normal, SchedulingClass::Normal];
         assert_eq!(rise(&classes, &[false; 2], &[Some(1); 2], &[None, Some(0)]).1, [0, 0]);
     }

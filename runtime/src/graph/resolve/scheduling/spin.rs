@@ -11,8 +11,8 @@ use crate::graph::values::{Schedule, SpinChoice};
 use crate::plan::Spin;
 use crate::units::TimeSpan;
 
-/// The spin of each component: its own, else the graph's; none for those that do not wait for a time of their own, or
-/// whose wait is not worth a core.
+/// Spin of each component: its own, else the graph's; none if it does not wait for its own release time, or
+/// if spinning is not worth a core.
 pub(super) fn spins(
     realtime: Option<&RealtimeTable>,
     drafts: &[Draft<'_, '_>],
@@ -57,7 +57,7 @@ pub(super) fn spins(
     spins.collect()
 }
 
-/// A spin that the file gives to a component that does not wait for a time of its own.
+/// Checks an explicit spin of a component that does not wait for its own release time.
 fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, report: &mut Report) {
     let nothing = matches!(own.get(), Some(SpinChoice::Fixed(TimeSpan { ns: 0 })));
     if let Some((place, why, label)) = activate::not_by_the_clock(draft) {
