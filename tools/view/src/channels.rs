@@ -1,4 +1,4 @@
-//! Channels that serve a plan: those of its topics, and those of constant messages.
+//! Channels of a plan: its topics and its constant messages.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -69,10 +69,10 @@ impl Started {
         self.0.try_wait().ok().flatten()
     }
 
-    /// Ends the run gracefully: the robot enters its safe state first. `told` is `true` if the run has
+    /// Ends the run gracefully: the robot enters its safe state first. `asked` is `true` if the run has
     /// already received the request, such as `Ctrl-C` in a shared terminal.
-    pub(crate) fn end(&mut self, told: bool) {
-        if !told {
+    pub(crate) fn end(&mut self, asked: bool) {
+        if !asked {
             interrupt(self.pid());
         }
         let began = Instant::now();

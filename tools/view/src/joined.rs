@@ -86,8 +86,7 @@ impl Joined {
         self.region.header().command() == Command::Stop || !self.folder.is_alive()
     }
 
-    /// Sends the newest sample of each topic that somebody looks at, and all of those of which none may be
-    /// left out.
+    /// Sends the newest sample of each subscribed state, and all samples of subscribed streams.
     pub(crate) fn send(&mut self) {
         for (index, topic) in self.topics.iter_mut().enumerate() {
             if !self.channels.is_watched(index) {

@@ -25,7 +25,7 @@ use crate::server::Server;
 pub(crate) use player::Player;
 
 /// Time between two reports of the place that is shown.
-const TOLD: Duration = Duration::from_millis(100);
+const REPORT_PERIOD: Duration = Duration::from_millis(100);
 const PLACE: &str = "/motorium/playback";
 /// JSON Schema of the place.
 pub(crate) const PLACE_SCHEMA: &str = include_str!("../../schema/playback.schema.json");
@@ -70,7 +70,7 @@ pub(crate) fn play(
     let place_channel = server.json_channel(PLACE, "motorium.Playback", PLACE_SCHEMA)?;
     let mut playback = Playback::open(request, recording, server)?;
     let period = Duration::from_secs_f64(1.0 / request.rate_hz);
-    let (mut last, mut told) = (Instant::now(), None::<Instant>);
+    let (mut last, mut reported) = (Instant::now(), None::<Instant>);
     let mut next = last;
     while !over.load(Relaxed) && !interrupted.load(Relaxed) {
         match asks.recv_timeout(next.saturating_duration_since(Instant::now())) {
@@ -98,8 +98,8 @@ pub(crate) fn play(
         if moved.ended {
             server.tell_playback(player().state());
         }
-        if moved.ended || moved.sought || told.is_none_or(|told| now - told >= TOLD) {
-            told = Some(now);
+        if moved.ended || moved.sought || reported.is_none_or(|reported| now - reported >= REPORT_PERIOD) {
+            reported = Some(now);
             place_channel.log(player().position_json().to_string().as_bytes());
             run_channel.log(playback.state().as_bytes());
         }

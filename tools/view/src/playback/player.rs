@@ -95,7 +95,7 @@ impl Player {
     }
 
     /// Recording and position for the viewer's own page.
-    pub(crate) fn told(&self) -> serde_json::Value {
+    pub(crate) fn position_json(&self) -> serde_json::Value {
         serde_json::json!({
             "length_s": self.length() * 1e-9,
             "place_s": self.place * 1e-9,
@@ -105,7 +105,7 @@ impl Player {
     }
 
     /// Recording time at a position in seconds from the start, ns.
-    pub(crate) fn at(&self, place_s: f64) -> u64 {
+    pub(crate) fn time_at(&self, place_s: f64) -> u64 {
         self.start_ns.saturating_add((place_s * 1e9) as u64)
     }
 
