@@ -36,7 +36,7 @@ const LONG_NAME: usize = 60;
 /// Function names that do not describe a result or an action.
 const VAGUE: [&str; 6] = ["of", "at", "place", "words", "told", "plain"];
 
-/// Largest count of each column per area. An area is a crate, `docs` (the book and the pages at the root), or `graphs`.
+/// Largest count of each column per area: a crate, `docs` (the book and the pages at the root), or `graphs`.
 const CEILINGS: [(&str, [usize; 8]); 21] = [
     ("runtime", [73, 24, 15, 7, 0, 498, 122, 52]),
     ("robots", [28, 9, 2, 0, 0, 22, 98, 19]),
