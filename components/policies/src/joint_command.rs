@@ -47,12 +47,12 @@ pub(crate) struct JointPorts {
 
 impl JointPorts {
     /// The ports of a component that works on one robot.
-    pub(crate) fn of_one_robot() -> Self {
+    pub(crate) fn single() -> Self {
         Self { state: "joint_state".to_string(), command: "joint_command".to_string() }
     }
 
     /// The ports of one robot of several.
-    pub(crate) fn of_robot(name: &str) -> Self {
+    pub(crate) fn for_robot(name: &str) -> Self {
         Self { state: format!("state_{name}"), command: format!("command_{name}") }
     }
 
@@ -147,7 +147,7 @@ impl CommandedJoints {
 
     /// Declares the ports and parameters of the joint command writer of one robot.
     pub(crate) fn declare(declare: &mut Declare) {
-        JointPorts::of_one_robot().declare(declare);
+        JointPorts::single().declare(declare);
         Self::declare_scales(declare);
     }
 
@@ -190,7 +190,7 @@ impl JointCommandWriter {
         config: &JointCommandConfig,
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
-        Self::with_ports(driven, config, &JointPorts::of_one_robot(), setup)
+        Self::with_ports(driven, config, &JointPorts::single(), setup)
     }
 
     /// The writer with ports of any names.

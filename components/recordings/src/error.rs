@@ -115,7 +115,7 @@ pub enum RecordingError {
     /// An unknown joint of a skeleton.
     #[error("the skeleton has no joint `{name}`; there are {known}")]
     NoJoint {
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The names of the skeleton.
         known: String,

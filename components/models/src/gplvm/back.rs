@@ -4,6 +4,8 @@ use motorium_algebra::{Cholesky, Simd, Wanted, left_singular};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
+use super::space::Scaling;
+
 /// The function of a back constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -15,6 +17,13 @@ pub enum BackForm {
     Kernel,
     /// A network with one hidden layer of 10 hyperbolic tangents.
     Mlp,
+}
+
+impl BackForm {
+    /// Scales of the columns of a model whose latent is this function of a pose.
+    pub(super) fn scaling(self) -> Scaling {
+        if self == Self::Pose { Scaling::Common } else { Scaling::Columns }
+    }
 }
 
 /// Hidden units of a network.

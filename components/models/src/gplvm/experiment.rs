@@ -28,7 +28,7 @@ impl Estimate {
     }
 }
 
-/// A robot that was added to a trained model, beside the model that is trained with it from the start.
+/// A robot that was added to a trained model, compared with a model that is trained with it from the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferResult {
     /// Mean squared error of the transferred robot on held-out poses.

@@ -142,7 +142,7 @@ impl LatentModel {
     /// # Errors
     /// When the poses do not fit the model or no start has a positive definite covariance.
     pub fn transfer(&mut self, data: &SpaceData<'_>, iterations: usize) -> Result<Transferred, LatentError> {
-        let scaling = Scaling::with_back(self.back.as_ref().map(|back| back.form));
+        let scaling = self.back.as_ref().map_or(Scaling::Columns, |back| back.form.scaling());
         let space = Space::new(data, self.latents(), scaling)?;
         check_poses(&space, self.poses())?;
         if self.spaces.iter().any(|other| other.name == space.name) {

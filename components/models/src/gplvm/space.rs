@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{BackForm, LatentError};
+use super::LatentError;
 use crate::gp::{GpError, check_finite};
 use crate::kernel::{Kernel, Stationary};
 
@@ -44,13 +44,6 @@ pub(super) enum Scaling {
     Columns,
     /// All columns have the root of their mean variance: their errors count in the units of the columns.
     Common,
-}
-
-impl Scaling {
-    /// The scaling of a model whose latent is this function of a pose, if it is one.
-    pub(super) fn with_back(form: Option<BackForm>) -> Self {
-        if form == Some(BackForm::Pose) { Self::Common } else { Self::Columns }
-    }
 }
 
 impl Space {

@@ -146,7 +146,7 @@ impl LatentModel {
         let q = settings.latents.unwrap_or_else(|| columns.map_or(LATENTS, |space| space.columns.len()));
         let mut spaces: Vec<Space> = vec![];
         for data in data {
-            let space = Space::new(data, q, Scaling::with_back(back.map(|(_, form)| *form)))?;
+            let space = Space::new(data, q, back.map_or(Scaling::Columns, |(_, form)| form.scaling()))?;
             if let Some(first) = spaces.first() {
                 super::model::check_poses(&space, first.poses())?;
             }

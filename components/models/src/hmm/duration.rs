@@ -1,10 +1,10 @@
-//! Hidden semi-Markov models: the time in a state has a distribution of its own.
+//! Hidden semi-Markov models: the time in a state has an explicit distribution.
 
 use super::{Hmm, HmmError, check_distribution};
 
 /// A hidden Markov model whose states last for explicit numbers of observations.
 ///
-/// `P(d | s)` is a table for each state, from 1 observation to a longest duration; what it leaves open is the probability of longer
+/// `P(d | s)` is a table for each state, from 1 observation to a longest duration; the rest is the probability of longer
 /// stays. A state is entered by the transitions of the model it was made of, without those to itself. The last stay of a sequence may
 /// be cut off: it counts with the probability of at least its length. Reference: Yu, *Hidden semi-Markov models*, Artificial
 /// Intelligence 174, 2010.

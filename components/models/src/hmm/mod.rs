@@ -6,7 +6,7 @@
 //! 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov models and selected applications in speech
 //! recognition*, Proc. IEEE 77, 1989.
 //!
-//! [`Hsmm`] gives the time in a state a distribution of its own. Movements are reproduced by [`Regression`] (conditional means of some
+//! [`Hsmm`] gives the time in a state an explicit distribution. Movements are reproduced by [`Regression`] (conditional means of some
 //! columns given others) and by [`Tracker`] (a linear quadratic regulator that follows the states as closely as they are precise).
 //!
 //! ```

@@ -48,7 +48,7 @@ pub struct LatentPolicyConfig {
     /// Age of a human pose, received through the port `human`, from which the robots hold. Default 200 ms.
     #[serde(default = "timeout")]
     pub timeout: TimeSpan,
-    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without one.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands, the same for all robots.

@@ -170,7 +170,7 @@ impl Component for LatentPolicy {
                 .input::<Observation>("human", "pose of the human, in the columns of its space in the model");
         }
         for mimic in &loaded.mimics {
-            JointPorts::of_robot(&mimic.name).declare(declare);
+            JointPorts::for_robot(&mimic.name).declare(declare);
         }
         CommandedJoints::declare_scales(declare);
         let doc = "novelty of a pose from which a robot slows down";
@@ -200,7 +200,7 @@ impl Component for LatentPolicy {
         let mut robots = Vec::new();
         for mimic in mimics {
             let joints = model.spaces()[mimic.space].dimensions();
-            let ports = JointPorts::of_robot(&mimic.name);
+            let ports = JointPorts::for_robot(&mimic.name);
             robots.push(Robot {
                 writer: JointCommandWriter::with_ports(mimic.driven, &config.joint_command, &ports, setup)?,
                 name: mimic.name,
@@ -245,7 +245,7 @@ impl Component for LatentPolicy {
                 robot.target.copy_from_slice(robot.follower.position());
                 robot.has_started = true;
             }
-            let mut wanted = 0.0;
+            let mut target_pace = 0.0;
             if self.has_pose {
                 let novelty = self.model.predict(
                     robot.space,
@@ -255,13 +255,13 @@ impl Component for LatentPolicy {
                     &mut self.scratch,
                 );
                 robot.writer.limit(&mut robot.target);
-                wanted = if fresh == Some(true) { pace(novelty, slow, hold) } else { 0.0 };
+                target_pace = if fresh == Some(true) { pace(novelty, slow, hold) } else { 0.0 };
                 robot.figures.novelty += novelty;
                 robot.figures.largest_novelty = robot.figures.largest_novelty.max(novelty);
                 robot.figures.steps += 1;
             }
-            robot.follower.step(dt, &robot.target, wanted, robot.writer.velocity_limits());
-            robot.figures.slowed += if self.has_pose && wanted < 1.0 { dt } else { 0.0 };
+            robot.follower.step(dt, &robot.target, target_pace, robot.writer.velocity_limits());
+            robot.figures.slowed += if self.has_pose && target_pace < 1.0 { dt } else { 0.0 };
             robot.figures.held += if robot.follower.pace() == 0.0 { dt } else { 0.0 };
             if robot.writer.is_eased_in() {
                 for (joint, position) in robot.follower.position().iter().enumerate() {

@@ -13,8 +13,8 @@ use crate::chart::{Chart, Series};
 
 /// The shared latent spaces of Delhaisse's thesis (2019), chapter 4: figures 4.5 to 4.10.
 ///
-/// Transfers each robot to a model of the human and WALK-MAN, and trains a model of its own beside it, with and without back
-/// constraints; then finds how many poses of a robot are needed, beside a direct Gaussian process, ridge regression and the
+/// Transfers each robot to a model of the human and WALK-MAN, and trains a model with the robot, with and without back
+/// constraints; then finds how many poses of a robot are needed, compared with a direct Gaussian process, ridge regression and the
 /// nearest pose. Writes each figure as CSV and SVG (bars: standard errors over splits), and reports which claims hold.
 ///
 /// Example: motorium reproduce chapter4 --data recordings/ --output out/
@@ -32,7 +32,7 @@ pub(super) struct Chapter4 {
     /// Iterations of each training at most
     #[arg(long, default_value_t = 300)]
     iterations: usize,
-    /// Do again what an earlier run in this folder has done
+    /// Discard the parts that an earlier run in this folder finished
     #[arg(long)]
     restart: bool,
     /// Print as JSON
