@@ -15,8 +15,8 @@ use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
 use crate::state::{Checked, Field, StateBuffer};
 
-/// An output port: the one writer of a topic. A value is filled where its readers will find it. Values published on an
-/// output that the graph leaves unwired are read by nobody.
+/// An output port: the one writer of a topic. A value is filled where its readers will find it. Values
+/// published on an output that the graph leaves unwired are read by nobody.
 ///
 /// ```
 /// # use motorium::prelude::*;
@@ -135,8 +135,8 @@ impl<T: StateBuffer> core::ops::Deref for Loan<'_, T> {
 
     #[inline]
     fn deref(&self) -> &T {
-        // SAFETY: the value is the claimed slot, the lent sample or the scratch of the output that this loan borrows
-        // mutably: it stays where it is, and nobody else uses it.
+        // SAFETY: the value is the claimed slot, the lent sample or the scratch of the output that this loan
+        // borrows mutably: it stays where it is, and nobody else uses it.
         unsafe { self.value.as_ref() }
     }
 }
@@ -151,13 +151,14 @@ impl<T: StateBuffer> core::ops::DerefMut for Loan<'_, T> {
 }
 
 impl<T: StateBuffer> Loan<'_, T> {
-    /// Fills an array of the value from its first number on, until either end, and checks each number while it is at hand:
-    /// [`publish`](Self::publish) then does not read the array a second time. Returns how many were written; what an array
-    /// that is longer held before stays behind them.
+    /// Fills an array of the value from its first number on, until either end, and checks each number while
+    /// it is at hand: [`publish`](Self::publish) then does not read the array a second time. Returns how many
+    /// were written; what an array that is longer held before stays behind them.
     ///
-    /// For arrays of `f64` and `f32` that are too large for the nearest cache, such as maps, weights and pictures of
-    /// numbers: there the check takes as long as the filling. The last array that was filled so is spared; set counts
-    /// and other fields before, for whatever is written later through `&mut` has all of the value checked again.
+    /// For arrays of `f64` and `f32` that are too large for the nearest cache, such as maps, weights and
+    /// pictures of numbers: there the check takes as long as the filling. The last array that was filled so
+    /// is spared; set counts and other fields before, for whatever is written later through `&mut` has all of
+    /// the value checked again.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -185,9 +186,9 @@ impl<T: StateBuffer> Loan<'_, T> {
         let offset = found.as_ptr().addr().wrapping_sub(whole);
         let inside = offset <= size_of::<T>() && bytes <= size_of::<T>() - offset;
         assert!(inside, "an array of {} bytes that is no part of {}", bytes, T::NAME);
-        // SAFETY: `bytes` from `offset` on lie within the value and held an array of this type; any bit pattern is valid for
-        // it, and for whatever else the value holds there. Nobody else uses the value, as in `deref`, and the reference to
-        // it has ended.
+        // SAFETY: `bytes` from `offset` on lie within the value and held an array of this type; any bit
+        // pattern is valid for it, and for whatever else the value holds there. Nobody else uses the value,
+        // as in `deref`, and the reference to it has ended.
         let places = unsafe {
             core::slice::from_raw_parts_mut(self.value.cast::<E>().byte_add(offset).as_ptr(), length)
         };
@@ -201,17 +202,18 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// Publishes the value and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that does not fit: it is then
-    /// not published, and its readers keep the older value.
+    /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that does not fit: it
+    /// is then not published, and its readers keep the older value.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the value: the time at which it was measured, received or
-    /// recorded, ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated time in lockstep).
+    /// As [`publish`](Self::publish), with the source time of the value: the time at which it was measured,
+    /// received or recorded, ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or
+    /// simulated time in lockstep).
     ///
-    /// It stands in the place of the source time of the step's input, and of the time of publication in a step without
-    /// one. End-to-end latencies count from it, and a `CommandGate` refuses a command whose
+    /// It stands in the place of the source time of the step's input, and of the time of publication in a
+    /// step without one. End-to-end latencies count from it, and a `CommandGate` refuses a command whose
     /// source is too old. A source time up to 1 ms after the present becomes the present.
     ///
     /// ```
@@ -226,8 +228,8 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// ```
     ///
     /// # Errors
-    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is later than that: the value is
-    /// not published, and counted as refused.
+    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is later than
+    /// that: the value is not published, and counted as refused.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }
@@ -242,7 +244,8 @@ impl<T: StateBuffer> Loan<'_, T> {
         let send = |sample: Option<Lent<T>>, stamp| sample.is_some_and(|sample| sample.send(stamp));
         let published = match topic {
             Some(topic) => {
-                // SAFETY: as in `deref`; the emergency-stop topic carries an `EmergencyStop`, whose one field is this number.
+                // SAFETY: as in `deref`; the emergency-stop topic carries an `EmergencyStop`, whose one field
+                // is this number.
                 topic.latch_if_pressed(context, || unsafe { value.cast::<u64>().read() });
                 topic.publish((context, source_ns), sample, check, digest, send)
             }

@@ -21,7 +21,8 @@ pub(crate) struct OutputPlace<'a> {
     pub(crate) topic: &'a TopicPlan,
     /// The latency budgets that end at the output.
     pub(crate) probes: Vec<Probe>,
-    /// True if a worker ends each step, and all components that the topic triggers run on its core: they are woken then.
+    /// True if a worker ends each step, and all components that the topic triggers run on its core: they are
+    /// woken then.
     pub(crate) wakes_late: bool,
     /// True of the emergency-stop topic of the graph.
     pub(crate) is_emergency_stop: bool,
@@ -89,8 +90,8 @@ impl TopicWriter {
 
     /// Latches the emergency stop of the run if this is its topic and the value stops.
     ///
-    /// A gate sees the newest value only: one that stops and is replaced before the gate steps, or is withheld because
-    /// its step is late, must stop the robot too.
+    /// A gate sees the newest value only: one that stops and is replaced before the gate steps, or is
+    /// withheld because its step is late, must stop the robot too.
     #[inline]
     pub(super) fn latch_if_pressed(&self, context: &Context, stop: impl FnOnce() -> u64) {
         if self.is_emergency_stop && stop() != 0 {
@@ -98,8 +99,8 @@ impl TopicWriter {
         }
     }
 
-    /// Publishes what was filled: the slot of a state, or else `value`, which `send` sends. `check` looks for what must not
-    /// reach a reader, `digest` takes in the content.
+    /// Publishes what was filled: the slot of a state, or else `value`, which `send` sends. `check` looks for
+    /// what must not reach a reader, `digest` takes in the content.
     #[inline(always)]
     pub(super) fn publish<V, D>(
         &mut self,
@@ -109,8 +110,8 @@ impl TopicWriter {
         digest: impl FnOnce(&V, &mut Digest),
         send: impl FnOnce(V, Stamp) -> bool,
     ) -> Result<(), Unpublished<D>> {
-        // Before the check: reading the clock waits for all loads before it, and those of a check wait until the numbers
-        // just filled in have left for the cache.
+        // Before the check: reading the clock waits for all loads before it, and those of a check wait until
+        // the numbers just filled in have left for the cache.
         let now = context.clock().now_ns();
         checked(context, check(&value))?;
         let sequence = match &self.after.state {

@@ -15,8 +15,8 @@ use crate::state::{ContentCheck, ContentDefect, TypeLayout};
 
 /// An output port that writes a state of a layout given at run time: the one writer of its topic.
 ///
-/// Declare it with [`Declare::raw_output`](crate::declare::Declare::raw_output). Values published on an output that the
-/// graph leaves unwired are checked, and read by nobody.
+/// Declare it with [`Declare::raw_output`](crate::declare::Declare::raw_output). Values published on an
+/// output that the graph leaves unwired are checked, and read by nobody.
 #[derive(Debug)]
 pub struct RawOutput {
     layout: TypeLayout,
@@ -89,8 +89,8 @@ impl RawOutput {
     /// Publishes a copy of a value under a stamp of this component and wakes the components that it triggers.
     ///
     /// # Errors
-    /// It is not published: it holds a number that is not finite or a count that does not fit, has another size than
-    /// the type, or comes too late.
+    /// It is not published: it holds a number that is not finite or a count that does not fit, has another
+    /// size than the type, or comes too late.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
@@ -112,7 +112,8 @@ impl RawOutput {
         let Some((_, state, topic)) = wired else { return Ok(()) };
         let stop = || bytes.first_chunk().map_or(0, |stop| u64::from_ne_bytes(*stop));
         topic.latch_if_pressed(context, stop);
-        // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends here.
+        // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends
+        // here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
         let digest = |bytes: &&[u8], digest: &mut _| check.digest(bytes, digest);
         let check = |_: &_| Ok::<(), ContentDefect>(());

@@ -14,10 +14,10 @@ use crate::state::{Digest, Stamp, TypeLayout};
 
 /// A reader of every value of a topic, in order, that is no part of the graph: for tools and recorders.
 ///
-/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its newest value:
-/// as many as its `history`, and a few more. What was overwritten before it was read is counted
-/// ([`missed`](Self::missed)). A topic has places for four taps at a time; the place of one that was killed is free
-/// at once.
+/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its
+/// newest value: as many as its `history`, and a few more. What was overwritten before it was read is counted
+/// ([`missed`](Self::missed)). A topic has places for four taps at a time; the place of one that was killed
+/// is free at once.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -52,8 +52,8 @@ fn first_place(topic: &str) -> u32 {
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
 }
 
-/// Takes one of the pins of a topic for readers outside the graph, with the lock that keeps it. The system frees the lock
-/// when this process ends.
+/// Takes one of the pins of a topic for readers outside the graph, with the lock that keeps it. The system
+/// frees the lock when this process ends.
 pub(crate) fn side_pin(
     domain: &Domain,
     topic: &TopicPlan,
@@ -81,8 +81,8 @@ impl Tap {
         Self::join(domain, topic)
     }
 
-    /// Joins a topic of slices, such as pictures: the bytes of each value are those of all elements of a slice, in the
-    /// [layout](Self::layout) of one after the other.
+    /// Joins a topic of slices, such as pictures: the bytes of each value are those of all elements of a
+    /// slice, in the [layout](Self::layout) of one after the other.
     ///
     /// # Errors
     /// The run or the topic cannot be reached, or the topic carries single values.
@@ -118,7 +118,8 @@ impl Tap {
         }
     }
 
-    /// Hands the next unread value to `read` where it lies: its stamp and its bytes. False if there is none yet.
+    /// Hands the next unread value to `read` where it lies: its stamp and its bytes. False if there is none
+    /// yet.
     pub fn read(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
         match &mut self.source {
             Source::State(tap) => tap.next(read),

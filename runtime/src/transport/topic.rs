@@ -56,8 +56,8 @@ impl TopicService {
         Ok(Self { samples, memory, wakes: !topic.triggers.is_empty() })
     }
 
-    /// Lets go of the topic without a look at what iceoryx2 keeps in shared memory: its words may have been damaged. All of
-    /// it is removed with the domain.
+    /// Lets go of the topic without a look at what iceoryx2 keeps in shared memory: its words may have been
+    /// damaged. All of it is removed with the domain.
     pub(crate) fn abandon(self) {
         self.samples.abandon();
     }
@@ -96,8 +96,8 @@ fn builder(node: &Node<Shared>, topic: &TopicPlan) -> Result<Builder<Bytes, Head
     let stamp = TypeDetail::new::<Stamp>(TypeVariant::FixedSize);
     let service = node.service_builder(&service_name("topic", &topic.name)?);
     let builder = service.publish_subscribe::<Bytes>().user_header::<Header>();
-    // SAFETY: the details describe a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared with; and a `Stamp`.
-    // iceoryx2 compares them with those of a service that is there.
+    // SAFETY: the details describe a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared
+    // with; and a `Stamp`. iceoryx2 compares them with those of a service that is there.
     Ok(unsafe {
         builder.__internal_set_payload_type_details(&payload).__internal_set_user_header_type_details(&stamp)
     })

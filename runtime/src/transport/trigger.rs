@@ -7,16 +7,16 @@ use super::latest::TopicMemory;
 use super::latest::protocol::{Newest, newest_with_time};
 use crate::os::{Backoff, current_core, monotonic_ns};
 
-/// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being woken
-/// there.
+/// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being
+/// woken there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 
 /// The waiting side of a topic: it sleeps until the next publication.
 ///
-/// When the publisher runs on another core, being woken costs far more than the data: the waiter then polls for as long
-/// as that would take before it sleeps. After a poll that found nothing the next wait does without, then the next two,
-/// and so on up to 64, so that a component that waits for a millisecond at a time spends less than 0.1 % of its core on
-/// polling.
+/// When the publisher runs on another core, being woken costs far more than the data: the waiter then polls
+/// for as long as that would take before it sleeps. After a poll that found nothing the next wait does
+/// without, then the next two, and so on up to 64, so that a component that waits for a millisecond at a time
+/// spends less than 0.1 % of its core on polling.
 #[derive(Debug)]
 pub struct Trigger {
     memory: Rc<TopicMemory>,
@@ -25,8 +25,8 @@ pub struct Trigger {
 }
 
 impl Trigger {
-    /// Waits for publications after those that a component has missed while it was restarted; for one that was never
-    /// restarted, from the very first.
+    /// Waits for publications after those that a component has missed while it was restarted; for one that
+    /// was never restarted, from the very first.
     pub(super) fn new(memory: Rc<TopicMemory>, restarts: u32) -> Self {
         let seen = if restarts == 0 { Newest::default() } else { memory.newest() };
         Self { memory, seen: Cell::new(seen), backoff: Backoff::default() }

@@ -1,9 +1,10 @@
-//! The notifier of a topic: how a publication wakes those who wait for it, and how the launcher interrupts them.
+//! The notifier of a topic: how a publication wakes those who wait for it, and how the launcher interrupts
+//! them.
 //!
-//! A waiter names the last publication it has seen, counts itself as sleeping, and sleeps on the word of the newest
-//! publication only while that has not changed. A writer announces a publication and then asks whether anybody sleeps: it
-//! makes a system call only then. Either the writer finds the sleeper, or the sleeper finds the publication, so none is
-//! lost.
+//! A waiter names the last publication it has seen, counts itself as sleeping, and sleeps on the word of the
+//! newest publication only while that has not changed. A writer announces a publication and then asks whether
+//! anybody sleeps: it makes a system call only then. Either the writer finds the sleeper, or the sleeper
+//! finds the publication, so none is lost.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
 

@@ -1,15 +1,17 @@
-//! The pin protocol: how one writer and any number of readers share the slots of a topic without copying or waiting.
+//! The pin protocol: how one writer and any number of readers share the slots of a topic without copying or
+//! waiting.
 //!
-//! * The writer fills a slot that is neither the newest nor pinned, and announces it: one store of publication number
-//!   and slot in one word.
-//! * A reader pins the slot that is announced, then looks whether it still is. If so, the writer finds the pin before it
-//!   chooses that slot again, and the reader may use the value in place for as long as it keeps the pin. If not, it pins
-//!   the newer one: it tries again at most once per publication.
-//! * A tap wants a certain publication, newest or not. It pins the slot that is marked with the number, and looks whether
-//!   it still is; the writer takes the mark off a slot before it asks who has pinned it.
+//! * The writer fills a slot that is neither the newest nor pinned, and announces it: one store of
+//!   publication number and slot in one word.
+//! * A reader pins the slot that is announced, then looks whether it still is. If so, the writer finds the
+//!   pin before it chooses that slot again, and the reader may use the value in place for as long as it keeps
+//!   the pin. If not, it pins the newer one: it tries again at most once per publication.
+//! * A tap wants a certain publication, newest or not. It pins the slot that is marked with the number, and
+//!   looks whether it still is; the writer takes the mark off a slot before it asks who has pinned it.
 //!
-//! With as many slots as pins and two more the writer always finds one. A reader that dies leaves one slot pinned, until
-//! its successor pins another; a writer that dies leaves the last announced value, and a slot without a mark.
+//! With as many slots as pins and two more the writer always finds one. A reader that dies leaves one slot
+//! pinned, until its successor pins another; a writer that dies leaves the last announced value, and a slot
+//! without a mark.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
@@ -96,10 +98,11 @@ pub(crate) fn newest<A: Atomics>(head: &Head<A>) -> Newest {
 pub(crate) enum Reuse {
     /// The first free one, one at a time: two large values take turns, and stay in the cache.
     First,
-    /// All free ones at once. A slot that is free stays free until it is published, so the writer looks at the pins, which
-    /// takes their cache lines away from the readers, once in several publications.
+    /// All free ones at once. A slot that is free stays free until it is published, so the writer looks at
+    /// the pins, which takes their cache lines away from the readers, once in several publications.
     Several,
-    /// Those that were filled longest ago: taps find the values before. Of many slots several are taken at once.
+    /// Those that were filled longest ago: taps find the values before. Of many slots several are taken at
+    /// once.
     Oldest,
 }
 
@@ -165,7 +168,8 @@ impl Writer {
         let wanted = match self.reuse {
             Reuse::First => 1,
             Reuse::Several => TAKEN,
-            // Slots that are taken hold nothing for taps: few of many, and no more than there are beyond the history.
+            // Slots that are taken hold nothing for taps: few of many, and no more than there are beyond the
+            // history.
             Reuse::Oldest => (words.slots() / MANY).clamp(1, TAKEN.min(words.pins().len() + 1)),
         };
         // Pins as they are seen in passing spare a fence for each slot that is taken.
@@ -197,8 +201,9 @@ impl Writer {
             count += 1;
         }
         A::fence(Site::Claim);
-        // The last one is filled first, so the slots are used from the highest to the lowest: a reader's processor fetches
-        // lines beyond the end of what it reads, which here are those of an older value, not of the next to be filled.
+        // The last one is filled first, so the slots are used from the highest to the lowest: a reader's
+        // processor fetches lines beyond the end of what it reads, which here are those of an older value,
+        // not of the next to be filled.
         for (slot, held) in &marked[..count] {
             if is_pinned::<A>(words.pins(), *slot, A::at(Site::Scan, Acquire)) {
                 // Its value is as it was.
@@ -227,14 +232,14 @@ fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atom
 
 /// Announces a publication: its time and its number, in its slot, then itself.
 ///
-/// It is the one store to the line that waiters poll: a core that polls takes the line away after each of them, and the next
-/// would have to fetch it back.
+/// It is the one store to the line that waiters poll: a core that polls takes the line away after each of
+/// them, and the next would have to fetch it back.
 #[inline]
 pub(crate) fn announce<A: Atomics>(words: &impl Words<A>, newest: Newest, time_ns: u64) {
     words.time(newest.slot()).store(time_ns, A::at(Site::Time, Release));
     words.mark(newest.slot()).store(newest.number(), A::at(Site::Mark, Release));
-    // In one exchange with what an interrupt left there: a reader that sees the publication then sees what the interrupt is
-    // about.
+    // In one exchange with what an interrupt left there: a reader that sees the publication then sees what
+    // the interrupt is about.
     words.head().newest.swap(newest.0, A::at(Site::Publish, Release));
 }
 
@@ -253,10 +258,11 @@ pub(crate) fn newest_with_time<A: Atomics>(words: &impl Words<A>) -> (Newest, u6
     }
 }
 
-/// Pins the newest value unless it is the publication `last`, or there is none. Returns which one is pinned. A word that
-/// names a slot that is not there was damaged: there is no news in it.
+/// Pins the newest value unless it is the publication `last`, or there is none. Returns which one is pinned.
+/// A word that names a slot that is not there was damaged: there is no news in it.
 ///
-/// `fetch` is called with the slot just before it is pinned: both may be on their way from another core at once.
+/// `fetch` is called with the slot just before it is pinned: both may be on their way from another core at
+/// once.
 #[inline]
 pub(crate) fn pin_newest<A: Atomics>(
     words: &impl Words<A>,

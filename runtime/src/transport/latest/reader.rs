@@ -84,8 +84,9 @@ impl StateReader {
     pub(crate) fn current<T: StateBuffer>(&self) -> Option<(&Stamp, &T)> {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
         let slot = (self.seen() > 0).then_some(self.pinned.slot())?;
-        // SAFETY: the slot is pinned, so the writer does not touch it until this reader looks again, for which it needs
-        // `&mut self`. The port was opened for this very layout; every bit pattern is a valid value.
+        // SAFETY: the slot is pinned, so the writer does not touch it until this reader looks again, for
+        // which it needs `&mut self`. The port was opened for this very layout; every bit pattern is a valid
+        // value.
         Some(unsafe { (&*self.memory.stamp(slot), &*self.memory.value(slot).cast::<T>()) })
     }
 
@@ -93,8 +94,8 @@ impl StateReader {
     #[inline]
     pub(crate) fn current_bytes(&self) -> Option<(&Stamp, &[u8])> {
         let slot = (self.seen() > 0).then_some(self.pinned.slot())?;
-        // SAFETY: as in `current`; the slot has room for a value of this size, all of it initialised by the system or by
-        // the writer.
+        // SAFETY: as in `current`; the slot has room for a value of this size, all of it initialised by the
+        // system or by the writer.
         Some(unsafe {
             let value = core::slice::from_raw_parts(self.memory.value(slot), self.memory.value_bytes());
             (&*self.memory.stamp(slot), value)

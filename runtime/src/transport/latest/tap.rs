@@ -11,7 +11,8 @@ use std::sync::atomic::Ordering::Relaxed;
 /// Tries to pin a publication before it counts as not there yet.
 const TRIES: usize = 64;
 
-/// A reader of each publication of a topic, in order, from the slots behind the newest. The writer does nothing for it.
+/// A reader of each publication of a topic, in order, from the slots behind the newest. The writer does
+/// nothing for it.
 #[derive(Debug)]
 pub(crate) struct Tap {
     memory: TopicMemory,

@@ -34,16 +34,16 @@ impl StateWriter {
     /// The value in the slot that is being filled, to be written.
     ///
     /// # Safety
-    /// The caller has the only reference to the value: an output is the one user of its writer's slot, and lends it
-    /// through `&mut` of itself.
+    /// The caller has the only reference to the value: an output is the one user of its writer's slot, and
+    /// lends it through `&mut` of itself.
     #[inline]
     #[allow(clippy::mut_from_ref)]
     pub(crate) unsafe fn value_mut<T: StateBuffer>(&self) -> &mut T {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
         // A core that polls has a copy of the line: it is asked to give it up while the value is filled.
         prefetch_write(core::ptr::from_ref(self.memory.head()).cast(), 1);
-        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. The port was opened
-        // for this very layout; every bit pattern is a valid value.
+        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. The
+        // port was opened for this very layout; every bit pattern is a valid value.
         unsafe { &mut *self.memory.value(self.slot()).cast::<T>() }
     }
 
@@ -54,8 +54,8 @@ impl StateWriter {
     #[inline]
     #[allow(clippy::mut_from_ref)]
     pub(crate) unsafe fn bytes_mut(&self) -> &mut [u8] {
-        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. It has room for a
-        // value of this size, all of it initialised by the system or by an earlier publication.
+        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. It has
+        // room for a value of this size, all of it initialised by the system or by an earlier publication.
         unsafe { core::slice::from_raw_parts_mut(self.memory.value(self.slot()), self.memory.value_bytes()) }
     }
 
@@ -79,10 +79,11 @@ impl StateWriter {
         writer.publish(&*self.memory, stamp.publish_time);
     }
 
-    /// Chooses the slot of the next publication and fetches it, while nobody waits for the writer. Returns where it is.
+    /// Chooses the slot of the next publication and fetches it, while nobody waits for the writer. Returns
+    /// where it is.
     ///
-    /// The slot of a large value is chosen when it is filled: by then the readers have let go of the one before, and two
-    /// slots that take turns stay in the cache where three would not.
+    /// The slot of a large value is chosen when it is filled: by then the readers have let go of the one
+    /// before, and two slots that take turns stay in the cache where three would not.
     #[inline]
     pub(crate) fn prepare(&self) -> Option<*const u8> {
         if self.memory.is_large() {

@@ -41,8 +41,8 @@ impl<T: StateBuffer> StreamReader<T> {
         self.queue.clone()
     }
 
-    /// Takes the next sample from the queue that may be read; whether there was one. One that is not valid, or whose number
-    /// is not above the last one's, is refused and counted, and what was read before stays.
+    /// Takes the next sample from the queue that may be read; whether there was one. One that is not valid,
+    /// or whose number is not above the last one's, is refused and counted, and what was read before stays.
     pub(crate) fn take(&mut self, context: &Context, is_valid: impl Fn(&[T]) -> bool) -> bool {
         while let Some(sample) = receive(&self.queue) {
             let (stamp, bytes) = parts(&sample);

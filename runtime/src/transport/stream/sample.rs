@@ -1,7 +1,7 @@
 //! Samples of a stream: a stamp, and bytes of the type that the port knows.
 //!
-//! All streams are carried by the same iceoryx2 ports, whose services are told their types at run time: compiled for each
-//! type of message, the ports were a fifth of all code of a component.
+//! All streams are carried by the same iceoryx2 ports, whose services are told their types at run time:
+//! compiled for each type of message, the ports were a fifth of all code of a component.
 
 #![allow(unsafe_code)] // bytes in shared memory become values of the type that their port was opened for
 
@@ -24,8 +24,8 @@ pub(crate) type Sender = Publisher<Shared, Bytes, Header>;
 /// A sample that was received.
 pub(crate) type Received = Sample<Shared, Bytes, Header>;
 
-/// Takes the next sample from a queue. An error there means that a connection could not be made to a publisher that is just
-/// dying or being born; the sample is then simply not there yet, and its age tells.
+/// Takes the next sample from a queue. An error there means that a connection could not be made to a
+/// publisher that is just dying or being born; the sample is then simply not there yet, and its age tells.
 #[inline(never)]
 pub(crate) fn receive(queue: &Queue) -> Option<Received> {
     queue.receive().ok().flatten()
@@ -34,8 +34,9 @@ pub(crate) fn receive(queue: &Queue) -> Option<Received> {
 /// The stamp of a sample, and the bytes of its payload.
 #[inline]
 pub(crate) fn parts(sample: &Received) -> (&Stamp, &[u8]) {
-    // SAFETY: every service of a topic is made with a `Stamp` as user header, for which its marker stands. The memory is not
-    // of this program: its address was made from a number, and stays valid while the sample is held.
+    // SAFETY: every service of a topic is made with a `Stamp` as user header, for which its marker stands.
+    // The memory is not of this program: its address was made from a number, and stays valid while the sample
+    // is held.
     let stamp = unsafe { &*exposed::<Stamp>(sample.user_header()) };
     (stamp, as_bytes(sample.payload()))
 }

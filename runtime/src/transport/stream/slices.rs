@@ -180,9 +180,9 @@ impl<T: StateBuffer> core::ops::DerefMut for SliceLoan<'_, T> {
 }
 
 impl<T: StateBuffer> SliceLoan<'_, T> {
-    /// Fills the slice from its first element on, until either end, and checks each element while it is at hand:
-    /// [`publish`](Self::publish) then does not read the slice a second time, unless it is written to in between or was
-    /// not filled to its end. Returns how many were written.
+    /// Fills the slice from its first element on, until either end, and checks each element while it is at
+    /// hand: [`publish`](Self::publish) then does not read the slice a second time, unless it is written to
+    /// in between or was not filled to its end. Returns how many were written.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -208,12 +208,12 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
         self.finish(None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the slice, such as the exposure of an image, ns on the clock
-    /// of stamps: see [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// As [`publish`](Self::publish), with the source time of the slice, such as the exposure of an image, ns
+    /// on the clock of stamps: see [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
-    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is in the future by more than
-    /// 1 ms.
+    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is in the future
+    /// by more than 1 ms.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }

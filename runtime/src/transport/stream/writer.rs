@@ -33,8 +33,8 @@ impl<T: StateBuffer> StreamWriter<T> {
         Ok(Self { sender: Rc::new(open_sender(participant.node(), topic, longest)?), content: PhantomData })
     }
 
-    /// Lends the memory of the next sample, of so many values, of which a stream of single ones takes one; `None` if readers
-    /// hold all of it.
+    /// Lends the memory of the next sample, of so many values, of which a stream of single ones takes one;
+    /// `None` if readers hold all of it.
     pub(crate) fn lend(&self, count: usize) -> Option<Lent<T>> {
         lend(&self.sender, count).map(|sample| Lent { sample, content: PhantomData })
     }
@@ -78,8 +78,8 @@ impl<T: StateBuffer> Lent<T> {
 fn lend(sender: &Sender, count: usize) -> Option<SampleMut<Shared, Bytes, Header>> {
     // SAFETY: a service of single values is asked for one, by the one port that writes them.
     let sample = unsafe { sender.loan_custom_payload(count) }.ok()?;
-    // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is a valid value
-    // (the contract of `Field`).
+    // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is
+    // a valid value (the contract of `Field`).
     Some(unsafe { sample.assume_init() })
 }
 

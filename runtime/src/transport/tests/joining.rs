@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use super::*;
 
-/// Joins every run of a name as soon as it is seen, as a stock program of iceoryx2 does. Returns how many it joined.
+/// Joins every run of a name as soon as it is seen, as a stock program of iceoryx2 does. Returns how many it
+/// joined.
 fn join_all(name: &str, done: &AtomicBool) -> usize {
     let mut joined = BTreeSet::new();
     while !done.load(Relaxed) {
