@@ -1,6 +1,6 @@
 //! Times and rates as people write them: `"200 us"`, `"1.5 ms"`, `"1 kHz"`.
 //!
-//! Everything is exact: decimal digits are scaled as integers, never through a float.
+//! All conversions are exact: decimal digits are scaled as integers, never as floating-point numbers.
 
 use std::borrow::Cow;
 
@@ -39,7 +39,7 @@ impl From<TimeSpan> for std::time::Duration {
     }
 }
 
-/// A rate, as the period it makes.
+/// A rate, stored as its period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rate {
     /// Time between two releases, rounded to whole nanoseconds.
@@ -94,7 +94,7 @@ impl core::str::FromStr for TimeSpan {
             });
         }
         let ns = u64::try_from(scaled / power).map_err(|_| too_long(text))?;
-        // times are added to one another: keep them well below the end of the range
+        // times are added to one another, so keep them well below the end of the range
         if ns > u64::MAX / 1_000 { Err(too_long(text)) } else { Ok(Self { ns }) }
     }
 }
@@ -163,7 +163,7 @@ impl<'a> Decimal<'a> {
     }
 }
 
-/// Splits `"200 us"` into number and unit; the blank between them may be left out.
+/// Splits `"200 us"` into number and unit; the space between them is optional.
 fn split<'a>(text: &'a str, example: &str) -> Result<(&'a str, &'a str), UnitError> {
     let text = text.trim();
     let end =

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::add;
 use crate::state::MAX_JOINTS;
 
-/// Bytes of a joint's name that are kept.
+/// Number of bytes kept of a joint's name.
 const NAME: usize = 48;
 
 /// The state of an actuator's command gate.
@@ -20,7 +20,7 @@ pub enum GateState {
     /// The safe state is applied.
     #[default]
     Safe = 0,
-    /// Fresh commands are followed from the held pose, at limited rates, until the setpoint is met.
+    /// Fresh commands are followed from the held pose, at limited rates, until the setpoint is reached.
     Resuming = 1,
     /// Commands are applied, within the limits.
     Following = 2,
@@ -51,7 +51,7 @@ impl Latch {
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum LimitKind {
-    /// The position setpoint lies outside of the joint's range.
+    /// The position setpoint is outside the joint's range.
     Position = 0,
     /// The position setpoint moves faster than the joint may.
     PositionRate = 1,
@@ -83,24 +83,24 @@ impl LimitKind {
     ];
 }
 
-/// The reason for which a command was not applied at all.
+/// Reason why a command was not applied at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u32)]
 pub enum Refusal {
-    /// A number is not finite, or the count is beyond the capacity of the buffer.
+    /// A number is not finite, or the count exceeds the capacity of the buffer.
     Content = 0,
-    /// It is for another number of joints.
+    /// The number of joints differs.
     Count = 1,
     /// A gain is negative.
     NegativeGain = 2,
     /// A limit was exceeded, and `limits = "refuse"`.
     Limits = 3,
-    /// Its stamp lies in the future.
+    /// The stamp is in the future.
     Future = 4,
-    /// It is older than the command before it.
+    /// It is older than the previous command.
     Sequence = 5,
-    /// The measurement it was computed from is too old.
+    /// The source measurement is too old.
     StaleSource = 6,
 }
 
@@ -130,10 +130,9 @@ pub struct GateBlock {
     /// 1 once a command has been applied.
     has_followed: AtomicU32,
     entries: AtomicU64,
-    /// Start of the present state, on the clock of stamps, ns; 0 before the first step.
+    /// Start of the current state, on the clock of stamps, ns; 0 before the first step.
     since_ns: AtomicU64,
-    /// Time in the safe state before that, from the first command on and other than by `motorium stop --now`,
-    /// ns.
+    /// Earlier time in the safe state, since the first command and not caused by `motorium stop --now`, ns.
     safe_ns: AtomicU64,
     refused: [AtomicU64; Refusal::ALL.len()],
     limited: [[AtomicU64; LimitKind::ALL.len()]; MAX_JOINTS],
@@ -166,37 +165,37 @@ impl GateBlock {
         self.latch.store(latch.map_or(0, |latch| latch as u32), Relaxed);
     }
 
-    /// Notes whether joints still move in a safe state that should bring them to rest.
+    /// Records whether joints still move in a safe state that should bring them to rest.
     pub fn set_moves(&self, moves: bool) {
         self.moves.store(u32::from(moves), Relaxed);
     }
 
-    /// Counts a safe state in which the joints were not at rest in time.
+    /// Counts a safe state in which the joints did not come to rest in time.
     pub fn count_unsettled(&self) {
         self.unsettled.fetch_add(1, Relaxed);
     }
 
-    /// Counts a resume that took longer than it may.
+    /// Counts a resume that took too long.
     pub fn count_late_resume(&self) {
         self.late_resumes.fetch_add(1, Relaxed);
     }
 
-    /// True while joints still move in a safe state that should bring them to rest.
+    /// Returns `true` while joints still move in a safe state that should bring them to rest.
     pub fn moves(&self) -> bool {
         self.moves.load(Relaxed) != 0
     }
 
-    /// Number of safe states in which the joints were not at rest in time.
+    /// Number of safe states in which the joints did not come to rest in time.
     pub fn unsettled(&self) -> u32 {
         self.unsettled.load(Relaxed)
     }
 
-    /// Number of resumes that took longer than [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
+    /// Number of resumes longer than [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
     pub fn late_resumes(&self) -> u32 {
         self.late_resumes.load(Relaxed)
     }
 
-    /// Goes back to the safe state without an entry, since no command has been applied in the new episode.
+    /// Returns to the safe state without counting an entry, since the new episode has no applied command yet.
     pub fn begin_episode(&self) {
         self.state.store(GateState::Safe as u32, Relaxed);
         self.since_ns.store(0, Relaxed);
@@ -207,7 +206,7 @@ impl GateBlock {
         self.has_followed.load(Relaxed) != 0
     }
 
-    /// Time in the safe state until `now_ns`, from the first command on and other than by `motorium stop
+    /// Time in the safe state until `now_ns`, since the first command and not caused by `motorium stop
     /// --now`, ns.
     pub fn safe_ns(&self, now_ns: u64) -> u64 {
         let before_ns = self.safe_ns.load(Relaxed);
@@ -250,12 +249,12 @@ impl GateBlock {
         core::array::from_fn(|reason| self.refused[reason].load(Relaxed))
     }
 
-    /// Number of times that the safe state was entered after commands had been applied.
+    /// Number of entries into the safe state after applied commands.
     pub fn entries(&self) -> u64 {
         self.entries.load(Relaxed)
     }
 
-    /// The account so far; `None` if the component opened none.
+    /// Returns the account so far; `None` if the component opened none.
     pub fn report(&self) -> Option<GateReport> {
         let joints = (self.joints.load(Acquire) as usize).min(MAX_JOINTS);
         if joints == 0 {
@@ -292,11 +291,11 @@ impl GateBlock {
 pub struct GateReport {
     /// State of the gate.
     pub state: GateState,
-    /// The reason for which it stays in the safe state until `motorium resume`; `null` if it does not.
+    /// Reason for staying in the safe state until `motorium resume`; `null` otherwise.
     pub latch: Option<Latch>,
-    /// Times that the safe state was entered after commands had been applied.
+    /// Number of entries into the safe state after applied commands.
     pub entries: u64,
-    /// Limits that commands exceeded, by joint: clamped, or refused where the graph says so.
+    /// Limits exceeded by commands, per joint: clamped, or refused if configured.
     pub limited: Vec<Limited>,
     /// Commands that were not applied, by reason.
     pub refused: Vec<Refused>,

@@ -67,7 +67,7 @@ pub struct Header {
     pub(super) topics: AtomicU32,
     pub(super) latencies: AtomicU32,
     pub(super) edges: AtomicU32,
-    /// Events that the trace of each component keeps; 0 if the run is not traced.
+    /// Number of events kept in the trace of each component; 0 without a trace.
     pub(super) traced: AtomicU32,
     command: AtomicU32,
     /// Start of the run on `CLOCK_MONOTONIC`, ns.
@@ -83,7 +83,7 @@ pub struct Header {
     latch: AtomicU32,
     /// Number of times that `resume` released the latches.
     resumes: AtomicU32,
-    /// Time at which the launcher last supervised, `CLOCK_MONOTONIC` ns; 0 before the run.
+    /// Time of the launcher's last supervision, `CLOCK_MONOTONIC` ns; 0 before the run.
     pub launcher_alive_ns: AtomicU64,
     /// Time at which the guard last checked the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
     pub guard_alive_ns: AtomicU64,
@@ -97,9 +97,9 @@ pub struct Header {
     episode_over: AtomicU32,
     /// 1 while simulated time is held. Written by tools, and by the program that drives the run.
     paused: AtomicU32,
-    /// Rounds of simulated time that a held run may still make, since its start. Written by tools.
+    /// Rounds of simulated time granted to a held run since its start. Written by tools.
     pub rounds_granted: AtomicU64,
-    /// Rounds that a held run has made, since its start.
+    /// Rounds completed by a held run since its start.
     pub rounds_taken: AtomicU64,
     /// Lockstep: simulated time reached in the episode, ns.
     pub reached_ns: AtomicU64,
@@ -141,8 +141,8 @@ impl Header {
         &self.command
     }
 
-    /// Orders a command of all workers. Commands only rise: a safe stop is never taken back, and a late one,
-    /// of a component or the guard, takes back no stop.
+    /// Orders a command for all workers. Commands only increase: a safe stop is never revoked, and a late one
+    /// of a component or the guard does not revoke a stop.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
@@ -215,7 +215,7 @@ impl Header {
         self.paused.load(Acquire) != 0
     }
 
-    /// Keeps every command gate of the run in its safe state until [`release`](Self::release).
+    /// Latches every command gate of the run in its safe state until [`release`](Self::release).
     pub fn latch(&self, latch: Latch) {
         if self.latch.load(Relaxed) & latch as u32 == 0 {
             self.latch.fetch_or(latch as u32, AcqRel);

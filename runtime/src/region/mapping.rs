@@ -49,7 +49,7 @@ struct Counts {
 }
 
 impl Counts {
-    /// The log of events stands between the header and the first block.
+    /// The event log is between the header and the first block.
     const COMPONENTS_AT: usize = size_of::<Header>() + size_of::<EventLog>();
 
     fn of(plan: &Plan) -> Self {
@@ -83,7 +83,7 @@ impl Counts {
         self.latencies_at() + self.latencies * size_of::<LatencyBlock>()
     }
 
-    /// The heads of the rings; the slots of one ring after the other follow.
+    /// The heads of the rings, followed by the slots of each ring.
     fn trace_at(self) -> usize {
         self.edges_at() + self.edges * size_of::<EdgeBlock>()
     }
@@ -134,15 +134,15 @@ impl Region {
         Counts::of(plan).bytes()
     }
 
-    /// True if it has the blocks of this plan. One whose words were damaged may not.
+    /// Returns `true` if it has the blocks of this plan; a damaged one may not.
     pub fn fits(&self, plan: &Plan) -> bool {
         self.counts == Counts::of(plan)
     }
 
-    /// Makes the control block of a run.
+    /// Creates the control block of a run.
     ///
     /// # Errors
-    /// The file cannot be made: no space, no permission, or it exists.
+    /// The file cannot be created: no space, no permission, or it exists.
     pub fn create(path: &Path, plan: &Plan) -> Result<Self, RegionError> {
         let counts = Counts::of(plan);
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };

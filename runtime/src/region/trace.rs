@@ -1,15 +1,14 @@
-//! The trace of a run: for each component a ring of what its steps did, in the control block of a run that is
-//! traced.
+//! Trace of a run: a ring of step events per component, in the control block of a traced run.
 //!
-//! A ring has one writer, the worker of its component, and any number of readers; nobody waits for anybody.
-//! An event is four words, and `written` counts those that are whole. The next event goes into the slot of
-//! the oldest one: a reader takes an event only if, after it has read the words, `written` shows that its
-//! slot was not the next to be written.
+//! A ring is wait-free, with one writer, the worker of its component, and any number of readers. An event is
+//! four words, and `written` counts the complete ones. The next event goes into the slot of the oldest one: a
+//! reader accepts an event only if `written`, read after the words, shows that its slot was not the next to
+//! be written.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};
 
-/// Most events that a ring keeps.
+/// Maximum number of events in a ring.
 pub(super) const MOST_EVENTS: usize = 1 << 20;
 /// Words of an event.
 const WORDS: usize = 4;
@@ -37,14 +36,14 @@ pub(super) struct TraceRing<'a> {
     pub(super) slots: &'a [TraceSlot],
 }
 
-/// An event in the trace of a component. A step comes after all that was published and read in it.
+/// An event in the trace of a component. A step follows everything published and read in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TraceEvent {
     /// A step has ended.
     Step {
         /// Number of the step, from 0, through restarts and episodes.
         number: u64,
-        /// Its release, ns on the clock of stamps: simulated time in lockstep.
+        /// Release time, ns on the clock of stamps: simulated time in lockstep.
         release_ns: u64,
         /// Its beginning, `CLOCK_MONOTONIC` ns.
         begin_ns: u64,
@@ -93,7 +92,7 @@ impl TraceEvent {
         }
     }
 
-    /// `None` if the words are no event: the ring is damaged.
+    /// `None` if the words are not an event: the ring is damaged.
     pub(super) fn decode([first, a, b, c]: [u64; WORDS]) -> Option<Self> {
         let number = first & ((1 << KIND_AT) - 1);
         let index = number as usize;
@@ -110,7 +109,7 @@ impl TraceRing<'_> {
     /// Writes the event of this number, counted from 0, in place of the oldest one.
     #[inline(always)]
     pub(super) fn write(self, number: u64, event: TraceEvent) {
-        // What readers see of the words to come, they see together with the number of the event before.
+        // Readers that see parts of the next words also see the number of the previous event.
         fence(Release);
         let slot = &self.slots[number as usize & (self.slots.len() - 1)];
         event.encode().into_iter().zip(&slot.0).for_each(|(word, cell)| cell.store(word, Relaxed));
@@ -122,7 +121,7 @@ impl TraceRing<'_> {
         let slot = &self.slots[number as usize & (self.slots.len() - 1)];
         let words = core::array::from_fn(|word| slot.0[word].load(Relaxed));
         fence(Acquire);
-        // The event that comes next may be in its slot by half.
+        // The next event may be partially written to its slot.
         let kept = self.head.written.load(Relaxed).saturating_sub(number) < self.slots.len() as u64;
         kept.then_some(words)
     }
@@ -148,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn every_event_is_read_as_it_was_written() {
+    fn events_are_read_as_written() {
         for event in [
             step(7),
             TraceEvent::Published { topic: 3, sequence: 9, publish_ns: 11, at_ns: 12 },
@@ -161,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_events_are_there_and_the_slot_to_be_written_next_is_not_read() {
+    fn newest_events_are_kept_except_the_next_slot() {
         let (head, slots) = memory(4);
         let ring = TraceRing { head: &head, slots: &slots };
         (0..6).for_each(|number| ring.write(number, step(number)));

@@ -16,10 +16,10 @@ pub(crate) struct TraceWriter {
 }
 
 impl TraceWriter {
-    /// The writer of a component, behind what its predecessor has written; `None` if the run is not traced.
+    /// Opens the writer of a component, continuing after its predecessor; `None` without a trace.
     pub(crate) fn open(region: &Rc<Region>, component: usize) -> Option<Self> {
         let ring = region.trace(component)?;
-        // The pages are there before the first step: a write that changes nothing maps them.
+        // Maps the pages before the first step by a write that changes nothing.
         ring.slots.iter().for_each(|slot| {
             slot.0[0].fetch_or(0, Relaxed);
         });
@@ -38,7 +38,7 @@ impl TraceWriter {
     }
 }
 
-/// A reader of the trace of one component, which remembers what it has read.
+/// A reader of one component's trace that remembers its position.
 ///
 /// ```no_run
 /// use motorium::region::{Region, TraceReader};
@@ -65,13 +65,13 @@ impl TraceReader {
         Self { component, read: 0, lost: 0 }
     }
 
-    /// The events since the last call, oldest first; none if the run is not traced.
+    /// Returns the events since the last call, oldest first; empty without a trace.
     pub fn read(&mut self, region: &Region) -> Vec<TraceEvent> {
         let Some(ring) = region.trace(self.component) else { return Vec::new() };
         let written = ring.head.written.load(Acquire);
-        // Numbers only rise, but in a damaged ring.
+        // Numbers only increase, except in a damaged ring.
         self.read = self.read.min(written);
-        // That of the event being written is the oldest one's.
+        // The event being written occupies the oldest one's slot.
         let oldest = written.saturating_sub(ring.slots.len() as u64 - 1);
         self.lost += oldest.saturating_sub(self.read);
         self.read = self.read.max(oldest);
@@ -82,7 +82,7 @@ impl TraceReader {
         events
     }
 
-    /// Number of events that were overwritten before this reader came to them.
+    /// Number of events overwritten before this reader read them.
     pub fn lost(&self) -> u64 {
         self.lost
     }

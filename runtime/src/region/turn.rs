@@ -1,9 +1,8 @@
-//! The turn of lockstep: the right to step, which one component or the launcher has at a time.
+//! The turn of lockstep: the right to step, held by one component or the launcher at a time.
 //!
-//! The launcher gives the turn to the first component of a round. Each holder, when its step is done, gives
-//! it to the next one that is due, in this round or in the next, without waking the launcher; and back to the
-//! launcher where it may not go on. A process that dies with the turn keeps it: the launcher sees that, and
-//! takes the turn away from it.
+//! The launcher passes the turn to the first component of a round. After its step, each holder passes it to
+//! the next due component, in this round or the next, without waking the launcher, or back to the launcher if
+//! it may not continue. If a process dies with the turn, the launcher detects this and takes the turn back.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -18,15 +17,15 @@ pub struct TurnBlock {
     /// Number of the turn in the upper half, then the giver and the holder, 16 bits each: 0 is the launcher,
     /// else one more than the index of a component.
     word: AtomicU64,
-    /// Rounds before this time may be begun without the launcher, ns.
+    /// Rounds before this time may start without the launcher, ns.
     until_ns: AtomicU64,
-    /// Number of rounds that may still be begun without the launcher.
+    /// Number of further rounds that may start without the launcher.
     rounds_left: AtomicU64,
-    /// Number of calls of the launcher: the word that it sleeps on.
+    /// Number of calls of the launcher: the word on which it sleeps.
     called: AtomicU32,
 }
 
-/// A turn: its number, who gave it and who has it. `None` is the launcher, else the index of a component.
+/// A turn: its number, giver and holder. `None` is the launcher, otherwise the index of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Turn {
     number: u32,
@@ -53,21 +52,21 @@ impl TurnBlock {
         Turn::from_word(self.word.load(Acquire))
     }
 
-    /// Gives the turn to a party, which is still to be called. By its holder only.
+    /// Passes the turn to a party that still has to be called. By the holder only.
     #[inline]
     pub(crate) fn give(&self, giver: Option<usize>, holder: Option<usize>) {
         let number = self.now().number.wrapping_add(1);
         self.word.store(Turn { number, giver, holder }.word(), Release);
     }
 
-    /// Gives the turn back to the launcher, and wakes it.
+    /// Returns the turn to the launcher, and wakes it.
     pub(crate) fn give_back(&self, giver: usize) {
         self.give(Some(giver), None);
         self.called.fetch_add(1, Release);
         futex_wake(&self.called);
     }
 
-    /// Sleeps until the launcher is called, at most for a time, unless it has the turn.
+    /// Sleeps until the launcher is called or a timeout, unless it has the turn.
     pub(crate) fn await_call(&self, timeout: Duration) {
         let called = self.called.load(Acquire);
         if self.now().holder.is_some() {
@@ -75,25 +74,25 @@ impl TurnBlock {
         }
     }
 
-    /// Allows rounds to be begun without the launcher: before a time, ns, and only so many.
+    /// Allows rounds to start without the launcher: before a time, ns, and up to a number.
     pub(crate) fn allow_rounds(&self, until_ns: u64, rounds: u64) {
         self.until_ns.store(until_ns, Relaxed);
         self.rounds_left.store(rounds, Relaxed);
     }
 
-    /// True if the round of a time may be begun without the launcher.
+    /// Returns `true` if the round of a time may start without the launcher.
     #[inline]
     pub(crate) fn may_begin(&self, round_ns: u64) -> bool {
         round_ns < self.until_ns.load(Relaxed) && self.rounds_left.load(Relaxed) > 0
     }
 
-    /// Notes that a round was begun without the launcher.
+    /// Records a round started without the launcher.
     #[inline]
     pub(crate) fn begin_round(&self) {
         self.rounds_left.store(self.rounds_left.load(Relaxed).saturating_sub(1), Relaxed);
     }
 
-    /// Number of rounds that may still be begun.
+    /// Number of further rounds that may start.
     pub(crate) fn rounds_left(&self) -> u64 {
         self.rounds_left.load(Relaxed)
     }
@@ -118,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn rounds_begin_before_a_time_and_only_so_many() {
+    fn rounds_are_limited_by_time_and_number() {
         let block = TurnBlock::default();
         assert!(!block.may_begin(0));
         block.allow_rounds(10, 2);

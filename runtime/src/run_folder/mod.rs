@@ -15,19 +15,19 @@ use crate::os::{Lock, is_held, random_bytes};
 use crate::plan::Plan;
 use crate::region::{Region, RegionError};
 
-/// A folder without a holder that is younger than this may be one that is just being made.
+/// Age below which a folder without a holder may still be under construction.
 const YOUNG: Duration = Duration::from_secs(5);
 
-/// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` where the system has made that place for this user, else
+/// The folder of one run: `$XDG_RUNTIME_DIR/motorium/RUN` if the system provides it for this user, else
 /// `/dev/shm/motorium-UID/RUN`. It is in memory, private to the user, and removed when the run ends.
 ///
-/// The launcher and its guard hold a [lock](Lock) on it, which ends with them: whether a run is alive is asked of the
-/// lock, in any process namespace.
+/// The launcher and its guard hold a [lock](Lock) on it, which ends with them. The lock shows whether a run
+/// is alive, in any process namespace.
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
     id: String,
-    /// The locks on the folder and on the objects in shared memory, for those who hold the run.
+    /// Locks on the folder and on the shared memory objects, for holders of the run.
     locks: Option<Arc<[Lock; 2]>>,
 }
 
@@ -47,7 +47,7 @@ pub enum RunFolderError {
     NotPrivate {
         /// The folder.
         path: PathBuf,
-        /// The state of it that was found.
+        /// State found.
         found: String,
         /// Advice, in one sentence.
         advice: String,
@@ -79,7 +79,7 @@ fn write_private(path: &Path, content: &[u8]) -> std::io::Result<()> {
     file.write_all(content)
 }
 
-/// A name that no one can guess, of ten letters and digits that are not mistaken for each other: 50 random bits.
+/// Returns a random name of ten unambiguous letters and digits: 50 random bits.
 fn unguessable() -> std::io::Result<String> {
     const LETTERS: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
     Ok(random_bytes::<10>()?.iter().map(|byte| char::from(LETTERS[usize::from(byte % 32)])).collect())
@@ -102,7 +102,7 @@ impl RunFolder {
         let made = this.domain().and_then(|domain| Ok(domain.prepare()?)).and_then(|()| {
             // From here on others see the run, and may join its domain.
             this.path = match make(runs.clone()) {
-                // The last other run has just ended, and its folder with it.
+                // The last other run has just ended, and its folder was removed.
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => make(place::make()?),
                 made => made,
             }
@@ -129,7 +129,7 @@ impl RunFolder {
     /// Holds the run: while this value or a clone of it exists, the run is alive.
     ///
     /// # Errors
-    /// The folder is gone, or there are no more descriptors.
+    /// The folder no longer exists, or no descriptor is available.
     pub fn hold(&mut self) -> Result<(), RunFolderError> {
         let (folder, objects) = self.lock_files()?;
         let hold = |path: &Path| Lock::hold(path).map_err(io(path));
@@ -137,8 +137,8 @@ impl RunFolder {
         Ok(())
     }
 
-    /// The files whose locks tell that the folder, and that the objects of the domain, are in use. Two, since a container
-    /// may share either of the places with its host without the other.
+    /// Files whose locks indicate that the folder, and the domain's objects, are in use. Two, since a
+    /// container may share only one of the locations with its host.
     fn lock_files(&self) -> Result<(PathBuf, PathBuf), RunFolderError> {
         Ok((self.path.join("lock"), self.domain()?.lock_file()))
     }
@@ -149,7 +149,7 @@ impl RunFolder {
         Self { path: path.to_path_buf(), id, locks: None }
     }
 
-    /// The folder in which a new run would be made, checked if it is there already.
+    /// Returns the folder for new runs, checked if it exists.
     ///
     /// # Errors
     /// It is not private to this user.
@@ -168,9 +168,9 @@ impl RunFolder {
         Self::list().into_iter().find(|run| run.id == id)
     }
 
-    /// All runs of this user, newest first, whether alive or left behind by a crash.
+    /// Returns all runs of this user, newest first, alive or abandoned by a crash.
     pub fn list() -> Vec<Self> {
-        // A place that others could have filled holds no run of this user.
+        // A location that others could have written contains no run of this user.
         let places = place::all().into_iter().filter(|path| place::check(path).is_ok());
         let mut runs: Vec<(SystemTime, Self)> = places
             .filter_map(|place| fs::read_dir(place).ok())
@@ -186,7 +186,7 @@ impl RunFolder {
         runs.into_iter().map(|(_, run)| run).collect()
     }
 
-    /// The run's name: that of the graph and a number.
+    /// Name of the run: the graph's name and a number.
     pub fn id(&self) -> &str {
         &self.id
     }
@@ -228,11 +228,11 @@ impl RunFolder {
         self.lock_files().is_ok_and(|(folder, objects)| is_held(&folder) || is_held(&objects))
     }
 
-    /// True if it was left behind: nobody holds it, and it is not just being made.
+    /// Returns `true` if it was abandoned: nobody holds it, and it is not under construction.
     pub fn is_abandoned(&self) -> bool {
         let made = fs::metadata(&self.path).and_then(|metadata| metadata.modified());
         let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG));
-        // The locks are held before the region is made.
+        // The locks are acquired before the region is created.
         (is_old || self.path.join("region").exists()) && !self.is_alive()
     }
 
@@ -254,8 +254,8 @@ impl RunFolder {
         self.path.join(format!("result-{component}.json"))
     }
 
-    /// Removes the run from shared memory: the domain's objects, the control block, the folder. Returns the removed
-    /// objects of the domain. Only for a run without processes.
+    /// Removes the run from shared memory: the domain's objects, the control block, the folder. Returns the
+    /// removed objects of the domain. Only for a run without processes.
     pub fn remove(&self) -> Vec<PathBuf> {
         let removed = self.domain().map(|domain| domain.remove()).unwrap_or_default();
         let _ = fs::remove_dir_all(&self.path);

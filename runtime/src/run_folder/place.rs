@@ -1,4 +1,4 @@
-//! The private folders in which the runs of a user lie.
+//! Private folders for the runs of a user.
 
 use std::fs;
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, PermissionsExt as _};
@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use super::{RunFolderError, io};
 
-/// The folder in which a new run of this user is made: `$XDG_RUNTIME_DIR/motorium` where the system has made such a
-/// place for this user, else `/dev/shm/motorium-UID`. It is made if it is not there.
+/// Returns the folder for new runs of this user: `$XDG_RUNTIME_DIR/motorium` if the system provides it, else
+/// `/dev/shm/motorium-UID`. It is created if missing.
 ///
 /// # Errors
-/// It cannot be made, or somebody else could reach into it.
+/// It cannot be created, or others could access it.
 pub(super) fn make() -> Result<PathBuf, RunFolderError> {
     let path = all().swap_remove(0);
     match fs::DirBuilder::new().mode(0o700).create(&path) {
@@ -21,8 +21,8 @@ pub(super) fn make() -> Result<PathBuf, RunFolderError> {
     Ok(path)
 }
 
-/// Closes a folder of this user that others can look into and not write: iceoryx2 makes one like that when a program joins the
-/// last run just as it ends. Nobody else can have made anything in it.
+/// Restricts a folder of this user that others can read but not write: iceoryx2 creates such a folder when a
+/// program joins the last run just as it ends. Others cannot have created anything in it.
 fn close(path: &Path) {
     let Ok(metadata) = fs::symlink_metadata(path) else { return };
     let is_own = metadata.is_dir() && metadata.uid() == rustix::process::getuid().as_raw();
@@ -32,11 +32,11 @@ fn close(path: &Path) {
     }
 }
 
-/// All folders in which runs of this user may lie, the one for new runs first.
+/// All folders that may contain runs of this user, the one for new runs first.
 pub(super) fn all() -> Vec<PathBuf> {
     let user = rustix::process::getuid().as_raw();
     let named = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
-    // A shell that does not name the place, as that of `sudo` or of a service, still sees the runs in it.
+    // A shell without the variable, such as with `sudo` or in a service, still finds the runs.
     let usual = PathBuf::from(format!("/run/user/{}", outer(user)));
     let named_first = named.into_iter().map(|path| (path, true)).chain([(usual, false)]);
     let mut places: Vec<(PathBuf, bool)> = Vec::new();
@@ -52,12 +52,12 @@ pub(super) fn all() -> Vec<PathBuf> {
     named.into_iter().map(inside).chain([shared]).chain(unnamed.into_iter().map(inside)).collect()
 }
 
-/// The number that a user of this namespace has outside of it, where the shared memory is that of all.
+/// User id outside this user namespace, since shared memory is global.
 fn outer(user: u32) -> u32 {
     mapped(user, &fs::read_to_string("/proc/self/uid_map").unwrap_or_default()).unwrap_or(user)
 }
 
-/// The number outside by the lines of a map: first inside, first outside, count.
+/// Maps an id to the outer one by the lines of a map: first inside, first outside, count.
 fn mapped(user: u32, map: &str) -> Option<u32> {
     map.lines().find_map(|line| {
         let mut numbers = line.split_whitespace().map(|number| number.parse::<u32>().ok());
@@ -67,7 +67,7 @@ fn mapped(user: u32, map: &str) -> Option<u32> {
     })
 }
 
-/// Checks that a path is a folder, no link, of this user, which no one else may read or write.
+/// Checks that a path is a folder of this user, not a link, and inaccessible to others.
 pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
     let metadata = fs::symlink_metadata(path).map_err(io(path))?;
     let user = rustix::process::getuid().as_raw();
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_folder_of_this_user_that_is_closed_to_others_is_private() {
+    fn only_an_inaccessible_own_folder_is_private() {
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("runs");
         fs::DirBuilder::new().mode(0o700).create(&folder).unwrap();
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_others_can_only_look_into_is_closed_and_one_that_they_can_write_is_left_to_its_user() {
+    fn readable_folder_is_restricted_writable_one_rejected() {
         let folder = tempfile::tempdir().unwrap();
         for (mode, closed) in [(0o755, true), (0o750, true), (0o777, false), (0o720, false)] {
             fs::set_permissions(folder.path(), fs::Permissions::from_mode(mode)).unwrap();
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_user_of_a_namespace_has_the_number_outside_that_the_map_gives() {
+    fn namespace_user_id_is_mapped_to_the_outer_id() {
         assert_eq!(mapped(1000, "         0          0 4294967295\n"), Some(1000));
         assert_eq!(mapped(0, "         0       1000          1\n"), Some(1000));
         assert_eq!(mapped(33, "0 1000 1\n1 100000 65536\n"), Some(100_032));

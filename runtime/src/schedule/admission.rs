@@ -7,16 +7,16 @@ use super::{Overheads, RtLimit};
 use crate::plan::ClockKind;
 use crate::severity::Severity;
 
-/// The result of the analysis of a graph's times, with the arithmetic.
+/// Result of the timing analysis of a graph, with the arithmetic.
 ///
-/// Unknown times (components without a budget, releases by components that are not real-time) count as zero in all
-/// sums. A bound that exceeds its limit even so is refused; one that holds, but rests on an unknown time, is not
-/// provable.
+/// Unknown times (components without a budget, releases by components that are not real-time) count as zero
+/// in all sums. A bound that still exceeds its limit is refused; a bound that holds but depends on an unknown
+/// time is not provable.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Admission {
     /// The worst verdict of all bounds below.
     pub verdict: Verdict,
-    /// The clock of the graph: in lockstep nothing has a deadline, and nothing is analysed.
+    /// Clock of the graph. In lockstep there are no deadlines, and nothing is analysed.
     pub clock: ClockKind,
     /// The overheads assumed.
     pub overheads: Overheads,
@@ -24,18 +24,19 @@ pub struct Admission {
     pub rt_limit: RtLimit,
     /// Every core with real-time components.
     pub cores: Vec<CoreLoad>,
-    /// The load of the components under `SCHED_DEADLINE`, on all cores together; `null` if the graph has none.
+    /// The load of the components under `SCHED_DEADLINE`, on all cores together; `null` if the graph has
+    /// none.
     pub deadlines: Option<DeadlineLoad>,
     /// Every component, in the order of the plan.
     pub tasks: Vec<TaskBound>,
     /// Every latency budget, in the order of the plan.
     pub latencies: Vec<LatencyBound>,
-    /// Problems: bounds that do not hold, or that cannot be proved to hold.
+    /// Bounds that do not hold or cannot be proved.
     pub problems: Vec<Problem>,
 }
 
 impl Admission {
-    /// True if the graph must not run, because a bound does not hold.
+    /// Returns `true` if the graph must not run because a bound does not hold.
     pub fn refuses(&self) -> bool {
         self.verdict == Verdict::Exceeds
     }
@@ -50,11 +51,11 @@ impl Admission {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Not real-time: there is no bound, and nothing was analysed.
+    /// Not real-time: no bound, and no analysis.
     BestEffort,
     /// The bound holds as long as all steps keep their budgets.
     Holds,
-    /// The bound is within its limit, but rests on a time that is not known.
+    /// The bound is within its limit, but depends on an unknown time.
     NotProvable,
     /// The bound exceeds its limit.
     Exceeds,
@@ -67,7 +68,7 @@ pub struct CoreLoad {
     pub core: usize,
     /// Share of its time, 1 for all of it; at least that much if the verdict is `not_provable`.
     pub share: f64,
-    /// Share that real-time threads may have before the kernel stops them.
+    /// Share that real-time threads may use before the kernel throttles them.
     pub limit: f64,
     /// The verdict.
     pub verdict: Verdict,
@@ -77,14 +78,14 @@ pub struct CoreLoad {
     pub arithmetic: String,
 }
 
-/// The load on all cores together of the components that the kernel schedules by deadlines.
+/// Load of the deadline-scheduled components on all cores together.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DeadlineLoad {
     /// Number of cores of the graph.
     pub cores: usize,
-    /// Share of one core's time that they reserve, together.
+    /// Total reserved share, in units of one core.
     pub share: f64,
-    /// The most that the kernel takes.
+    /// Maximum accepted by the kernel.
     pub limit: f64,
     /// The verdict.
     pub verdict: Verdict,
@@ -115,9 +116,9 @@ pub struct LoadTerm {
 pub enum Activity {
     /// Spinning before its release.
     Spin,
-    /// Its step, with the overhead of the runtime.
+    /// Its step, including the overhead of the runtime.
     Step,
-    /// The whole reservation that the kernel holds for a `SCHED_DEADLINE` component, which may run on this core.
+    /// The whole reservation of a `SCHED_DEADLINE` component that may run on this core.
     Reserved,
 }
 
@@ -126,9 +127,9 @@ pub enum Activity {
 pub struct TaskBound {
     /// Name of the component.
     pub component: String,
-    /// Its core; `None` if it may run on several.
+    /// Core; `None` if it may run on several.
     pub core: Option<usize>,
-    /// `SCHED_FIFO` priority; `None` if it is not real-time.
+    /// `SCHED_FIFO` priority; `None` if not real-time.
     pub priority: Option<u8>,
     /// Time between two of its steps, ns.
     pub period_ns: u64,
@@ -136,18 +137,18 @@ pub struct TaskBound {
     pub budget_ns: Option<u64>,
     /// Longest time for which a step waits for an answer without the core, ns.
     pub waits_ns: u64,
-    /// The component at whose release `response_ns` begins: itself, or the one at the head of those that trigger one
-    /// another on the same core at the same priority.
+    /// Component at whose release `response_ns` starts: itself, or the head of its trigger chain on the same
+    /// core at the same priority.
     pub released_with: String,
     /// Longest time from that release to the end of the step, ns. `None` without a bound.
     pub response_ns: Option<u64>,
     /// Longest time from the release of the time-triggered component at the head of the whole chain, ns.
     pub chain_ns: Option<u64>,
-    /// The next release may follow after this time, ns: until then the step must have ended.
+    /// Time until the next release, ns, by which the step must have ended.
     pub deadline_ns: u64,
     /// The verdict.
     pub verdict: Verdict,
-    /// The sum that gives `response_ns`, in one line.
+    /// The sum of `response_ns`, in one line.
     pub arithmetic: String,
 }
 
@@ -158,7 +159,7 @@ pub struct LatencyBound {
     pub from: String,
     /// Topic at its end.
     pub to: String,
-    /// The components that the data goes through, the writer of `from` first.
+    /// Components on the path of the data, the writer of `from` first.
     pub path: Vec<String>,
     /// Longest time, ns. `None` without a bound.
     pub bound_ns: Option<u64>,
@@ -166,11 +167,11 @@ pub struct LatencyBound {
     pub max_ns: u64,
     /// The verdict.
     pub verdict: Verdict,
-    /// The sum that gives `bound_ns`, in one line.
+    /// The sum of `bound_ns`, in one line.
     pub arithmetic: String,
 }
 
-/// A bound that does not hold (an error), or that cannot be proved to hold (a warning).
+/// A bound that does not hold (an error) or cannot be proved (a warning).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Problem {
     /// The severity.

@@ -1,27 +1,28 @@
-//! The analysis of a plan's times: a static plan, response times, latencies; pure functions without a clock.
+//! Timing analysis of a plan: static plan, response times and latencies, as pure functions.
 //!
-//! [`admit`] is the check before a launch. Its model and its assumptions:
+//! [`admit`] is the check before a launch. Its model and assumptions are:
 //!
-//! * Real-time components are `SCHED_FIFO` threads on one core each, or `SCHED_DEADLINE` threads. The latter run before
-//!   all priorities, on any core; each core is assumed to run all of them. Components that trigger one another on one
-//!   core at one priority are one task ([`StaticPlan`]); the response time of every stage of it is bounded, across
-//!   cores and priorities through release jitter.
-//! * Phases count: tasks on the common clock whose releases never meet do not delay each other. A component with the
-//!   overrun policy `rephase` may leave the clock; it is assumed to be released at any time.
+//! * Real-time components are `SCHED_FIFO` threads on one core each, or `SCHED_DEADLINE` threads. The latter
+//!   precede all priorities and run on any core; each core is assumed to run all of them. Components that
+//!   trigger one another on one core at one priority are one task ([`StaticPlan`]); the response time of each
+//!   of its stages is bounded, across cores and priorities by release jitter.
+//! * Phases are considered: tasks on the common clock whose releases never coincide do not delay each other.
+//!   A component with the overrun policy `rephase` may leave the clock and is assumed to be released at any
+//!   time.
 //! * Spinning before a release occupies the core against everything that is not more urgent.
-//! * Budgets are kept. A component that exceeds its budget, a host that steals time, interrupts, and a kernel that
-//!   cannot be preempted are outside the model: they are counted by cause while the graph runs.
-//! * Equal priorities: a chain that is ahead in the queue is counted whole. A component that waits for the clock goes
-//!   to the end of the queue once more when it first gets the core, so that components which a publication woke
+//! * Budgets are kept. Budget overruns, stolen time, interrupts and non-preemptible kernel sections are
+//!   outside the model; they are counted by cause at run time.
+//! * Equal priorities: a chain ahead in the queue is counted as a whole. A clock-released component moves to
+//!   the end of the queue again when it first gets the core, so that components woken by a publication
 //!   meanwhile run first.
-//! * A component publishes at the end of its step (this matters for latencies only). The worker's own work after that
-//!   delays the components that are triggered on its core, unless they are more urgent.
-//! * A step that waits for an answer from outside without the core ([`waits`](crate::declare::Declare::waits)) takes that long
-//!   itself, and the core from others for its budget only.
-//! * An unknown time counts as zero, and every bound that rests on it as not provable.
+//! * A component publishes at the end of its step (this matters for latencies only). The worker's subsequent
+//!   work delays components triggered on its core, unless they are more urgent.
+//! * A step that waits for an external answer without the core ([`waits`](crate::declare::Declare::waits))
+//!   lasts that long itself, but occupies the core for its budget only.
+//! * An unknown time counts as zero, and every bound that depends on it as not provable.
 //!
-//! [`timeline()`] simulates one hyperperiod in which all budgets are used up, and no answer is waited for. [`assign`] chooses the priorities and
-//! cores that a graph leaves open.
+//! [`timeline()`] simulates one hyperperiod in which all budgets are used up, without waiting for answers.
+//! [`assign`] chooses priorities and cores that a graph does not specify.
 
 mod admission;
 mod analysis;
@@ -46,7 +47,8 @@ use analysis::unknown::Unknown;
 use analysis::{Analysis, response};
 use explain::{latency, load, problems, task};
 
-/// Finds out whether a graph can hold its times on a machine with these overheads and this limit for real-time threads.
+/// Checks whether a graph meets its timing on a machine with these overheads and this limit of real-time
+/// threads.
 pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission {
     let mut admission = Admission {
         verdict: Verdict::BestEffort,

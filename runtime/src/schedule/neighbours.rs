@@ -1,12 +1,12 @@
-//! A graph beside the graphs that run already.
+//! Analysis of a graph together with running graphs.
 
 use crate::plan::{Activation, OnOverrun, Plan};
 
-/// The plan of a graph with the components of others that share the machine with it, for [`admit`](super::admit) and nothing
-/// else: each of the others' components is named `RUN/component`, and may be released at any time, since its run began at
-/// another moment. Only graphs in real time count.
+/// Returns the plan of a graph extended by the components of other running graphs, for
+/// [`admit`](super::admit) only. Their components are named `RUN/component`, and may be released at any time,
+/// since their runs started at other times. Only real-time graphs are considered.
 ///
-/// `others` are the names of the runs and their plans.
+/// `others` contains the names and plans of the runs.
 pub fn beside(plan: &Plan, others: &[(String, Plan)]) -> Plan {
     let mut merged = plan.clone();
     for (run, other) in others.iter().filter(|(_, other)| other.clock == plan.clock) {
@@ -54,7 +54,7 @@ mod tests {
     use crate::schedule::tests::graphs::{When, graph, node};
     use crate::schedule::{Overheads, RtLimit, Verdict, admit};
 
-    /// Physics and a controller that it triggers, with these budgets on core 0.
+    /// Physics and a triggered controller, with these budgets on core 0.
     fn chain(physics_us: u64, controller_us: u64) -> Plan {
         let mut nodes =
             [node("physics", When::Every(1_000_000, 0), 1), node("controller", When::After(0), 1)];
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn two_graphs_that_hold_alone_and_share_a_core_are_admitted_only_if_they_hold_together() {
+    fn graphs_sharing_a_core_must_hold_together() {
         let (light, heavy) = (chain(100, 200), chain(300, 400));
         let runs = |plan: &Plan| vec![("other-1".to_string(), plan.clone())];
         assert_eq!([verdict(&light), verdict(&heavy)], [Verdict::Holds; 2]);
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn the_load_of_the_others_stands_in_the_sum_under_the_name_of_their_run() {
+    fn load_of_other_runs_is_named_in_the_sum() {
         let merged = beside(&chain(100, 200), &[("other-1".to_string(), chain(300, 400))]);
         let admission = admit(&merged, &Overheads::NONE, RtLimit::NONE);
         let core = &admission.cores[0];

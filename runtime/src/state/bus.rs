@@ -11,13 +11,14 @@ crate::state_buffer! {
     /// assert_eq!(frame.flags & CanFrame::EXTENDED, 0);
     /// ```
     pub struct CanFrame as "motorium.CanFrame" {
-        /// Time at which the kernel or the adapter received it, ns of the monotonic clock; 0 for one to be sent.
+        /// Time at which the kernel or the adapter received it, ns of the monotonic clock; 0 for one to be
+        /// sent.
         pub receive_time: u64,
         /// Identifier, 11 or 29 bits.
         pub id: u32,
         /// Flags: the constants of this type.
         pub flags: u32,
-        /// Index of the bus among those of its component.
+        /// Index of the bus within its component.
         pub bus: u32,
         /// Bytes of `data` in use, 0 to 64.
         pub length: u32,
@@ -37,12 +38,12 @@ impl CanFrame {
     pub const REMOTE: u32 = 8;
     /// A report of an error of the bus, in the form of Linux.
     pub const ERROR: u32 = 16;
-    /// A packet of a serial line; the identifier is the number of the device that sends it, or that it is for.
+    /// A packet of a serial line; the identifier is the number of the sending or addressed device.
     pub const PACKET: u32 = 32;
 }
 
 crate::state_buffer! {
-    /// The health of a field bus, since the run began.
+    /// Health of a field bus since the start of the run.
     ///
     /// ```
     /// use motorium::state::BusHealth;
@@ -52,17 +53,17 @@ crate::state_buffer! {
     pub struct BusHealth as "motorium.BusHealth" {
         /// State of the controller: one of the constants of this type.
         pub state: u32,
-        /// Index of the bus among those of its component.
+        /// Index of the bus within its component.
         pub bus: u32,
         /// Frames received.
         pub received: u64,
         /// Frames sent.
         pub sent: u64,
-        /// Frames that were not sent in time.
+        /// Number of frames not sent in time.
         pub unsent: u64,
-        /// Frames of others that were lost on the way into the graph.
+        /// Number of received frames lost before the graph.
         pub dropped: u64,
-        /// Answers of devices that did not come in time.
+        /// Number of device answers that did not arrive in time.
         pub unanswered: u64,
         /// Errors of the bus.
         pub errors: u64,
@@ -78,12 +79,12 @@ impl BusHealth {
     pub const STOPPED: u32 = 0;
     /// It sends and receives.
     pub const ACTIVE: u32 = 1;
-    /// It has seen many errors, and reports none of them actively.
+    /// Error passive: it has seen many errors, and reports none actively.
     pub const PASSIVE: u32 = 2;
     /// It has left the bus.
     pub const BUS_OFF: u32 = 3;
-    /// It has counted many errors, and sends and receives still.
+    /// Error warning: it has counted many errors, but still sends and receives.
     pub const WARNING: u32 = 4;
-    /// Its interface is down, or has gone.
+    /// The interface is down or missing.
     pub const DOWN: u32 = 5;
 }

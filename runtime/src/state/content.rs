@@ -1,12 +1,12 @@
-//! The check of a state buffer whose type is known at run time only.
+//! Validation of state buffers whose type is only known at run time.
 
 use super::{Digest, TypeLayout};
 
-/// The check of the bytes of a state buffer by its layout: what [`Field::check`](super::Field::check) is for a type that
-/// is known when the program is built.
+/// Validates the bytes of a state buffer by its layout, like [`Field::check`](super::Field::check) for types
+/// known at compile time.
 ///
-/// Numbers must be finite, and counts must fit their arrays; entries beyond a count mean nothing and are not looked at.
-/// Checking allocates nothing.
+/// Numbers must be finite, and counts must not exceed their arrays; entries beyond a count are unused and
+/// ignored. Checking does not allocate.
 ///
 /// ```
 /// use motorium::state::{ContentCheck, ContentDefect, StateBuffer, Wrench};
@@ -24,7 +24,7 @@ pub struct ContentCheck {
     parts: Vec<Part>,
 }
 
-/// One field, as the check and the digest see it.
+/// One field, for the check and the digest.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Part {
     /// Bytes from the start of the buffer.
@@ -32,7 +32,7 @@ struct Part {
     number: Number,
     /// Entries of the array; 1 for a single number.
     entries: usize,
-    /// Place of the count of the entries in use, a `u32`; `None` if all are.
+    /// Offset of the count of the entries in use, a `u32`; `None` if all are in use.
     count: Option<usize>,
 }
 
@@ -67,7 +67,7 @@ impl Number {
     }
 }
 
-/// A field of a layout has a type that cannot be checked, or does not lie where it can be read.
+/// A field of a layout has an unsupported type, or is not readable at its offset.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("field `{field}` of {type_name} is {kind} at byte {offset}, which no state buffer has")]
 pub struct UnknownKind {
@@ -75,13 +75,13 @@ pub struct UnknownKind {
     pub type_name: String,
     /// The field.
     pub field: String,
-    /// Its type as the layout gives it.
+    /// Type of the field in the layout.
     pub kind: String,
-    /// Its place, bytes from the start.
+    /// Byte offset of the field.
     pub offset: usize,
 }
 
-/// The defect of a buffer that is checked by its layout. Holds no heap memory: it is made on the hot path.
+/// A defect of a buffer checked by its layout. Owns no heap memory, since it is created on the hot path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ContentDefect {
     /// The buffer has another size than its type.
@@ -97,10 +97,10 @@ pub enum ContentDefect {
     NotFinite {
         /// Index of the field in [`TypeLayout::fields`].
         field: usize,
-        /// Its index when it is an array, else 0.
+        /// Index in an array, otherwise 0.
         index: usize,
     },
-    /// A count is larger than the array that it counts.
+    /// A count exceeds its array.
     #[error("{found} entries of field {field} are in use, but it has {capacity}")]
     Count {
         /// Index of the array in [`TypeLayout::fields`].
@@ -116,7 +116,7 @@ impl ContentCheck {
     /// Prepares the check of a layout.
     ///
     /// # Errors
-    /// A field is no number and no array of numbers, or reaches beyond the buffer.
+    /// A field is neither a number nor an array of numbers, or exceeds the buffer.
     pub fn new(layout: &TypeLayout) -> Result<Self, UnknownKind> {
         let parts = layout.fields.iter().map(|field| {
             let unknown = || UnknownKind {
@@ -142,10 +142,10 @@ impl ContentCheck {
         Ok(Self { size: layout.size, parts: parts.collect::<Result<_, _>>()? })
     }
 
-    /// Finds what must never reach a reader.
+    /// Checks for content that must never reach a reader.
     ///
     /// # Errors
-    /// The first defect, in the order of the fields.
+    /// Returns the first defect, in field order.
     pub fn check(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
         if bytes.len() != self.size {
             return Err(ContentDefect::Size { found: bytes.len(), expected: self.size });
@@ -242,7 +242,7 @@ mod tests {
     fn bytes<T: StateBuffer>(value: &T) -> Vec<u8> {
         let layout = T::layout();
         let mut bytes = vec![0; layout.size];
-        // SAFETY: a state buffer of the runtime has no padding; every byte of it is initialised.
+        // SAFETY: a state buffer of the runtime has no padding, so all its bytes are initialised.
         #[allow(unsafe_code)]
         bytes
             .copy_from_slice(unsafe { core::slice::from_raw_parts((value as *const T).cast(), layout.size) });
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn every_state_of_the_runtime_can_be_checked_and_zeros_are_valid() {
+    fn all_runtime_states_are_checkable_and_zeros_valid() {
         for layout in built_in() {
             let check = ContentCheck::new(&layout).unwrap();
             assert_eq!(check.check(&vec![0; layout.size]), Ok(()), "{layout}");
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_joints_that_are_counted_are_looked_at() {
+    fn only_counted_joints_are_checked() {
         let mut command = JointCommand::default();
         command.set_count(3);
         command.kd_mut()[2] = f64::INFINITY;
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn the_check_by_layout_finds_what_the_check_by_type_finds() {
+    fn checks_by_layout_and_by_type_agree() {
         use crate::state::Field as _;
         for place in 0..13 {
             let mut target = PoseTarget::default();

@@ -1,4 +1,4 @@
-//! Controllers: what a step of an optimisation did.
+//! Controllers: diagnostics of an optimisation step.
 
 #![allow(unsafe_code)] // a `Field` implementation that looks only at the used part of its arrays
 
@@ -11,11 +11,12 @@ pub const MAX_ACTIVE: usize = 96;
 
 crate::state_buffer! {
     @layout
-    /// Figures of one step of a controller that solves an optimisation: how far each task is from what it asks for, which
-    /// constraints are active, what gave way, and how the solver fared.
+    /// Figures of one step of a controller that solves an optimisation: task residuals, active constraints,
+    /// relaxations and solver statistics.
     ///
-    /// `residual` has an entry for each task, in the order of the configuration. `constraint`, `index` and `side` have one for
-    /// each active constraint: its kind, the joint or contact point that it limits, and which limit it is.
+    /// `residual` has an entry for each task, in the order of the configuration. `constraint`, `index` and
+    /// `side` have one for each active constraint: its kind, the joint or contact point that it limits, and
+    /// which limit it is.
     ///
     /// ```
     /// use motorium::state::ControlDiagnostics;
@@ -34,15 +35,15 @@ crate::state_buffer! {
         pub status: u32,
         /// Iterations of the solver, in the first level.
         pub iterations: u32,
-        /// Levels below the first that were left undecided.
+        /// Number of levels below the first left undecided.
         pub undecided: u32,
-        /// Active constraints, also those that the lists have no room for.
+        /// Number of active constraints, including those beyond the lists.
         pub constraints: u32,
-        /// Time of the solver, ns; 0 in lockstep, where a run is to publish the same to the last bit each time.
+        /// Solver time, ns; 0 in lockstep, where repeated runs must publish identical values.
         pub solve_time: u64,
-        /// Largest acceleration of a contact beyond the one it was to have, m/s^2 or rad/s^2; 0 where nothing was relaxed.
+        /// Largest violation of a contact's acceleration, m/s^2 or rad/s^2; 0 without relaxation.
         pub contact_slack: f64,
-        /// Largest acceleration of a joint beyond its limits, rad/s^2 or m/s^2; 0 where nothing was relaxed.
+        /// Largest violation of a joint's acceleration limits, rad/s^2 or m/s^2; 0 without relaxation.
         pub joint_slack: f64,
         residual: [f64; MAX_TASKS],
         constraint: [u32; MAX_ACTIVE],
@@ -52,24 +53,26 @@ crate::state_buffer! {
 }
 
 impl ControlDiagnostics {
-    /// All constraints are satisfied, and the cost is least.
+    /// All constraints are satisfied at minimum cost.
     pub const SOLVED: u32 = 1;
-    /// Constraints contradict each other, and some gave way; the lists name those that conflict.
+    /// Constraints contradict each other, and some were relaxed; the lists contain the conflicting ones.
     pub const RELAXED: u32 = 2;
-    /// There is no solution; the lists name the constraints that conflict, if any do.
+    /// There is no solution; the lists contain the conflicting constraints, if any.
     pub const UNSOLVED: u32 = 3;
 
     /// Torque limit of the joint `index`.
     pub const TORQUE: u32 = 1;
     /// Friction of the contact point `index`, counted over all contacts: four of a sole, one of any other.
     pub const FRICTION: u32 = 2;
-    /// Normal force of the contact point `index`, counted alike: it would pull (`LOWER`), or has its largest value (`UPPER`).
+    /// Normal force of the contact point `index`, in the same numbering: it would pull (`LOWER`), or is at
+    /// its maximum (`UPPER`).
     pub const FORCE: u32 = 3;
     /// Position, velocity or acceleration limit of the joint `index`.
     pub const JOINT: u32 = 4;
     /// Equation of motion of a floating base: force along x, y, z, then torque about them.
     pub const BASE: u32 = 5;
-    /// A contact at rest: `index` is six times that of the contact, plus 0 to 2 along x, y, z, or 3 to 5 about them.
+    /// A contact at rest: `index` is six times the contact's index, plus 0 to 2 along x, y, z, or 3 to 5
+    /// about them.
     pub const MOTION: u32 = 6;
     /// Row `index` of the limits of combinations of velocities, in the order of the configuration.
     pub const ROW: u32 = 7;
@@ -84,10 +87,10 @@ impl ControlDiagnostics {
         (self.count as usize).min(MAX_TASKS)
     }
 
-    /// Sets the number of tasks. Residuals that become visible hold what was written there before.
+    /// Sets the number of tasks. New residuals keep their previous values.
     ///
     /// # Panics
-    /// When `count` exceeds [`MAX_TASKS`].
+    /// If `count` exceeds [`MAX_TASKS`].
     pub fn set_count(&mut self, count: usize) {
         assert!(count <= MAX_TASKS, "{count} tasks, but a buffer holds {MAX_TASKS}");
         self.count = count as u32;
@@ -136,7 +139,7 @@ impl ControlDiagnostics {
         &self.index[..self.listed()]
     }
 
-    /// Sides of the active constraints: `LOWER`, `UPPER`, or 0 where there is only one.
+    /// Sides of the active constraints: `LOWER`, `UPPER`, or 0 for one-sided ones.
     pub fn side(&self) -> &[i32] {
         &self.side[..self.listed()]
     }

@@ -1,9 +1,10 @@
-//! State buffers with arrays of which a count says how many entries are in use.
+//! State buffers with counted arrays.
 
-/// Defines a state buffer whose arrays have `capacity` entries each, of which the first `count` mean anything.
+/// Defines a state buffer whose arrays have `capacity` entries each, of which the first `count` are in use.
 ///
-/// The buffer begins with `count` and a reserved word, so that what follows is aligned to eight bytes without padding; then
-/// come the `plain` fields, then the arrays. Entries beyond the count are neither checked, nor part of a digest, nor shown.
+/// The buffer starts with `count` and a reserved word, so that the rest is aligned to eight bytes without
+/// padding, followed by the `plain` fields and the arrays. Entries beyond the count are not checked, not part
+/// of a digest, and not shown.
 macro_rules! counted_buffer {
     (
         $(#[$meta:meta])*
@@ -29,10 +30,10 @@ macro_rules! counted_buffer {
                 (self.count as usize).min($capacity)
             }
 
-            /// Sets the number of entries in use. Those that become visible hold what was written there before.
+            /// Sets the number of entries in use. New entries keep their previous values.
             ///
             /// # Panics
-            /// When `count` exceeds the arrays; check sizes when a component is configured.
+            /// If `count` exceeds the arrays; check sizes during configuration.
             pub fn set_count(&mut self, count: usize) {
                 assert!(count <= $capacity, "{count} entries, but a buffer holds {}", $capacity);
                 self.count = count as u32;

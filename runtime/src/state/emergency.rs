@@ -3,8 +3,8 @@
 crate::state_buffer! {
     /// An emergency stop: of a button, a supervisor, a light curtain.
     ///
-    /// The topic that `[safety] emergency_stop` names carries it. Once a value stops, every actuator of the graph stays in
-    /// its safe state until `motorium resume`, also if its publisher dies.
+    /// The topic that `[safety] emergency_stop` names carries it. Once a value stops, every actuator of the
+    /// graph stays in its safe state until `motorium resume`, also if its publisher dies.
     ///
     /// ```
     /// use motorium::state::EmergencyStop;

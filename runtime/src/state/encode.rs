@@ -1,13 +1,13 @@
-//! Values written as text by people: `position=[0.4, 0.0, 0.3] goal=1`.
+//! Encoding of values from text: `position=[0.4, 0.0, 0.3] goal=1`.
 
 use super::decode::{PADDING, Scalar, parse};
 use super::{ContentCheck, FieldLayout, TypeLayout};
 use crate::nearest::suggest;
 
-/// A text that is no value of a type. Each names the field and what it takes.
+/// The text is not a value of the type. Each error names the field and the expectation.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
-    /// A part that is not `field=value`.
+    /// A part is not of the form `field=value`.
     #[error("`{0}` is not of the form field=value, such as position=[0.4, 0.0, 0.3]")]
     Form(String),
     /// The type has no such field.
@@ -17,7 +17,7 @@ pub enum EncodeError {
         type_name: String,
         /// The field that was written.
         field: String,
-        /// The field that was probably meant, or all of them.
+        /// The field that was probably meant, or all fields.
         advice: String,
     },
     /// A field stands there twice.
@@ -33,7 +33,7 @@ pub enum EncodeError {
         /// Its type, such as `f64`.
         kind: String,
     },
-    /// One number where an array belongs, or an array where a number belongs.
+    /// A number for an array, or an array for a number.
     #[error("`{field}` is {kind}, written as {form}")]
     Shape {
         /// The field.
@@ -58,8 +58,8 @@ pub enum EncodeError {
     Layout(String),
 }
 
-/// The bytes of a value of `layout` of which `text` gives fields: `name=number`, `name=[number, ...]`, or
-/// `name="text"` for bytes. Fields that are left out are zero; the count of an array is that of its entries.
+/// Encodes a value of `layout` from the fields in `text`: `name=number`, `name=[number, ...]`, or
+/// `name="text"` for bytes. Missing fields are zero; counts follow from the array entries.
 ///
 /// ```
 /// use motorium::state::{JointState, StateBuffer, encode};
@@ -71,7 +71,7 @@ pub enum EncodeError {
 /// ```
 ///
 /// # Errors
-/// The first mistake, with the field and what it takes.
+/// Returns the first mistake, with the field and the expectation.
 pub fn encode(layout: &TypeLayout, text: &str) -> Result<Vec<u8>, EncodeError> {
     let mut bytes = vec![0; layout.size];
     let mut written: Vec<(&FieldLayout, usize)> = Vec::new();
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_what_is_read() {
+    fn encoded_values_decode_unchanged() {
         let target =
             round::<PoseTarget>("position=[0.4, -1e-3, 3] orientation=[0,0,0,1]  goal=18446744073709551615");
         assert!(
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_is_answered_with_the_field_and_what_it_takes() {
+    fn mistake_is_reported_with_field_and_expectation() {
         for (text, answer) in [
             ("position", "`position` is not of the form field=value, such as position=[0.4, 0.0, 0.3]"),
             (

@@ -1,4 +1,4 @@
-//! The types that a state buffer may consist of.
+//! Types of the fields of a state buffer.
 
 #![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; only plain numbers get it here.
 
@@ -7,36 +7,37 @@ use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
 use super::FieldLayout;
 use super::finite::{self, Checked, Numbers, are_finite, are_plainly_finite};
 
-/// Bytes that are written before they are checked: they are still in the nearest cache.
+/// Number of bytes written before they are checked, small enough for the nearest cache.
 const PART: usize = 8 * 1024;
 
 /// A value that may be part of a state buffer.
 ///
 /// # Safety
-/// The type must be valid for every bit pattern, hold no pointer or reference, need no `Drop`, and `describe` must
-/// report every field at its true offset. A type whose `NUMBERS` are not [`Mixed`](Numbers::Mixed) consists of such numbers
-/// alone, without padding.
+/// The type must be valid for every bit pattern, contain no pointer or reference, need no `Drop`, and
+/// `describe` must report every field at its true offset. A type whose `NUMBERS` are not
+/// [`Mixed`](Numbers::Mixed) consists of such numbers alone, without padding.
 pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// The value whose bytes are all zero.
     const ZERO: Self;
 
-    /// The numbers that it consists of.
+    /// Kind of the numbers of which it consists.
     const NUMBERS: Numbers = Numbers::Mixed;
 
     /// Appends the layout of this field (or of its parts) under the name `prefix`, at `offset` bytes.
     fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>);
 
-    /// Finds what must never reach a reader: a number that is not finite, a count beyond its capacity.
+    /// Checks for content that must never reach a reader: a number that is not finite, or a count beyond its
+    /// capacity.
     fn check(&self) -> Result<(), Defect>;
 
-    /// As [`check`](Self::check), without the part that was checked while it was written.
+    /// Like [`check`](Self::check), without the part that was checked while it was written.
     #[inline]
     fn check_rest(&self, checked: &Checked) -> Result<(), Defect> {
         let _ = checked;
         self.check()
     }
 
-    /// As [`check`](Self::check), of many values one after the other.
+    /// Like [`check`](Self::check), for many consecutive values.
     fn check_all(values: &[Self]) -> Result<(), Defect> {
         if are_plainly_finite(values) {
             return Ok(());
@@ -52,8 +53,8 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
         Ok(())
     }
 
-    /// Writes values into their places, from the first on, until either end, and checks each while it is at hand. Returns how
-    /// many were written, and whether all of those may reach a reader.
+    /// Writes values to their places, from the first one, until either end, and checks each while it is in
+    /// registers. Returns the number of written values, and whether all of them may reach a reader.
     fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
         let (mut values, mut count) = (values, 0);
         for part in places.chunks_mut((PART / size_of::<Self>().max(1)).max(1)) {
@@ -75,7 +76,7 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// Feeds the meaningful content (not the unused part of a buffer) to a digest.
     fn digest(&self, digest: &mut Digest);
 
-    /// As [`digest`](Self::digest), of many values one after the other.
+    /// Like [`digest`](Self::digest), for many consecutive values.
     fn digest_all(values: &[Self], digest: &mut Digest) {
         values.iter().for_each(|value| value.digest(digest));
     }
@@ -86,7 +87,7 @@ pub struct Digest(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
 
 impl Default for Digest {
     fn default() -> Self {
-        // Without heap memory: an output begins a new one in a step.
+        // Without heap memory, since an output starts a new one in a step.
         Self(RawHasher::new(SecretBuffer::default()))
     }
 }
@@ -114,7 +115,7 @@ impl core::fmt::Debug for Digest {
     }
 }
 
-/// A defect in the content of a state buffer. It holds no heap memory: it is made on the hot path.
+/// A defect of the content of a state buffer. Owns no heap memory, since it is created on the hot path.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Defect {
     /// A number is NaN or infinite.
@@ -122,7 +123,7 @@ pub enum Defect {
     NotFinite {
         /// The field's name.
         field: &'static str,
-        /// Its index when it is an array, else 0.
+        /// Index in an array, otherwise 0.
         index: usize,
         /// The value found.
         value: f64,
@@ -191,7 +192,8 @@ macro_rules! number {
 
             fn digest_all(values: &[Self], digest: &mut Digest) {
                 if cfg!(target_endian = "little") {
-                    // SAFETY: numbers without padding: every byte is initialised, and bytes have no alignment.
+                    // SAFETY: numbers without padding: every byte is initialised, and bytes have no
+                    // alignment.
                     digest.write(unsafe {
                         core::slice::from_raw_parts(values.as_ptr().cast::<u8>(), size_of_val(values))
                     });

@@ -6,7 +6,7 @@ use core::ops::BitOr;
 
 use super::Field;
 
-/// Numbers from which on wide instructions pay: they stand in a function, and so in a page, of their own.
+/// Minimum number of values for wide instructions, which are in a separate function and therefore page.
 #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
 const WIDE: usize = 256;
 
@@ -15,7 +15,7 @@ pub(super) trait Float: Copy {
     /// Its bits.
     type Bits: Copy + Default + PartialEq + BitOr<Output = Self::Bits>;
 
-    /// The bits of the number less itself: 0 if the number is finite, else those of a NaN.
+    /// The bits of the number minus itself: 0 for a finite number, otherwise a NaN's.
     fn excess(self) -> Self::Bits;
 }
 
@@ -35,8 +35,8 @@ floats!(f64 => u64, f32 => u32);
 
 /// The gathered bits of all numbers less themselves: 0 if all of them are finite.
 ///
-/// One pass without branches: this runs at every publication. Bits, unlike a sum, may be gathered in any order: several
-/// numbers at a time.
+/// One pass without branches: this runs at every publication. Bits, unlike a sum, may be gathered in any
+/// order: several numbers at a time.
 #[inline(always)]
 fn gathered_portably<F: Float>(values: &[F]) -> F::Bits {
     values.iter().fold(F::Bits::default(), |bits, value| bits | value.excess())
@@ -59,8 +59,8 @@ pub(super) fn are_finite<F: Float>(values: &[F]) -> bool {
     gathered_portably(values) == F::Bits::default()
 }
 
-/// Writes numbers into their places, from the first on, and gathers their bits as [`gathered_portably`] does: they are
-/// looked at where they are made, and not read again. Returns how many were written.
+/// Writes numbers to their places, from the first one, and accumulates their bits like [`gathered_portably`],
+/// without reading them again. Returns the number of written values.
 #[inline(always)]
 fn written_portably<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, F::Bits) {
     places.iter_mut().zip(values).fold((0, F::Bits::default()), |(count, bits), (place, value)| {
@@ -75,8 +75,8 @@ fn written_by_four<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) 
     written_portably(places, values)
 }
 
-/// Writes numbers into their places, from the first on, until either end. Returns how many were written, and whether all
-/// of those are finite.
+/// Writes numbers to their places, from the first one, until either end. Returns the number of written
+/// values, and whether all of them are finite.
 #[inline]
 pub(super) fn write<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, bool) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -98,12 +98,12 @@ pub enum Numbers {
     Single,
     /// Integers alone: any content is valid.
     Whole,
-    /// Several kinds, or some that count only up to a count.
+    /// Several kinds, or some that are valid only up to a count.
     Mixed,
 }
 
 impl Numbers {
-    /// Those of a value with parts of these.
+    /// Combines the numbers of the parts of a value.
     ///
     /// ```
     /// use motorium::state::Numbers;
@@ -123,7 +123,8 @@ impl Numbers {
     }
 }
 
-/// True if values are known to hold finite numbers alone; false if they do not, or must be looked at one by one.
+/// Returns `true` if all values are known to be finite; `false` if they are not, or must be checked
+/// individually.
 #[inline]
 pub(super) fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
     let bytes = size_of_val(values);
@@ -131,18 +132,18 @@ pub(super) fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
     match T::NUMBERS {
         Numbers::Whole => true,
         Numbers::Mixed => false,
-        // SAFETY: by the promise of `Field` the values are these numbers, one after the other without padding, and so
-        // aligned like them.
+        // SAFETY: by the promise of `Field` the values are these numbers, one after the other without
+        // padding, and so aligned like them.
         Numbers::Double => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f64>(), bytes / 8) }),
         // SAFETY: as above.
         Numbers::Single => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f32>(), bytes / 4) }),
     }
 }
 
-/// A part of a value whose numbers were found to be finite while they were written.
+/// A part of a value whose numbers were found finite while being written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Checked {
-    /// Addresses of the first byte, and of the one after the last; none if they are equal.
+    /// Addresses of the first byte and after the last; empty if equal.
     from: usize,
     to: usize,
     /// True if the numbers are `f32`.
@@ -150,7 +151,7 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// The part that these values are; nothing unless they consist of one kind of floating-point numbers.
+    /// The part covered by these values; empty unless they consist of one kind of floating-point numbers.
     pub(crate) fn of<T: Field>(values: &[T]) -> Self {
         let from = values.as_ptr().addr();
         match T::NUMBERS {
@@ -161,7 +162,7 @@ impl Checked {
         }
     }
 
-    /// True if it is no part at all.
+    /// Returns `true` if the part is empty.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.from == self.to
@@ -183,7 +184,7 @@ mod tests {
     use crate::state::{CloudPoint, Defect};
 
     #[test]
-    fn long_arrays_are_checked_alike_by_wide_instructions_and_portably() {
+    fn wide_and_portable_checks_agree() {
         let mut values: Vec<f64> = (0..1_003).map(|i| f64::from(i - 500) * 1e300).collect();
         assert!(are_finite(&values) && gathered_portably(&values) == 0);
         for (index, wrong) in [(0, f64::NAN), (499, f64::INFINITY), (1_002, f64::NEG_INFINITY)] {
@@ -205,7 +206,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_what_was_given_and_is_checked_as_one_by_one(
+        fn written_values_are_unchanged_and_checked(
             values in proptest::collection::vec(any_f64(), 0..600),
             places in 0..600usize,
         ) {
@@ -250,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_covers_what_lies_in_it_of_the_same_numbers_and_nothing_else() {
+    fn part_covers_only_its_own_numbers() {
         let values = [0.0_f64; 8];
         let part = Checked::of(&values[2..6]);
         assert!(part.covers(&values[2..6]) && part.covers(&values[3..4]));

@@ -1,9 +1,9 @@
-//! The parts of a slot that are in use: of arrays with a count as many entries as it says.
+//! Parts of a slot that are in use: counted arrays up to their count.
 
 use super::TypeLayout;
 
-/// The parts of a slot that are in use. A joint state has room for 64 joints: of one with 8 the other 56 need no cache lines, and
-/// take none away from what is used.
+/// Parts of a slot that are in use. A joint state has capacity for 64 joints; with 8 joints, the cache lines
+/// of the other 56 are not fetched and displace nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct InUse(Box<[Part]>);
 
@@ -13,7 +13,7 @@ struct Part {
     /// Bytes from the beginning of the slot.
     offset: usize,
     size: usize,
-    /// Of an array of which a number says how many entries are in use.
+    /// The count of a counted array.
     counted: Option<Counted>,
 }
 
@@ -26,10 +26,10 @@ struct Counted {
 }
 
 impl InUse {
-    /// Bytes that are told at most: of longer values the processor finds the pattern itself.
+    /// Maximum number of prefetched bytes; for longer values the processor detects the pattern itself.
     pub(crate) const MOST: usize = 1024;
 
-    /// The parts of a slot whose value, of this layout, begins at `value`.
+    /// Parts of a slot whose value, with this layout, starts at `value`.
     pub(crate) fn of(layout: &TypeLayout, value: usize) -> Self {
         let counted = |name: &str, kind: &str, size: usize| {
             let count = layout.fields.iter().find(|field| field.name == name)?;
@@ -42,7 +42,7 @@ impl InUse {
         let mut arrays = Vec::new();
         for field in &layout.fields {
             let Some(count) = &field.count else { continue };
-            // Parts that cannot be told apart are one.
+            // Adjacent parts are merged.
             let Some(counted) = counted(count, &field.kind, field.size) else { return Self([whole].into()) };
             arrays.push(Part { offset: value + field.offset, size: field.size, counted: Some(counted) });
         }
@@ -61,7 +61,8 @@ impl InUse {
         Self(parts.into())
     }
 
-    /// Offsets and sizes of what is in use, where `count` reads the count at a place of the value.
+    /// Calls `tell` with offsets and sizes of the parts in use; `count` reads the count at an offset of the
+    /// value.
     #[inline]
     pub(crate) fn each(&self, count: impl Fn(usize) -> usize, mut tell: impl FnMut(usize, usize)) {
         let mut left = Self::MOST;
@@ -97,10 +98,10 @@ mod tests {
     }
 
     #[test]
-    fn of_a_command_for_eight_joints_the_entries_of_eight_joints_are_fetched() {
+    fn command_for_eight_joints_prefetches_eight_entries() {
         let in_use = InUse::of(&JointCommand::layout(), 56);
         let of_eight = parts(&in_use, 8);
-        // Its words and the count, then position, velocity, effort, kp and kd.
+        // Stamp words and count, then position, velocity, effort, kp and kd.
         assert_eq!(of_eight, [(0, 64), (64, 64), (576, 64), (1088, 64), (1600, 64), (2112, 64)]);
         assert_eq!(lines(&of_eight), 6);
         assert_eq!(parts(&in_use, 0), [(0, 64)]);

@@ -26,8 +26,9 @@ crate::state_buffer! {
     @layout
     /// Setpoints for a robot's joints, in the order of its model's `q`.
     ///
-    /// The actuator side applies `tau = kp (position - q) + kd (velocity - v) + effort`, clamped to the effort
-    /// limit. Position control is `kp, kd > 0`; velocity control is `kp = 0`; effort control is `kp = kd = 0`.
+    /// The actuator side applies `tau = kp (position - q) + kd (velocity - v) + effort`, clamped to the
+    /// effort limit. Position control is `kp, kd > 0`; velocity control is `kp = 0`; effort control is `kp =
+    /// kd = 0`.
     pub struct JointCommand as "motorium.JointCommand" {
         count: u32,
         reserved: u32,
@@ -47,10 +48,10 @@ macro_rules! joint_buffer {
                 (self.count as usize).min(MAX_JOINTS)
             }
 
-            /// Sets the number of joints. Entries that become visible hold what was written there before.
+            /// Sets the number of joints. New entries keep their previous values.
             ///
             /// # Panics
-            /// When `count` exceeds [`MAX_JOINTS`]; check a model's size when it is configured.
+            /// If `count` exceeds [`MAX_JOINTS`]; check a model's size during configuration.
             pub fn set_count(&mut self, count: usize) {
                 assert!(count <= MAX_JOINTS, "{count} joints, but a buffer holds {MAX_JOINTS}");
                 self.count = count as u32;

@@ -1,4 +1,4 @@
-//! The layout of a state buffer: what two processes must agree on before they share one.
+//! The layout of a state buffer, on which all processes sharing it must agree.
 
 use std::fmt::Write as _;
 
@@ -28,7 +28,7 @@ impl FieldLayout {
     }
 }
 
-/// The layout of a state buffer, readable by tools that do not know the type.
+/// Layout of a state buffer, readable by tools that do not know the type.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct TypeLayout {
     /// The type's fixed name.
@@ -49,7 +49,7 @@ impl TypeLayout {
         Self { type_name: T::NAME.to_string(), size: size_of::<T>(), alignment: align_of::<T>(), fields }
     }
 
-    /// The layout of an input that reads topics of any type; [`is_any`](Self::is_any) knows it.
+    /// The layout of an input that reads topics of any type; see [`is_any`](Self::is_any).
     pub fn any() -> Self {
         Self { type_name: "any type".to_string(), size: 0, alignment: 1, fields: Vec::new() }
     }

@@ -35,7 +35,7 @@ counted_buffer! {
             blocks: u32;
         }
         counted {
-            /// The numbers, in the order and units of the model that they belong to.
+            /// Weights, in the order and units of their model.
             value, value_mut: f64;
         }
     }
@@ -80,7 +80,7 @@ counted_buffer! {
     /// ```
     pub struct Action as "motorium.Action", at most MAX_ACTION {
         plain {
-            /// Index of the episode of the observation that it answers.
+            /// Index of the episode of the answered observation.
             episode: u64;
             /// Index of the step of that observation.
             step: u64;
@@ -109,9 +109,9 @@ crate::state_buffer! {
         pub reward: f64,
         /// Sum of the rewards of the episode so far.
         pub total: f64,
-        /// 1 when the task ended by itself: nothing is to be gained any more.
+        /// 1 if the task ended by itself, so that no further reward is possible.
         pub terminal: u64,
-        /// 1 when the episode was cut off, as by a limit of time: it would have gone on.
+        /// 1 if the episode was cut off, for example by a time limit.
         pub truncated: u64,
     }
 }
@@ -124,7 +124,7 @@ impl Reward {
 }
 
 counted_buffer! {
-    /// The properties that a simulation or a sensor drew for an episode, or anew within it, each with the part that it belongs to.
+    /// Properties sampled by a simulation or a sensor for an episode, or within it, each with its part.
     ///
     /// ```
     /// use motorium::state::Randomisation;
@@ -161,7 +161,8 @@ impl Randomisation {
     pub const GROUND_FRICTION: u32 = 2;
     /// Restitution of the ground or the terrain.
     pub const GROUND_RESTITUTION: u32 = 3;
-    /// Factor of the mass and the inertia of a body of the robot; of its base where the part is [`BASE`](Self::BASE).
+    /// Factor of the mass and the inertia of a body of the robot; of its base where the part is
+    /// [`BASE`](Self::BASE).
     pub const BODY_MASS: u32 = 4;
     /// Coefficient of friction of the robot's surface.
     pub const FRICTION: u32 = 5;
@@ -209,7 +210,7 @@ impl Randomisation {
     pub const TERRAIN_SCALE: u32 = 26;
     /// Factor of the stiffness and the damping that a drive is commanded, of a joint.
     pub const ACTUATOR_GAIN: u32 = 27;
-    /// Factor of all efforts that a drive gives, of a joint.
+    /// Factor of all efforts of a joint's drive.
     pub const ACTUATOR_STRENGTH: u32 = 28;
     /// Factor of the delay of an actuator, of a joint.
     pub const ACTUATOR_DELAY: u32 = 29;

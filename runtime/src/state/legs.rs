@@ -8,7 +8,8 @@ use super::counted::counted_buffer;
 pub const MAX_FEET: usize = 16;
 
 counted_buffer! {
-    /// Readings of the contact sensors of a robot's feet, in the order of the names of the feet in its profile.
+    /// Readings of the contact sensors of a robot's feet, in the order of the names of the feet in its
+    /// profile.
     ///
     /// ```
     /// use motorium::state::FootContacts;
@@ -29,7 +30,8 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// Contacts of a robot's feet as a planner wants them, in the order of the names of the feet in its profile.
+    /// Contacts of a robot's feet as a planner wants them, in the order of the names of the feet in its
+    /// profile.
     ///
     /// ```
     /// use motorium::state::ContactSchedule;
@@ -45,15 +47,15 @@ counted_buffer! {
             ground_normal: [f64; 3];
         }
         counted {
-            /// Share of its load that the foot may carry, from 0, lifted, to 1.
+            /// Load fraction of the foot, from 0 (lifted) to 1.
             load, load_mut: f64;
         }
     }
 }
 
 crate::state_buffer! {
-    /// The estimated pose and velocity of a robot's base, the biases of its inertial measurement unit, and how uncertain
-    /// they are.
+    /// The estimated pose and velocity of a robot's base, the biases of its inertial measurement unit, and
+    /// how uncertain they are.
     ///
     /// ```
     /// use motorium::state::BaseEstimate;
@@ -76,12 +78,12 @@ crate::state_buffer! {
         pub gyroscope_bias: [f64; 3],
         /// Bias of the accelerometer, in the axes of the sensor, m/s^2.
         pub accelerometer_bias: [f64; 3],
-        /// Covariance of the errors of orientation (a rotation vector), velocity and position, all in the axes of the world,
-        /// row by row: rad, m/s and m.
+        /// Covariance of the errors of orientation (a rotation vector), velocity and position, all in the
+        /// axes of the world, row by row: rad, m/s and m.
         pub covariance: [f64; 81],
-        /// Standard deviations of the biases, those of the gyroscope first, rad/s and m/s^2.
+        /// Standard deviations of the biases, the gyroscope's first, rad/s and m/s^2.
         pub bias_deviation: [f64; 6],
-        /// Feet that the estimate rests on, one bit each: the first foot is bit 0.
+        /// Feet used by the estimate, one bit each: the first foot is bit 0.
         pub contacts: u64,
     }
 }

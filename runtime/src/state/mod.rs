@@ -58,10 +58,10 @@ pub use iceoryx2::prelude::ZeroCopySend as __ZeroCopySend;
 
 /// A type that can be published on a topic.
 ///
-/// Implemented by [`state_buffer!`](crate::state_buffer), which checks what the trait promises: a fixed name,
-/// `#[repr(C)]`, and fields that are all [`Field`]s.
+/// Implemented by [`state_buffer!`](crate::state_buffer), which checks the requirements of the trait: a fixed
+/// name, `#[repr(C)]`, and fields that are all [`Field`]s.
 pub trait StateBuffer: Field + __ZeroCopySend {
-    /// The name by which other languages and processes know the type, such as `motorium.JointState`.
+    /// Name of the type for other languages and processes, such as `motorium.JointState`.
     const NAME: &'static str;
 
     /// Names, offsets and types of the fields.
@@ -80,8 +80,8 @@ pub fn built_in() -> Vec<TypeLayout> {
 
 /// Defines a state buffer.
 ///
-/// The fields may be numbers, arrays of numbers, or other state buffers. The type gets `Clone`, `Copy`, `Debug`,
-/// `PartialEq`, `Default` (all zero) and [`StateBuffer`].
+/// The fields may be numbers, arrays of numbers, or other state buffers. The type gets `Clone`, `Copy`,
+/// `Debug`, `PartialEq`, `Default` (all zero) and [`StateBuffer`].
 ///
 /// ```
 /// motorium::state_buffer! {

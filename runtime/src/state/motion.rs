@@ -11,7 +11,7 @@ crate::state_buffer! {
         pub linear_velocity: [f64; 3],
         /// Angular velocity, rad/s.
         pub angular_velocity: [f64; 3],
-        /// Counts the goals that this target leads to: it changes when the motion to a new goal starts.
+        /// Number of the goal of this target: it changes when the motion to a new goal starts.
         pub goal: u64,
         /// 1 when the target rests at its goal, else 0.
         pub at_goal: u64,
@@ -19,8 +19,8 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// The target velocity of a frame, in the axes of the world unless its reader says otherwise: `control.wheels` takes
-    /// it in the axes of the base.
+    /// Target velocity of a frame, in world axes unless its reader specifies others: `control.wheels` uses
+    /// base axes.
     ///
     /// ```
     /// use motorium::state::TwistTarget;
@@ -37,10 +37,11 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Pose and velocity of the base of a robot: with the joints' state, the whole state of a robot whose base
-    /// moves freely.
+    /// Pose and velocity of the base of a robot: with the joints' state, the whole state of a robot whose
+    /// base moves freely.
     ///
-    /// Position, orientation, then both velocities are the base's part of the `q` and `v` of `motorium-robots`.
+    /// Position, orientation, then both velocities are the base's part of the `q` and `v` of
+    /// `motorium-robots`.
     pub struct BaseState as "motorium.BaseState" {
         /// Position of the base frame's origin in the world, m.
         pub position: [f64; 3],
@@ -54,7 +55,7 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// Pose and velocity of a base in the plane, as its wheels tell them, and how uncertain the pose is.
+    /// Planar pose and velocity of a base from wheel odometry, with the uncertainty of the pose.
     ///
     /// ```
     /// use motorium::state::Odometry;
@@ -73,7 +74,7 @@ crate::state_buffer! {
         pub yaw_rate: f64,
         /// Covariance of x, y and yaw, row by row, m^2, m rad and rad^2.
         pub covariance: [f64; 9],
-        /// Length of the way so far, m.
+        /// Distance travelled so far, m.
         pub distance: f64,
     }
 }

@@ -1,5 +1,4 @@
-//! The messages of the runtime, each with a number that never changes: files and programs in other languages know a type
-//! by it.
+//! Messages of the runtime with permanent numbers, by which files and other languages identify a type.
 
 use super::{
     Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses,
@@ -42,7 +41,7 @@ macro_rules! numbers {
                     use super::Field as _;
                     let mut value = $type::default();
                     assert_eq!(bytes.len(), size_of::<$type>());
-                    // SAFETY: a state buffer is valid for every bit pattern, and as long as the bytes.
+                    // SAFETY: a state buffer is valid for every bit pattern, and has the length of the bytes.
                     unsafe {
                         core::ptr::from_mut(&mut value).cast::<u8>().copy_from(bytes.as_ptr(), bytes.len());
                     }
@@ -96,7 +95,7 @@ mod tests {
     use crate::state::ContentCheck;
 
     #[test]
-    fn no_number_and_no_name_stands_twice() {
+    fn numbers_and_names_are_unique() {
         let messages = numbered();
         for (index, (number, layout)) in messages.iter().enumerate() {
             assert_eq!(usize::from(*number), index + 1, "{}: numbers are given in turn", layout.type_name);
@@ -106,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn no_message_has_padding_that_could_carry_what_was_in_memory() {
+    fn messages_have_no_padding() {
         for (_, layout) in numbered() {
             let mut end = 0;
             for field in &layout.fields {
@@ -118,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_not_finite_is_refused_in_each_field_by_type_and_by_layout() {
+    fn non_finite_numbers_are_rejected_in_every_field() {
         check_all(|layout, by_type| {
             let by_layout = ContentCheck::new(layout).unwrap();
             let mut clean = vec![0; layout.size];

@@ -59,7 +59,7 @@ counted_buffer! {
 }
 
 impl Text {
-    /// A text, cut after the last character that fits.
+    /// Creates a text, cut after the last character that fits.
     pub fn of(text: &str) -> Self {
         let mut buffer = Self::default();
         let end = text.floor_char_boundary(MAX_TEXT);
@@ -68,14 +68,14 @@ impl Text {
         buffer
     }
 
-    /// The text, up to the first byte that is not UTF-8.
+    /// Returns the text, up to the first byte that is not UTF-8.
     pub fn as_str(&self) -> &str {
         valid(self.text())
     }
 }
 
 counted_buffer! {
-    /// Something that happened once: who, what, and a few words.
+    /// A single event: code, value and a short text.
     ///
     /// ```
     /// use motorium::state::Event;
@@ -86,15 +86,15 @@ counted_buffer! {
     /// ```
     pub struct Event as "motorium.Event", at most MAX_EVENT_TEXT {
         plain {
-            /// A number of the publisher's choice by which programs tell its events apart.
+            /// A publisher-defined number by which programs distinguish its events.
             code: u32;
             /// Severity: one of the constants of this type.
             severity: u32;
-            /// A number that belongs to the event, in a unit that its code defines.
+            /// A number that belongs to the event, in a unit defined by its code.
             value: f64;
         }
         counted {
-            /// Some words for people, in UTF-8.
+            /// Text for users, in UTF-8.
             text, text_mut: u8;
         }
     }
@@ -108,7 +108,7 @@ impl Event {
     /// A failure.
     pub const ERROR: u32 = 2;
 
-    /// An event with these words, cut after the last character that fits.
+    /// Creates an event with this text, cut after the last character that fits.
     pub fn of(text: &str) -> Self {
         let mut event = Self::default();
         let end = text.floor_char_boundary(MAX_EVENT_TEXT);
@@ -117,7 +117,7 @@ impl Event {
         event
     }
 
-    /// Its words, up to the first byte that is not UTF-8.
+    /// Returns its text, up to the first byte that is not UTF-8.
     pub fn as_str(&self) -> &str {
         valid(self.text())
     }

@@ -26,7 +26,7 @@ counted_buffer! {
         plain {
             /// The least distance that the sensor measures, m.
             least: f64;
-            /// The greatest distance that the sensor measures, m. A ray that meets nothing within it has a greater number.
+            /// Maximum range of the sensor, m. A ray without a hit within it has a larger value.
             most: f64;
         }
         counted {
@@ -37,10 +37,11 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// Heights of the surface on a grid about a sensor: row by row from the back, each row from right to left.
+    /// Heights of the surface on a grid around a sensor: row by row from the back, each row from right to
+    /// left.
     ///
-    /// The grid lies level, its rows along y of the sensor, its columns along x, as far as the sensor's yaw turns them; the
-    /// sensor is in its middle.
+    /// The grid is level and centred on the sensor. Its rows are along the sensor's y and its columns along
+    /// x, rotated by yaw only.
     ///
     /// ```
     /// use motorium::state::HeightScan;
@@ -59,9 +60,9 @@ counted_buffer! {
             columns: u32;
             /// Distance of two points that are side by side, m.
             spacing: f64;
-            /// The least height that is told, m: that of a point without a surface, too.
+            /// Minimum reported height, m; also used for points without a surface.
             least: f64;
-            /// The greatest height that is told, m.
+            /// Maximum reported height, m.
             most: f64;
         }
         counted {
@@ -97,7 +98,7 @@ crate::state_buffer! {
 }
 
 crate::state_buffer! {
-    /// A height, such as a barometer or a radar altimeter tells it.
+    /// Height from a barometer or a radar altimeter.
     ///
     /// ```
     /// use motorium::state::Altitude;

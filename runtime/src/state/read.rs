@@ -1,12 +1,12 @@
-//! Samples that are at hand as bytes, read as their type.
+//! Reading of typed samples from bytes.
 
 #![allow(unsafe_code)] // bytes of the right length are read as a type that is valid for every bit pattern
 
 use super::StateBuffer;
 
-/// The value of bytes in the layout of its type, at any alignment; `None` if there are more or fewer than it has.
+/// Reads a value from bytes in the layout of its type, with any alignment; `None` if the length differs.
 ///
-/// The bytes of a tap or of a recording are read so. They are not checked: [`Field::check`](super::Field::check) does that.
+/// For bytes of a tap or of a recording. They are not validated; use [`Field::check`](super::Field::check).
 ///
 /// ```
 /// use motorium::state::{JointState, StateBuffer, encode, from_bytes};
@@ -19,6 +19,7 @@ pub fn from_bytes<T: StateBuffer>(bytes: &[u8]) -> Option<T> {
     if bytes.len() != size_of::<T>() {
         return None;
     }
-    // SAFETY: there are as many bytes as the type has, and every bit pattern is a valid value of it (`Field`).
+    // SAFETY: there are as many bytes as the type has, and every bit pattern is a valid value of it
+    // (`Field`).
     Some(unsafe { bytes.as_ptr().cast::<T>().read_unaligned() })
 }

@@ -10,7 +10,7 @@ pub const MAX_CONTACTS: usize = 64;
 pub const MAX_OBJECTS: usize = 64;
 
 counted_buffer! {
-    /// Contact points between a robot and what it touches, in the world frame.
+    /// Contact points between a robot and its environment, in the world frame.
     ///
     /// ```
     /// use motorium::state::Contacts;
@@ -28,8 +28,8 @@ counted_buffer! {
         counted {
             /// The link that is touched, by its index among the links of the robot's model.
             link, link_mut: u32;
-            /// The other body: the index of an object of the world, or of a link plus 65536; 65535 for a link of another robot,
-            /// 4294967295 for the ground, 4294967294 for a push of the graph.
+            /// The other body: the index of an object of the world, or of a link plus 65536; 65535 for a link
+            /// of another robot, 4294967295 for the ground, 4294967294 for a push of the graph.
             other, other_mut: u32;
             /// Position of the point, x, m.
             position_x, position_x_mut: f64;
@@ -53,9 +53,9 @@ counted_buffer! {
 pub const MAX_IMPULSES: usize = 128;
 
 counted_buffer! {
-    /// Impulses of all contacts and pushes on links of a robot, added up since the start of the episode: of two values the difference is
-    /// the impulse between them, however many steps lie there.
-    /// Vectors are in the axes of the world.
+    /// Impulses of all contacts and pushes on links of a robot, added up since the start of the episode: of
+    /// two values the difference is the impulse between them, however many steps lie there. Vectors are in
+    /// the axes of the world.
     ///
     /// ```
     /// use motorium::state::ContactImpulses;
@@ -67,11 +67,12 @@ counted_buffer! {
     /// ```
     pub struct ContactImpulses as "motorium.ContactImpulses", at most MAX_IMPULSES {
         plain {
-            /// Impulses left out since the start of the episode because the arrays are full.
+            /// Number of impulses omitted since the start of the episode because the arrays are full.
             cut: u64;
         }
         counted {
-            /// The link, by its index among the links of the robot's model. A link that nothing has touched yet is not there.
+            /// Index of the link among those of the robot's model. A link that has not been touched is not
+            /// listed.
             link, link_mut: u32;
             /// Impulse on the link, x, N s.
             impulse_x, impulse_x_mut: f64;
@@ -123,8 +124,8 @@ counted_buffer! {
 }
 
 crate::state_buffer! {
-    /// Size and form of the images of a camera, whose pixels are slices of `u8` on a topic of their own: rows from the top,
-    /// pixels from the left, `stride` bytes a row.
+    /// Size and form of the images of a camera, whose pixels are slices of `u8` on a topic of their own: rows
+    /// from the top, pixels from the left, `stride` bytes a row.
     ///
     /// ```
     /// use motorium::state::ImageInfo;
@@ -149,7 +150,7 @@ crate::state_buffer! {
 }
 
 impl ImageInfo {
-    /// One byte of grey a pixel.
+    /// Greyscale, one byte per pixel.
     pub const GREY_8: u32 = 1;
     /// Red, green and blue, a byte each.
     pub const RGB_8: u32 = 2;
@@ -162,7 +163,7 @@ impl ImageInfo {
 }
 
 crate::state_buffer! {
-    /// One point of a cloud, which is a slice of them, in the axes of the sensor.
+    /// One point of a cloud (a slice of points), in the axes of the sensor.
     ///
     /// ```
     /// use motorium::state::CloudPoint;

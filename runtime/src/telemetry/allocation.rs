@@ -29,8 +29,8 @@ fn count() {
     counter.set(counter.get() + 1);
 }
 
-// SAFETY: forwards every call unchanged to the system's allocator; the counters are thread-local cells that need
-// neither allocation nor destruction.
+// SAFETY: every call is forwarded unchanged to the system's allocator; the counters are thread-local cells
+// that need neither allocation nor destruction.
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
@@ -74,7 +74,7 @@ pub fn counts_allocations() -> bool {
     allocations() != before
 }
 
-/// Runs a call into foreign code whose allocations are known, and counts them apart.
+/// Runs a call to foreign code with known allocations, and counts them separately.
 pub fn set_apart<R>(call: impl FnOnce() -> R) -> R {
     let outer = APART.replace(true);
     let result = call();

@@ -38,7 +38,8 @@ impl Histogram {
     /// Records one duration, ns.
     #[inline]
     pub fn record(&self, nanoseconds: u64) {
-        // One writer: plain loads and stores suffice and cost a fraction of atomic read-modify-writes.
+        // With one writer, plain loads and stores suffice at a fraction of the cost of atomic
+        // read-modify-writes.
         let add = |cell: &AtomicU64, value: u64| cell.store(cell.load(Relaxed).wrapping_add(value), Relaxed);
         add(&self.buckets[bucket(nanoseconds)], 1);
         add(&self.sum, nanoseconds);
@@ -68,22 +69,22 @@ impl Histogram {
         }
     }
 
-    /// The buckets that hold something: the largest value each takes, ns, and how many there are.
+    /// Returns the nonempty buckets: upper bound, ns, and number of values.
     pub fn buckets(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         let counts = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).enumerate();
         counts.filter(|(_, count)| *count > 0).map(|(i, count)| (upper_bound(i), count))
     }
 
-    /// A copy of it as it is now, for a reader who compares it with a later one.
+    /// Returns a copy for comparison with a later one.
     pub fn snapshot(&self) -> Snapshot {
-        // The largest value is written after its bucket; read after it too, it is never below what the buckets say.
+        // The maximum is written after its bucket; reading it after the buckets too, it is never below them.
         let buckets = self.buckets().collect();
         Snapshot { buckets, sum: self.sum.load(Relaxed), max: self.max.load(Relaxed) }
     }
 
-    /// The smallest bucket bound that at least this share of all values does not exceed, ns.
+    /// Smallest bucket bound that at least this share of all values does not exceed, ns.
     pub fn quantile(&self, share: f64) -> u64 {
-        // Saturating: the words are shared memory, where damage must not end who looks at it.
+        // Saturating, because damaged shared memory must not crash a reader.
         let total =
             self.buckets.iter().fold(0_u64, |total, bucket| total.saturating_add(bucket.load(Relaxed)));
         let wanted = (share * total as f64).ceil() as u64;
@@ -118,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_value_lies_in_a_bucket_no_wider_than_a_thirtysecond_of_it() {
+    fn buckets_are_at_most_a_thirty_second_wide() {
         for value in
             (0..10_000).chain((10..40).map(|bits| 1 << bits)).chain((10..40).map(|bits| (1 << bits) - 1))
         {
@@ -129,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_are_those_of_the_sorted_values() {
+    fn percentiles_match_sorted_values() {
         let histogram = Histogram::default();
         (1..=10_000u64).for_each(|value| histogram.record(value));
         let got = histogram.percentiles();
@@ -141,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_huge_value_lands_in_the_last_bucket_and_stays_exact_as_the_maximum() {
+    fn huge_value_is_exact_as_the_maximum() {
         let histogram = Histogram::default();
         histogram.record(u64::MAX);
         assert_eq!(bucket(u64::MAX), BUCKETS - 1);

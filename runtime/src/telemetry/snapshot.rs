@@ -1,4 +1,4 @@
-//! A histogram at one moment, and what was recorded between two.
+//! Snapshots of histograms, and differences of two snapshots.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,17 +15,17 @@ pub struct Percentiles {
     pub max: u64,
 }
 
-/// Copy of a [`Histogram`](super::Histogram) at one moment: what its buckets held, and no more room than that takes.
+/// Copy of a [`Histogram`](super::Histogram) at one moment, with its nonempty buckets only.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Snapshot {
     pub(super) sum: u64,
     pub(super) max: u64,
-    /// The largest value each takes, ns, and how many it holds: ascending, none empty.
+    /// Upper bound, ns, and number of values of each nonempty bucket, ascending.
     pub(super) buckets: Vec<(u64, u64)>,
 }
 
 impl Snapshot {
-    /// Number of values: exactly what the buckets hold together.
+    /// Total number of values in the buckets.
     pub fn count(&self) -> u64 {
         self.buckets.iter().fold(0, |total, (_, count)| total.saturating_add(*count))
     }
@@ -35,7 +35,7 @@ impl Snapshot {
         self.sum
     }
 
-    /// The buckets that hold something: the largest value each takes, ns, and how many there are.
+    /// Nonempty buckets: upper bound, ns, and number of values.
     pub fn buckets(&self) -> &[(u64, u64)] {
         &self.buckets
     }
@@ -50,7 +50,7 @@ impl Snapshot {
         }
     }
 
-    /// The smallest bucket bound that at least this share of all values does not exceed, ns.
+    /// Smallest bucket bound that at least this share of all values does not exceed, ns.
     pub fn quantile(&self, share: f64) -> u64 {
         let wanted = (share * self.count() as f64).ceil() as u64;
         let mut seen = 0_u64;
@@ -61,9 +61,10 @@ impl Snapshot {
         reached.map_or(0, |(bound, _)| (*bound).min(self.max))
     }
 
-    /// The values recorded since an earlier snapshot of the same histogram.
+    /// Returns the values recorded since an earlier snapshot of the same histogram.
     ///
-    /// Its maximum is exact if it is one of the whole histogram; else it is that of its bucket, at most 1/32 above.
+    /// Its maximum is exact if it is the maximum of the whole histogram; otherwise it is the bound of its
+    /// bucket, at most 1/32 too high.
     pub fn since(&self, earlier: &Self) -> Self {
         let mut before = earlier.buckets.iter().copied().peekable();
         let mut buckets = Vec::new();
@@ -86,7 +87,7 @@ mod tests {
     use crate::telemetry::Histogram;
 
     #[test]
-    fn a_snapshot_says_what_its_histogram_says() {
+    fn snapshot_matches_its_histogram() {
         let histogram = Histogram::default();
         (1..=10_000u64).for_each(|value| histogram.record(value * 37));
         let snapshot = histogram.snapshot();
@@ -96,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn between_two_snapshots_lies_what_was_recorded_between_them_and_nothing_else() {
+    fn difference_contains_only_newer_values() {
         let (whole, between) = (Histogram::default(), Histogram::default());
         (0..5_000u64).for_each(|value| whole.record(value * 1_000));
         let before = whole.snapshot();
@@ -109,7 +110,7 @@ mod tests {
         assert_eq!((got.count(), got.sum()), (expected.count(), expected.sum()));
         let (got, expected) = (got.percentiles(), expected.percentiles());
         assert_eq!((got.p50, got.p99), (expected.p50, expected.p99));
-        // The largest of all came before; of the largest since only the bucket is known.
+        // The overall maximum is older; of the newer maximum only the bucket is known.
         assert!(
             got.max >= expected.max && got.max - expected.max <= expected.max / 32,
             "{got:?} {expected:?}"
@@ -126,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_lies_between_two_snapshots_of_a_silent_histogram() {
+    fn unchanged_histogram_has_an_empty_difference() {
         let histogram = Histogram::default();
         histogram.record(5);
         let snapshot = histogram.snapshot();

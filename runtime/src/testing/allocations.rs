@@ -1,7 +1,7 @@
 //! Counts of heap allocations.
 
-/// The heap allocations of a call, in the calling thread. Those within [`set_apart`](crate::telemetry::set_apart) do
-/// not count.
+/// Counts the heap allocations of a call in the calling thread, except those within
+/// [`set_apart`](crate::telemetry::set_apart).
 ///
 /// ```
 /// motorium::count_allocations!();
@@ -13,7 +13,7 @@
 /// ```
 ///
 /// # Panics
-/// The test program does not count: it lacks [`count_allocations!`](crate::count_allocations).
+/// If the test program lacks [`count_allocations!`](crate::count_allocations).
 pub fn allocations<R>(call: impl FnOnce() -> R) -> u64 {
     assert!(
         crate::telemetry::counts_allocations(),
@@ -26,8 +26,8 @@ pub fn allocations<R>(call: impl FnOnce() -> R) -> u64 {
     count
 }
 
-/// Makes a program count its heap allocations, for [`testing::allocations`](crate::testing::allocations) and for the
-/// `allocations` of each component in a report. Once in a program.
+/// Makes a program count its heap allocations, for [`testing::allocations`](crate::testing::allocations) and
+/// for the `allocations` of each component in a report. Once in a program.
 #[macro_export]
 macro_rules! count_allocations {
     () => {

@@ -1,4 +1,4 @@
-//! A component whose declaration and step are closures, which a graph file names by their number.
+//! A component whose declaration and step are closures, referenced by number in a graph file.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -51,7 +51,7 @@ impl Drop for Part {
     }
 }
 
-/// Locks a mutex, also one that a panicking thread has held.
+/// Locks a mutex, even if a panicking thread has held it.
 pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -13,8 +13,8 @@ use crate::worker::{Kind, Registry, RobotSource};
 
 /// A graph built in code, or read from the text of a graph file, with the kinds of components it may name.
 ///
-/// Its components run as threads of this process, in lockstep unless the graph says otherwise. Robots are not checked:
-/// any model's name is accepted. See [the module](super) for an example.
+/// Its components run as threads of this process, in lockstep unless the graph says otherwise. Robots are not
+/// checked: any model's name is accepted. See [the module](super) for an example.
 #[derive(Debug)]
 pub struct Graph {
     text: String,
@@ -24,7 +24,7 @@ pub struct Graph {
     parts: Vec<Part>,
 }
 
-/// A graph that did not run.
+/// The graph did not run.
 #[derive(thiserror::Error)]
 pub enum RunError {
     /// The graph is refused.
@@ -36,7 +36,7 @@ pub enum RunError {
 }
 
 impl core::fmt::Debug for RunError {
-    /// As `Display`: `unwrap` in a test shows the places in the graph.
+    /// Same as `Display`, so that `unwrap` in a test shows the positions in the graph.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         core::fmt::Display::fmt(self, f)
     }
@@ -48,7 +48,7 @@ impl Graph {
         Self::from_toml(format!("name = {}\nclock = \"lockstep\"\n", toml::Value::from(name)))
     }
 
-    /// The graph of a graph file's text. What is added in code comes after it.
+    /// Creates a graph from a graph file's text, which can be extended in code.
     pub fn from_toml(text: impl Into<String>) -> Self {
         Self {
             text: text.into(),
@@ -59,15 +59,15 @@ impl Graph {
         }
     }
 
-    /// Takes the graph for the content of this file: paths in it are relative to the file's folder. By default it is
-    /// `graph.toml` in the working directory.
+    /// Takes the graph for the content of this file: paths in it are relative to the file's folder. By
+    /// default it is `graph.toml` in the working directory.
     #[must_use]
     pub fn at(mut self, file: &Path) -> Self {
         self.file = file.to_path_buf();
         self
     }
 
-    /// Makes a kind known that the text of the graph names.
+    /// Registers a kind used in the text of the graph.
     #[must_use]
     pub fn kind<C: Component>(mut self) -> Self {
         self.know(Kind::of::<C>());
@@ -100,7 +100,7 @@ impl Graph {
         self
     }
 
-    /// Sets a value as `--set path=value` of the command does, such as `clock`, `realtime`.
+    /// Sets a value like `--set path=value` of the command, such as `clock` or `realtime`.
     #[must_use]
     pub fn set(mut self, path: &str, value: &str) -> Self {
         self.overrides.push(Override { path: path.to_string(), value: value.to_string() });
@@ -122,7 +122,8 @@ impl Graph {
     /// Runs the graph for a time with its unit, such as `"2 s"`: simulated time in lockstep.
     ///
     /// # Errors
-    /// The graph is refused, or does not start. A graph that ran and failed is no error: its report says how it ended.
+    /// The graph is rejected, or does not start. A graph that ran and failed is not an error; its report
+    /// contains the exit.
     pub fn run(self, duration: &str) -> Result<Report, RunError> {
         let this = self.set("duration", duration);
         let plan = this.check()?.plan;

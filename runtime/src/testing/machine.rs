@@ -1,12 +1,13 @@
-//! The machine as what tests in real time take in turns.
+//! Exclusive use of the machine by real-time tests.
 
 use std::fs::File;
 use std::path::Path;
 
-/// The whole machine, for one test: components in real time of two tests at once would starve each other.
+/// Reserves the whole machine for one test, since real-time components of concurrent tests would starve each
+/// other.
 ///
-/// A lock on the file `real-time.lock` of a folder: for an integration test `env!("CARGO_TARGET_TMPDIR")`, which all test
-/// programs of a workspace share. It is free again once the file is dropped, and when its process ends.
+/// A lock on the file `real-time.lock` of a folder: for an integration test `env!("CARGO_TARGET_TMPDIR")`,
+/// which all test programs of a workspace share. It is released when the file is dropped or its process ends.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -20,7 +21,7 @@ use std::path::Path;
 /// ```
 ///
 /// # Panics
-/// The file cannot be made or locked.
+/// If the file cannot be created or locked.
 #[must_use = "the machine is free again as soon as this is dropped"]
 pub fn machine(folder: impl AsRef<Path>) -> File {
     let file = File::create(folder.as_ref().join("real-time.lock")).expect("the folder takes files");

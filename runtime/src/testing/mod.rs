@@ -1,10 +1,10 @@
 //! Graphs, sources and probes for tests of components. Feature `testing`.
 //!
-//! A test builds a [`Graph`] in code, or takes the text of a graph file and adds to it, and runs it hosted: every
-//! component is a thread of the test's process, by default in lockstep, so that a run of a simulated second takes
-//! milliseconds and gives the same numbers every time. [`Source`] publishes what a closure returns, [`Function`]
-//! answers an input with an output, [`Probe`] records what it reads. A test of a graph in real time holds the [`machine`]
-//! meanwhile.
+//! A test builds a [`Graph`] in code, or extends the text of a graph file, and runs it hosted. Every
+//! component is a thread of the test's process, by default in lockstep, so that a simulated second takes
+//! milliseconds and gives identical numbers every time. [`Source`] publishes the values of a closure,
+//! [`Function`] maps an input to an output, and [`Probe`] records its input. A test of a real-time graph
+//! holds the [`machine`] meanwhile.
 //!
 //! ```
 //! use motorium::prelude::*;

@@ -9,13 +9,13 @@ use crate::declare::{Declare, StepError};
 use crate::state::{Stamp, StateBuffer};
 use crate::telemetry::set_apart;
 
-/// A component that publishes on a topic what a closure returns in each step; nothing in a step where it returns
-/// `None`. At 1 kHz unless its instance says otherwise.
+/// A component that publishes the values of a closure on a topic, or nothing in a step for which it returns
+/// `None`. Default rate 1 kHz.
 #[derive(Debug)]
 pub struct Source(Instance);
 
-/// A component that reads the newest sample of one topic, gives it to a closure (`None` before the first), and
-/// publishes on another what the closure returns. At 1 kHz unless its instance says otherwise.
+/// A component that passes the newest sample of one topic to a closure (`None` before the first), and
+/// publishes its result on another. Default rate 1 kHz.
 #[derive(Debug)]
 pub struct Function(Instance);
 
@@ -32,11 +32,11 @@ pub struct Probe<T: StateBuffer> {
 /// A sample that a [`Probe`] has read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample<T> {
-    /// The step of the probe that first read it.
+    /// Step of the probe that first read it.
     pub tick: Tick,
     /// Its stamp.
     pub stamp: Stamp,
-    /// The time that the state is for, ns since the run began: see [`Reading::time_ns`](crate::transport::Reading).
+    /// Time of the state, ns since the start of the run; see [`Reading::time_ns`](crate::transport::Reading).
     pub time_ns: u64,
     /// Its content.
     pub value: T,

@@ -15,8 +15,8 @@ use crate::transport::{
     Trigger, quieten,
 };
 
-/// The topics of a plan in shared memory, without a launcher and without components. A thread or a process joins as
-/// one of the components by an [`Endpoint`]. Dropping it removes everything.
+/// The topics of a plan in shared memory, without a launcher and without components. A thread or a process
+/// joins as one of the components by an [`Endpoint`]. Dropping it removes everything.
 #[derive(Debug)]
 pub struct TopicSet {
     folder: RunFolder,
@@ -25,16 +25,16 @@ pub struct TopicSet {
     _topics: Vec<TopicService>,
 }
 
-/// The topics of a plan could not be made or joined.
+/// The topics of a plan could not be created or joined.
 #[derive(Debug, thiserror::Error)]
 pub enum TopicSetError {
-    /// The run's folder could not be made or read.
+    /// The run's folder could not be created or read.
     #[error(transparent)]
     Folder(#[from] RunFolderError),
     /// The run's domain could not be joined.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// A topic could not be made or joined.
+    /// A topic could not be created or joined.
     #[error(transparent)]
     Port(#[from] PortError),
     /// The plan has no such component.
@@ -68,7 +68,7 @@ impl TopicSet {
         }
     }
 
-    /// The folder of the topics, as [`Endpoint::join`] takes it.
+    /// Folder of the topics, as required by [`Endpoint::join`].
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
@@ -92,7 +92,7 @@ impl Endpoint {
     /// Joins the topics at `path` as one of the components.
     ///
     /// # Errors
-    /// There are no such topics, or the plan has no such component.
+    /// The topics do not exist, or the plan has no such component.
     pub fn join(path: &Path, component: &str) -> Result<Self, TopicSetError> {
         quieten();
         let folder = RunFolder::open(path);

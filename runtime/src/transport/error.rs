@@ -2,16 +2,16 @@
 
 use crate::domain::{self, ServiceError};
 
-/// A port could not be opened or a topic not be made.
+/// A port could not be opened, or a topic could not be created.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
-    /// The component asked for a port it did not declare.
+    /// The component opened an undeclared port.
     #[error("port `{port}` is not declared; declare it in `Component::declare`")]
     NotDeclared {
         /// The port.
         port: String,
     },
-    /// The component opened the port as another type than it declared.
+    /// The component opened the port with another type than declared.
     #[error("port `{port}` was declared with one type and opened with another:\n{difference}")]
     TypeChanged {
         /// The port.

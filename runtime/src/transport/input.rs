@@ -13,9 +13,9 @@ use crate::state::{Stamp, StateBuffer};
 
 /// An input port: reads one topic in place.
 ///
-/// A *state* gives its newest value ([`latest`](Self::latest)), which does not change until the next look; a *stream*
-/// gives every value in order ([`next_unread`](Self::next_unread)). An input that the graph leaves unwired never has a
-/// value.
+/// A *state* provides its newest value ([`latest`](Self::latest)), which does not change until the next read;
+/// a *stream* provides every value in order ([`next_unread`](Self::next_unread)). An unwired input never has
+/// a value.
 ///
 /// ```
 /// # use motorium::prelude::*;
@@ -47,7 +47,7 @@ enum Source<T: StateBuffer> {
     },
 }
 
-/// A value in shared memory, as it was when its input was read.
+/// A value in shared memory, as of the read of its input.
 #[derive(Debug)]
 pub struct Reading<'a, T: StateBuffer> {
     stamp: &'a Stamp,
@@ -69,15 +69,14 @@ impl<T: StateBuffer> Reading<'_, T> {
         *self.stamp
     }
 
-    /// The time that the state is for, ns since the run began: the scheduled release of the time-triggered step at the
-    /// head of the chain of triggers. It keeps to the grid of that rate, so a difference quotient over it does not
-    /// jitter;
-    /// `Tick::time_ns` of a time-triggered component is on the same clock.
+    /// Time of the state, ns since the start of the run: the scheduled release of the time-triggered step at
+    /// the head of the trigger chain. It is on the grid of that rate, so difference quotients over it do not
+    /// jitter; `Tick::time_ns` of a time-triggered component is on the same clock.
     pub fn time_ns(&self) -> u64 {
         self.stamp.state_time.saturating_sub(self.context.clock().start_ns())
     }
 
-    /// Time since it was published, ns.
+    /// Time since its publication, ns.
     pub fn age_ns(&self) -> u64 {
         self.context.clock().now_ns().saturating_sub(self.stamp.publish_time)
     }
@@ -110,7 +109,7 @@ impl<T: StateBuffer> Input<T> {
         Ok(Self { source, effects: place.effects(participant) })
     }
 
-    /// The connection to be made before the first step.
+    /// The connection to establish before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         match &self.source {
             Source::Stream { queue, .. } => Some(queue.connection()),
@@ -123,8 +122,8 @@ impl<T: StateBuffer> Input<T> {
         !matches!(self.source, Source::Unwired)
     }
 
-    /// True if the topic was published since the last read of this input. For loops that poll: this reads one word and
-    /// does not disturb the publisher.
+    /// True if the topic was published since the last read of this input. For loops that poll: this reads one
+    /// word and does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
         let (newest, seen) = match &self.source {
@@ -135,13 +134,14 @@ impl<T: StateBuffer> Input<T> {
         newest != if self.effects.is_of_this_episode() { seen } else { 0 }
     }
 
-    /// Waits until the topic has been published after the last read of this input, for at most `longest`; true if it has. It may
-    /// return early, when the launcher has a command for this component or a signal arrives.
+    /// Waits for a publication after the last read of this input, for at most `longest`; returns `true` if
+    /// there is one. It may return early on a launcher command or a signal.
     ///
-    /// For a step whose own publication is answered by another component, such as a bus whose state a controller turns into a
-    /// command: those that the step has triggered so far are woken first, and this component sleeps and leaves its core to them. It
-    /// declares the longest wait by [`Declare::waits`](crate::declare::Declare::waits). In lockstep one component steps at a time:
-    /// there it never waits.
+    /// For a step whose publication is answered by another component, such as a bus whose state a controller
+    /// converts to a command. Components triggered by the step are woken first, and this component sleeps and
+    /// leaves its core to them. The longest wait is declared by
+    /// [`Declare::waits`](crate::declare::Declare::waits). In lockstep one component steps at a time, so it
+    /// never waits.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -170,15 +170,15 @@ impl<T: StateBuffer> Input<T> {
         self.has_news()
     }
 
-    /// The newest value, if anything was ever published. Reading a stream this way skips the values before.
+    /// Returns the newest value, if any was published. For a stream, this skips earlier values.
     #[inline]
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
         while self.advance() && matches!(self.source, Source::Stream { .. }) {}
         self.read()
     }
 
-    /// The next value that was not read, in order: of a stream the next in the queue, of a state the newest one if it
-    /// is new.
+    /// The next value that was not read, in order: of a stream the next in the queue, of a state the newest
+    /// one if it is new.
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
         if self.advance() { self.read() } else { None }
     }
@@ -197,12 +197,13 @@ impl<T: StateBuffer> Input<T> {
         Some(Reading { stamp, payload, context: self.effects.context() })
     }
 
-    /// Values of a stream that were overwritten before they were read.
+    /// Number of stream values overwritten before they were read.
     pub fn lost(&self) -> u64 {
         if let Source::Stream { queue, .. } = &self.source { queue.lost() } else { 0 }
     }
 
-    /// Goes on to the next value: of a stream the next in the queue, of a state the newest. False if there is no new one.
+    /// Advances to the next value: the next in the queue of a stream, the newest of a state. Returns `false`
+    /// if there is no new one.
     #[inline]
     fn advance(&mut self) -> bool {
         let Source::State(state) = &mut self.source else { return self.advance_in_queue() };
@@ -216,7 +217,8 @@ impl<T: StateBuffer> Input<T> {
         is_new
     }
 
-    /// As [`advance`](Self::advance), of what is no state; apart from it, so that the instructions of a step lie together.
+    /// Like [`advance`](Self::advance), for streams; a separate function, so that the instructions of a step
+    /// are contiguous.
     #[inline(never)]
     fn advance_in_queue(&mut self) -> bool {
         let Source::Stream { queue, memory, seen } = &mut self.source else { return false };
@@ -232,7 +234,7 @@ impl<T: StateBuffer> Input<T> {
         is_new
     }
 
-    /// The current value, whose source time goes on to the outputs if this input is their cause.
+    /// Returns the current value; its source time is passed to the outputs if this input is their cause.
     #[inline]
     fn read(&self) -> Option<Reading<'_, T>> {
         let reading = self.current()?;

@@ -15,8 +15,8 @@ use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
 use crate::state::{Checked, Field, StateBuffer};
 
-/// An output port: the one writer of a topic. A value is filled where its readers will find it. Values published on an
-/// output that the graph leaves unwired are read by nobody.
+/// An output port: the one writer of a topic. A value is filled where its readers will find it. Values
+/// published on an output that the graph leaves unwired are read by nobody.
 ///
 /// ```
 /// # use motorium::prelude::*;
@@ -38,7 +38,7 @@ pub struct Output<T: StateBuffer> {
     context: Rc<Context>,
 }
 
-/// The place that an output fills.
+/// What an output fills.
 #[derive(Debug)]
 enum Sink<T: StateBuffer> {
     Unwired(Box<UnsafeCell<T>>),
@@ -48,13 +48,13 @@ enum Sink<T: StateBuffer> {
 
 /// A value to fill in place and publish. Dropping it publishes nothing.
 ///
-/// It holds whatever an earlier value left there: write every field that is meant to be read.
+/// It still holds whatever an earlier value left there, so write every field that is meant to be read.
 #[derive(Debug)]
 pub struct Loan<'a, T: StateBuffer> {
     value: NonNull<T>,
     sample: Option<Lent<T>>,
     output: &'a mut Output<T>,
-    /// The part that was checked while it was written, until anything else is written.
+    /// The part that was checked while it was written; valid until anything else is written.
     checked: Checked,
 }
 
@@ -86,7 +86,7 @@ impl<T: StateBuffer> Output<T> {
         Ok(Self { port, sink, topic, context: participant.context().clone() })
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         match &self.sink {
             Sink::Stream(stream) => Some(stream.connection()),
@@ -107,7 +107,7 @@ impl<T: StateBuffer> Output<T> {
     pub fn loan(&mut self) -> Result<Loan<'_, T>, StepError> {
         let (value, sample) = match &mut self.sink {
             Sink::Unwired(scratch) => (NonNull::from_mut(scratch.get_mut()), None),
-            // SAFETY: the loan to come is the only user of the slot: it borrows the output mutably.
+            // SAFETY: the loan made here is the only user of the slot, because it borrows the output mutably.
             Sink::State(state) => (NonNull::from_mut(unsafe { state.value_mut::<T>() }), None),
             Sink::Stream(stream) => {
                 let mut sample = stream
@@ -135,8 +135,8 @@ impl<T: StateBuffer> core::ops::Deref for Loan<'_, T> {
 
     #[inline]
     fn deref(&self) -> &T {
-        // SAFETY: the value is the claimed slot, the lent sample or the scratch of the output that this loan borrows
-        // mutably: it stays where it is, and nobody else uses it.
+        // SAFETY: the value is the claimed slot, the lent sample or the scratch space of the output that this
+        // loan borrows mutably: it stays in place, and nobody else uses it.
         unsafe { self.value.as_ref() }
     }
 }
@@ -151,13 +151,14 @@ impl<T: StateBuffer> core::ops::DerefMut for Loan<'_, T> {
 }
 
 impl<T: StateBuffer> Loan<'_, T> {
-    /// Fills an array of the value from its first number on, until either end, and checks each number while it is at hand:
-    /// [`publish`](Self::publish) then does not read the array a second time. Returns how many were written; what an array
-    /// that is longer held before stays behind them.
+    /// Fills an array of the value from its start, until the array is full or the numbers run out, and checks
+    /// each number as it is written, so that [`publish`](Self::publish) does not read the array a second
+    /// time. Returns how many numbers were written; the rest of a longer array keeps what it held.
     ///
-    /// For arrays of `f64` and `f32` that are too large for the nearest cache, such as maps, weights and pictures of
-    /// numbers: there the check takes as long as the filling. The last array that was filled so is spared; set counts
-    /// and other fields before, for whatever is written later through `&mut` has all of the value checked again.
+    /// Use it for arrays of `f64` and `f32` that are too large for the nearest cache, such as maps, weights
+    /// and images: for these the check takes as long as the filling. Only the last array filled this way is
+    /// exempt from the second check. Set counts and other fields beforehand, because any later write through
+    /// `&mut` makes `publish` check the whole value again.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -173,7 +174,7 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// ```
     ///
     /// # Panics
-    /// `array` gives numbers that are no part of the value.
+    /// `array` returns numbers outside the value.
     pub fn fill_from<E: Field>(
         &mut self,
         array: impl FnOnce(&T) -> &[E],
@@ -185,14 +186,14 @@ impl<T: StateBuffer> Loan<'_, T> {
         let offset = found.as_ptr().addr().wrapping_sub(whole);
         let inside = offset <= size_of::<T>() && bytes <= size_of::<T>() - offset;
         assert!(inside, "an array of {} bytes that is no part of {}", bytes, T::NAME);
-        // SAFETY: `bytes` from `offset` on lie within the value and held an array of this type; any bit pattern is valid for
-        // it, and for whatever else the value holds there. Nobody else uses the value, as in `deref`, and the reference to
-        // it has ended.
+        // SAFETY: the `bytes` bytes from `offset` on lie within the value and held an array of this type; any
+        // bit pattern is valid for it and for whatever else the value holds there. Nobody else uses the
+        // value, as in `deref`, and the reference to it has ended.
         let places = unsafe {
             core::slice::from_raw_parts_mut(self.value.cast::<E>().byte_add(offset).as_ptr(), length)
         };
         let (written, valid) = E::write_checked(places, values.into_iter());
-        // What is not valid is found again, and named, when it is to be published.
+        // An invalid number is found again, and named, on publication.
         let spared = if valid && written == length { Checked::of(places) } else { Checked::default() };
         self.checked = spared;
         written
@@ -201,18 +202,19 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// Publishes the value and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that does not fit: it is then
-    /// not published, and its readers keep the older value.
+    /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that exceeds its
+    /// array: it is then not published, and its readers keep the older value.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the value: the time at which it was measured, received or
-    /// recorded, ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated time in lockstep).
+    /// As [`publish`](Self::publish), with the source time of the value: when it was measured, received or
+    /// recorded, in ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated time
+    /// in lockstep).
     ///
-    /// It stands in the place of the source time of the step's input, and of the time of publication in a step without
-    /// one. End-to-end latencies count from it, and a `CommandGate` refuses a command whose
-    /// source is too old. A source time up to 1 ms after the present becomes the present.
+    /// It replaces the source time of the step's input or, in a step without input, the time of publication.
+    /// End-to-end latencies are measured from it, and a `CommandGate` refuses a command whose source is too
+    /// old. A source time up to 1 ms in the future is replaced by the present time.
     ///
     /// ```
     /// # use motorium::component::RunClock;
@@ -226,8 +228,8 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// ```
     ///
     /// # Errors
-    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is later than that: the value is
-    /// not published, and counted as refused.
+    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is later than
+    /// that: the value is not published, and is counted as refused.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }
@@ -242,7 +244,8 @@ impl<T: StateBuffer> Loan<'_, T> {
         let send = |sample: Option<Lent<T>>, stamp| sample.is_some_and(|sample| sample.send(stamp));
         let published = match topic {
             Some(topic) => {
-                // SAFETY: as in `deref`; the emergency-stop topic carries an `EmergencyStop`, whose one field is this number.
+                // SAFETY: as in `deref`; the emergency-stop topic carries an `EmergencyStop`, whose one field
+                // is this number.
                 topic.latch_if_pressed(context, || unsafe { value.cast::<u64>().read() });
                 topic.publish((context, source_ns), sample, check, digest, send)
             }

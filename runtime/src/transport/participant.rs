@@ -11,8 +11,8 @@ use crate::context::Context;
 use crate::domain::Shared;
 use crate::plan::TopicPlan;
 
-/// A component that joins topics: its node in the run's domain, its context, and the memory of each topic it has joined,
-/// mapped once for all of its ports.
+/// A component that joins topics: its node in the run's domain, its context, and the memory of each topic it
+/// has joined, mapped once for all of its ports.
 #[derive(Debug)]
 pub(crate) struct Participant {
     node: Rc<Node<Shared>>,

@@ -21,7 +21,8 @@ pub(crate) struct OutputPlace<'a> {
     pub(crate) topic: &'a TopicPlan,
     /// The latency budgets that end at the output.
     pub(crate) probes: Vec<Probe>,
-    /// True if a worker ends each step, and all components that the topic triggers run on its core: they are woken then.
+    /// True if a worker ends each step, and all components that the topic triggers run on its core: they are
+    /// woken then.
     pub(crate) wakes_late: bool,
     /// True of the emergency-stop topic of the graph.
     pub(crate) is_emergency_stop: bool,
@@ -89,8 +90,8 @@ impl TopicWriter {
 
     /// Latches the emergency stop of the run if this is its topic and the value stops.
     ///
-    /// A gate sees the newest value only: one that stops and is replaced before the gate steps, or is withheld because
-    /// its step is late, must stop the robot too.
+    /// A gate sees the newest value only: one that stops and is replaced before the gate steps, or is
+    /// withheld because its step is late, must stop the robot too.
     #[inline]
     pub(super) fn latch_if_pressed(&self, context: &Context, stop: impl FnOnce() -> u64) {
         if self.is_emergency_stop && stop() != 0 {
@@ -98,8 +99,8 @@ impl TopicWriter {
         }
     }
 
-    /// Publishes what was filled: the slot of a state, or else `value`, which `send` sends. `check` looks for what must not
-    /// reach a reader, `digest` takes in the content.
+    /// Publishes what was filled: the slot of a state, or otherwise `value`, which `send` sends. `check`
+    /// looks for content that must not reach a reader, and `digest` hashes the content.
     #[inline(always)]
     pub(super) fn publish<V, D>(
         &mut self,
@@ -109,8 +110,8 @@ impl TopicWriter {
         digest: impl FnOnce(&V, &mut Digest),
         send: impl FnOnce(V, Stamp) -> bool,
     ) -> Result<(), Unpublished<D>> {
-        // Before the check: reading the clock waits for all loads before it, and those of a check wait until the numbers
-        // just filled in have left for the cache.
+        // Before the check: reading the clock waits for all earlier loads, and those of the check wait until
+        // the numbers just filled in have left for the cache.
         let now = context.clock().now_ns();
         checked(context, check(&value))?;
         let sequence = match &self.after.state {
@@ -152,7 +153,8 @@ impl TopicWriter {
         }
         self.after.uncounted.set(Some((stamp.sequence, stamp.publish_time)));
         if self.wakes_late {
-            // The words of the control block would hold up those who wait: their lines may be elsewhere.
+            // The words of the control block would delay the waiters, because their lines may be in another
+            // core's cache.
             self.after.owes_wake.set(true);
         } else {
             if !context.clock().is_lockstep() {
@@ -185,7 +187,7 @@ impl TopicWriter {
     }
 }
 
-/// The outcome of the check of a value; one that is not valid is counted as refused.
+/// Returns the outcome of the check of a value; an invalid value is counted as refused.
 #[inline(always)]
 pub(super) fn checked<D>(context: &Context, outcome: Result<(), D>) -> Result<(), Unpublished<D>> {
     outcome.map_err(|defect| {
@@ -202,7 +204,7 @@ struct AfterOutput {
     memory: Rc<TopicMemory>,
     state: Option<Rc<StateWriter>>,
     owes_wake: Cell<bool>,
-    /// Number and time, ns, of the last publication, until it is counted in the control block.
+    /// Number and time (ns) of the last publication until it is counted in the control block.
     uncounted: Cell<Option<(u64, u64)>>,
     /// The first line of the slot to be filled next.
     slot: Option<Line>,

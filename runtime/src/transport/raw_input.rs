@@ -1,4 +1,4 @@
-//! The reading side of a topic whose type is known at run time only.
+//! The reading side of a topic whose type is known only at run time.
 
 use std::rc::Rc;
 
@@ -9,9 +9,10 @@ use crate::context::{Context, ReadEffects};
 use crate::declare::TopicPattern;
 use crate::state::{Stamp, TypeLayout};
 
-/// An input port that reads a topic of any type in place, as bytes of the topic's layout: the newest value.
+/// An input port that reads the newest value of a topic of any type, in place, as bytes in the topic's
+/// layout.
 ///
-/// For what passes values on without knowing them. Declare it with
+/// It is meant for code that forwards values without knowing their type. Declare it with
 /// [`Declare::raw_input`](crate::declare::Declare::raw_input).
 #[derive(Debug)]
 pub struct RawInput {
@@ -55,7 +56,7 @@ impl RawInput {
         Ok(Self { topic, source, effects: place.effects(participant) })
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         if let Source::Stream(queue) = &self.source { Some(queue.connection()) } else { None }
     }
@@ -70,7 +71,7 @@ impl RawInput {
         self.topic.as_ref().map(|(_, layout)| layout)
     }
 
-    /// The newest value if it was not read before.
+    /// Returns the newest value if it has not been read yet.
     pub fn next_unread(&mut self) -> Option<RawReading<'_>> {
         let begins = self.effects.begins_episode();
         let is_new = match &mut self.source {

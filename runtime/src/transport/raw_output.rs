@@ -1,4 +1,4 @@
-//! The writing side of a topic whose type is known at run time only.
+//! The writing side of a topic whose type is known only at run time.
 
 #![allow(unsafe_code)] // a claimed slot is filled as bytes
 
@@ -13,10 +13,10 @@ use crate::declare::TopicPattern;
 use crate::plan::PortPlan;
 use crate::state::{ContentCheck, ContentDefect, TypeLayout};
 
-/// An output port that writes a state of a layout given at run time: the one writer of its topic.
+/// An output port that writes a state whose layout is given at run time. It is the only writer of its topic.
 ///
-/// Declare it with [`Declare::raw_output`](crate::declare::Declare::raw_output). Values published on an output that the
-/// graph leaves unwired are checked, and read by nobody.
+/// Declare it with [`Declare::raw_output`](crate::declare::Declare::raw_output). Values published on an
+/// output that the graph leaves unconnected are checked, but nobody reads them.
 #[derive(Debug)]
 pub struct RawOutput {
     layout: TypeLayout,
@@ -25,7 +25,7 @@ pub struct RawOutput {
     context: Rc<Context>,
 }
 
-/// A value that was not published. Holds no heap memory.
+/// The reason why a value was not published. Holds no heap memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum RawError {
     /// Its content must not reach a reader.
@@ -93,16 +93,16 @@ impl RawOutput {
     /// Checks the content of a value without publishing it.
     ///
     /// # Errors
-    /// The first defect.
+    /// Returns the first defect.
     pub fn check(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
         self.check.check(bytes)
     }
 
-    /// Publishes a copy of a value under a stamp of this component and wakes the components that it triggers.
+    /// Publishes a copy of a value with a stamp of this component and wakes the components that it triggers.
     ///
     /// # Errors
-    /// It is not published: it holds a number that is not finite or a count that does not fit, has another size than
-    /// the type, or comes too late.
+    /// The value is not published if it holds a number that is not finite or a count that exceeds its array,
+    /// has a different size from the type, or comes too late.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }
@@ -111,7 +111,7 @@ impl RawOutput {
     /// [`Loan::publish_from`](super::Loan::publish_from).
     ///
     /// # Errors
-    /// As [`publish`](Self::publish); and the source time is in the future by more than 1 ms.
+    /// As [`publish`](Self::publish), and if the source time is more than 1 ms in the future.
     pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), RawError> {
         self.finish(bytes, Some(source_ns))
     }
@@ -119,12 +119,13 @@ impl RawOutput {
     #[inline(always)]
     fn finish(&mut self, bytes: &[u8], source_ns: Option<u64>) -> Result<(), RawError> {
         let Self { check, wired, context, .. } = self;
-        // Before the copy: bytes of another size have no room in the slot.
+        // Before the copy, because bytes of another size do not fit the slot.
         checked(context, check.check(bytes))?;
         let Some((_, state, topic)) = wired else { return Ok(()) };
         let stop = || bytes.first_chunk().map_or(0, |stop| u64::from_ne_bytes(*stop));
         topic.latch_if_pressed(context, stop);
-        // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends here.
+        // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends
+        // here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
         let digest = |bytes: &&[u8], digest: &mut _| check.digest(bytes, digest);
         let check = |_: &_| Ok::<(), ContentDefect>(());

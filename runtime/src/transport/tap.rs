@@ -12,12 +12,12 @@ use crate::os::{Lock, OtherProcess, Owned};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
-/// A reader of every value of a topic, in order, that is no part of the graph: for tools and recorders.
+/// A reader of every value of a topic, in order, from outside the graph: for tools and recorders.
 ///
-/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its newest value:
-/// as many as its `history`, and a few more. What was overwritten before it was read is counted
-/// ([`missed`](Self::missed)). A topic has places for four taps at a time; the place of one that was killed is free
-/// at once.
+/// The writer does nothing for a tap and never waits for one. A state is read from the slots behind its
+/// newest value: as many as its `history`, plus a few. Values overwritten before they were read are counted
+/// ([`missed`](Self::missed)). A topic has room for four taps at a time; the place of a killed tap is free
+/// immediately.
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
@@ -36,7 +36,7 @@ enum Source {
     },
 }
 
-/// A value as a tap has read it: a copy.
+/// A copy of a value that a tap has read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// The time and the publisher of the value.
@@ -45,15 +45,15 @@ pub struct Sample {
     pub bytes: Vec<u8>,
 }
 
-/// The first of the places of a topic among those of all topics of a run.
+/// Returns the first place of a topic among the places of all topics of a run.
 fn first_place(topic: &str) -> u32 {
     let mut digest = Digest::default();
     digest.write(topic.as_bytes());
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
 }
 
-/// Takes one of the pins of a topic for readers outside the graph, with the lock that keeps it. The system frees the lock
-/// when this process ends.
+/// Takes one of a topic's pins for readers outside the graph, with the lock that guards it. The system
+/// releases the lock when this process ends.
 pub(crate) fn side_pin(
     domain: &Domain,
     topic: &TopicPlan,
@@ -81,8 +81,8 @@ impl Tap {
         Self::join(domain, topic)
     }
 
-    /// Joins a topic of slices, such as pictures: the bytes of each value are those of all elements of a slice, in the
-    /// [layout](Self::layout) of one after the other.
+    /// Joins a topic of slices, such as images. The bytes of each value are the elements of a slice, one
+    /// after the other, each in the [layout](Self::layout).
     ///
     /// # Errors
     /// The run or the topic cannot be reached, or the topic carries single values.
@@ -110,7 +110,7 @@ impl Tap {
         &self.layout
     }
 
-    /// Values that were overwritten before they could be read.
+    /// Returns the number of values that were overwritten before they could be read.
     pub fn missed(&self) -> u64 {
         match &*self.source {
             Source::State(tap) => tap.missed(),

@@ -46,7 +46,7 @@ impl TopicService {
             .subscriber_max_borrowed_samples(2)
             .history_size(1)
             .enable_safe_overflow(true)
-            // spare ones: a killed publisher holds its place until it is cleaned up
+            // A few spare places: a killed publisher keeps its place until it is cleaned up.
             .max_publishers(4)
             .max_subscribers(2 * parties)
             .max_nodes(2 * parties + 4)
@@ -56,8 +56,8 @@ impl TopicService {
         Ok(Self { samples, memory, wakes: !topic.triggers.is_empty() })
     }
 
-    /// Lets go of the topic without a look at what iceoryx2 keeps in shared memory: its words may have been damaged. All of
-    /// it is removed with the domain.
+    /// Drops the topic without reading what iceoryx2 keeps in shared memory, because its words may be
+    /// damaged. Everything is removed together with the domain.
     pub(crate) fn abandon(self) {
         self.samples.abandon();
     }
@@ -67,7 +67,8 @@ impl TopicService {
         &self.memory
     }
 
-    /// The topic, if components wait for it: to interrupt them, so that they look at the run's command.
+    /// Returns the topic's memory if components wait for it, to interrupt them so that they read the run's
+    /// command.
     pub(crate) fn waited_for(&self) -> Option<Rc<TopicMemory>> {
         self.wakes.then(|| self.memory.clone())
     }
@@ -84,7 +85,7 @@ fn layout_attribute(topic: &TopicPlan) -> Result<(AttributeKey, AttributeValue),
     Ok((key, value))
 }
 
-/// The service of a topic, whose types the plan alone describes.
+/// Returns the service of a topic, whose types only the plan describes.
 fn builder(node: &Node<Shared>, topic: &TopicPlan) -> Result<Builder<Bytes, Header, Shared>, PortError> {
     let variant = match topic.pattern {
         TopicPattern::State | TopicPattern::Stream { .. } => TypeVariant::FixedSize,
@@ -96,8 +97,8 @@ fn builder(node: &Node<Shared>, topic: &TopicPlan) -> Result<Builder<Bytes, Head
     let stamp = TypeDetail::new::<Stamp>(TypeVariant::FixedSize);
     let service = node.service_builder(&service_name("topic", &topic.name)?);
     let builder = service.publish_subscribe::<Bytes>().user_header::<Header>();
-    // SAFETY: the details describe a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared with; and a `Stamp`.
-    // iceoryx2 compares them with those of a service that is there.
+    // SAFETY: the details describe a `StateBuffer` (`repr(C)`, fixed size, with its declared alignment) and a
+    // `Stamp`. iceoryx2 compares them with those of an existing service.
     Ok(unsafe {
         builder.__internal_set_payload_type_details(&payload).__internal_set_user_header_type_details(&stamp)
     })
@@ -108,7 +109,7 @@ pub(crate) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Resu
     fits(&T::layout(), topic, port)
 }
 
-/// Checks that the topic's layout is that of a port.
+/// Checks that the topic's layout matches that of a port.
 pub(super) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     if mine.hash() == topic.layout.hash() {
         return Ok(());
@@ -120,7 +121,7 @@ pub(super) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(
     })
 }
 
-/// Opens the service of a topic, which the launcher has made.
+/// Opens the service of a topic, which the launcher has created.
 fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Samples, PortError> {
     builder(node, topic)?
         .open_with_attributes(&required(topic)?)
@@ -133,7 +134,7 @@ pub(crate) fn open_queue(node: &Node<Shared>, topic: &TopicPlan) -> Result<Queue
     queue.map_err(|error| refused(&topic.name, "making a subscriber")(&error))
 }
 
-/// The sender of a topic's samples, of so many elements at most.
+/// Opens the sender of a topic's samples, with at most this many elements.
 pub(super) fn open_sender(
     node: &Node<Shared>,
     topic: &TopicPlan,

@@ -7,16 +7,16 @@ use super::latest::TopicMemory;
 use super::latest::protocol::{Newest, newest_with_time};
 use crate::os::{Backoff, current_core, monotonic_ns};
 
-/// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being woken
-/// there.
+/// Time for which a waiter polls the notifier of another core before it sleeps, ns: roughly the cost of being
+/// woken there.
 pub(crate) const SPIN_NS: u64 = 20_000;
 
 /// The waiting side of a topic: it sleeps until the next publication.
 ///
-/// When the publisher runs on another core, being woken costs far more than the data: the waiter then polls for as long
-/// as that would take before it sleeps. After a poll that found nothing the next wait does without, then the next two,
-/// and so on up to 64, so that a component that waits for a millisecond at a time spends less than 0.1 % of its core on
-/// polling.
+/// When the publisher runs on another core, being woken costs far more than reading the data, so the waiter
+/// first polls for about that time before it sleeps. After a poll that found nothing, the next wait skips
+/// polling, then the next two, and so on up to 64, so that a component that waits for a millisecond at a time
+/// spends less than 0.1 % of its core on polling.
 #[derive(Debug)]
 pub struct Trigger {
     memory: Rc<TopicMemory>,
@@ -25,8 +25,8 @@ pub struct Trigger {
 }
 
 impl Trigger {
-    /// Waits for publications after those that a component has missed while it was restarted; for one that was never
-    /// restarted, from the very first.
+    /// Waits for publications after those that a restarted component has missed; for a component that was
+    /// never restarted, from the very first one.
     pub(super) fn new(memory: Rc<TopicMemory>, restarts: u32) -> Self {
         let seen = if restarts == 0 { Newest::default() } else { memory.newest() };
         Self { memory, seen: Cell::new(seen), backoff: Backoff::default() }
@@ -37,7 +37,8 @@ impl Trigger {
         self.wait_until(None);
     }
 
-    /// As [`wait`](Self::wait), at most until the clock reaches `until_ns`; whether it went to sleep.
+    /// Like [`wait`](Self::wait), but at most until the clock reaches `until_ns`. Returns whether it went to
+    /// sleep.
     #[inline(always)]
     pub(crate) fn wait_until(&self, until_ns: Option<u64>) -> bool {
         let seen = self.seen.get();
@@ -49,13 +50,13 @@ impl Trigger {
         sleeps
     }
 
-    /// True if there was a publication since the last call or wait; never waits.
+    /// Returns whether there was a publication since the last call or wait; never waits.
     pub fn is_due(&self) -> bool {
         let newest = self.memory.newest();
         self.seen.replace(newest).number() != newest.number()
     }
 
-    /// Number of the last publication before this trigger waits for the first time.
+    /// Returns the number of the last publication before this trigger waits for the first time.
     pub(crate) fn first_seen(&self) -> u64 {
         self.seen.get().number()
     }
@@ -67,7 +68,7 @@ impl Trigger {
         (newest.number(), time_ns)
     }
 
-    /// Polls for a publication without sleeping, where that may be worth it.
+    /// Polls for a publication without sleeping, where that may be worthwhile.
     fn poll(&self, seen: Newest) -> bool {
         let elsewhere = self.memory.core().is_some_and(|core| core != current_core());
         if !elsewhere || !self.backoff.may_poll() {

@@ -8,16 +8,16 @@ use crate::os::{WaitedForCore, thread_cpu_ns, times_asleep};
 use crate::plan::{ComponentPlan, OnOverrun};
 use crate::region::{ComponentBlock, MissCause, add};
 
-/// Steps between two readings of the kernel's counts of waiting and sleeping, so that a miss is not charged with old
-/// waiting. A reading costs about as much as a short step.
+/// Number of steps between two readings of the kernel's waiting and sleeping times, so that a miss is not
+/// charged with old waiting. A reading costs about as much as a short step.
 const REFRESH: u32 = 64;
 
 /// The accounts from step to step. All of it runs after a step has published, outside the hot path.
 #[derive(Debug)]
 pub(super) struct Accounts {
-    /// Time of the core that a step may take, ns.
+    /// CPU time that a step may take, ns.
     budget_ns: Option<u64>,
-    /// Time for which it may wait for an answer beside that, ns.
+    /// Additional time for which it may wait for an answer, ns.
     waits_ns: u64,
     tolerated: Option<u32>,
     cpu_ns: u64,
@@ -36,7 +36,7 @@ pub(super) struct Accounts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Consequence {
     GoOn,
-    /// The graph stops safely: there were more overruns than it tolerates.
+    /// The graph stops safely, because there were more overruns than it tolerates.
     SafeStop,
 }
 
@@ -60,28 +60,28 @@ impl Accounts {
         }
     }
 
-    /// Begins to count; time used before went into the set-up.
+    /// Starts counting; time used before belongs to the set-up.
     pub(super) fn open(&mut self) {
         self.cpu_ns = thread_cpu_ns();
         self.refresh();
     }
 
-    /// Notes that the worker slept before the coming step; any other sleep is the component's.
+    /// Notes that the worker slept before the coming step; any other sleep is attributed to the component.
     pub(super) fn slept(&mut self) {
         self.waits += 1;
     }
 
-    /// Adds time for which components that this step triggered had the core, ns; it does not count as waiting.
+    /// Adds time for which components triggered by this step had the core, ns; it does not count as waiting.
     pub(super) fn handed_over(&mut self, ns: u64) {
         self.handed_over_ns += ns;
     }
 
-    /// Adds time spent spinning before the coming release, ns; it is not the step's.
+    /// Adds time spent spinning before the coming release, ns; it is not part of the step.
     pub(super) fn spun(&mut self, ns: u64) {
         self.spun_ns += ns;
     }
 
-    /// Records the CPU time of the step that just ended. Returns it, ns.
+    /// Records the CPU time of the step that just ended, and returns it in ns.
     pub(super) fn charge(&mut self, block: &ComponentBlock) -> u64 {
         let now = thread_cpu_ns();
         let cpu = now.saturating_sub(self.cpu_ns).saturating_sub(self.spun_ns);

@@ -5,9 +5,9 @@ use serde_json::Value as Json;
 
 use crate::declare::ConfigError;
 
-/// Reads a `config` table; an error names the key at fault, dotted: `tasks[0].gain`.
+/// Reads a `config` table; an error names the invalid key with its path, such as `tasks[0].gain`.
 ///
-/// Every type of configuration is read here and in no other way: what serde derives for it is compiled once.
+/// Every configuration type is read here, so that the code that serde derives for it is compiled once.
 pub(super) fn read<T: DeserializeOwned>(config: Json) -> Result<T, ConfigError> {
     serde_path_to_error::deserialize(config).map_err(|error| refused(&error))
 }
@@ -50,14 +50,14 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_named_with_those_that_exist() {
+    fn an_unknown_key_is_reported_with_the_existing_keys() {
         let (key, message) = refused(json!({ "gain": 1.0, "gian": 2.0, "words": ["a: b"] }));
         assert_eq!(key.as_deref(), Some("gian"));
         assert_eq!(message, "unknown field `gian`, expected one of `gain`, `tasks`, `words`");
     }
 
     #[test]
-    fn the_key_of_a_table_in_a_list_has_its_place_in_the_list() {
+    fn a_key_in_a_list_is_reported_with_its_index() {
         let tasks =
             |second: Json| json!({ "gain": 1.0, "tasks": [{ "weight": 1.0, "limits": [0.0, 1.0] }, second] });
         for (second, expected) in [
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_is_missing_at_the_top_is_one_of_the_whole_table() {
+    fn a_missing_top_level_key_is_attributed_to_the_table() {
         assert_eq!(refused(json!({ "words": [] })), (None, "missing field `gain`".to_string()));
         assert_eq!(read::<Config>(json!({ "gain": 0.1 })).unwrap().gain.to_bits(), 0.1f64.to_bits());
     }

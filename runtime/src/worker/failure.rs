@@ -7,7 +7,7 @@ use std::sync::Once;
 /// The failure of a component.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
-    /// Index of the step, or of the step that would have been next.
+    /// Index of the current step, or of the step that would have been next.
     pub tick: u64,
     /// The message of the error or panic.
     pub message: String,
@@ -18,8 +18,8 @@ thread_local! {
     static INSIDE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Keeps the message of a panic within [`guard`] instead of printing it: the launcher prints it, with the component's
-/// name. Other panics of the program are its own.
+/// Keeps the message of a panic within [`guard`] instead of printing it; the launcher prints it with the
+/// component's name. Other panics of the program are printed as usual.
 pub(super) fn catch_panic_messages() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

@@ -19,7 +19,7 @@ pub(super) struct Next {
 }
 
 impl Grid {
-    /// A grid whose next release is the first one not before `now_ns`.
+    /// Creates a grid whose next release is the first one not before `now_ns`.
     pub(super) fn new(origin_ns: u64, period_ns: u64, now_ns: u64) -> Self {
         let passed = now_ns.saturating_sub(origin_ns).div_ceil(period_ns);
         Self { period_ns, release_ns: origin_ns + passed * period_ns }
@@ -79,14 +79,14 @@ mod tests {
     }
 
     #[test]
-    fn skip_drops_the_releases_that_have_passed_and_keeps_the_grid() {
+    fn skip_drops_missed_releases_and_keeps_the_grid() {
         let mut grid = grid();
         assert_eq!(grid.advance(1_250, OnOverrun::Skip), Next { overrun: true, skipped: 2 });
         assert_eq!(grid.release_ns(), 1_300);
     }
 
     #[test]
-    fn catch_up_runs_every_release_that_has_passed() {
+    fn catch_up_runs_every_missed_release() {
         let mut grid = grid();
         assert_eq!(grid.advance(1_250, OnOverrun::CatchUp), Next { overrun: true, skipped: 0 });
         assert_eq!(grid.release_ns(), 1_100);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restarted_component_joins_the_grid_at_its_next_point() {
+    fn a_restarted_component_joins_at_the_next_grid_point() {
         assert_eq!(Grid::new(1_000, 100, 5_010).release_ns(), 5_100);
         assert_eq!(Grid::new(1_000, 100, 5_100).release_ns(), 5_100);
         assert_eq!(Grid::new(1_000, 100, 10).release_ns(), 1_000);

@@ -1,4 +1,4 @@
-//! A component of any type, opened where another loop than its own steps it.
+//! A component of any type, opened so that another loop than its own steps it.
 
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -23,13 +23,14 @@ pub(crate) struct Host<'a> {
 
 /// A component of any type that the caller steps in simulated time: hosting inline, many in one thread.
 pub(crate) trait Hosted {
-    /// Connects the ports, once those of all components are open.
+    /// Connects the ports, once the ports of all components are open.
     fn connect(&mut self) -> Result<(), Failure>;
 
-    /// Begins the run: steps may follow.
+    /// Begins the run; steps may follow.
     fn begin(&mut self);
 
-    /// Runs the step that is due at `time_ns`, which began at `began_ns` on `CLOCK_MONOTONIC`; returns its end there.
+    /// Runs the step that is due at `time_ns` and began at `began_ns` (on `CLOCK_MONOTONIC`). Returns its end
+    /// on that clock.
     fn step(&mut self, time_ns: u64, began_ns: u64) -> Result<u64, Failure>;
 
     /// Resets the component, its ports and its clock for an episode of this index and seed.

@@ -16,7 +16,7 @@ use crate::transport::Connect;
 /// Longest time between two looks at the command of the run.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Steps whenever the component has the turn, and gives it to the next one, until the run ends.
+/// Steps whenever it is the component's turn and passes the turn on, until the run ends.
 pub(super) fn run(
     stepper: &mut Stepper,
     ports: &[Rc<dyn Connect>],

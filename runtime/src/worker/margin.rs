@@ -1,4 +1,4 @@
-//! The time before its release at which a component stops sleeping and spins.
+//! The time before its release at which a component stops sleeping and starts spinning.
 
 use crate::plan::Spin;
 
@@ -13,8 +13,8 @@ const ROOM_NS: u64 = 2_000;
 
 /// The spin margin of one component; if the plan asks for it, tuned to the measured wake errors.
 ///
-/// A tuned margin covers the second largest wake error of each of the last windows, and an eighth more: single stalls
-/// do not widen it. It never exceeds its share of the period.
+/// A tuned margin covers the second largest wake error of each of the last windows, and an eighth more:
+/// single stalls do not widen it. It never exceeds its share of the period.
 #[derive(Debug, Clone)]
 pub(super) struct Margin {
     spin: Spin,
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn it_begins_with_all_it_may_have_and_shrinks_to_what_the_machine_needs() {
+    fn it_starts_at_the_maximum_and_shrinks_to_what_is_needed() {
         assert_eq!(Margin::new(Spin::Tuned { at_most_ns: AT_MOST }).ns(), AT_MOST);
         let usual = (0..256).map(|n| 20_000 + n * 40);
         assert_eq!(after(usual), 30_160 + 30_160 / 8 + ROOM_NS);
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_that_often_wakes_late_gets_its_share_and_no_more() {
+    fn a_machine_that_often_wakes_late_gets_a_bounded_margin() {
         assert_eq!(after((0..256).map(|n| if n % 10 == 0 { 500_000 } else { 20_000 })), AT_MOST);
     }
 

@@ -1,6 +1,6 @@
 //! The loop of one component: wait, read, step, publish, account.
 //!
-//! The same loop serves a component in a process of its own and one hosted beside others, in real time and in
+//! The same loop serves a component in its own process and one hosted with others, in real time and in
 //! lockstep.
 
 mod account;
@@ -46,7 +46,7 @@ use crate::run_folder::RunFolder;
 use crate::transport::{Connect, Trigger};
 use stepper::{AnyComponent, Stepper};
 
-/// One component of one run, ready to be run.
+/// One component of one run, ready to run.
 #[derive(Debug)]
 pub struct Worker {
     folder: RunFolder,
@@ -61,7 +61,7 @@ pub struct Worker {
 pub enum Outcome {
     /// It ended in good order.
     Stopped,
-    /// It failed; the reason stands in its part of the control block.
+    /// It failed; the reason is in its part of the control block.
     Failed,
 }
 
@@ -142,7 +142,7 @@ fn live(
         None
     };
     if own_process {
-        // Without it the launcher hears of its end a few milliseconds later.
+        // Without it, the launcher notices its end a few milliseconds later.
         let _ = os::held_word::hold(&block.held);
     }
     let realtime = plan.clock == ClockKind::Realtime && own_process;
@@ -155,7 +155,7 @@ fn live(
     let Configured { mut stepper, ports, trigger, descriptor } =
         configure(folder, plan, index, context.clone(), make)?;
 
-    // No component steps before every port of every component is connected.
+    // No component steps before all ports of all components are connected.
     block.enter(Phase::Ready);
     if !await_command(&context, |command| command != Command::Configure) {
         return Ok(());
@@ -201,14 +201,15 @@ fn live(
             }
         }
     }
-    // Saving a result is no step. An actuator keeps its priority: stopping a drive must not wait for others.
+    // Saving a result is not part of a step. An actuator keeps its priority: stopping a drive must not wait
+    // for others.
     if realtime && !component.actuator {
         os::leave_realtime();
     }
     stepper.finish(folder)
 }
 
-/// A component that is configured, and the ports that are still to be connected.
+/// A configured component, and the ports that still have to be connected.
 struct Configured {
     stepper: Stepper,
     ports: Vec<Rc<dyn Connect>>,
@@ -219,9 +220,9 @@ struct Configured {
 const NO_DESCRIPTOR: &str =
     "its steps are released by a descriptor, and its `configure` has named none by `wake_on`";
 
-/// The part of a configuration that is of the component's type: it reads the `config` table.
+/// The type-specific part of a configuration: it reads the `config` table.
 type Make = fn(serde_json::Value) -> Result<Configure, ConfigError>;
-/// The component that follows from a configuration that was read, or the reason for which there is none.
+/// Creates the component from a configuration that was read, or returns the reason why it cannot.
 type Configure = Box<dyn FnOnce(&mut Setup) -> Result<Box<dyn AnyComponent>, String>>;
 
 /// Reads the configuration of a component. All around it is compiled once for all types.
@@ -246,7 +247,7 @@ fn configure(
     let at_setup = |message: String| Failure { tick, message };
     let configure = make(component.config.clone())
         .map_err(|error| at_setup(format!("its configuration: {}", error.message)))?;
-    // Before those of its ports: there is room for so many.
+    // Before the lines of its ports: there is room for only so many.
     context.note_first_lines();
     let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));
     let mut setup = setup.map_err(at_setup)?;
@@ -256,13 +257,13 @@ fn configure(
     Ok(Configured { stepper, ports, trigger, descriptor })
 }
 
-/// Connects the ports of a component; those of all components are open by now.
+/// Connects the ports of a component; the ports of all components are open by now.
 fn connect(ports: &[Rc<dyn Connect>]) -> Result<(), String> {
     ports.iter().try_for_each(|port| port.connect().map_err(|error| format!("connecting its ports: {error}")))
 }
 
-/// Keeps a component that is being configured off the real-time cores, at normal priority: one that is restarted must not
-/// hold up those that step.
+/// Keeps a component that is being configured off the real-time cores, at normal priority: a restarting
+/// component must not delay those that step.
 fn stand_aside(plan: &Plan, component: &ComponentPlan) {
     let class = crate::plan::SchedulingClass::Normal;
     let lock_memory = component.class != class;
@@ -286,11 +287,11 @@ fn await_command(context: &Context, wanted: impl Fn(Command) -> bool) -> bool {
     }
 }
 
-/// Asks for the class, the core and the locked memory of a component, and notes what holds.
+/// Requests the class, core and locked memory of a component, and notes what was granted.
 fn apply_realtime(plan: &Plan, index: usize, region: &Region, own_process: bool) -> Vec<os::Denied> {
     let component = &plan.components[index];
     let block = &region.components()[index];
-    // In lockstep one process runs at a time: all share one core, where handing over is cheapest.
+    // In lockstep one process runs at a time; all share one core, where passing the turn is cheapest.
     let lockstep_core = plan.components.iter().find_map(|component| component.core);
     let core = if plan.clock == ClockKind::Lockstep { lockstep_core } else { component.core };
     let cores = core.map_or_else(|| plan.scheduling.shared_cores.clone(), |core| vec![core]);

@@ -1,7 +1,8 @@
-//! The standard output and standard error of a component's process: printing neither ends a step nor holds it up.
+//! The standard output and standard error of a component's process: printing neither aborts nor delays a
+//! step.
 //!
-//! Both are pipes to the launcher. The process keeps a reading end of its own of each, so that printing after the
-//! launcher's death is no broken pipe; its watcher thread throws away what nobody reads.
+//! Both are pipes to the launcher. The process keeps its own reading end of each, so that printing after the
+//! launcher's death does not break the pipe; its watcher thread discards output that nobody reads.
 
 use std::fs::File;
 use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
@@ -9,7 +10,7 @@ use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
 use rustix::fs::{FileType, Mode, OFlags};
 use rustix::pipe::{fcntl_getpipe_size, fcntl_setpipe_size};
 
-/// Room for output that the launcher has not read yet, bytes.
+/// Capacity for output that the launcher has not read yet, bytes.
 const ROOM: usize = 1 << 20;
 
 /// The pipes that a process prints into.
@@ -26,15 +27,15 @@ struct Pipe {
 }
 
 impl Output {
-    /// Opens the pipes behind standard output and standard error; what is no pipe is left alone.
+    /// Opens the pipes behind standard output and standard error; anything else than a pipe is left alone.
     pub(super) fn open() -> Self {
         let (stdout, stderr) = (std::io::stdout(), std::io::stderr());
         let pipes = [stdout.as_fd(), stderr.as_fd()].into_iter().filter_map(Pipe::behind).collect();
         Self { pipes }
     }
 
-    /// Throws away the older half of what stands in a pipe that is nearly full: nobody reads it, and a full one would hold
-    /// up the next step that prints.
+    /// Discards the older half of a pipe that is nearly full: nobody reads it, and a full pipe would block
+    /// the next step that prints.
     pub(super) fn relieve(&mut self) {
         for pipe in &mut self.pipes {
             let capacity = fcntl_getpipe_size(&pipe.reader).unwrap_or(ROOM);
@@ -56,7 +57,7 @@ impl Output {
         }
     }
 
-    /// Bytes thrown away since the last call.
+    /// Returns the number of bytes discarded since the last call.
     pub(super) fn take_dropped(&mut self) -> usize {
         self.pipes.iter_mut().map(|pipe| core::mem::take(&mut pipe.dropped)).sum()
     }
@@ -105,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn printing_goes_on_when_the_reader_is_gone() {
+    fn printing_still_works_when_the_reader_is_gone() {
         let (mut output, reader, mut writer) = pipe();
         drop(reader);
         writer.write_all(b"still here\n").expect("no broken pipe");
@@ -114,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn output_that_nobody_reads_makes_room_for_what_comes_and_is_counted() {
+    fn unread_output_makes_room_for_new_output_and_is_counted() {
         let (mut output, _reader, mut writer) = pipe();
         let capacity = fcntl_getpipe_size(&writer).expect("it has a size");
         let block = vec![b'x'; capacity / 8];

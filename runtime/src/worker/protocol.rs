@@ -5,17 +5,19 @@ use serde::{Deserialize, Serialize};
 use super::Kind;
 use crate::declare::{ConfigError, Declaration, Placement, RobotReference};
 
-/// First argument of a program that is to describe its component.
+/// First argument of a program that should describe its component.
 pub const DESCRIBE: &str = "motorium-describe";
-/// First argument of a program that is to say which kinds of components it hosts.
+/// First argument of a program that should list the kinds of components it hosts.
 pub const KINDS: &str = "motorium-kinds";
-/// First argument of a program that is to run its component: followed by the run's folder and the component's name.
+/// First argument of a program that should run its component; the run's folder and the component's name
+/// follow.
 pub const WORKER: &str = "motorium-worker";
 
-/// First argument of a program that is to guard a run: followed by the run's folder.
+/// First argument of a program that should guard a run; the run's folder follows.
 pub const GUARD: &str = "motorium-guard";
 
-/// First argument of a program that is to free the places of a run's dead processes: followed by the run's folder.
+/// First argument of a program that should free the places of a run's dead processes; the run's folder
+/// follows.
 pub const CLEANER: &str = "motorium-cleaner";
 
 /// The request to a program to describe its component: JSON on standard input.
@@ -28,7 +30,7 @@ pub struct DescribeRequest {
     pub config: serde_json::Value,
     /// The robot the graph gives the component.
     pub robot: Option<RobotReference>,
-    /// The robots that the graph gives it by `robots`.
+    /// The robots that the graph assigns to it with `robots`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub robots: Vec<RobotReference>,
     /// Its place in the graph.
@@ -58,7 +60,7 @@ pub struct DescribeAnswer {
 pub struct KindsAnswer {
     /// Version of motorium the program was built with.
     pub motorium: String,
-    /// The layout of a run's shared memory as the program knows it, as a digest.
+    /// Digest of the layout of a run's shared memory as the program knows it.
     pub memory: String,
     /// The kinds, sorted by name.
     pub kinds: Vec<KindAnswer>,
@@ -71,9 +73,9 @@ pub struct KindAnswer {
     pub name: String,
     /// One line of explanation.
     pub summary: String,
-    /// Its configuration has a key `world`: the graph's `[world]` takes its place.
+    /// Its configuration has a key `world`, which takes its value from the graph's `[world]`.
     pub reads_world: bool,
-    /// Its configuration has a key `gravity`, whose default is that of the graph's `[world]`.
+    /// Its configuration has a key `gravity`, whose default is taken from the graph's `[world]`.
     pub reads_gravity: bool,
     /// The JSON Schema of its `config` table.
     pub schema: serde_json::Value,

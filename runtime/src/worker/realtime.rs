@@ -12,8 +12,8 @@ use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
 use crate::transport::Trigger;
 
-/// Gap between two readings of the clock, ns, above which a spinning thread counts as stopped; readings are some 10 ns
-/// apart.
+/// Gap between two readings of the clock, ns, above which a spinning thread counts as preempted; readings are
+/// about 10 ns apart.
 const STALL_NS: u64 = 10_000;
 
 /// Steps at `start + phase + n * period` until the run ends.
@@ -50,7 +50,8 @@ pub(super) fn run_periodic(
 
 /// Sleeps, then spins, until a release. Returns the time of waking, or `None` when the run ends.
 fn wait_until(stepper: &mut Stepper, release_ns: u64, margin: &mut Margin, rest: &mut Rest) -> Option<u64> {
-    // Under SCHED_DEADLINE a yield gives away the rest of the period, and those it has woken come after it anyway.
+    // Under SCHED_DEADLINE a yield gives up the rest of the period, and the components it has woken run after
+    // it anyway.
     let mut let_others_run = stepper.context().block().deadline.load(Relaxed) != 0;
     let mut spinning: Option<(u64, u64)> = None;
     loop {
@@ -85,8 +86,8 @@ fn wait_until(stepper: &mut Stepper, release_ns: u64, margin: &mut Margin, rest:
             }
             spinning = None;
         } else if !let_others_run {
-            // Those it has just woken on this core must get their turn, also when it is behind its time and does not
-            // sleep, or was stopped on its way to sleep and found the time over when it got there.
+            // Components it has just woken on this core must get their turn, even if it is behind schedule
+            // and does not sleep, or was preempted on its way to sleep and then found the time already past.
             yield_core();
             let_others_run = true;
         } else {
@@ -99,8 +100,8 @@ fn wait_until(stepper: &mut Stepper, release_ns: u64, margin: &mut Margin, rest:
     }
 }
 
-/// Steps whenever a topic is published, until the run ends. With `longest_wait_ns`, as for an actuator, a step begins after
-/// that time also if nothing was published, and at once when the run is stopping.
+/// Steps whenever a topic is published, until the run ends. With `longest_wait_ns`, as for an actuator, a
+/// step also begins after that time without a publication, and immediately when the run is stopping.
 pub(super) fn run_triggered(
     stepper: &mut Stepper,
     trigger: &Trigger,
@@ -109,7 +110,7 @@ pub(super) fn run_triggered(
 ) -> Result<(), Failure> {
     let period_ns = stepper.period_ns();
     if stepper.context().restart_count() > 0 {
-        // What was published while it started again is not what it lost.
+        // Publications during its restart do not count as lost.
         trigger.is_due();
     }
     let mut seen = trigger.first_seen();
@@ -117,7 +118,7 @@ pub(super) fn run_triggered(
     let mut until_ns = longest_wait_ns.map(|longest| monotonic_ns() + longest);
     stepper.open_accounts();
     loop {
-        // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
+        // Ends on a publication, a command of the launcher or a signal; the memory shows which one it was.
         let slept = trigger.wait_until(until_ns);
         stepper.context().first_lines().fetch();
         let mut wake_ns = monotonic_ns();
@@ -142,10 +143,12 @@ pub(super) fn run_triggered(
             if !overdue && (until_ns.is_none() || !stepper.context().must_turn_safe()) {
                 continue;
             }
-            // Without news the step is due now: its command has grown stale, or the run is stopping.
+            // Without a publication the step is due now: its command has become stale, or the run is
+            // stopping.
             release_ns = wake_ns;
         }
-        // Publications that came while the last step still ran are one wake-up; the newest sample is the one read.
+        // Publications that arrived while the last step was still running count as one wake-up; the newest
+        // sample is the one read.
         let skipped = published.saturating_sub(seen).saturating_sub(1);
         if skipped > 0 {
             add(&stepper.context().block().skipped, skipped);

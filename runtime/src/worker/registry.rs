@@ -14,9 +14,9 @@ pub struct Kind {
     pub name: &'static str,
     /// One line of explanation.
     pub summary: &'static str,
-    /// Its configuration has a key `world`: the graph's `[world]` takes its place.
+    /// Its configuration has a key `world`, which takes its value from the graph's `[world]`.
     pub reads_world: bool,
-    /// Its configuration has a key `gravity`, whose default is that of the graph's `[world]`.
+    /// Its configuration has a key `gravity`, whose default is taken from the graph's `[world]`.
     pub reads_gravity: bool,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
@@ -28,7 +28,7 @@ type DeclareFunction = fn(serde_json::Value, Declare) -> Result<Declaration, Con
 /// A configuration that was refused.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigProblem {
-    /// True if it could not be read: the component has not seen it.
+    /// True if it could not be read, so that the component has not seen it.
     pub unread: bool,
     /// The value found, and the values expected, with the key at fault.
     pub error: ConfigError,
@@ -37,8 +37,9 @@ pub struct ConfigProblem {
 impl Kind {
     /// The kind of a component type.
     ///
-    /// A library offers its kinds by a function that is `#[inline(never)]`: their steps are then compiled, and optimised, with the
-    /// library. A short function is inlined else, and they are compiled with each caller, as little optimised as that is.
+    /// A library offers its kinds by a function that is `#[inline(never)]`: their steps are then compiled,
+    /// and optimised, with the library. A short function is inlined else, and they are compiled with each
+    /// caller, as little optimised as that is.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,
@@ -63,7 +64,8 @@ impl Kind {
         self.declare_in(config, Declare::new(robot))
     }
 
-    /// As [`declare`](Self::declare), into a declaration that has its robots and its place in the graph already.
+    /// Like [`declare`](Self::declare), but into a declaration that already has its robots and its place in
+    /// the graph.
     ///
     /// # Errors
     /// The configuration cannot work, or a component of this kind works on one robot at most.
@@ -85,7 +87,7 @@ impl Kind {
         super::hosted::open(host, index, self.make)
     }
 
-    /// The JSON Schema (draft 7) of the `config` table by itself, and the definitions to which it refers.
+    /// Returns the JSON Schema (draft 7) of the `config` table alone, and the definitions that it refers to.
     pub fn config_schema(&self) -> (serde_json::Value, serde_json::Value) {
         let mut generator = schemars::generate::SchemaSettings::draft07().for_deserialize().into_generator();
         let schema = self.schema(&mut generator).to_value();
@@ -124,14 +126,14 @@ fn declaration(
     Ok(Declaration { resets, ..declare.into_declaration() })
 }
 
-/// A check that the model of a robot exists and can be loaded, with its profile. Returns warnings; an error says why it
-/// cannot be used, with advice, and names the key at fault where that is not `urdf`.
+/// A check that the model of a robot exists and can be loaded, with its profile. Returns warnings; an error
+/// says why it cannot be used, with advice, and names the invalid key if that is not `urdf`.
 pub type RobotCheck = fn(&RobotReference) -> Result<Vec<String>, ConfigError>;
 
 /// The gravity \[m/s^2\] of a file that a graph's `[world]` names. An error says why it cannot be read.
 pub type GravityOfFile = fn(&Path) -> Result<[f64; 3], ConfigError>;
 
-/// The robots that a program can load; the runtime itself has none.
+/// The robots that a program can load; the runtime itself provides none.
 #[derive(Debug, Clone, Copy)]
 pub struct RobotSource {
     /// Checks a robot of the graph file.
@@ -140,18 +142,20 @@ pub struct RobotSource {
 
 /// Another installed program that hosts kinds of components.
 ///
-/// It lies beside the program that checks a graph, or on `PATH`.
+/// It is next to the program that checks a graph, or on `PATH`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sibling {
     /// The first part of the names of its kinds: `view` of `view.web`.
     pub family: &'static str,
     /// Name of the program.
     pub program: &'static str,
-    /// The command that installs it from a checkout of motorium; `None` for a program that does not come with it.
+    /// The command that installs it from a checkout of motorium; `None` for a program that is not part of
+    /// motorium.
     pub install: Option<&'static str>,
 }
 
-/// All component kinds a program can host, the robots it can load, and the programs that may host further kinds.
+/// All component kinds that a program can host, the robots that it can load, and the programs that may host
+/// further kinds.
 #[derive(Debug, Clone)]
 pub struct Registry {
     kinds: Vec<Kind>,
@@ -174,15 +178,15 @@ impl Registry {
         Self { kinds, robots, siblings: &[], gravity_of_file: None }
     }
 
-    /// The same, with programs that host kinds which this one does not.
+    /// Returns the registry with programs that host kinds which this one does not.
     #[must_use]
     pub fn with_siblings(self, siblings: &'static [Sibling]) -> Self {
         Self { siblings, ..self }
     }
 
-    /// The same, with a reader of the gravity that the file of a graph's `[world]` states: `motorium_robots::gravity_of_file` reads MJCF,
-    /// URDF and SDF. Without one, kinds that read gravity keep their own default where `[world]` leaves it to its file, and a check
-    /// warns of it.
+    /// Returns the registry with a reader for the gravity stated in the file of a graph's `[world]`:
+    /// `motorium_robots::gravity_of_file` reads MJCF, URDF and SDF. Without one, kinds that read gravity keep
+    /// their own default if `[world]` leaves gravity to its file, and a check warns about it.
     #[must_use]
     pub fn with_gravity_of_file(self, reader: GravityOfFile) -> Self {
         Self { gravity_of_file: Some(reader), ..self }
@@ -193,13 +197,13 @@ impl Registry {
         self.gravity_of_file
     }
 
-    /// The program that would host a kind of this name, unless this one does.
+    /// Returns the program that would host a kind of this name, unless this program does.
     pub fn sibling(&self, kind: &str) -> Option<&Sibling> {
         let (family, _) = kind.split_once('.')?;
         self.siblings.iter().find(|sibling| sibling.family == family)
     }
 
-    /// The other programs that may host further kinds.
+    /// Returns the other programs that may host further kinds.
     pub fn siblings(&self) -> &'static [Sibling] {
         self.siblings
     }

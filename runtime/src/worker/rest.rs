@@ -1,8 +1,9 @@
-//! The rest that a worker takes when it never comes to sleep.
+//! The pause that a worker makes when it never gets to sleep.
 //!
-//! The kernel ends a real-time process that computes for longer than its `cpu_limit` without waiting. The limit is meant for
-//! a step that does not end. A worker that is behind its time begins one step after the other and would be ended for the sum
-//! of them: it sleeps for a moment instead, which lets those of lower priority on its core run, too.
+//! The kernel ends a real-time process that computes for longer than its `cpu_limit` without waiting. The
+//! limit is meant for a step that does not end. A worker that is behind schedule begins one step after
+//! another and would be killed for their total time. It sleeps for a moment instead, which also lets threads
+//! of lower priority run on its core.
 
 use crate::os::{monotonic_ns, sleep_until, times_asleep};
 use crate::plan::ComponentPlan;
@@ -17,7 +18,8 @@ const ATTEMPTS: usize = 10;
 /// The time since a worker slept.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rest {
-    /// Time without sleep after which it rests, ns: at most half the limit, so that the other half is left to a step.
+    /// Time without sleep after which it pauses, ns: at most half the limit, so that the other half is left
+    /// for a step.
     after_ns: u64,
     slept_ns: u64,
 }
@@ -44,7 +46,8 @@ impl Rest {
     #[cold]
     pub(super) fn take(&mut self) {
         let before = times_asleep();
-        // A worker that loses its core on its way to sleep finds the time over and does not sleep at all.
+        // A worker that loses its core on its way to sleep finds the time already past and does not sleep at
+        // all.
         for _ in 0..ATTEMPTS {
             sleep_until(monotonic_ns() + REST_NS);
             if times_asleep() > before {

@@ -1,15 +1,16 @@
-//! The order of the ticks of lockstep: which component steps next, and for which time.
+//! The order of the ticks of lockstep: which component steps next, and at which time.
 //!
-//! Simulated time goes from round to round: a round is a time at which a time-triggered component is due. Within a round
-//! each component is looked at once, in the order of the plan: a time-triggered one steps if the round is one of its
-//! releases, a triggered one if its topic was published since its last tick.
+//! Simulated time advances from round to round: a round is a time at which a time-triggered component is due.
+//! Within a round, each component is considered once, in the order of the plan: a time-triggered component
+//! steps if the round is one of its releases, a triggered component if its topic was published since its last
+//! tick.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed};
 
 use crate::plan::{Activation, Plan};
 use crate::region::{Command, Phase, Region};
 
-/// The order of the ticks of a plan. All it remembers stands in the control block of the run.
+/// The order of the ticks of a plan. All of its state is in the control block of the run.
 #[derive(Debug, Clone)]
 pub(crate) struct Rounds {
     turns: Vec<Turn>,
@@ -31,7 +32,7 @@ enum Due {
     },
     /// After each publication of the topic of this index.
     After(usize),
-    /// Never: there are no events in simulated time, and `check` refuses such a graph.
+    /// Never: there are no events in simulated time, and `check` rejects such a graph.
     Never,
 }
 
@@ -51,7 +52,7 @@ impl Rounds {
         Self { turns: order.into_iter().map(turn).collect() }
     }
 
-    /// The time of the first round not before `time_ns`; `u64::MAX` if there is none.
+    /// Returns the time of the first round not before `time_ns`; `u64::MAX` if there is none.
     pub(crate) fn round_from(&self, time_ns: u64) -> u64 {
         let next = |turn: &Turn| match turn.due {
             Due::At { phase_ns, period_ns } => {
@@ -63,12 +64,13 @@ impl Rounds {
         self.turns.iter().map(next).min().unwrap_or(u64::MAX)
     }
 
-    /// The place in the order after that of a component.
+    /// Returns the place that follows a component's in the order.
     pub(crate) fn place_after(&self, component: usize) -> usize {
         self.turns.iter().position(|turn| turn.component == component).map_or(0, |place| place + 1)
     }
 
-    /// The index of the next component that is due in the round of `time_ns`, from a place in the order on.
+    /// Returns the index of the next component that is due in the round of `time_ns`, starting at a place in
+    /// the order.
     pub(crate) fn next_due(&self, region: &Region, time_ns: u64, from: usize) -> Option<usize> {
         let turns = self.turns.get(from..).unwrap_or_default();
         let is_due = |turn: &&Turn| match turn.due {
@@ -84,7 +86,8 @@ impl Rounds {
         turns.iter().find(is_due).map(|turn| turn.component)
     }
 
-    /// Notes the tick of a component for the round of `time_ns`: what triggers it until now is done with it.
+    /// Notes the tick of a component in the round of `time_ns`; publications that triggered it until now are
+    /// used up.
     pub(crate) fn note(&self, region: &Region, component: usize, time_ns: u64) {
         let block = &region.components()[component];
         block.tick_time_ns.store(time_ns, Relaxed);
@@ -95,8 +98,9 @@ impl Rounds {
         }
     }
 
-    /// Gives the turn of the component `giver`, which has stepped for `time_ns`, to the next one that is due: in the same
-    /// round, or in the next if that may be begun without the launcher; otherwise, or if it does not run, to the launcher.
+    /// Passes the turn from the component `giver`, which has stepped at `time_ns`, to the next one that is
+    /// due: in the same round, or in the next one if it may begin without the launcher. Otherwise, or if that
+    /// component is not running, the launcher gets the turn.
     pub(super) fn pass_on(&self, region: &Region, giver: usize, time_ns: u64) {
         let header = region.header();
         let next = self.next(region, giver, time_ns).filter(|(component, _)| {
@@ -117,7 +121,7 @@ impl Rounds {
         }
     }
 
-    /// The component whose tick comes after one of `giver` for `time_ns`, and its time.
+    /// Returns the component whose tick follows the one of `giver` at `time_ns`, and its time.
     fn next(&self, region: &Region, giver: usize, time_ns: u64) -> Option<(usize, u64)> {
         if let Some(component) = self.next_due(region, time_ns, self.place_after(giver)) {
             return Some((component, time_ns));

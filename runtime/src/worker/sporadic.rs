@@ -1,8 +1,9 @@
 //! The loop of a component that steps when its descriptor is readable.
 //!
-//! One system call waits for all that can come: the descriptor, the commands of the launcher (as a signal, which is held
-//! back but in the wait) and, of an actuator, the time after which its command is stale. Events that come sooner than
-//! `min_interval` after the last release wait for that time; whatever came until then is one release.
+//! One system call waits for everything that can happen: the descriptor, a command of the launcher (as a
+//! signal, which is blocked except during the wait) and, for an actuator, the time at which its command
+//! becomes stale. Events within `min_interval` of the last release wait until that time has passed; all
+//! events until then make one release.
 
 use super::Failure;
 use super::rest::Rest;
@@ -11,7 +12,7 @@ use super::timing::Timing;
 use crate::os::{Readiness, monotonic_ns};
 use crate::region::add;
 
-/// Time, ns, that a wait takes at most which finds the descriptor readable and does not sleep.
+/// Longest time, ns, of a wait that finds the descriptor readable and does not sleep.
 const AT_ONCE_NS: u64 = 5_000;
 
 /// The releases of a sporadic task, as a pure function of its events.
@@ -22,8 +23,8 @@ struct Releases {
 }
 
 impl Releases {
-    /// The release of an event that was seen at `now_ns`. One that was there before it was waited for came at an unknown
-    /// time while the last step still ran: the earliest time possible counts.
+    /// Returns the release of an event that was seen at `now_ns`. An event that was there before the wait
+    /// arrived at an unknown time while the last step was still running: the earliest possible time counts.
     fn of_event(&self, now_ns: u64, waited_for: bool) -> u64 {
         match self.last_ns {
             None => now_ns,
@@ -35,8 +36,8 @@ impl Releases {
     }
 }
 
-/// Steps whenever the descriptor is readable, until the run ends. With `longest_wait_ns`, as for an actuator, a step begins
-/// after that time also without an event, and at once when the run is stopping.
+/// Steps whenever the descriptor is readable, until the run ends. With `longest_wait_ns`, as for an actuator,
+/// a step also begins after that time without an event, and immediately when the run is stopping.
 pub(super) fn run(
     stepper: &mut Stepper,
     readiness: &Readiness,
@@ -75,7 +76,7 @@ pub(super) fn run(
         }
         let overdue = until_ns.is_some_and(|until| wake_ns >= until || stepper.context().must_turn_safe());
         let release_ns = match deferred_to {
-            // Without an event the step is due now: its command has grown stale, or the run is stopping.
+            // Without an event the step is due now: its command has become stale, or the run is stopping.
             _ if overdue => wake_ns,
             Some(at_ns) if wake_ns >= at_ns => at_ns,
             Some(_) => continue,
@@ -122,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn an_event_found_behind_a_long_step_counts_from_the_earliest_time_at_which_it_can_have_come() {
+    fn an_event_after_a_long_step_counts_from_its_earliest_time() {
         assert_eq!(RELEASES.of_event(1_500, false), 1_100);
     }
 }

@@ -17,13 +17,15 @@ use crate::region::{Command, add};
 use crate::run_folder::RunFolder;
 use crate::telemetry::{Allocations, allocations, counts_allocations};
 
-/// Steps after which a component counts as warmed up: allocations and page faults count from there on.
+/// Number of steps after which a component counts as warmed up; allocations and page faults count from then
+/// on.
 pub(crate) const WARM_UP: u64 = 100;
 
-/// Cache lines of a component that are fetched when its thread wakes: as a rule its ports come first.
+/// Number of cache lines of a component that are fetched when its thread wakes; they usually hold its ports.
 const COMPONENT_LINES: usize = 8;
 
-/// A component of any type, so that the loops around its steps are compiled once: their instructions then lie together.
+/// A component of any type, so that the loops around its steps are compiled only once and their instructions
+/// lie together.
 pub(super) trait AnyComponent {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
     fn begin_episode(&mut self, episode: &Episode) -> Result<(), StepError>;
@@ -66,7 +68,7 @@ pub(super) struct Stepper {
     own_steps: u64,
     faults_before: u64,
     accounts: Accounts,
-    /// Dropped after the component: what it hands over to them ends first.
+    /// Dropped after the component, which hands over data to them at its end.
     helpers: Helpers,
 }
 
@@ -145,7 +147,7 @@ impl Stepper {
             settling: context.region().header().command() != Command::Run,
         };
         context.enter_step(timing.release_ns, timing.wake_ns, timing.deadline_ns);
-        // What the watchdog reads: a step has begun.
+        // The watchdog reads this: a step has begun.
         block.last_step_ns.store(timing.wake_ns, Relaxed);
         block.begun.store(steps + 1, Relaxed);
         if steps == self.first {
@@ -169,7 +171,8 @@ impl Stepper {
             timing.release_ns
         } else {
             let end = os::monotonic_ns();
-            // The outputs are published. Triggered components of higher priority on this core run before the next line.
+            // The outputs are published. Triggered components of higher priority on this core run before the
+            // next line.
             context.deferred().wake();
             self.accounts.handed_over(os::monotonic_ns() - end);
             end
@@ -262,8 +265,8 @@ impl Stepper {
         block.lateness.record(0);
     }
 
-    /// Records the length of a finished step of a component that shares its thread with others: reading the thread's CPU
-    /// time would cost a system call a step.
+    /// Records the length of a finished step of a component that shares its thread with others: reading the
+    /// thread's CPU time would cost a system call a step.
     pub(super) fn account_inline(&mut self, execution_ns: u64) {
         let block = self.context.block();
         block.execution.record(execution_ns);

@@ -11,7 +11,7 @@ pub(super) struct Timing {
 }
 
 impl Timing {
-    /// A step in lockstep: it takes no simulated time.
+    /// Creates the timing of a step in lockstep, which takes no simulated time.
     pub(super) fn lockstep(time_ns: u64, period_ns: u64) -> Self {
         let deadline_ns = time_ns.saturating_add(period_ns);
         Self { release_ns: time_ns, wake_ns: time_ns, deadline_ns, behind: false }

@@ -11,12 +11,12 @@ pub(super) struct Evidence {
     pub(super) deadline_ns: u64,
     /// CPU time of the step.
     pub(super) cpu_ns: u64,
-    /// Time for which the component was ready to run and another thread of this system had its core; `None` where the
-    /// kernel does not count it.
+    /// Time for which the component was ready to run while another thread of this system had its core; `None`
+    /// if the kernel does not measure it.
     pub(super) waited_ns: Option<u64>,
     /// True if the step slept: on a lock, a file, a clock.
     pub(super) blocked: bool,
-    /// Longest time for which the step may wait for an answer, as declared: sleep up to that is meant.
+    /// Longest time for which the step may wait for an answer, as declared; sleeping up to that is intended.
     pub(super) waits_ns: u64,
     /// Cause of the previous step's overrun, if that step ended after this release.
     pub(super) behind: Option<MissCause>,
@@ -28,8 +28,9 @@ impl Evidence {
         self.end_ns.saturating_sub(self.wake_ns)
     }
 
-    /// Duration of the step without the time for which other threads had the core or the host had the machine, ns. Its
-    /// own sleep counts, of one that may wait for an answer as long as it may at most.
+    /// Returns the duration of the step without the time for which other threads had the core or the host had
+    /// the machine, ns. Its own sleep counts; for a component that may wait for an answer, at most its
+    /// declared time does.
     pub(super) fn own_ns(&self) -> u64 {
         match (self.blocked, self.waits_ns) {
             (false, _) => self.execution_ns().min(self.cpu_ns),
@@ -40,9 +41,10 @@ impl Evidence {
 
     /// The cause of a missed deadline; `None` if it was met.
     ///
-    /// Between its release and its end a step either runs, or waits for the core while others of this system have it,
-    /// or does not run although the core is free for it: then the host has the core, or wakes it late. If the step
-    /// would have been late without any waiting it was too long; else the larger part of the waiting is to blame.
+    /// Between its release and its end a step either runs, or waits for the core while other threads of this
+    /// system have it, or does not run although the core is free: then the host has the core or wakes the
+    /// step late. If the step would have been late without any waiting, it was too long; otherwise the larger
+    /// share of the waiting is the cause.
     pub(super) fn cause(&self) -> Option<MissCause> {
         let over = self.end_ns.checked_sub(self.deadline_ns).filter(|over| *over > 0)?;
         if self.behind.is_some() {
@@ -53,16 +55,17 @@ impl Evidence {
         if lost < over {
             return Some(MissCause::LongStep);
         }
-        // The kernel does not count waiting: a late start counts as waiting, a gap within the step as the host's.
+        // The kernel does not measure waiting: a late start counts as waiting, and a gap within the step as
+        // time taken by the host.
         let waited = self.waited_ns.unwrap_or(late).min(lost);
         Some(if waited >= lost - waited { MissCause::LateWake } else { MissCause::Stolen })
     }
 }
 
-/// A counter of overruns that falls again: each late step adds one, each step in time takes one away.
+/// A counter of overruns that decreases again: each late step adds one, each step in time subtracts one.
 ///
-/// The semantics of Orocos RTT's overrun counter: a component that is late now and then goes on, one that is late more
-/// often than not is stopped.
+/// These are the semantics of the overrun counter of Orocos RTT: a component that is late now and then keeps
+/// running, one that is late more often than not is stopped.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LeakyCounter(u32);
 
@@ -94,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_may_wait_is_not_blamed_for_time_beyond_that_which_it_did_not_run() {
+    fn a_step_that_may_wait_is_not_charged_for_other_idle_time() {
         let answered = Evidence { end_ns: 1_900, blocked: true, waits_ns: 800, ..in_time() };
         assert_eq!((answered.cause(), answered.own_ns()), (None, 900));
         let stolen = Evidence { end_ns: 9_100, ..answered };
@@ -114,13 +117,13 @@ mod tests {
         let long = Evidence { end_ns: 2_300, cpu_ns: 1_300, ..in_time() };
         assert_eq!(long.cause(), Some(MissCause::LongStep));
         assert_eq!(long.own_ns(), 1_300);
-        // woken a little late as well, which alone would not have mattered
+        // also woken a little late, which by itself would not have mattered
         let both = Evidence { wake_ns: 1_050, end_ns: 2_350, cpu_ns: 1_300, ..in_time() };
         assert_eq!(both.cause(), Some(MissCause::LongStep));
     }
 
     #[test]
-    fn a_step_that_sleeps_past_its_deadline_is_too_long_as_well() {
+    fn a_step_that_sleeps_past_its_deadline_is_also_too_long() {
         let asleep = Evidence { end_ns: 9_100, cpu_ns: 100, blocked: true, ..in_time() };
         assert_eq!((asleep.cause(), asleep.own_ns()), (Some(MissCause::LongStep), 8_100));
     }
@@ -132,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_was_woken_late_though_nobody_had_its_core_was_robbed_by_the_host() {
+    fn a_step_woken_late_on_a_free_core_lost_time_to_the_host() {
         let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: Some(10), ..in_time() };
         assert_eq!(late.cause(), Some(MissCause::Stolen));
     }
@@ -142,13 +145,13 @@ mod tests {
         let stolen = Evidence { end_ns: 9_100, cpu_ns: 100, waited_ns: Some(0), ..in_time() };
         assert_eq!(stolen.cause(), Some(MissCause::Stolen));
         assert_eq!(stolen.own_ns(), 100);
-        // another thread of this system had the core meanwhile
+        // another thread of this system had the core in the meantime
         let interrupted = Evidence { waited_ns: Some(8_000), ..stolen };
         assert_eq!(interrupted.cause(), Some(MissCause::LateWake));
     }
 
     #[test]
-    fn without_scheduler_information_late_is_late_and_a_gap_is_stolen() {
+    fn without_scheduler_data_a_late_start_is_waiting_and_a_gap_stolen() {
         let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: None, ..in_time() };
         assert_eq!(late.cause(), Some(MissCause::LateWake));
         let gap = Evidence { end_ns: 2_100, cpu_ns: 100, waited_ns: None, ..in_time() };
@@ -156,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_is_late_because_the_one_before_was_inherits_its_cause() {
+    fn a_step_late_due_to_the_previous_one_inherits_its_cause() {
         let behind = Evidence { end_ns: 2_050, behind: Some(MissCause::Stolen), ..in_time() };
         assert_eq!(behind.cause(), Some(MissCause::Stolen));
         let recovered = Evidence { behind: Some(MissCause::LongStep), ..in_time() };

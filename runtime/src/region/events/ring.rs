@@ -17,7 +17,7 @@ use crate::atomics::{Atomics, Site, Word};
 #[derive(Debug)]
 #[repr(C)]
 pub(crate) struct Ring<A: Atomics, const SLOTS: usize, const WORDS: usize> {
-    /// Numbers that writers have taken so far.
+    /// Numbers taken by writers so far.
     taken: A::U64,
     slots: [Slot<A, WORDS>; SLOTS],
 }
@@ -36,7 +36,7 @@ pub(crate) enum Found {
     Record,
     /// A later one has taken its slot.
     Overwritten,
-    /// It is being written, or its writer passed it by or was killed.
+    /// Being written, skipped by its writer, or abandoned by a killed one.
     Pending,
 }
 
@@ -54,7 +54,7 @@ impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
         self.taken.load(Relaxed)
     }
 
-    /// Writes a record in place of the oldest. False, and nothing is written, if other writers are in all of
+    /// Writes a record over the oldest one. Returns `false` without writing if other writers occupy all of
     /// its slots.
     pub(crate) fn write(&self, words: &[u64; WORDS]) -> bool {
         for _ in 0..SLOTS {
@@ -91,7 +91,7 @@ impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
         &self.slots[(number % SLOTS as u64) as usize]
     }
 
-    /// Enters the slot of the next number and leaves it never, as a writer does that is killed.
+    /// Enters the slot of the next number and never leaves it, like a killed writer.
     #[cfg(test)]
     pub(crate) fn write_and_die(&self) {
         let number = self.taken.fetch_add(1, Relaxed) + 1;
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_records_are_there_and_older_ones_are_known_to_be_overwritten() {
+    fn newest_records_are_kept_and_older_ones_counted() {
         let ring = Small::empty();
         assert_eq!(found(&ring, 1), Err(Found::Pending));
         (1..=6).for_each(|value| assert!(ring.write(&[value, 10 * value])));
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_writer_that_was_killed_within_a_slot_stops_no_other() {
+    fn killed_writer_does_not_block_others() {
         let ring = Small::empty();
         assert!(ring.write(&[1, 1]));
         ring.write_and_die();
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_whose_slots_are_all_taken_by_killed_writers_takes_no_more_and_no_time() {
+    fn fully_occupied_ring_rejects_writes_quickly() {
         let ring = Small::empty();
         (0..4).for_each(|_| ring.write_and_die());
         assert!(!ring.write(&[1, 1]));

@@ -20,7 +20,7 @@ fn event(time_ns: u64, severity: EventSeverity, text: &str) -> EventRecord {
 use EventSeverity::{Error, Information, Warning};
 
 #[test]
-fn an_event_is_read_as_it_was_written() {
+fn event_is_read_as_written() {
     let log = log();
     let written = EventRecord {
         time_ns: 17,
@@ -37,7 +37,7 @@ fn an_event_is_read_as_it_was_written() {
 }
 
 #[test]
-fn a_long_text_is_cut_after_the_last_character_that_fits() {
+fn long_text_is_cut_at_a_character() {
     let log = log();
     log.write(&event(1, Warning, &format!("{}ä", "x".repeat(EVENT_TEXT_BYTES - 1))));
     let (events, _) = log.all();
@@ -55,7 +55,7 @@ fn the_events_of_all_severities_are_read_in_the_order_of_time() {
 }
 
 #[test]
-fn a_flood_of_printed_lines_pushes_out_nothing_else_and_what_it_pushes_out_is_counted() {
+fn flood_of_lines_displaces_only_lines() {
     let log = log();
     let line = |time_ns| EventRecord { kind: EventKind::Output, ..event(time_ns, Information, "line") };
     log.write(&event(0, Information, "one"));
@@ -68,7 +68,7 @@ fn a_flood_of_printed_lines_pushes_out_nothing_else_and_what_it_pushes_out_is_co
 }
 
 #[test]
-fn a_reader_reads_each_event_once_and_counts_what_it_came_too_late_for() {
+fn reader_reads_each_event_once_and_counts_losses() {
     let log = log();
     let mut reader = EventReader::default();
     log.write(&event(1, Information, "a"));
@@ -79,7 +79,7 @@ fn a_reader_reads_each_event_once_and_counts_what_it_came_too_late_for() {
 }
 
 #[test]
-fn an_event_whose_writer_was_killed_is_waited_for_once_and_then_counted_as_lost() {
+fn event_of_a_killed_writer_counts_as_lost() {
     let log = log();
     log.rings[Error as usize].write_and_die();
     log.write(&event(1, Error, "after it"));
@@ -118,7 +118,7 @@ fn several_writers_at_once_lose_nothing_and_tear_nothing() {
 }
 
 #[test]
-fn whatever_bytes_are_in_it_a_log_is_read_in_bounded_time_and_written_to() {
+fn damaged_log_is_usable_in_bounded_time() {
     let log = log();
     (0..3).for_each(|severity| log.rings[severity].write_and_die());
     let mut words = [u64::MAX; WORDS];

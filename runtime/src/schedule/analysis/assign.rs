@@ -1,10 +1,10 @@
 //! Default priorities and cores.
 
-/// Rate-monotonic priorities: the shorter the period, the higher (C. Liu, J. Layland 1973). Equal periods get equal
-/// priorities.
+/// Rate-monotonic priorities: the shorter the period, the higher (C. Liu, J. Layland 1973). Equal periods get
+/// equal priorities.
 ///
-/// The fastest rate gets `fastest`, every slower one `step` less. If the last would end below 1, the steps are made
-/// smaller, and only with more than `fastest` rates do neighbours share a priority.
+/// The fastest rate gets `fastest`, every slower one `step` less. If the last would end below 1, the steps
+/// are made smaller, and only with more than `fastest` rates do neighbours share a priority.
 pub fn rate_monotonic(periods_ns: &[u64], fastest: u8, step: u8) -> Vec<u8> {
     let mut rates = periods_ns.to_vec();
     rates.sort_unstable();
@@ -31,11 +31,12 @@ pub struct ChainLoad {
     pub core: Option<usize>,
 }
 
-/// Cores for chains, each whole on one core: a hand-over on one core is several times cheaper than waking another.
+/// Cores for chains, each whole on one core: a hand-over on one core is several times cheaper than waking
+/// another.
 ///
-/// Chains go to the least loaded of the real-time cores, the largest first (worst fit, decreasing), after the chains
-/// whose core is given; among equally loaded cores to the one with fewer chains, then to the one listed first. The
-/// result has one core a chain, in the order of `chains`; `realtime` must not be empty.
+/// Chains go to the least loaded of the real-time cores, the largest first (worst fit, decreasing), after the
+/// chains whose core is given; among equally loaded cores to the one with fewer chains, then to the one
+/// listed first. The result has one core a chain, in the order of `chains`; `realtime` must not be empty.
 pub fn cores(chains: &[ChainLoad], realtime: &[usize]) -> Vec<usize> {
     let mut loads: Vec<(f64, usize)> = realtime
         .iter()

@@ -1,24 +1,25 @@
-//! Response times of `SCHED_DEADLINE` components: the earliest deadline first, on all cores together, before every
-//! priority.
+//! Response times of `SCHED_DEADLINE` components: the earliest deadline first, on all cores together, before
+//! every priority.
 //!
-//! The kernel runs each in a *reservation* (constant bandwidth server, L. Abeni, G. Buttazzo 1998): it gets its run
-//! time in every period, and no more. A set of reservations meets its deadlines on `m` cores if either of two tests
-//! holds:
+//! The kernel runs each in a *reservation* (constant bandwidth server, L. Abeni, G. Buttazzo 1998): it gets
+//! its run time in every period, and no more. A set of reservations meets its deadlines on `m` cores if
+//! either of two tests holds:
 //!
-//! * density: `sum of d_i <= m - (m - 1) * max d_i`, with `d_i` run time by period (J. Goossens, S. Funk, S. Baruah,
-//!   *Priority-driven scheduling of periodic task systems on multiprocessors*, 2003);
+//! * density: `sum of d_i <= m - (m - 1) * max d_i`, with `d_i` run time by period (J. Goossens, S. Funk, S.
+//!   Baruah, *Priority-driven scheduling of periodic task systems on multiprocessors*, 2003);
 //! * response times: the smallest solution of
 //!
 //! ```text
 //! R_k = C_k + floor(1/m * sum over others of min(W_i(R_k), I_i(D_k), R_k - C_k + 1))
 //! ```
 //!
-//! where `W_i` is the longest time another reservation can run in a window of that length, and `I_i` the part of it
-//! with an earlier deadline (M. Bertogna, M. Cirinei, *Response-time analysis for globally scheduled symmetric
-//! multiprocessor platforms*, 2007). Slack that is found for one reservation lowers the bounds of the others, so the
-//! bounds are iterated.
+//! where `W_i` is the longest time another reservation can run in a window of that length, and `I_i` the part
+//! of it with an earlier deadline (M. Bertogna, M. Cirinei, *Response-time analysis for globally scheduled
+//! symmetric multiprocessor platforms*, 2007). Slack that is found for one reservation lowers the bounds of
+//! the others, so the bounds are iterated.
 //!
-//! Wake-ups may be late by a jitter; the kernel counts deadlines from the actual wake-up. All times are in ns.
+//! Wake-ups may be late by a jitter; the kernel counts deadlines from the actual wake-up. All times are in
+//! ns.
 
 /// Rounds after which the iteration stops with the bounds it has reached, which are valid.
 const MOST_ROUNDS: usize = 100;
@@ -90,7 +91,8 @@ impl Global {
         sum <= self.cores as f64 - (self.cores - 1) as f64 * most && most <= 1.0
     }
 
-    /// The smallest solution of the equation above for one with that much work, if it lies before its deadline.
+    /// The smallest solution of the equation above for one with that much work, if it lies before its
+    /// deadline.
     fn iterate(&self, index: usize, work: i64) -> Option<i64> {
         let deadline = self.reserved[index].period;
         let mut response = work;
@@ -114,8 +116,8 @@ impl Global {
         None
     }
 
-    /// Work of one component in a window of some length: its first job as late as possible, the others as soon as
-    /// possible.
+    /// Work of one component in a window of some length: its first job as late as possible, the others as
+    /// soon as possible.
     fn workload(&self, index: usize, length: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = (length + self.jitter + period - runtime - self.slack[index]).max(0);
@@ -123,8 +125,8 @@ impl Global {
         whole * runtime + runtime.min(span - whole * period)
     }
 
-    /// Work of one component between a wake-up and the deadline that follows it, counting only jobs whose own deadline
-    /// is not later.
+    /// Work of one component between a wake-up and the deadline that follows it, counting only jobs whose own
+    /// deadline is not later.
     fn earlier(&self, index: usize, deadline: i64) -> i64 {
         let Reserved { runtime, period } = self.reserved[index];
         let span = deadline + self.jitter;

@@ -1,11 +1,10 @@
-//! Bounds on the latency of data through a graph.
+//! Latency bounds of data through a graph.
 //!
-//! The path from one topic to another consists of *segments*: the component at the head of a chain, and the components
-//! that trigger one another after it. Between two segments the data waits in shared memory until the next head reads
-//! it.
+//! The path from one topic to another consists of *segments*: the head of a chain and the components
+//! triggered after it. Between two segments the data waits in shared memory until the next head reads it.
 //!
-//! A component is assumed to publish at the end of its step: its work after the publication is not part of the
-//! latency of that sample, but delays the components it triggers on its core.
+//! A component is assumed to publish at the end of its step: its work after the publication is not part of
+//! the latency of that sample, but delays the components it triggers on its core.
 
 use super::Analysis;
 use super::phases::greatest_common_divisor;
@@ -27,7 +26,7 @@ pub(in crate::schedule) struct LatencySum {
 pub(in crate::schedule) enum LatencyTerm {
     /// The whole path, from the release of its first component to the end of its last.
     WholePath { ns: u64 },
-    /// The rest of the first component's step after it has published.
+    /// Remainder of the first component's step after its publication.
     AfterPublication { ns: u64 },
     /// A wake-up on another core.
     ToCore { ns: u64, core: usize },
@@ -39,7 +38,7 @@ pub(in crate::schedule) enum LatencyTerm {
     ToEnd { ns: u64, component: usize },
 }
 
-/// The bound of a latency budget whose path is `path`; `None` without a bound.
+/// Returns the bound of a latency budget with the path `path`; `None` without a bound.
 pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
     match segments(analysis.plan, path).as_slice() {
         [_] => triggered(analysis, path),
@@ -47,7 +46,7 @@ pub(in crate::schedule) fn latency(analysis: &Analysis<'_>, path: &[usize]) -> O
     }
 }
 
-/// The components that data goes through, from the writer of `from` to that of `to`.
+/// Returns the components on the path from the writer of `from` to the writer of `to`.
 pub(in crate::schedule) fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize> {
     let mut path = vec![latency.component];
     let mut topic = latency.to;
@@ -62,7 +61,7 @@ pub(in crate::schedule) fn path(plan: &Plan, latency: &LatencyPlan) -> Vec<usize
     path
 }
 
-/// The path cut before every component that is not triggered by the one before it.
+/// Splits the path before every component that is not triggered by its predecessor.
 fn segments<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
     let is_head = |component: usize| plan.components[component].activation.is_head();
     let cuts: Vec<usize> = (1..path.len()).filter(|index| is_head(path[*index])).collect();
@@ -71,8 +70,8 @@ fn segments<'p>(plan: &Plan, path: &'p [usize]) -> Vec<&'p [usize]> {
     starts.zip(ends).map(|(start, end)| &path[start..end]).collect()
 }
 
-/// The components of a path that step when events come, where data waits for such a step or is read long after it: nothing
-/// bounds how seldom they come.
+/// Components of a path that step on events, where data waits for such a step or is read long after it:
+/// events may be arbitrarily rare.
 pub(in crate::schedule) fn sampled_events(plan: &Plan, path: &[usize]) -> Vec<usize> {
     let segments = segments(plan, path);
     let heads = segments.iter().filter(|_| segments.len() > 1).map(|segment| segment[0]);
@@ -80,7 +79,7 @@ pub(in crate::schedule) fn sampled_events(plan: &Plan, path: &[usize]) -> Vec<us
     heads.filter(by_events).collect()
 }
 
-/// From the publication of the first component to the end of the last, each triggered by the one before it.
+/// From the publication of the first component to the end of the last, each triggered by its predecessor.
 fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
     let last = path.last()?;
     let places: Option<Vec<Place>> = path.iter().map(|component| analysis.tasks.places[*component]).collect();
@@ -93,7 +92,7 @@ fn triggered(analysis: &Analysis<'_>, path: &[usize]) -> Option<LatencySum> {
     }
 }
 
-/// The same as a sum: the rest of the first task, then each task after it from its own release.
+/// The same as a sum: the remainder of the first task, then each later task from its own release.
 fn hop_by_hop(analysis: &Analysis<'_>, path: &[usize], places: &[Place]) -> Option<LatencySum> {
     let tasks = &analysis.tasks.tasks;
     let mut total = 0;
@@ -131,8 +130,8 @@ fn first_task(analysis: &Analysis<'_>, task: usize) -> bool {
     !matches!(analysis.tasks.tasks[task].release, Release::Trigger { .. })
 }
 
-/// Longest time for which the component at the head of a task goes on after it has published, before all components on
-/// a path through the task have run, ns. A more urgent component preempts it at once.
+/// Longest time for which the head of a task continues after its publication, before all components on a path
+/// through the task have run, ns. A more urgent component preempts it immediately.
 fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     let task = &analysis.tasks.tasks[place.task];
     let priority = |component: usize| tasks::priority(&analysis.plan.components[component]);
@@ -141,8 +140,8 @@ fn goes_on(analysis: &Analysis<'_>, path: &[usize], place: Place) -> u64 {
     if path.iter().skip(1).any(|component| waits(*component)) { task.stages[0].steps[0].after_ns } else { 0 }
 }
 
-/// Longest time from the publication of the first stage of a task to the end of another, if the first goes on for
-/// `rest` in between.
+/// Longest time from the publication of the first stage of a task to the end of another, if the first
+/// continues for `goes_on` in between.
 fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     let (demands, index) = analysis.responses.on_core_of(analysis.tasks, place.task);
     let bounds = analysis.responses.bounds[place.task].as_ref()?;
@@ -153,7 +152,7 @@ fn rest(analysis: &Analysis<'_>, place: Place, goes_on: u64) -> Option<Sum> {
     after_first_stage(&demands, index, queued, goes_on as i64)?.get(place.stage).cloned()
 }
 
-/// From the release at the head of a chain to the end of a component's step, ns.
+/// Time from the release at the head of a chain to the end of a component's step, ns.
 pub(in crate::schedule) fn since_release(analysis: &Analysis<'_>, component: usize) -> Option<u64> {
     if let Some((reservation, _)) = analysis.tasks.reservation(component) {
         return u64::try_from(analysis.responses.reserved_finish(reservation)?).ok();
@@ -164,7 +163,7 @@ pub(in crate::schedule) fn since_release(analysis: &Analysis<'_>, component: usi
     u64::try_from(bound.finish.total - spin as i64).ok()
 }
 
-/// From the release at the head of the first segment to the end of the last one.
+/// Time from the release at the head of the first segment to the end of the last one.
 fn sampled(analysis: &Analysis<'_>, segments: &[&[usize]]) -> Option<LatencySum> {
     let mut total = 0;
     let mut terms = Vec::new();
@@ -180,12 +179,12 @@ fn sampled(analysis: &Analysis<'_>, segments: &[&[usize]]) -> Option<LatencySum>
     Some(LatencySum { ns: total + ns, terms })
 }
 
-/// Greatest age of the newest data of a chain, since the release at its head, when a time-triggered component is
-/// released and reads it.
+/// Greatest age of the newest data of a chain, since the release at its head, when a time-triggered component
+/// is released and reads it.
 ///
-/// By the bound F after the release of its chain, data has been published with certainty. The newest release that is at
-/// least F ago counts. On one clock the time between releases of the two is `d + k * g`, with g the greatest common
-/// divisor of the periods and d the difference of the phases.
+/// By the bound F after the release of its chain, data has been published with certainty. The newest release
+/// that is at least F ago counts. On one clock the time between releases of the two is `d + k * g`, with g
+/// the greatest common divisor of the periods and d the difference of the phases.
 fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> Option<u64> {
     let end = since_release(analysis, *writer.last()?)? as i64;
     let timer = |component: usize| {
@@ -196,7 +195,7 @@ fn age_at_read(analysis: &Analysis<'_>, writer: &[usize], reader: &[usize]) -> O
         let task = &analysis.tasks.tasks[analysis.tasks.places[component]?.task];
         match task.release {
             Release::Timer { phase_ns, fixed, .. } => Some((task.period_ns as i64, phase_ns as i64, fixed)),
-            // data may wait for the next event for ever, and after the last one it only grows older
+            // data may wait forever for the next event, and ages without bound after the last one
             Release::Event | Release::Trigger { .. } => None,
         }
     };

@@ -14,12 +14,13 @@ pub(in crate::schedule) struct Burst {
     pub terms: Vec<(Vec<usize>, u64)>,
 }
 
-/// The longest time, ns, that real-time components may run within one throttling period, with the terms of the sum,
-/// each by its components. `None` if there is no throttling, or no bound.
+/// The longest time, ns, that real-time components may run within one throttling period, with the terms of
+/// the sum, each by its components. `None` if there is no throttling, or no bound.
 ///
-/// The share of a core is a mean, but the kernel counts in periods. In a window of length P a task of cost C, period T
-/// and response time R runs for at most `n * C + min(C, P + R - C - n * T)` with `n = floor((P + R - C) / T)`: its
-/// first job as late as it can be, its last one at once (M. Bertogna, M. Cirinei, G. Lipari 2005).
+/// The share of a core is a mean, but the kernel counts in periods. In a window of length P a task of cost C,
+/// period T and response time R runs for at most `n * C + min(C, P + R - C - n * T)` with `n = floor((P + R -
+/// C) / T)`: its first job as late as it can be, its last one at once (M. Bertogna, M. Cirinei, G. Lipari
+/// 2005).
 pub(in crate::schedule) fn longest_burst(
     tasks: &StaticPlan,
     responses: &Responses,

@@ -5,34 +5,35 @@ use serde::{Deserialize, Serialize};
 
 const MICROSECOND: u64 = 1_000;
 
-/// Time that the machine and the runtime take, rather than the components.
+/// Time used by the machine and the runtime rather than the components.
 ///
-/// The defaults cover 99 of 100 cases on virtual machines of two cores (Linux 6.18) under load; `motorium calibrate`
-/// measures the values of one machine, which replace them. Times of the core are what `CLOCK_THREAD_CPUTIME_ID` counts
-/// besides the step itself.
+/// The defaults cover 99 of 100 cases on virtual machines of two cores (Linux 6.18) under load; `motorium
+/// calibrate` measures the values of a machine, which replace them. Core times are those counted by
+/// `CLOCK_THREAD_CPUTIME_ID` besides the step itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Overheads {
-    /// Latest wake-up of a sleeping component, ns; 150 us. It takes no time of the core. The time that a component
-    /// spins before its release hides that much of it.
+    /// Latest wake-up of a sleeping component, ns; 150 us. It uses no core time. The spin time before a
+    /// release hides this much of it.
     pub wake_ns: u64,
-    /// Time of the core for every release by the clock, on top of `worker_ns`, ns; 80 us: the timer and its interrupt,
-    /// falling asleep, and cache misses after other threads have used the core.
+    /// Time of the core for every release by the clock, on top of `worker_ns`, ns; 80 us: the timer and its
+    /// interrupt, falling asleep, and cache misses after other threads have used the core.
     pub timer_ns: u64,
-    /// Time of the core from the end of a step to the start of the one that it triggers on the same core, ns; 8 us.
+    /// Time of the core from the end of a step to the start of the one that it triggers on the same core, ns;
+    /// 8 us.
     pub hop_same_core_ns: u64,
-    /// Longest time from a publication until a component that it triggers on another core can run, ns; 150 us, most of
-    /// which an idle core takes to wake up. It takes no time of either core.
+    /// Longest time from a publication until a triggered component on another core can run, ns; 150 us,
+    /// mostly for the wake-up of an idle core. It uses no time of either core.
     pub hop_cross_core_ns: u64,
-    /// Time of the core for which a component that is triggered from another core polls for the next publication, after
-    /// its step and before it sleeps, ns; 20 us at most.
+    /// Core time for which a component triggered from another core polls for the next publication, after its
+    /// step and before it sleeps, ns; at most 20 us.
     pub look_ns: u64,
-    /// Time of the core that the worker takes for every step besides the component's own, ns; 16 us: reading clocks,
+    /// Core time of the worker per step in addition to the component's own, ns; 16 us: clock readings,
     /// accounting.
     pub worker_ns: u64,
 }
 
 impl Overheads {
-    /// A machine that costs nothing: for the analysis of task sets in the abstract.
+    /// A machine without overheads: for the analysis of abstract task sets.
     pub const NONE: Self =
         Self { wake_ns: 0, timer_ns: 0, hop_same_core_ns: 0, hop_cross_core_ns: 0, look_ns: 0, worker_ns: 0 };
 
@@ -53,11 +54,11 @@ impl Default for Overheads {
     }
 }
 
-/// The kernel's limit on real-time threads: `sched_rt_runtime_us` in every `sched_rt_period_us`. A kernel with
-/// throttling stops them for the rest of the period once they have used it up.
+/// The kernel's limit on real-time threads: `sched_rt_runtime_us` in every `sched_rt_period_us`. A kernel
+/// with throttling stops them for the rest of the period once they have used it up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RtLimit {
-    /// Time they may run in each period, ns; unlimited if `None`.
+    /// Permitted run time in each period, ns; `None` for unlimited.
     pub runtime_ns: Option<u64>,
     /// The period, ns.
     pub period_ns: u64,
@@ -70,8 +71,8 @@ impl RtLimit {
     /// Linux's default: 950 ms in every second.
     pub const KERNEL_DEFAULT: Self = Self { runtime_ns: Some(950_000_000), period_ns: 1_000_000_000 };
 
-    /// The limit from the two files in `/proc/sys/kernel`, in us; a negative run time means no limit.
-    /// `None` if they do not hold numbers.
+    /// Parses the limit from the two files in `/proc/sys/kernel`, in us; a negative run time means no limit.
+    /// `None` if they are not numbers.
     pub fn from_sysctl(runtime_us: &str, period_us: &str) -> Option<Self> {
         let runtime: i64 = runtime_us.trim().parse().ok()?;
         let period_ns = period_us.trim().parse::<u64>().ok()?.checked_mul(MICROSECOND)?;
@@ -88,9 +89,10 @@ impl RtLimit {
             .unwrap_or(Self::KERNEL_DEFAULT)
     }
 
-    /// Share of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1: the share of real-time
-    /// threads, less the kernel's reserve for normal priority (the fair server of Linux 6.12 and later, 50 ms in every
-    /// second of each core; counted for earlier kernels too). 1 where there is no throttling.
+    /// Share of each core that the kernel grants to `SCHED_DEADLINE` components, 0 to 1: the share of
+    /// real-time threads, less the kernel's reserve for normal priority (the fair server of Linux 6.12 and
+    /// later, 50 ms in every second of each core; counted for earlier kernels too). 1 where there is no
+    /// throttling.
     pub fn deadline_share(&self) -> f64 {
         const FAIR_SERVER_MS_PER_S: u64 = 50;
         match self.runtime_ns {
@@ -102,7 +104,7 @@ impl RtLimit {
         }
     }
 
-    /// Share of a core that real-time threads may have, 0 to 1.
+    /// Share of a core for real-time threads, 0 to 1.
     pub fn share(&self) -> f64 {
         match self.runtime_ns {
             Some(runtime_ns) if runtime_ns < self.period_ns => runtime_ns as f64 / self.period_ns as f64,
@@ -116,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_limit_is_read_as_the_kernel_writes_it() {
+    fn limit_is_parsed_in_kernel_format() {
         assert_eq!(RtLimit::from_sysctl("950000\n", "1000000\n"), Some(RtLimit::KERNEL_DEFAULT));
         assert_eq!(RtLimit::from_sysctl("-1\n", "1000000\n"), Some(RtLimit::NONE));
         assert_eq!(RtLimit::from_sysctl("1000000", "1000000").map(|limit| limit.share()), Some(1.0));

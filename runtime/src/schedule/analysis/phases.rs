@@ -1,8 +1,9 @@
 //! Response times with known phases: tasks whose releases lie on one clock at known offsets do not all meet.
 //!
-//! Every job of one hyperperiod is examined, in every busy window that it can fall into. A worst-case window opens
-//! when some release is as late as it can be (K. Tindell, *Adding time-offsets to schedulability analysis*, 1994):
-//! opening it earlier than the latest release that it contains only adds time in which all of its work can finish.
+//! Every job of one hyperperiod is examined, in every busy window that it can fall into. A worst-case window
+//! opens when some release is as late as it can be (K. Tindell, *Adding time-offsets to schedulability
+//! analysis*, 1994): opening it earlier than the latest release that it contains only adds time in which all
+//! of its work can finish.
 
 use super::window::{Bound, Demand, Level, Opening, ceil_div, floor_div, keep_worst};
 

@@ -1,9 +1,9 @@
 //! Bounds of all tasks of all cores.
 //!
-//! Tasks on different cores, or of different priorities, that trigger one another depend on one another through their
-//! release jitter: a triggered task is released as late as the bound of the component that publishes. Starting from no
-//! jitter, bounds and jitters are iterated until nothing changes (K. Tindell, J. Clark, *Holistic schedulability
-//! analysis for distributed hard real-time systems*, 1994).
+//! Tasks on different cores, or of different priorities, that trigger one another depend on one another
+//! through their release jitter: a triggered task is released as late as the bound of the component that
+//! publishes. Starting from no jitter, bounds and jitters are iterated until nothing changes (K. Tindell, J.
+//! Clark, *Holistic schedulability analysis for distributed hard real-time systems*, 1994).
 
 use super::global::{Global, Reserved};
 use super::overheads::Overheads;
@@ -88,7 +88,8 @@ pub(in crate::schedule) fn responses(plan: &StaticPlan, overheads: &Overheads) -
     Responses { demands, bounds, reserved, reserved_response, reserved_late: late }
 }
 
-/// Time by which the work of a task that waits may come later than its release: until the end of its job, less the work.
+/// Time by which the work of a task that waits may come later than its release: until the end of its job,
+/// less the work.
 fn deferral(demand: &Demand, bounds: Option<&[Bound]>) -> Option<i64> {
     let finish = bounds?.iter().map(|bound| bound.finish.total).max()?;
     Some((finish - demand.cost() - demand.jitter?).max(demand.deferral?))
@@ -98,8 +99,8 @@ fn reserved(reservation: &Reservation) -> Reserved {
     Reserved { runtime: reservation.runtime_ns as i64, period: reservation.period_ns as i64 }
 }
 
-/// The load of a reservation on every core it may run on: it comes before every priority, with all of its run time, at
-/// any time from its release to its latest end.
+/// The load of a reservation on every core it may run on: it comes before every priority, with all of its run
+/// time, at any time from its release to its latest end.
 fn above_all(reservation: &Reservation, global: &Global, index: usize, late: i64) -> Demand {
     let Reserved { runtime, period } = reserved(reservation);
     let jitter = global.response(index, runtime).map(|response| late + response - runtime);
@@ -127,7 +128,8 @@ fn demand(task: &Task, plan: &StaticPlan, overheads: &Overheads) -> Demand {
         // It needs the core from the moment it begins to spin; being woken late shortens the spinning.
         Release::Timer { phase_ns, spin_ns, tuned, fixed } => {
             let offset = (phase_ns as i64 - spin_ns as i64).rem_euclid(period);
-            // a self-tuning margin covers the wake-up error of the machine: the component is awake by its release
+            // a self-tuning margin covers the wake-up error of the machine: the component is awake by its
+            // release
             let queue = if tuned { overheads.wake_ns.max(spin_ns) } else { overheads.wake_ns };
             (fixed.then_some(offset), late_wake(spin_ns, overheads), queue as i64)
         }
@@ -182,8 +184,8 @@ fn jitter(
                 return Some(reserved_finish(reservation)? + delay_ns as i64);
             }
             let Some(place) = plan.places[by] else {
-                // A component that is not real-time is assumed to be in time; what follows from that is reported as not
-                // provable.
+                // A component that is not real-time is assumed to be in time; what follows from that is
+                // reported as not provable.
                 return Some(delay_ns as i64);
             };
             let writer = bounds[place.task].as_ref()?.get(place.stage)?;

@@ -1,14 +1,15 @@
 //! The static plan: the tasks of every core, and their releases.
 //!
 //! A *task* is the unit of the analysis: a real-time component together with everything that it triggers,
-//! directly or through others, on the same core at the same priority, or at priorities that rise along the chain but
-//! stay below every other priority. Its *stages* run one after the other: the first is the component at its head,
-//! the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread that is woken goes to the end of
-//! the queue of its priority, and nobody of that priority interrupts another, so that everything triggered by one
-//! stage has run before anything that the next stage triggers. Where priorities rise, whatever is triggered wakes as
-//! the step that triggers it ends, and runs at once.) With rising priorities and several components triggered by one,
-//! the order of one of them and of what another one triggers is open: from there on all is one stage. A
-//! component that is triggered from another core, or by one of another priority, is the head of a task of its own.
+//! directly or through others, on the same core at the same priority, or at priorities that rise along the
+//! chain but stay below every other priority. Its *stages* run one after the other: the first is the
+//! component at its head, the next are all those that it triggers, and so on. (Under `SCHED_FIFO` a thread
+//! that is woken goes to the end of the queue of its priority, and nobody of that priority interrupts
+//! another, so that everything triggered by one stage has run before anything that the next stage triggers.
+//! Where priorities rise, whatever is triggered wakes as the step that triggers it ends, and runs at once.)
+//! With rising priorities and several components triggered by one, the order of one of them and of what
+//! another one triggers is open: from there on all is one stage. A component that is triggered from another
+//! core, or by one of another priority, is the head of a task of its own.
 
 use serde::Serialize;
 
@@ -20,9 +21,9 @@ use crate::plan::{Activation, ComponentPlan, OnOverrun, Plan, SchedulingClass, S
 pub struct StaticPlan {
     /// Tasks, each after the one that triggers it.
     pub tasks: Vec<Task>,
-    /// By component of the plan: where it is; `None` if it is not real-time, or may run on several cores.
+    /// Position per component of the plan; `None` if it is not real-time, or may run on several cores.
     pub places: Vec<Option<Place>>,
-    /// The components that the kernel schedules by deadlines: before all tasks, on any core.
+    /// Deadline-scheduled components, which precede all tasks on any core.
     pub reservations: Vec<Reservation>,
     /// Number of cores of the graph, for real-time and shared work together.
     pub available_cores: usize,
@@ -33,7 +34,7 @@ pub struct StaticPlan {
 pub struct Reservation {
     /// Its step.
     pub step: Step,
-    /// Time of a core that the kernel gives it in each period, and no more, ns.
+    /// Core time granted by the kernel in each period, ns.
     pub runtime_ns: u64,
     /// The period, and the deadline within it, ns.
     pub period_ns: u64,
@@ -64,9 +65,10 @@ pub struct Place {
 pub struct Task {
     /// The core.
     pub core: usize,
-    /// `SCHED_FIFO` priority of its head; what it triggers may rise above it.
+    /// `SCHED_FIFO` priority of its head; triggered components may rise above it.
     pub priority: u8,
-    /// Time between two releases of the component at the head of the whole chain, ns; the shortest, where events release it.
+    /// Time between two releases of the component at the head of the whole chain, ns; the shortest, where
+    /// events release it.
     pub period_ns: u64,
     /// The release of its first stage.
     pub release: Release,
@@ -84,31 +86,31 @@ pub enum Release {
         phase_ns: u64,
         /// Earliest start of spinning before a release, ns.
         spin_ns: u64,
-        /// True if it may begin later, as the wake errors of the machine allow.
+        /// `true` if spinning may start later, depending on the machine's wake-up errors.
         tuned: bool,
-        /// True if releases never leave that grid; the overrun policy `rephase` moves it.
+        /// `true` if releases never leave the grid; the overrun policy `rephase` moves it.
         fixed: bool,
     },
-    /// An event from outside of the graph, shown by a file descriptor: at any time, no sooner than one period after the one
-    /// before (a sporadic task).
+    /// An event from outside of the graph, shown by a file descriptor: at any time, no sooner than one period
+    /// after the one before (a sporadic task).
     Event,
     /// A publication of another component.
     Trigger {
         /// Index of that component in the plan.
         by: usize,
-        /// Longest time from the publication until the core of another component knows of it, ns.
+        /// Longest time from the publication until the core of another component is notified, ns.
         delay_ns: u64,
     },
 }
 
-/// Components that are triggered together; they run one after the other.
+/// Components that are triggered together and run one after the other.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Stage {
     /// Their steps.
     pub steps: Vec<Step>,
 }
 
-/// One step of one component, as it weighs on its core.
+/// One step of one component as load of its core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Step {
     /// Index of the component in the plan.
@@ -119,26 +121,26 @@ pub struct Step {
     pub overhead_ns: u64,
     /// Part of the overhead after the step has published, ns.
     pub after_ns: u64,
-    /// Longest time for which it waits for an answer without the core, ns.
+    /// Longest time it waits for an answer without the core, ns.
     pub waits_ns: u64,
 }
 
 impl Step {
-    /// Time of the core that it takes, ns: budget and overhead; the overhead alone without a budget.
+    /// Core time, ns: budget and overhead; the overhead alone without a budget.
     pub fn cost_ns(&self) -> u64 {
         self.budget_ns.unwrap_or(0) + self.overhead_ns
     }
 }
 
 impl Stage {
-    /// Time of the core that its steps take, ns.
+    /// Core time of its steps, ns.
     pub fn cost_ns(&self) -> u64 {
         self.steps.iter().map(Step::cost_ns).sum()
     }
 }
 
 impl Stage {
-    /// Longest time for which its steps wait without the core, one after the other, ns.
+    /// Longest total waiting time of its steps without the core, ns.
     pub fn waits_ns(&self) -> u64 {
         self.steps.iter().map(|step| step.waits_ns).sum()
     }
@@ -153,7 +155,7 @@ impl Task {
         }
     }
 
-    /// Time of the core that one release takes, ns: spinning and all stages.
+    /// Core time of one release, ns: spinning and all stages.
     pub fn cost_ns(&self) -> u64 {
         self.spin_ns() + self.stages.iter().map(Stage::cost_ns).sum::<u64>()
     }
@@ -192,7 +194,7 @@ impl StaticPlan {
                 .collect(),
             available_cores: cores.len().max(1),
         };
-        // writers come before those they trigger, so that a task is there when its members are placed
+        // writers precede the components they trigger, so that a task exists when its members are placed
         let mut order: Vec<usize> = (0..plan.components.len()).collect();
         order.sort_by_key(|component| plan.components[*component].order);
         for index in order {
@@ -202,7 +204,7 @@ impl StaticPlan {
         made
     }
 
-    /// Makes one stage of all components whose order is not known.
+    /// Combines all components of unknown order into one stage.
     fn join_open_stages(&mut self, plan: &Plan) {
         for (index, task) in self.tasks.iter_mut().enumerate() {
             let rises = task.steps().any(|step| plan.components[step.component].rise > 0);
@@ -227,7 +229,7 @@ impl StaticPlan {
         let release = match component.activation {
             Activation::Periodic { period_ns, phase_ns } => Release::Timer {
                 phase_ns,
-                // a component that always spins takes all the time
+                // a component that always spins uses all the time
                 spin_ns: spin_ns.min(period_ns),
                 tuned: matches!(component.spin, Spin::Tuned { .. }),
                 fixed: component.on_overrun != OnOverrun::Rephase,
@@ -281,7 +283,7 @@ impl StaticPlan {
         self.places[component].is_some() || self.reservation(component).is_some()
     }
 
-    /// The cores on which there are tasks, ascending.
+    /// Cores with tasks, ascending.
     pub fn cores(&self) -> Vec<usize> {
         let mut cores: Vec<usize> = self.tasks.iter().map(|task| task.core).collect();
         cores.sort_unstable();
@@ -330,7 +332,7 @@ pub(in crate::schedule) fn has_deadline(component: &ComponentPlan) -> bool {
     matches!(component.class, SchedulingClass::Deadline { .. })
 }
 
-/// Priority of a component that is scheduled as `SCHED_FIFO`.
+/// Priority of a `SCHED_FIFO` component.
 pub(in crate::schedule) fn priority(component: &ComponentPlan) -> Option<u8> {
     match component.class {
         SchedulingClass::Fifo(priority) => Some(priority),
@@ -338,7 +340,7 @@ pub(in crate::schedule) fn priority(component: &ComponentPlan) -> Option<u8> {
     }
 }
 
-/// The one core that a component may run on, if it is one.
+/// Returns the core of a component that may run on one core only.
 pub(in crate::schedule) fn core(plan: &Plan, component: &ComponentPlan) -> Option<usize> {
     if has_deadline(component) {
         return None;

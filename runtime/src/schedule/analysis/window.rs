@@ -1,29 +1,30 @@
 //! Response times on one core under fixed priorities.
 //!
-//! The response time of a job is found from the *busy window* it falls into: a time in which the core always has
-//! work of its priority or above. Every job that finishes in the window was released in it, so that
+//! The response time of a job is found from the *busy window* it falls into: a time in which the core always
+//! has work of its priority or above. Every job that finishes in the window was released in it, so that
 //!
 //! ```text
 //! finish = own work + sum over others of the same or higher priority of (releases before finish) * cost
 //! ```
 //!
-//! whose smallest solution is found by iteration (M. Joseph, P. Pandya, *Finding response times in a real-time system*,
-//! 1986). A job may be the first of its task in the window or a later one, for response times beyond the period
-//! (J. Lehoczky 1990); releases may come late by a jitter (N. Audsley, A. Burns, M. Richardson, K. Tindell, A. Wellings
-//! 1993).
+//! whose smallest solution is found by iteration (M. Joseph, P. Pandya, *Finding response times in a
+//! real-time system*, 1986). A job may be the first of its task in the window or a later one, for response
+//! times beyond the period (J. Lehoczky 1990); releases may come late by a jitter (N. Audsley, A. Burns, M.
+//! Richardson, K. Tindell, A. Wellings 1993).
 //!
-//! Tasks of equal priority wait in one queue, first come first served, and do not preempt each other. With unknown
-//! phases they count like more urgent ones, which is right for any order in that queue, and not pessimistic: as long as
-//! all of one priority finish within their periods, at most one job of each runs before a job that waits with it. With
-//! known phases only those count that joined the queue no later.
+//! Tasks of equal priority wait in one queue, first come first served, and do not preempt each other. With
+//! unknown phases they count like more urgent ones, which is right for any order in that queue, and not
+//! pessimistic: as long as all of one priority finish within their periods, at most one job of each runs
+//! before a job that waits with it. With known phases only those count that joined the queue no later.
 //!
-//! A job may *suspend itself*: wait for an answer without the core. For its own response time that counts as work. Upon
-//! others it acts as if it were released later, by up to its own response time less its work (G. Nelissen, J. Fonseca,
-//! G. Raravi, V. Nelis, *Timing analysis of fixed priority self-suspending sporadic tasks*, 2015; J.-J. Chen et al., *Many
-//! suspensions, many problems*, 2019). After it has waited it stands at the end of the queue of its priority.
+//! A job may *suspend itself*: wait for an answer without the core. For its own response time that counts as
+//! work. Upon others it acts as if it were released later, by up to its own response time less its work (G.
+//! Nelissen, J. Fonseca, G. Raravi, V. Nelis, *Timing analysis of fixed priority self-suspending sporadic
+//! tasks*, 2015; J.-J. Chen et al., *Many suspensions, many problems*, 2019). After it has waited it stands
+//! at the end of the queue of its priority.
 //!
-//! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens was due
-//! before.
+//! All times are in ns, and signed: a job whose release comes late by its whole jitter as the window opens
+//! was due before.
 
 /// A task on a core, as this analysis sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,14 +33,15 @@ pub(in crate::schedule) struct Demand {
     pub priority: u8,
     /// Time between two releases.
     pub period: i64,
-    /// Offset of the releases, ns: due at `offset + n * period` on a clock that all tasks share; at any time if `None`.
+    /// Offset of the releases, ns: due at `offset + n * period` on a clock that all tasks share; at any time
+    /// if `None`.
     pub offset: Option<i64>,
     /// Release jitter, ns: the longest time from the due time to the release; `None` if unbounded.
     pub jitter: Option<i64>,
     /// Longest time from the due time until it joins the queue of its priority, ns: not less than the jitter.
     pub queue: i64,
-    /// True if it goes to the end of that queue once more when it first gets the core: a component that waits for the
-    /// clock yields to those it has woken. Among tasks that all yield the order stays the same.
+    /// True if it goes to the end of that queue once more when it first gets the core: a component that waits
+    /// for the clock yields to those it has woken. Among tasks that all yield the order stays the same.
     pub yields: bool,
     /// Cost of each stage.
     pub stages: Vec<i64>,
@@ -47,7 +49,8 @@ pub(in crate::schedule) struct Demand {
     pub waits: Vec<i64>,
     /// Time by which its work may come later than its release because it waits; `None` if unbounded.
     pub deferral: Option<i64>,
-    /// True if every job is known to finish before the next one is due, so that each goes to the end of the queue.
+    /// True if every job is known to finish before the next one is due, so that each goes to the end of the
+    /// queue.
     pub orderly: bool,
 }
 
@@ -77,7 +80,8 @@ const MOST: usize = 100_000;
 /// The start of the window.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::schedule) enum Opening {
-    /// At time 0, with every other task released as late as it can be, so that the next release follows soonest.
+    /// At time 0, with every other task released as late as it can be, so that the next release follows
+    /// soonest.
     Worst,
     /// At this time, with releases as their offsets say.
     At(i64),
@@ -196,8 +200,8 @@ impl<'a> Level<'a> {
         self.others.iter().map(|other| &self.tasks[*other]).map(|other| count(other) * other.cost()).sum()
     }
 
-    /// Ends of the stages of a job that is due at `due`, in a window in which `before` jobs of its own task run first.
-    /// By stage: the time, and the jobs that ran before it, by task.
+    /// Ends of the stages of a job that is due at `due`, in a window in which `before` jobs of its own task
+    /// run first. By stage: the time, and the jobs that ran before it, by task.
     pub(in crate::schedule) fn run(
         &self,
         opening: Opening,
@@ -219,7 +223,8 @@ impl<'a> Level<'a> {
         let mut ends = Vec::with_capacity(own.stages.len());
         for (stage, cost) in own.stages.iter().enumerate() {
             work += cost + own.waits[stage];
-            // the first stages of later jobs may run between the stages of this one, if it has not finished before them
+            // the first stages of later jobs may run between the stages of this one, if it has not finished
+            // before them
             let later = |until: i64| match stage {
                 0 => 0,
                 _ => (ceil_div(until - due, own.period) - 1).max(0),
@@ -252,8 +257,8 @@ impl<'a> Level<'a> {
     }
 }
 
-/// The smallest fixed point of a function that never falls, at or above `from`; its value at `from` where that is below
-/// `from`.
+/// The smallest fixed point of a function that never falls, at or above `from`; its value at `from` where
+/// that is below `from`.
 fn settle(from: i64, function: impl Fn(i64) -> i64) -> Option<i64> {
     let mut time = from;
     for _ in 0..MOST {
@@ -312,12 +317,12 @@ pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<
     bounds.into_iter().collect()
 }
 
-/// Bounds of the time from the end of the first stage of a job to the end of each of its stages, for a task that always
-/// finishes before it is due again.
+/// Bounds of the time from the end of the first stage of a job to the end of each of its stages, for a task
+/// that always finishes before it is due again.
 ///
-/// When the first stage ends (or does its rest), no more urgent task is waiting. Tasks of equal priority that are still
-/// ahead joined the queue after the job did: `queued` is the longest time from then to the end of the first stage. With
-/// `rest`, times count from that long before this end.
+/// When the first stage ends (or does its rest), no more urgent task is waiting. Tasks of equal priority that
+/// are still ahead joined the queue after the job did: `queued` is the longest time from then to the end of
+/// the first stage. With `rest`, times count from that long before this end.
 pub(in crate::schedule) fn after_first_stage(
     tasks: &[Demand],
     index: usize,

@@ -42,7 +42,8 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
         found.arithmetic = format!("grows without bound > {}", words::time(deadline_ns));
         return found;
     };
-    // the head of a chain is measured from its release: not from the start of its spinning, nor from its wake-up
+    // the head of a chain is measured from its release: not from the start of its spinning, nor from its
+    // wake-up
     let (sum, spin) = match task.release {
         Release::Timer { spin_ns, .. } => (&bound.finish, spin_ns as i64),
         Release::Event => (&bound.finish, 0),

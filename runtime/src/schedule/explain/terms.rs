@@ -5,7 +5,8 @@ use crate::schedule::analysis::Analysis;
 use crate::schedule::analysis::tasks::Place;
 use crate::schedule::analysis::window::Sum;
 
-/// The terms of a bound of a stage: the stages of the job from `first` on, then other jobs, then what ran before.
+/// The terms of a bound of a stage: the stages of the job from `first` on, then other jobs, then what ran
+/// before.
 pub(in crate::schedule) fn of(analysis: &Analysis<'_>, place: Place, first: usize, sum: &Sum) -> Vec<String> {
     let tasks = &analysis.tasks.tasks;
     let task = &tasks[place.task];

@@ -29,8 +29,8 @@ fn on_one_core_the_earliest_deadline_first_uses_all_of_it_and_no_more() {
 
 #[test]
 fn a_long_one_beside_many_short_ones_may_be_late_however_little_they_take() {
-    // S. Dhall, C. Liu, *On a real-time scheduling problem*, 1978: short ones have the earlier deadlines, take all
-    // cores first, and the long one no longer fits in
+    // S. Dhall, C. Liu, *On a real-time scheduling problem*, 1978: short ones have the earlier deadlines,
+    // take all cores first, and the long one no longer fits in
     let short = (2, 100);
     assert_eq!(responses(&[short, short, (100, 101)], 2), [None; 3]);
     // each a core of its own
@@ -92,8 +92,8 @@ fn what_is_triggered_by_a_deadline_comes_after_its_bound() {
     let admission = admit(&plan, &overheads, RtLimit::KERNEL_DEFAULT);
     assert_eq!(admission.tasks[0].response_ns, Some(240 * US), "{}", admission.tasks[0].arithmetic);
     assert_eq!(admission.tasks[0].arithmetic, "200 us (camera) + 40 us (released late) = 240 us <= 1 ms");
-    // the camera has 250 us, so that it may still have the core until 290 us after its release, 20 us beyond the 270 us
-    // at which the loop is triggered at the latest
+    // the camera has 250 us, so that it may still have the core until 290 us after its release, 20 us beyond
+    // the 270 us at which the loop is triggered at the latest
     assert_eq!(admission.tasks[1].chain_ns, Some((290 + 100) * US), "{}", admission.tasks[1].arithmetic);
     assert_eq!(admission.latencies[0].bound_ns, Some(390 * US), "{}", admission.latencies[0].arithmetic);
     assert_eq!(admission.latencies[0].verdict, Verdict::Holds);
@@ -125,7 +125,8 @@ fn a_step_that_needs_more_than_the_kernel_gives_it_is_refused() {
     assert_eq!(admission.tasks[0].arithmetic, "260 us > 250 us that the kernel gives it");
 }
 
-/// A component by its deadline or by its priority: period, phase, cost, room (by its deadline) or priority, core.
+/// A component by its deadline or by its priority: period, phase, cost, room (by its deadline) or priority,
+/// core.
 type Any = (u64, u64, u64, Result<u64, u8>, usize);
 
 fn any_node() -> impl Strategy<Value = Any> {

@@ -91,7 +91,8 @@ impl Node {
     }
 }
 
-/// A graph in which every component writes the topic of its own index. Latency budgets go from topic to topic.
+/// A graph in which every component writes the topic of its own index. Latency budgets go from topic to
+/// topic.
 pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u64)]) -> Plan {
     let head = |mut index: usize| loop {
         match nodes[index].when {

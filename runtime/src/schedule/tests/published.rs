@@ -30,7 +30,8 @@ fn of(set: &[(i64, i64)]) -> Vec<Option<i64>> {
     responses(tasks(set))
 }
 
-/// Responses of tasks of which some wait: cost, waiting, period. The deferral of a task is its response less its cost.
+/// Responses of tasks of which some wait: cost, waiting, period. The deferral of a task is its response less
+/// its cost.
 fn with_waits(set: &[(i64, i64, i64)]) -> Vec<Option<i64>> {
     let plain: Vec<(i64, i64)> = set.iter().map(|(cost, _, period)| (*cost, *period)).collect();
     let mut tasks = tasks(&plain);
@@ -52,8 +53,8 @@ fn with_waits(set: &[(i64, i64, i64)]) -> Vec<Option<i64>> {
 
 #[test]
 fn waiting_counts_for_the_one_that_waits_and_not_as_load_of_the_core() {
-    // As work, 60 + 50 of 100 would leave no bound to the second. One job of the first that has waited and the next that
-    // has not may both come within one of the second: 50 + 2 * 10.
+    // As work, 60 + 50 of 100 would leave no bound to the second. One job of the first that has waited and
+    // the next that has not may both come within one of the second: 50 + 2 * 10.
     assert_eq!(with_waits(&[(10, 50, 100), (50, 0, 100)]), [Some(60), Some(70)]);
     assert_eq!(of(&[(60, 100), (50, 100)])[1], None);
     // a task that is delayed while it waits is not in time, however little work it has
@@ -80,14 +81,15 @@ fn burns_and_wellings_three_harmonic_tasks_of_a_full_core() {
 
 #[test]
 fn buttazzo_four_tasks_by_deadline() {
-    // Hard Real-Time Computing Systems, response time analysis of a deadline-monotonic set: R4 goes 5, 6, 7, 9, 10
+    // Hard Real-Time Computing Systems, response time analysis of a deadline-monotonic set: R4 goes 5, 6, 7,
+    // 9, 10
     assert_eq!(of(&[(1, 4), (1, 5), (2, 6), (1, 11)])[3], Some(10));
 }
 
 #[test]
 fn lehoczky_two_tasks_whose_worst_job_is_not_the_first() {
-    // Fixed priority scheduling of periodic task sets with arbitrary deadlines, 1990: the jobs of the second task take
-    // 114, 102, 116, 104, 118, 106 and 94
+    // Fixed priority scheduling of periodic task sets with arbitrary deadlines, 1990: the jobs of the second
+    // task take 114, 102, 116, 104, 118, 106 and 94
     assert_eq!(of(&[(26, 70), (62, 100)]), [Some(26), Some(118)]);
 }
 
@@ -169,8 +171,8 @@ fn rate_monotonic() -> impl Strategy<Value = Vec<(i64, i64)>> {
 }
 
 proptest! {
-    /// E. Bini, G. Buttazzo, *A hyperbolic bound for the rate monotonic algorithm*, 2001; it contains the bound of Liu
-    /// and Layland.
+    /// E. Bini, G. Buttazzo, *A hyperbolic bound for the rate monotonic algorithm*, 2001; it contains the
+    /// bound of Liu and Layland.
     #[test]
     fn whatever_keeps_the_hyperbolic_bound_is_in_time(set in rate_monotonic()) {
         for (response, (_, period)) in of(&set).into_iter().zip(&set) {

@@ -1,5 +1,5 @@
-//! A simulated machine never exceeds the bounds of the analysis; and where nothing is uncertain, it comes up to
-//! it.
+//! A simulated machine never exceeds the bounds of the analysis; and where nothing is uncertain, it comes up
+//! to it.
 
 use proptest::prelude::*;
 
@@ -40,15 +40,16 @@ fn policy() -> impl Strategy<Value = OnOverrun> {
     ]
 }
 
-/// A component after the first of its chain: the component it waits for, its cost, and if it leaves core or priority.
+/// A component after the first of its chain: the component it waits for, its cost, and if it leaves core or
+/// priority.
 type Follower = (prop::sample::Index, u64, bool, Option<u8>);
 
 fn follower() -> impl Strategy<Value = Follower> {
     (any::<prop::sample::Index>(), 1u64..6, prop::bool::weighted(0.25), prop::option::weighted(0.25, 1u8..4))
 }
 
-/// One chain: period, or shortest time between events, phase, cost, core, priority, policy, whether it reads an earlier chain
-/// and whether events release it, followers.
+/// One chain: period, or shortest time between events, phase, cost, core, priority, policy, whether it reads
+/// an earlier chain and whether events release it, followers.
 type Chain = (u64, u64, u64, usize, u8, OnOverrun, (bool, bool), Vec<Follower>);
 
 fn chain() -> impl Strategy<Value = Chain> {
@@ -198,7 +199,8 @@ fn events_that_come_as_fast_as_they_may_come_up_to_the_bounds() {
     let admission = admit(&graph(&nodes, 0, &[(0, 1, 100)]), &overheads, RtLimit::NONE);
     assert_eq!(admission.verdict, Verdict::Holds, "{:?}", admission.problems);
     let responses: Vec<_> = admission.tasks.iter().map(|task| task.response_ns).collect();
-    // the third event may come late as the window opens, so that the fourth comes soon: 4 jobs of 15 beside the 60
+    // the third event may come late as the window opens, so that the fourth comes soon: 4 jobs of 15 beside
+    // the 60
     assert_eq!(responses, [Some(14), Some(19), Some(94)], "{:?}", admission.tasks);
     assert_eq!(admission.tasks[0].arithmetic, "10 ns (bus) + 4 ns (released late) = 14 ns <= 50 ns");
     assert_eq!(admission.latencies[0].bound_ns, Some(5));
@@ -215,8 +217,8 @@ fn the_age_of_what_events_have_brought_has_no_bound_where_it_is_read_at_a_rate()
     assert!(admission.problems[0].advice.contains("trigger the components"), "{:?}", admission.problems);
 }
 
-/// The bound for "late", one of two equals that are released one after the other below something more urgent, and the
-/// simulated time.
+/// The bound for "late", one of two equals that are released one after the other below something more urgent,
+/// and the simulated time.
 fn late_behind_an_urgent(equal: [Node; 2]) -> (u64, i64) {
     let [far, equal] = equal;
     let nodes = [
@@ -243,7 +245,8 @@ fn what_waits_for_the_clock_lets_those_go_first_that_are_triggered_before_it_has
 fn a_margin_that_tunes_itself_may_let_a_component_join_the_queue_as_late_as_its_release() {
     let nodes = [node("own", When::Every(100, 50), 5), node("equal", When::Every(100, 40), 10)];
     let mut plan = graph(&nodes, 20, &[]);
-    // spinning from 30 until 50 it comes before the equal, which spins from 20 until 40 only if it always does
+    // spinning from 30 until 50 it comes before the equal, which spins from 20 until 40 only if it always
+    // does
     plan.components[1].spin = Spin::Fixed { ns: 0 };
     let overheads = Overheads { wake_ns: 5, ..Overheads::NONE };
     let response = |plan: &crate::plan::Plan| admit(plan, &overheads, RtLimit::NONE).tasks[0].response_ns;
@@ -297,8 +300,8 @@ proptest! {
         }
     }
 
-    /// Independent tasks on one clock, all using up their budgets: the bound is what happens. Equals are never released
-    /// at the same time, which leaves open who goes first.
+    /// Independent tasks on one clock, all using up their budgets: the bound is what happens. Equals are
+    /// never released at the same time, which leaves open who goes first.
     #[test]
     fn bounds_of_independent_tasks_with_phases_are_exact(
         set in proptest::collection::vec(
@@ -317,7 +320,8 @@ proptest! {
         let utilisation: f64 = set.iter().map(|(period, _, cost, _)| *cost as f64 / *period as f64).sum();
         prop_assume!(utilisation <= 1.0);
         let admission = admit(&graph(&nodes, 0, &[]), &Overheads::NONE, RtLimit::NONE);
-        // exactness is only claimed while jobs end before the next ones come: after that, releases are skipped
+        // exactness is only claimed while jobs end before the next ones come: after that, releases are
+        // skipped
         prop_assume!(!admission.refuses());
         let seen = Machine::new(&nodes, 0, Overheads::NONE, Chance::None, 0).run(1_000);
         let bounds: Vec<i64> = admission.tasks.iter().map(|task| task.response_ns.unwrap() as i64).collect();

@@ -1,7 +1,7 @@
-//! One hyperperiod, simulated with every component using up its budget and no disturbance.
+//! Simulation of one hyperperiod in which every component uses up its budget, without disturbances.
 //!
-//! This is one of many ways in which the graph can run, and not the worst for every component; the bounds of
-//! [`admit`](super::admit) hold for all of them.
+//! This is one possible execution, not the worst case of every component; the bounds of
+//! [`admit`](super::admit) hold for all executions.
 
 mod simulation;
 
@@ -43,11 +43,11 @@ pub struct Lane {
     pub component: String,
     /// Its `SCHED_FIFO` priority.
     pub priority: u8,
-    /// Its releases, ns from the start: by the clock, or by what triggers it.
+    /// Releases, ns from the start: by the clock or a trigger.
     pub releases_ns: Vec<u64>,
-    /// Times at which it runs on the core, in order.
+    /// Intervals in which it runs on the core, in order.
     pub segments: Vec<Segment>,
-    /// Ends of steps that came after the next release, ns.
+    /// Ends of steps after the next release, ns.
     pub late_ns: Vec<u64>,
 }
 
@@ -63,7 +63,7 @@ pub struct Segment {
 }
 
 impl CoreTimeline {
-    /// Time in which no real-time component uses the core, ns.
+    /// Time without real-time components on the core, ns.
     pub fn idle_ns(&self, length_ns: u64) -> u64 {
         let busy: u64 = self
             .lanes

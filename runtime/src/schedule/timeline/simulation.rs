@@ -109,7 +109,8 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// Simulates from 0 to `length`, after a warm-up. Returns the time reached, and the activity of every component.
+    /// Simulates from 0 to `length`, after a warm-up. Returns the time reached, and the activity of every
+    /// component.
     pub(super) fn run(mut self, length: i64) -> (u64, Vec<Lane>) {
         let slowest = self.plan.components.iter().map(|c| c.period_ns() as i64).max().unwrap_or(0);
         // all have been released at least twice by then
@@ -214,8 +215,8 @@ impl<'p> Simulation<'p> {
         }
     }
 
-    /// Moves a job that waited for the clock to the end of the queue of its priority once more, when it first gets the
-    /// core.
+    /// Moves a job that waited for the clock to the end of the queue of its priority once more, when it first
+    /// gets the core.
     fn let_others_run(&mut self) {
         loop {
             let yielding = |job: &mut Job| core::mem::take(&mut job.to_yield);

@@ -1,4 +1,4 @@
-//! Values made readable by their layout alone: the program need not know their types.
+//! Decoding of values by their layout, without knowledge of their types.
 
 mod number;
 
@@ -11,13 +11,13 @@ pub(super) use number::Scalar;
 /// Name of padding that a type declares.
 pub(super) const PADDING: &str = "reserved";
 
-/// Name of an array of bytes that holds text.
+/// Name of a byte array that contains text.
 const TEXT: &str = "text";
 
 /// A layout or a sample that cannot be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
-    /// A field has a type that this program does not know.
+    /// A field has a type unknown to this program.
     #[error(
         "field `{field}` of `{type_name}` has the type `{kind}`, which this version of motorium cannot read"
     )]
@@ -26,17 +26,17 @@ pub enum DecodeError {
         type_name: String,
         /// The field.
         field: String,
-        /// Its type as the layout gives it.
+        /// Type of the field in the layout.
         kind: String,
     },
-    /// A field lies outside of its sample.
+    /// A field exceeds its sample.
     #[error("field `{field}` of `{type_name}` ends at byte {end}, but a sample has only {size}")]
     Outside {
         /// The type.
         type_name: String,
         /// The field.
         field: String,
-        /// Its end, bytes from the start.
+        /// End of the field, bytes from the start.
         end: usize,
         /// Bytes of a sample.
         size: usize,
@@ -70,12 +70,12 @@ pub enum FieldValue {
     One(Number),
     /// The entries in use of an array.
     Many(Vec<Number>),
-    /// The bytes in use of an array that is called `text`; what is not UTF-8 is replaced.
+    /// The bytes in use of an array named `text`; invalid UTF-8 is replaced.
     Text(String),
 }
 
 impl FieldValue {
-    /// Its numbers: one, or the entries in use of an array; none of a text.
+    /// Returns its numbers: one, or the array entries in use; none for a text.
     pub fn numbers(&self) -> &[Number] {
         match self {
             Self::One(number) => core::slice::from_ref(number),
@@ -85,7 +85,7 @@ impl FieldValue {
     }
 }
 
-/// A sample as names and values, in the order of its layout. As JSON it is an object.
+/// A sample as names and values, in layout order. As JSON it is an object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decoded<'a>(pub Vec<(&'a str, FieldValue)>);
 
@@ -160,10 +160,10 @@ impl Decoder {
         Ok(Self { size: layout.size, fields })
     }
 
-    /// Reads a sample.
+    /// Decodes a sample.
     ///
     /// # Errors
-    /// It is cut short, or counts more entries than it holds; no number is read then.
+    /// The sample is truncated, or its count exceeds its capacity.
     pub fn decode(&self, bytes: &[u8]) -> Result<Decoded<'_>, DecodeError> {
         if bytes.len() < self.size {
             return Err(DecodeError::Short { found: bytes.len(), expected: self.size });

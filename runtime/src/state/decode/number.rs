@@ -29,7 +29,8 @@ macro_rules! scalars {
                 }
             }
 
-            /// Writes a number given as text to the start of `bytes`; false if it is no number of this type, or not finite.
+            /// Parses a number and writes it to the start of `bytes`; `false` if it is not a number of this
+            /// type, or not finite.
             pub(in crate::state) fn write(self, text: &str, bytes: &mut [u8]) -> bool {
                 match self {
                     $( Self::$variant => match text.parse::<$type>() {
@@ -75,8 +76,8 @@ macro_rules! numbers {
 numbers!(f64 => Double, f32 => Single, u64 => Natural, i64 => Integer);
 
 impl core::fmt::Display for Number {
-    /// Floats with six decimals, so that columns stand still while the values change; tiny and huge ones with an
-    /// exponent.
+    /// Formats floats with six decimals, so that columns stay aligned while values change; tiny and huge ones
+    /// with an exponent.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let value = match *self {
             Self::Natural(value) => return write!(f, "{value}"),

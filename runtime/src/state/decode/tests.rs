@@ -25,7 +25,7 @@ crate::state_buffer! {
     }
 }
 
-/// A sample whose named fields hold these bytes, all others zero.
+/// A sample whose named fields contain these bytes, all others zero.
 fn sample(layout: &TypeLayout, content: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let mut sample = vec![0; layout.size];
     for (name, bytes) in content {
@@ -46,7 +46,7 @@ fn json<T: StateBuffer>(content: &[(&str, Vec<u8>)]) -> String {
 }
 
 #[test]
-fn every_primitive_every_array_and_every_part_comes_back_as_it_was_written() {
+fn all_field_types_survive_decoding() {
     let singles = |values: [f32; 2]| values.iter().flat_map(|value| value.to_ne_bytes()).collect();
     let content = [
         ("small", vec![200]),
@@ -89,7 +89,7 @@ fn of_joints_only_the_counted_ones_are_shown() {
 }
 
 #[test]
-fn bytes_called_text_are_shown_as_text() {
+fn bytes_named_text_are_shown_as_text() {
     let content = [("count", 3u32.to_ne_bytes().to_vec()), ("text", b"go\xff".to_vec())];
     assert_eq!(json::<crate::state::Text>(&content), "{\"count\":3,\"text\":\"go\u{fffd}\"}");
 }
@@ -102,7 +102,7 @@ fn the_arrays_of_other_types_are_shown_whole() {
 }
 
 #[test]
-fn a_count_beyond_the_arrays_is_refused_before_any_number_is_read() {
+fn excessive_count_is_rejected_first() {
     let layout = JointState::layout();
     let sample = sample(&layout, &[("count", 65u32.to_ne_bytes().to_vec())]);
     let error = Decoder::new(&layout).unwrap().decode(&sample).unwrap_err();
@@ -145,7 +145,7 @@ fn numbers_keep_their_width_and_extremes_get_an_exponent() {
 }
 
 #[test]
-fn every_built_in_type_can_be_read_and_its_counted_arrays_are_cut_to_their_count() {
+fn built_in_types_decode_up_to_their_count() {
     for layout in crate::state::built_in() {
         let decoder = Decoder::new(&layout).unwrap_or_else(|error| panic!("{error}"));
         let zeros = vec![0; layout.size];

@@ -9,7 +9,7 @@ use crate::declare::TopicPattern;
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp};
 
-/// Pins of a topic beyond those of its readers, for tools that look on.
+/// Pins of a topic in addition to its readers', for observing tools.
 pub(crate) const SIDE_PINS: usize = 4;
 pub(super) const LINE: usize = 64;
 /// Bytes of the two cache lines that processors fetch together.
@@ -17,7 +17,7 @@ const PAIR: usize = 2 * LINE;
 pub(super) const PAGE: usize = 4096;
 /// Slots of a stream, whose values travel elsewhere: for the times of its two newest publications.
 pub(super) const TIMES: usize = 2;
-/// Bytes of the words before each value: they share a cache line with its beginning.
+/// Bytes of the words before each value, which share a cache line with its beginning.
 const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
 
 /// Offsets in the memory of a topic, computed from the plan.
@@ -25,7 +25,7 @@ const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
 pub(super) struct Dimensions {
     pub(super) pins: usize,
     pub(super) slots: usize,
-    /// From the beginning of a slot to its value, bytes.
+    /// Offset of the value in a slot, bytes.
     pub(super) value: usize,
     /// From slot to slot, bytes.
     pub(super) stride: usize,
@@ -33,7 +33,7 @@ pub(super) struct Dimensions {
     pub(super) size: usize,
 }
 
-/// The smallest multiple of `step` from `number` on; the largest number there is where a plan asks for more than that.
+/// Smallest multiple of `step` not below `number`; saturates for excessive plans.
 fn up_to_multiple(number: usize, step: usize) -> usize {
     number.checked_next_multiple_of(step).unwrap_or(usize::MAX)
 }
@@ -46,12 +46,12 @@ impl Dimensions {
             TopicPattern::State => (topic.history.saturating_add(pins + 2), topic.layout.size),
             TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => (TIMES, 0),
         };
-        // Processors fetch lines in pairs, and the ones after: between two slots lies a pair that nobody uses.
+        // Processors fetch lines in pairs and the following ones: an unused pair separates two slots.
         let stride = up_to_multiple(size.saturating_add(value), PAIR).saturating_add(PAIR);
         Self { pins, slots, value, stride, size }
     }
 
-    /// A number that differs where the plans of two processes do.
+    /// A number that differs if the plans of two processes differ.
     pub(super) fn hash(self, topic: &TopicPlan) -> u64 {
         let mut digest = Digest::default();
         digest.write(topic.layout.hash().as_bytes());
@@ -74,12 +74,12 @@ impl Dimensions {
 }
 
 impl TopicPlan {
-    /// The places for values of the topic. Of a state: one for each reader and each of four taps, two for the writer, and
-    /// its history. Of a stream: as many samples as all queues and all readers together can hold.
+    /// Number of value slots of the topic. State: one per reader and per tap (four), two for the writer, and
+    /// the history. Stream: the capacity of all queues and readers.
     pub fn slots(&self) -> usize {
         match self.pattern {
             TopicPattern::State => Dimensions::of(self).slots,
-            // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
+            // A killed reader occupies its slots until the launcher has cleaned up, hence twice.
             TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
                 let queues = 2 * (self.readers.len() + SIDE_PINS);
                 queues.saturating_mul(capacity.saturating_add(2)).saturating_add(2)
@@ -87,7 +87,7 @@ impl TopicPlan {
         }
     }
 
-    /// The shared memory that the topic takes, bytes, in whole pages.
+    /// Shared memory of the topic, bytes, in whole pages.
     pub fn memory_bytes(&self) -> usize {
         let values = match self.pattern {
             TopicPattern::State => 0,

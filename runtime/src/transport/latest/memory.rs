@@ -24,7 +24,7 @@ use crate::plan::TopicPlan;
 use crate::state::{Digest, InUse, Stamp};
 use crate::transport::error::{PortError, refused};
 
-/// iceoryx2's own shared memory, so that names, permissions and cleaning up are iceoryx2's.
+/// iceoryx2's own shared memory, so that names, permissions and clean-up are iceoryx2's.
 type Storage = iceoryx2_cal::shared_memory::recommended::Ipc<BumpAllocator>;
 type Configuration = <Storage as NamedConceptMgmt>::Configuration;
 
@@ -33,7 +33,7 @@ const MAGIC: u64 = 0x6d6f_746f_746f_0002;
 /// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
 const LARGE: usize = 16 * 1024;
 
-/// The first words of the memory: what it holds.
+/// First words of the memory, which describe its content.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub(super) struct Preface {
@@ -52,11 +52,11 @@ struct Slot {
 
 /// Words of a stamp.
 const STAMP_WORDS: usize = size_of::<Stamp>() / size_of::<AtomicU64>();
-/// The place of the time of publication among them.
+/// Index of the publication time among them.
 const PUBLISH_TIME: usize = core::mem::offset_of!(Stamp, publish_time) / size_of::<AtomicU64>();
 
-/// The mapped memory of a topic: words that any process may use at any time, and slots whose values are used under the
-/// pin protocol alone.
+/// Mapped memory of a topic: words that any process may access at any time, and slots whose values are
+/// accessed under the pin protocol only.
 #[derive(Debug)]
 pub(crate) struct TopicMemory {
     base: NonNull<u8>,
@@ -66,7 +66,8 @@ pub(crate) struct TopicMemory {
 }
 
 impl TopicMemory {
-    /// Makes the memory of a topic, all of it reserved: on a full file system this fails, instead of a later access.
+    /// Makes the memory of a topic, all of it reserved: on a full file system this fails, instead of a later
+    /// access.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let refuse = refused(&topic.name, "making its shared memory");
         let dimensions = Dimensions::of(topic);
@@ -82,7 +83,7 @@ impl TopicMemory {
         Ok(memory)
     }
 
-    /// Opens the memory of a topic that the launcher has made.
+    /// Opens the memory of a topic created by the launcher.
     pub(crate) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let refuse = refused(&topic.name, "opening its shared memory");
         let dimensions = Dimensions::of(topic);
@@ -94,7 +95,7 @@ impl TopicMemory {
         {
             return Err(refuse(&"it was made by another version of motorium, or for another type"));
         }
-        // There is memory for all of it: a system that maps it page by page, as they are used, does no harm but page faults.
+        // All of it is backed by memory: mapping page by page on access only costs page faults.
         let _ = memory.reserve();
         Ok(memory)
     }
@@ -116,28 +117,30 @@ impl TopicMemory {
         let advice = rustix::mm::Advice::LinuxPopulateWrite;
         // SAFETY: the range lies in the mapping, which begins on a page; populating it changes no byte.
         match unsafe { rustix::mm::madvise(first as *mut _, bytes, advice) } {
-            // Systems before Linux 5.14 do not know the advice: pages are found when they are first used.
+            // Linux before 5.14 does not know the advice: pages are mapped on first use.
             Ok(()) | Err(rustix::io::Errno::INVAL) => Ok(()),
             Err(error) => Err(std::io::Error::other(format!("its memory could not be reserved: {error}"))),
         }
     }
 
     fn preface(&self) -> &Preface {
-        // SAFETY: the memory begins with the preface, aligned (see `map`); all of it are atomics, valid for any bytes.
+        // SAFETY: the memory begins with the preface, aligned (see `map`); all of it are atomics, valid for
+        // any bytes.
         unsafe { self.base.cast::<Preface>().as_ref() }
     }
 
     #[inline]
     fn slot(&self, slot: usize) -> *mut Slot {
         assert!(slot < self.dimensions.slots, "a topic's words name a slot that it does not have");
-        // SAFETY: in bounds of the mapping by the assertion; aligned, since the slots begin at a multiple of a cache line
-        // and so does each of them.
+        // SAFETY: in bounds of the mapping by the assertion; aligned, since the slots begin at a multiple of
+        // a cache line and so does each of them.
         unsafe {
             self.base.as_ptr().add(self.dimensions.slots_at() + slot * self.dimensions.stride).cast::<Slot>()
         }
     }
 
-    /// The value in a slot. Any access needs the right to it: a reader has the slot pinned, the writer has claimed it.
+    /// The value in a slot. Any access needs the right to it: a reader has the slot pinned, the writer has
+    /// claimed it.
     #[inline]
     pub(crate) fn value(&self, slot: usize) -> *mut u8 {
         self.slot(slot).cast::<u8>().wrapping_add(self.dimensions.value)
@@ -149,8 +152,8 @@ impl TopicMemory {
         self.stamp_words(slot).cast()
     }
 
-    /// The words of the stamp in a slot. Waiters read the time of publication without a right to the slot, so it is written
-    /// word by word.
+    /// The words of the stamp in a slot. Waiters read the time of publication without a right to the slot, so
+    /// it is written word by word.
     #[inline]
     fn stamp_words(&self, slot: usize) -> *const [AtomicU64; STAMP_WORDS] {
         // SAFETY: in bounds; no reference is made.
@@ -174,8 +177,9 @@ impl TopicMemory {
         self.dimensions.size
     }
 
-    /// Fetches what is in use of a slot, if its value is as long as the one in the slot `like`, which the caller may read: it has pinned
-    /// it, or is the one writer and has not claimed it since. Without one, the beginning of the slot. Returns where the slot is.
+    /// Prefetches the parts in use of a slot, assuming the length of the value in the slot `like`, which the
+    /// caller may read: it has pinned it, or is the only writer and has not claimed it since. Without `like`,
+    /// prefetches the beginning of the slot. Returns the address of the slot.
     #[inline]
     pub(super) fn fetch(
         &self,
@@ -189,7 +193,8 @@ impl TopicMemory {
             return first;
         };
         let value = self.value(like).cast_const();
-        // SAFETY: `at` lies in the value (see `InUse::of`), all of it initialised, which nobody writes by the caller's promise.
+        // SAFETY: `at` lies in the value (see `InUse::of`), all of it initialised, which nobody writes by the
+        // caller's promise.
         let count = |at: usize| unsafe { value.add(at).cast::<u32>().read_unaligned() } as usize;
         self.in_use.each(count, |offset, size| prefetch(first.wrapping_add(offset), size));
         first
@@ -201,7 +206,7 @@ impl TopicMemory {
         newest(self.head())
     }
 
-    /// The order in which the writer takes the slots.
+    /// Order in which the writer reuses the slots.
     pub(crate) fn reuse(&self) -> Reuse {
         if self.dimensions.slots > self.dimensions.pins + 2 {
             Reuse::Oldest
@@ -218,19 +223,19 @@ impl TopicMemory {
         self.dimensions.size > LARGE
     }
 
-    /// Wakes all who wait for the next publication.
+    /// Wakes all waiters for the next publication.
     #[inline(always)]
     pub(crate) fn notify(&self) {
         notify::notify::<Native>(self.head(), &SystemFutex::FOREVER);
     }
 
-    /// Makes all who wait look up although nothing was published.
+    /// Interrupts all waiters without a publication.
     pub(crate) fn interrupt(&self) {
         notify::interrupt::<Native>(self.head(), &SystemFutex::FOREVER);
     }
 
-    /// Sleeps until something was published or interrupted after `seen`, a signal arrives, or the clock reaches
-    /// `until_ns`.
+    /// Sleeps until something was published or interrupted after `seen`, a signal arrives, or the clock
+    /// reaches `until_ns`.
     #[inline(always)]
     pub(crate) fn sleep(&self, seen: Newest, until_ns: Option<u64>) {
         notify::sleep::<Native>(self.head(), &SystemFutex { until_ns }, seen);
@@ -251,7 +256,7 @@ impl TopicMemory {
         self.head().core.load(Relaxed).checked_sub(1).map(|core| core as usize)
     }
 
-    /// Takes back all publications, for a new episode: while nobody publishes, and nobody but taps reads.
+    /// Clears all publications for a new episode, while nobody publishes and only taps read.
     pub(crate) fn clear(&self) {
         (0..self.slots()).for_each(|slot| {
             self.mark(slot).store(0, Relaxed);
@@ -260,7 +265,7 @@ impl TopicMemory {
         self.head().newest.store(0, Release);
     }
 
-    /// The pins beyond those of the graph's readers, for processes that look on.
+    /// Pins in addition to those of the graph's readers, for observing processes.
     pub(crate) fn side_pins(&self) -> core::ops::Range<usize> {
         self.dimensions.pins - SIDE_PINS..self.dimensions.pins
     }
@@ -269,7 +274,8 @@ impl TopicMemory {
 impl Words<Native> for TopicMemory {
     #[inline]
     fn head(&self) -> &Head<Native> {
-        // SAFETY: the head follows the preface, aligned like it; it is all atomics, valid for any bytes and shareable.
+        // SAFETY: the head follows the preface, aligned like it; it is all atomics, valid for any bytes and
+        // shareable.
         unsafe { &*self.base.as_ptr().add(size_of::<Preface>()).cast::<Head<Native>>() }
     }
 

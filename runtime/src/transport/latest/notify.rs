@@ -1,24 +1,24 @@
-//! The notifier of a topic: how a publication wakes those who wait for it, and how the launcher interrupts them.
+//! The notifier of a topic: how a publication wakes the waiters, and how the launcher interrupts them.
 //!
-//! A waiter names the last publication it has seen, counts itself as sleeping, and sleeps on the word of the newest
-//! publication only while that has not changed. A writer announces a publication and then asks whether anybody sleeps: it
-//! makes a system call only then. Either the writer finds the sleeper, or the sleeper finds the publication, so none is
-//! lost.
+//! A waiter names the last publication it has seen, counts itself as sleeping, and sleeps on the word of the
+//! newest publication only while that has not changed. A writer announces a publication and then checks
+//! whether anybody is asleep; only then does it make a system call. Either the writer sees the sleeper or the
+//! sleeper sees the publication, so no wake-up is lost.
 
 use std::sync::atomic::Ordering::{Acquire, Relaxed, SeqCst};
 
 use super::protocol::{Head, Newest};
 use crate::atomics::{Atomics, Site, Word};
 
-/// Sleeping on a word, and waking those who do.
+/// Puts threads to sleep on a word and wakes them.
 pub(crate) trait Futex<A: Atomics> {
-    /// Sleeps while the word's low half is that of `seen`; may return early.
+    /// Sleeps while the low half of the word equals that of `seen`; may return early.
     fn sleep(&self, word: &A::U64, seen: u64);
-    /// Wakes all who sleep on the word.
+    /// Wakes everyone who sleeps on the word.
     fn wake(&self, word: &A::U64);
 }
 
-/// Wakes those who sleep until the next publication; to be called after one was announced.
+/// Wakes those who sleep until the next publication. Call it after a publication was announced.
 #[inline(always)]
 pub(crate) fn notify<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     A::fence_after_exchange(Site::Notify);
@@ -27,7 +27,7 @@ pub(crate) fn notify<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     }
 }
 
-/// Makes all who wait look up, although nothing was published. Not for the hot path.
+/// Wakes every waiter although nothing was published, so that it checks for commands. Not for the hot path.
 pub(crate) fn interrupt<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     loop {
         let seen = Newest(head.newest.load(Acquire));
@@ -38,7 +38,7 @@ pub(crate) fn interrupt<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     notify(head, futex);
 }
 
-/// Sleeps until the word of the newest publication is no longer `seen`; may return early, for a signal.
+/// Sleeps until the word of the newest publication differs from `seen`; may return early on a signal.
 #[inline(always)]
 pub(crate) fn sleep<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>, seen: Newest) {
     head.sleepers.fetch_add(1, SeqCst);

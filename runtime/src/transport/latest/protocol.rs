@@ -1,15 +1,19 @@
-//! The pin protocol: how one writer and any number of readers share the slots of a topic without copying or waiting.
+//! The pin protocol: how one writer and any number of readers share the slots of a topic without copying or
+//! waiting.
 //!
-//! * The writer fills a slot that is neither the newest nor pinned, and announces it: one store of publication number
-//!   and slot in one word.
-//! * A reader pins the slot that is announced, then looks whether it still is. If so, the writer finds the pin before it
-//!   chooses that slot again, and the reader may use the value in place for as long as it keeps the pin. If not, it pins
-//!   the newer one: it tries again at most once per publication.
-//! * A tap wants a certain publication, newest or not. It pins the slot that is marked with the number, and looks whether
-//!   it still is; the writer takes the mark off a slot before it asks who has pinned it.
+//! * The writer fills a slot that is neither the newest nor pinned, and announces it with a single store of
+//!   one word, which holds the publication number and the slot.
+//! * A reader pins the announced slot, then checks that it is still the announced one. If it is, the writer
+//!   sees the pin before it could choose that slot again, and the reader may use the value in place for as
+//!   long as it keeps the pin. If not, the reader pins the newer one; it retries at most once per
+//!   publication.
+//! * A tap wants a particular publication, whether or not it is the newest. It pins the slot that is marked
+//!   with its number, then checks that the mark is still there; the writer removes the mark from a slot
+//!   before it checks who has pinned it.
 //!
-//! With as many slots as pins and two more the writer always finds one. A reader that dies leaves one slot pinned, until
-//! its successor pins another; a writer that dies leaves the last announced value, and a slot without a mark.
+//! With two more slots than pins, the writer always finds a free one. A reader that dies leaves one slot
+//! pinned until its successor pins another; a writer that dies leaves the last announced value and one slot
+//! without a mark.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
@@ -19,7 +23,7 @@ use crate::atomics::{Atomics, Site, Word};
 const INTERRUPT_BITS: u32 = 4;
 const NUMBER_BITS: u32 = 44;
 
-/// The newest publication of a topic, as it stands in one word: interrupts, number, slot.
+/// The newest publication of a topic, packed into one word: interrupt count, number, slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Newest(pub(crate) u64);
 
@@ -50,38 +54,38 @@ impl Newest {
     }
 }
 
-/// The words that the writer of a topic and all who wait for it share: one cache line.
+/// The words shared by the writer of a topic and everyone who waits for it: one cache line.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Head<A: Atomics> {
     /// The newest publication ([`Newest`]). Its low half is the futex on which waiters sleep.
     pub(crate) newest: A::U64,
-    /// Number of readers that sleep. One that is killed asleep stays counted: it costs a system call per
-    /// publication, no more.
+    /// Number of sleeping readers. A reader killed while asleep stays counted, which only costs one system
+    /// call per publication.
     pub(crate) sleepers: A::U32,
-    /// One more than the core of the last publication; 0 before.
+    /// Core of the last publication plus 1; 0 before the first.
     pub(crate) core: A::U32,
 }
 
-/// The slot that a reader uses: a cache line, and the one that processors fetch with it.
+/// The slot that a reader uses. It fills a cache line and the neighbour that processors prefetch with it.
 #[derive(Debug)]
 #[repr(C, align(128))]
 pub(crate) struct Pin<A: Atomics> {
-    /// One more than the slot; 0 for none.
+    /// Slot plus 1; 0 for none.
     pub(crate) slot: A::U32,
 }
 
-/// The shared words of a topic, wherever they lie.
+/// The shared words of a topic, wherever they are stored.
 pub(crate) trait Words<A: Atomics> {
     /// The words of the newest publication.
     fn head(&self) -> &Head<A>;
-    /// All pins, those of components first.
+    /// All pins; those of components come first.
     fn pins(&self) -> &[Pin<A>];
     /// Number of slots.
     fn slots(&self) -> usize;
-    /// The number of the publication that a slot holds; 0 while it is being filled.
+    /// Number of the publication that a slot holds; 0 while it is being filled.
     fn mark(&self, slot: usize) -> &A::U64;
-    /// The time of the publication that a slot holds, ns.
+    /// Time of the publication that a slot holds, ns.
     fn time(&self, slot: usize) -> &A::U64;
 }
 
@@ -96,16 +100,17 @@ pub(crate) fn newest<A: Atomics>(head: &Head<A>) -> Newest {
 pub(crate) enum Reuse {
     /// The first free one, one at a time: two large values take turns, and stay in the cache.
     First,
-    /// All free ones at once. A slot that is free stays free until it is published, so the writer looks at the pins, which
-    /// takes their cache lines away from the readers, once in several publications.
+    /// Takes all free slots at once. A free slot stays free until it is published, so the writer reads the
+    /// pins, which takes their cache lines away from the readers, only once in several publications.
     Several,
-    /// Those that were filled longest ago: taps find the values before. Of many slots several are taken at once.
+    /// Takes the slots that were filled longest ago, so that taps find the earlier values. If there are many
+    /// slots, several are taken at once.
     Oldest,
 }
 
 /// Largest number of slots that a writer takes at once.
 const TAKEN: usize = 8;
-/// Slots that a topic with a history has at least for each of them that is taken at once.
+/// Smallest number of slots, for each slot taken at once, in a topic with a history.
 const MANY: usize = 16;
 
 /// The writing side of a topic. There is one at a time.
@@ -116,14 +121,14 @@ pub(crate) struct Writer {
     number: u64,
     /// Slot of the last publication.
     newest: usize,
-    /// The slots that are taken for the next publications; the last one is filled first.
+    /// The slots taken for the next publications; the last one is filled first.
     taken: [usize; TAKEN],
     /// Number of slots taken.
     count: usize,
 }
 
 impl Writer {
-    /// Takes over from the writer before, if there was one.
+    /// Takes over from the previous writer, if there was one.
     pub(crate) fn new<A: Atomics>(words: &impl Words<A>, reuse: Reuse) -> Self {
         let newest = newest(words.head());
         Self { reuse, number: newest.number(), newest: newest.slot(), taken: [0; TAKEN], count: 0 }
@@ -165,10 +170,11 @@ impl Writer {
         let wanted = match self.reuse {
             Reuse::First => 1,
             Reuse::Several => TAKEN,
-            // Slots that are taken hold nothing for taps: few of many, and no more than there are beyond the history.
+            // Taps find nothing in taken slots: take few of many, and no more than there are beyond the
+            // history.
             Reuse::Oldest => (words.slots() / MANY).clamp(1, TAKEN.min(words.pins().len() + 1)),
         };
-        // Pins as they are seen in passing spare a fence for each slot that is taken.
+        // Glancing at the pins first saves a fence for each taken slot.
         let seems_free = |slot: usize| !is_pinned::<A>(words.pins(), slot, Relaxed);
         let mut strict = false;
         while self.count == 0 {
@@ -177,7 +183,8 @@ impl Writer {
             while self.count == 0 && candidates.peek().is_some() {
                 self.claim(words, candidates.by_ref().take(wanted));
             }
-            // With two slots more than pins one is free; a pin seen in passing may be out of date.
+            // With two more slots than pins, one is free; the first glance at the pins may have been out of
+            // date.
             strict = true;
         }
         if self.reuse == Reuse::Oldest {
@@ -186,7 +193,7 @@ impl Writer {
         }
     }
 
-    /// Takes those of the slots, at most [`TAKEN`], that nobody has pinned.
+    /// Takes the unpinned ones of the slots, at most [`TAKEN`].
     fn claim<A: Atomics>(&mut self, words: &impl Words<A>, slots: impl Iterator<Item = usize>) {
         let mut marked = [(0, 0); TAKEN];
         let mut count = 0;
@@ -197,11 +204,12 @@ impl Writer {
             count += 1;
         }
         A::fence(Site::Claim);
-        // The last one is filled first, so the slots are used from the highest to the lowest: a reader's processor fetches
-        // lines beyond the end of what it reads, which here are those of an older value, not of the next to be filled.
+        // The last one is filled first, so the slots are used from highest to lowest: a reader's processor
+        // prefetches lines beyond the end of what it reads, which then belong to an older value, not to the
+        // next one to be filled.
         for (slot, held) in &marked[..count] {
             if is_pinned::<A>(words.pins(), *slot, A::at(Site::Scan, Acquire)) {
-                // Its value is as it was.
+                // Its value is unchanged.
                 words.mark(*slot).store(*held, A::at(Site::Mark, Release));
             } else {
                 self.taken[self.count] = *slot;
@@ -210,7 +218,7 @@ impl Writer {
         }
     }
 
-    /// All slots but the newest, in the order in which they are to be tried.
+    /// Returns all slots but the newest, in the order in which to try them.
     fn candidates(&self, slots: usize) -> impl Iterator<Item = usize> + use<> {
         let (newest, published) = (self.newest, self.number > 0);
         let first = match self.reuse {
@@ -225,16 +233,16 @@ fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atom
     pins.iter().fold(false, |pinned, pin| pinned | (pin.slot.load(ordering) == slot as u32 + 1))
 }
 
-/// Announces a publication: its time and its number, in its slot, then itself.
+/// Announces a publication: first its time and number in its slot, then the publication itself.
 ///
-/// It is the one store to the line that waiters poll: a core that polls takes the line away after each of them, and the next
-/// would have to fetch it back.
+/// This is the only store to the line that waiters poll: a polling core takes the line away after each store,
+/// and a further store would have to fetch it back.
 #[inline]
 pub(crate) fn announce<A: Atomics>(words: &impl Words<A>, newest: Newest, time_ns: u64) {
     words.time(newest.slot()).store(time_ns, A::at(Site::Time, Release));
     words.mark(newest.slot()).store(newest.number(), A::at(Site::Mark, Release));
-    // In one exchange with what an interrupt left there: a reader that sees the publication then sees what the interrupt is
-    // about.
+    // Swapped with whatever an interrupt left there: a reader that sees the publication then also sees what
+    // the interrupt was for.
     words.head().newest.swap(newest.0, A::at(Site::Publish, Release));
 }
 
@@ -243,20 +251,21 @@ pub(crate) fn announce<A: Atomics>(words: &impl Words<A>, newest: Newest, time_n
 pub(crate) fn newest_with_time<A: Atomics>(words: &impl Words<A>) -> (Newest, u64) {
     loop {
         let seen = newest(words.head());
-        // A word that names a slot that is not there was damaged.
+        // A word that names a nonexistent slot is damaged.
         let time_ns = if seen.slot() < words.slots() { words.time(seen.slot()).load(Relaxed) } else { 0 };
         A::read_fence(Site::TimeRead);
-        // The slot is filled anew once another one is the newest.
+        // The slot is refilled once another one is the newest.
         if Newest(words.head().newest.load(Relaxed)).number() == seen.number() {
             return (seen, time_ns);
         }
     }
 }
 
-/// Pins the newest value unless it is the publication `last`, or there is none. Returns which one is pinned. A word that
-/// names a slot that is not there was damaged: there is no news in it.
+/// Pins the newest value unless it is the publication `last` or there is none. Returns which one is pinned. A
+/// word that names a nonexistent slot is damaged and counts as no news.
 ///
-/// `fetch` is called with the slot just before it is pinned: both may be on their way from another core at once.
+/// `fetch` is called with the slot just before it is pinned, because both may have to come from another core
+/// at the same time.
 #[inline]
 pub(crate) fn pin_newest<A: Atomics>(
     words: &impl Words<A>,
@@ -280,7 +289,7 @@ pub(crate) fn pin_newest<A: Atomics>(
     None
 }
 
-/// Pins a slot if it holds this publication; whether it does.
+/// Pins a slot if it holds this publication. Returns whether it does.
 pub(crate) fn pin_marked<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, slot: usize, number: u64) -> bool {
     let mark = words.mark(slot);
     if mark.load(Relaxed) != number {
@@ -290,7 +299,7 @@ pub(crate) fn pin_marked<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, slot: 
     mark.load(Acquire) == number
 }
 
-/// Lets go of whatever a pin holds.
+/// Releases whatever a pin holds.
 pub(crate) fn unpin<A: Atomics>(pin: &Pin<A>) {
     pin.slot.store(0, A::at(Site::Pin, Release));
 }

@@ -21,14 +21,14 @@ pub(crate) struct StateReader {
 }
 
 impl StateReader {
-    /// Takes over the pin of a port, of which there is one at a time.
+    /// Takes over the pin of a port. Only one reader at a time may hold it.
     pub(crate) fn new(memory: Rc<TopicMemory>, pin: usize) -> Self {
         let reader = Self { memory, pin, pinned: Newest::default() };
         unpin(reader.pin());
         reader
     }
 
-    /// Notes the lines that a look needs first.
+    /// Notes the cache lines that a look needs first.
     pub(crate) fn note_first_lines(&self, lines: &FirstLines) {
         lines.note(Rc::as_ptr(&self.memory), Access::Read);
         lines.note(self.memory.head(), Access::Read);
@@ -44,7 +44,7 @@ impl StateReader {
         &self.memory.pins()[self.pin]
     }
 
-    /// Number of the newest publication; 0 before the first.
+    /// Returns the number of the newest publication; 0 before the first.
     #[inline]
     pub(crate) fn newest(&self) -> u64 {
         self.memory.newest().number()
@@ -56,16 +56,16 @@ impl StateReader {
         self.pinned.number()
     }
 
-    /// Forgets what was read in the episode before.
+    /// Forgets what was read in the previous episode.
     pub(crate) fn begin_episode(&mut self) {
         self.pinned = Newest::default();
     }
 
-    /// Pins the newest value; whether it is another one than before.
+    /// Pins the newest value. Returns whether it differs from the one pinned before.
     #[inline(never)]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;
-        // The value that is still pinned: the next one is as long, as a rule.
+        // The value that is still pinned, because the next one usually has the same length.
         let like = (self.seen() > 0).then_some(self.pinned.slot());
         let fetch = |slot| {
             memory.fetch(slot, like, prefetch_read);
@@ -84,8 +84,8 @@ impl StateReader {
     pub(crate) fn current<T: StateBuffer>(&self) -> Option<(&Stamp, &T)> {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
         let slot = (self.seen() > 0).then_some(self.pinned.slot())?;
-        // SAFETY: the slot is pinned, so the writer does not touch it until this reader looks again, for which it needs
-        // `&mut self`. The port was opened for this very layout; every bit pattern is a valid value.
+        // SAFETY: the slot is pinned, so the writer does not touch it until this reader looks again, which
+        // needs `&mut self`. The port was opened for exactly this layout; every bit pattern is a valid value.
         Some(unsafe { (&*self.memory.stamp(slot), &*self.memory.value(slot).cast::<T>()) })
     }
 
@@ -93,8 +93,8 @@ impl StateReader {
     #[inline]
     pub(crate) fn current_bytes(&self) -> Option<(&Stamp, &[u8])> {
         let slot = (self.seen() > 0).then_some(self.pinned.slot())?;
-        // SAFETY: as in `current`; the slot has room for a value of this size, all of it initialised by the system or by
-        // the writer.
+        // SAFETY: as in `current`; the slot has room for a value of this size, all of it initialised by the
+        // system or by the writer.
         Some(unsafe {
             let value = core::slice::from_raw_parts(self.memory.value(slot), self.memory.value_bytes());
             (&*self.memory.stamp(slot), value)

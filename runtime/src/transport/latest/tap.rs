@@ -8,20 +8,21 @@ use crate::os::Lock;
 use crate::state::Stamp;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// Tries to pin a publication before it counts as not there yet.
+/// Number of attempts to pin a publication before it counts as not yet available.
 const TRIES: usize = 64;
 
-/// A reader of each publication of a topic, in order, from the slots behind the newest. The writer does nothing for it.
+/// A reader of each publication of a topic, in order, from the slots behind the newest. The writer does
+/// nothing for it.
 #[derive(Debug)]
 pub(crate) struct Tap {
     memory: TopicMemory,
     pin: usize,
     /// Number of the last publication read.
     last: u64,
-    /// Slot of the last publication read: the next one is behind it as a rule.
+    /// Slot of the last publication read; the next one usually follows it.
     slot: usize,
     missed: u64,
-    /// Held for as long as the pin is used; dropped after it.
+    /// Held for as long as the pin is used, and dropped after it.
     _place: Lock,
 }
 
@@ -34,13 +35,14 @@ impl Tap {
         Self { memory, pin, last, slot: newest.slot(), missed: 0, _place: place }
     }
 
-    /// Hands the next publication to `read`, stamp and bytes, where it lies; false if there is none yet.
+    /// Passes the stamp and bytes of the next publication to `read`, in place. Returns false if there is none
+    /// yet.
     pub(crate) fn next(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
-        // A try fails when the writer takes the slot; words that were damaged make all of them fail.
+        // An attempt fails if the writer takes the slot; damaged words make all attempts fail.
         for _ in 0..TRIES {
             let newest = self.memory.newest().number();
             if self.last > newest {
-                // An episode has begun, which takes back what was published before, and numbers begin anew.
+                // A new episode has begun: it withdraws what was published before and restarts the numbers.
                 self.last = 0;
             }
             if self.last == newest {
@@ -52,7 +54,7 @@ impl Tap {
             }
             self.missed += number - self.last - 1;
             (self.last, self.slot) = (number, slot);
-            // SAFETY: the slot is pinned until `unpin`: the writer does not touch it meanwhile.
+            // SAFETY: the slot is pinned until `unpin`, so the writer does not touch it in the meantime.
             let (stamp, bytes) = unsafe {
                 let value = self.memory.value(slot).cast_const();
                 (&*self.memory.stamp(slot), core::slice::from_raw_parts(value, self.memory.value_bytes()))
@@ -64,7 +66,7 @@ impl Tap {
         false
     }
 
-    /// The oldest publication after the last one read that is still there, and its slot.
+    /// Returns the oldest publication after the last one read that is still available, and its slot.
     fn find(&self, newest: u64) -> Option<(u64, usize)> {
         let wanted = self.last + 1;
         let (slots, memory) = (self.memory.slots(), &self.memory);
@@ -81,7 +83,7 @@ impl Tap {
         oldest
     }
 
-    /// Publications that were overwritten before they could be read.
+    /// Returns the number of publications that were overwritten before they could be read.
     pub(crate) fn missed(&self) -> u64 {
         self.missed
     }

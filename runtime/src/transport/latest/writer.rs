@@ -25,7 +25,7 @@ impl StateWriter {
         Self { memory, writer }
     }
 
-    /// The slot to fill next. It holds whatever an earlier publication left there.
+    /// Returns the slot to fill next. It still holds whatever an earlier publication left there.
     #[inline]
     pub(crate) fn slot(&self) -> usize {
         self.writer.borrow_mut().slot(&*self.memory)
@@ -34,16 +34,16 @@ impl StateWriter {
     /// The value in the slot that is being filled, to be written.
     ///
     /// # Safety
-    /// The caller has the only reference to the value: an output is the one user of its writer's slot, and lends it
-    /// through `&mut` of itself.
+    /// The caller has the only reference to the value: an output is the one user of its writer's slot, and
+    /// lends it through `&mut` of itself.
     #[inline]
     #[allow(clippy::mut_from_ref)]
     pub(crate) unsafe fn value_mut<T: StateBuffer>(&self) -> &mut T {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
-        // A core that polls has a copy of the line: it is asked to give it up while the value is filled.
+        // A polling core has a copy of the line: ask for it back while the value is being filled.
         prefetch_write(core::ptr::from_ref(self.memory.head()).cast(), 1);
-        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. The port was opened
-        // for this very layout; every bit pattern is a valid value.
+        // SAFETY: the slot is claimed, so no reader uses it, and by the caller's promise nobody else does.
+        // The port was opened for exactly this layout; every bit pattern is a valid value.
         unsafe { &mut *self.memory.value(self.slot()).cast::<T>() }
     }
 
@@ -54,8 +54,9 @@ impl StateWriter {
     #[inline]
     #[allow(clippy::mut_from_ref)]
     pub(crate) unsafe fn bytes_mut(&self) -> &mut [u8] {
-        // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. It has room for a
-        // value of this size, all of it initialised by the system or by an earlier publication.
+        // SAFETY: the slot is claimed, so no reader uses it, and by the caller's promise nobody else does. It
+        // has room for a value of this size, all of it initialised by the system or by an earlier
+        // publication.
         unsafe { core::slice::from_raw_parts_mut(self.memory.value(self.slot()), self.memory.value_bytes()) }
     }
 
@@ -70,7 +71,7 @@ impl StateWriter {
         self.writer.borrow().number()
     }
 
-    /// Announces the filled slot; [`TopicMemory::notify`] is to follow.
+    /// Announces the filled slot; the caller then calls [`TopicMemory::notify`].
     #[inline(always)]
     pub(crate) fn publish(&self, stamp: &Stamp) {
         let mut writer = self.writer.borrow_mut();
@@ -79,17 +80,18 @@ impl StateWriter {
         writer.publish(&*self.memory, stamp.publish_time);
     }
 
-    /// Chooses the slot of the next publication and fetches it, while nobody waits for the writer. Returns where it is.
+    /// Chooses the slot of the next publication and fetches it while nobody waits for the writer. Returns its
+    /// address.
     ///
-    /// The slot of a large value is chosen when it is filled: by then the readers have let go of the one before, and two
-    /// slots that take turns stay in the cache where three would not.
+    /// The slot of a large value is chosen only when it is filled: by then the readers have released the
+    /// previous one, and two slots that alternate stay in the cache where three would not.
     #[inline]
     pub(crate) fn prepare(&self) -> Option<*const u8> {
         if self.memory.is_large() {
             return None;
         }
         let slot = self.writer.borrow_mut().slot(&*self.memory);
-        // It will be as long as the one before, as a rule.
+        // It usually has the same length as the previous one.
         let newest = self.memory.newest();
         let like = (newest.number() > 0 && newest.slot() != slot).then_some(newest.slot());
         Some(self.memory.fetch(slot, like, prefetch_write))

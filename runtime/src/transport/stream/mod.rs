@@ -14,6 +14,6 @@ pub(crate) use writer::{Lent, StreamWriter};
 pub(crate) trait Connect {
     fn connect(&self) -> Result<(), String>;
 
-    /// Drops what is left from the episode before.
+    /// Drops what is left from the previous episode.
     fn begin_episode(&self) {}
 }

@@ -30,7 +30,7 @@ pub(crate) struct StreamReader<T> {
 }
 
 impl<T: StateBuffer> StreamReader<T> {
-    /// Joins a topic whose layout is that of the content.
+    /// Joins a topic whose layout matches the content.
     pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
         let queue = Rc::new(open_queue(participant.node(), place.topic)?);
         let (topic, content) = (place.index, PhantomData);
@@ -41,8 +41,9 @@ impl<T: StateBuffer> StreamReader<T> {
         self.queue.clone()
     }
 
-    /// Takes the next sample from the queue that may be read; whether there was one. One that is not valid, or whose number
-    /// is not above the last one's, is refused and counted, and what was read before stays.
+    /// Takes the next readable sample from the queue. Returns whether there was one. A sample that is
+    /// invalid, or whose number is not above the last one, is refused and counted, and the previous sample
+    /// stays.
     pub(crate) fn take(&mut self, context: &Context, is_valid: impl Fn(&[T]) -> bool) -> bool {
         while let Some(sample) = receive(&self.queue) {
             let (stamp, bytes) = parts(&sample);
@@ -52,7 +53,7 @@ impl<T: StateBuffer> StreamReader<T> {
                 add(&context.block().refused, 1);
                 continue;
             }
-            // A restarted publisher goes on counting; a reader that comes late has lost nothing.
+            // A restarted publisher continues the count; a reader that joins late has lost nothing.
             let lost = if self.last.1 == 0 { 0 } else { number.saturating_sub(self.last.1 + 1) };
             if lost > 0 {
                 self.lost += lost;
@@ -65,7 +66,7 @@ impl<T: StateBuffer> StreamReader<T> {
         false
     }
 
-    /// Forgets what was read in the episode before; what was left in the queue is gone already.
+    /// Forgets what was read in the previous episode; whatever was left in the queue is already gone.
     pub(crate) fn begin_episode(&mut self) {
         (self.current, self.last) = (None, (0, 0));
     }
@@ -85,7 +86,7 @@ impl<T: StateBuffer> StreamReader<T> {
         self.current().map(|(stamp, values)| (stamp, unsafe { values.get_unchecked(0) }))
     }
 
-    /// Values that were overwritten in the queue before they were read.
+    /// Returns the number of values that were overwritten in the queue before they were read.
     pub(crate) fn lost(&self) -> u64 {
         self.lost
     }

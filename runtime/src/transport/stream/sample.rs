@@ -1,7 +1,7 @@
-//! Samples of a stream: a stamp, and bytes of the type that the port knows.
+//! Samples of a stream: a stamp and the bytes of a type that the port knows.
 //!
-//! All streams are carried by the same iceoryx2 ports, whose services are told their types at run time: compiled for each
-//! type of message, the ports were a fifth of all code of a component.
+//! All streams use the same iceoryx2 ports, whose services get their types at run time: compiled separately
+//! for each message type, the ports would be a fifth of a component's code.
 
 #![allow(unsafe_code)] // bytes in shared memory become values of the type that their port was opened for
 
@@ -13,9 +13,9 @@ use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 use crate::domain::Shared;
 use crate::state::{Stamp, StateBuffer};
 
-/// The bytes of a sample: a marker stands for each.
+/// The bytes of a sample; each is represented by a marker.
 pub(crate) type Bytes = [CustomPayloadMarker];
-/// The user header of a sample: a marker stands for its stamp.
+/// The user header of a sample; its stamp is represented by a marker.
 pub(crate) type Header = CustomHeaderMarker;
 /// The reading end of a service.
 pub(crate) type Queue = Subscriber<Shared, Bytes, Header>;
@@ -24,8 +24,8 @@ pub(crate) type Sender = Publisher<Shared, Bytes, Header>;
 /// A sample that was received.
 pub(crate) type Received = Sample<Shared, Bytes, Header>;
 
-/// Takes the next sample from a queue. An error there means that a connection could not be made to a publisher that is just
-/// dying or being born; the sample is then simply not there yet, and its age tells.
+/// Takes the next sample from a queue. An error means that a connection could not be made to a publisher that
+/// is just starting or dying; the sample is then simply not there yet, and its age shows that.
 #[inline(never)]
 pub(crate) fn receive(queue: &Queue) -> Option<Received> {
     queue.receive().ok().flatten()
@@ -34,8 +34,9 @@ pub(crate) fn receive(queue: &Queue) -> Option<Received> {
 /// The stamp of a sample, and the bytes of its payload.
 #[inline]
 pub(crate) fn parts(sample: &Received) -> (&Stamp, &[u8]) {
-    // SAFETY: every service of a topic is made with a `Stamp` as user header, for which its marker stands. The memory is not
-    // of this program: its address was made from a number, and stays valid while the sample is held.
+    // SAFETY: every service of a topic is created with a `Stamp` as its user header, which the marker
+    // represents. The memory does not belong to this program: its address was made from a number and stays
+    // valid while the sample is held.
     let stamp = unsafe { &*exposed::<Stamp>(sample.user_header()) };
     (stamp, as_bytes(sample.payload()))
 }
@@ -43,11 +44,12 @@ pub(crate) fn parts(sample: &Received) -> (&Stamp, &[u8]) {
 /// The bytes behind their markers.
 #[inline]
 pub(super) fn as_bytes(payload: &Bytes) -> &[u8] {
-    // SAFETY: a marker stands for each byte of the payload, all of its elements, and has its size.
+    // SAFETY: a marker represents each byte of the payload, over all of its elements, and has the size of a
+    // byte.
     unsafe { core::slice::from_raw_parts(payload.as_ptr().cast::<u8>(), payload.len()) }
 }
 
-/// The memory behind a marker, in the mapping that its address came from.
+/// Returns the memory behind a marker, in the mapping that its address came from.
 #[inline]
 pub(super) fn exposed<T>(marker: &Header) -> *const T {
     core::ptr::with_exposed_provenance(core::ptr::from_ref(marker).addr())
@@ -59,6 +61,7 @@ pub(super) fn exposed<T>(marker: &Header) -> *const T {
 /// The service of the sample was opened for the layout of `T`.
 #[inline]
 pub(super) unsafe fn values<T: StateBuffer>(bytes: &[u8]) -> &[T] {
-    // SAFETY: the caller's promise: alignment and size are those of `T`, of which every bit pattern is valid.
+    // SAFETY: by the caller's promise, alignment and size are those of `T`, for which every bit pattern is
+    // valid.
     unsafe { core::slice::from_raw_parts(bytes.as_ptr().cast::<T>(), bytes.len() / size_of::<T>()) }
 }

@@ -38,7 +38,7 @@ impl<T: StateBuffer> SliceInput<T> {
         Ok(Self { queue: Some(queue), effects: place.effects(participant) })
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.queue.as_ref().map(StreamReader::connection)
     }
@@ -48,7 +48,7 @@ impl<T: StateBuffer> SliceInput<T> {
         self.queue.is_some()
     }
 
-    /// The next slice that was not read, in order, with its stamp. It stays where it is until the next call.
+    /// Returns the next unread slice, in order, with its stamp. It stays in place until the next call.
     pub fn next_unread(&mut self) -> Option<(Stamp, &[T])> {
         let queue = self.queue.as_mut()?;
         if self.effects.begins_episode() {
@@ -69,7 +69,7 @@ impl<T: StateBuffer> SliceInput<T> {
         queue.current().map(|(stamp, values)| (*stamp, values))
     }
 
-    /// Slices that were overwritten before they were read.
+    /// Returns the number of slices that were overwritten before they were read.
     pub fn lost(&self) -> u64 {
         self.queue.as_ref().map_or(0, StreamReader::lost)
     }
@@ -101,7 +101,7 @@ pub struct SliceLoan<'a, T: StateBuffer> {
     sample: Option<Lent<T>>,
     length: usize,
     output: &'a mut SliceOutput<T>,
-    /// True if all of it was checked while it was written, and nothing was written since.
+    /// True if all of it was checked while it was written and nothing has been written since.
     checked: bool,
 }
 
@@ -126,7 +126,7 @@ impl<T: StateBuffer> SliceOutput<T> {
         Ok(Self { port, longest, wired: Some((stream, topic)), scratch: Vec::new(), context })
     }
 
-    /// The connection to be made before the first step.
+    /// Returns the connection to make before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
         self.wired.as_ref().map(|(stream, _)| stream.connection())
     }
@@ -180,9 +180,9 @@ impl<T: StateBuffer> core::ops::DerefMut for SliceLoan<'_, T> {
 }
 
 impl<T: StateBuffer> SliceLoan<'_, T> {
-    /// Fills the slice from its first element on, until either end, and checks each element while it is at hand:
-    /// [`publish`](Self::publish) then does not read the slice a second time, unless it is written to in between or was
-    /// not filled to its end. Returns how many were written.
+    /// Fills the slice from its start, until the slice is full or the values run out, and checks each element
+    /// as it is written. [`publish`](Self::publish) then does not read the slice a second time, unless it was
+    /// written to in the meantime or was not filled completely. Returns how many elements were written.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -208,12 +208,12 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
         self.finish(None)
     }
 
-    /// As [`publish`](Self::publish), with the source time of the slice, such as the exposure of an image, ns on the clock
-    /// of stamps: see [`Loan::publish_from`](crate::transport::Loan::publish_from).
+    /// As [`publish`](Self::publish), with the source time of the slice, such as the exposure time of an
+    /// image, in ns on the clock of stamps: see [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
-    /// As [`publish`](Self::publish); and [`StepError::SourceInFuture`] if the source time is in the future by more than
-    /// 1 ms.
+    /// As [`publish`](Self::publish), and [`StepError::SourceInFuture`] if the source time is more than 1 ms
+    /// in the future.
     pub fn publish_from(self, source_ns: u64) -> Result<(), StepError> {
         self.finish(Some(source_ns))
     }

@@ -24,7 +24,7 @@ pub(crate) struct StreamWriter<T> {
 }
 
 impl<T: StateBuffer> StreamWriter<T> {
-    /// Joins a topic of this layout, of slices of so many values at most, or of single ones.
+    /// Joins a topic with this layout, of slices of at most this many values, or of single values.
     pub(crate) fn open(
         participant: &Participant,
         topic: &TopicPlan,
@@ -33,8 +33,8 @@ impl<T: StateBuffer> StreamWriter<T> {
         Ok(Self { sender: Rc::new(open_sender(participant.node(), topic, longest)?), content: PhantomData })
     }
 
-    /// Lends the memory of the next sample, of so many values, of which a stream of single ones takes one; `None` if readers
-    /// hold all of it.
+    /// Lends the memory of the next sample, with room for this many values (a stream of single values takes
+    /// one); `None` if readers hold all of it.
     pub(crate) fn lend(&self, count: usize) -> Option<Lent<T>> {
         lend(&self.sender, count).map(|sample| Lent { sample, content: PhantomData })
     }
@@ -52,7 +52,7 @@ pub(crate) struct Lent<T> {
 }
 
 impl<T: StateBuffer> Lent<T> {
-    /// The values as they were filled so far.
+    /// Returns the values filled so far.
     #[inline]
     pub(crate) fn payload(&self) -> &[T] {
         // SAFETY: its sender was opened for values of this type.
@@ -64,11 +64,11 @@ impl<T: StateBuffer> Lent<T> {
     pub(crate) fn payload_mut(&mut self) -> &mut [T] {
         let bytes = self.sample.payload_mut();
         let count = bytes.len() / size_of::<T>();
-        // SAFETY: as for `payload`; the sample is lent to this loan alone.
+        // SAFETY: as for `payload`; the sample is lent to this loan only.
         unsafe { core::slice::from_raw_parts_mut(bytes.as_mut_ptr().cast::<T>(), count) }
     }
 
-    /// Sends it; false if it could not be.
+    /// Sends the sample; returns false if that failed.
     pub(crate) fn send(self, stamp: Stamp) -> bool {
         send(self.sample, stamp)
     }
@@ -76,17 +76,17 @@ impl<T: StateBuffer> Lent<T> {
 
 #[inline(never)]
 fn lend(sender: &Sender, count: usize) -> Option<SampleMut<Shared, Bytes, Header>> {
-    // SAFETY: a service of single values is asked for one, by the one port that writes them.
+    // SAFETY: a service of single values is asked for exactly one, by the only port that writes them.
     let sample = unsafe { sender.loan_custom_payload(count) }.ok()?;
-    // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is a valid value
-    // (the contract of `Field`).
+    // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is
+    // a valid value (the contract of `Field`).
     Some(unsafe { sample.assume_init() })
 }
 
 #[inline(never)]
 fn send(mut sample: SampleMut<Shared, Bytes, Header>, stamp: Stamp) -> bool {
     let header = exposed::<Stamp>(sample.user_header_mut()).cast_mut();
-    // SAFETY: as in `parts`; the sample is lent to this call alone.
+    // SAFETY: as in `parts`; the sample is lent to this call only.
     unsafe { header.write(stamp) };
     sample.send().is_ok()
 }

@@ -1,4 +1,4 @@
-//! Values and slices that are checked while they are written.
+//! Tests of values and slices that are checked while they are written.
 
 use std::cell::RefCell;
 
@@ -8,7 +8,7 @@ use super::*;
 use crate::declare::StepError;
 use crate::state::{CloudPoint, MAX_RANGES, Ranges};
 
-/// Fills by hand what `fill_from` is to be equal to.
+/// Fills by hand the value that `fill_from` must match.
 fn send_by_hand(output: &mut Output<Ranges>, values: &[f32]) -> Result<(), StepError> {
     let mut loan = output.loan()?;
     loan.set_count(values.len());
@@ -28,7 +28,7 @@ fn outcome(result: Result<(), StepError>) -> Result<(), String> {
 }
 
 #[test]
-fn a_number_that_is_not_finite_is_refused_wherever_it_stands_as_in_a_value_filled_by_hand() {
+fn a_number_that_is_not_finite_is_refused_at_any_position() {
     let bench = Bench::new(Ranges::layout(), TopicPattern::State);
     let output = RefCell::new(bench.output::<Ranges>());
     let values = |count: usize| (0..count).map(|i| i as f32 * 0.01).collect::<Vec<_>>();
@@ -49,7 +49,7 @@ fn a_number_that_is_not_finite_is_refused_wherever_it_stands_as_in_a_value_fille
 }
 
 #[test]
-fn a_value_that_was_filled_arrives_whole_and_a_refused_one_leaves_the_value_before() {
+fn a_refused_value_leaves_the_previous_one_in_place() {
     let bench = Bench::new(Ranges::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Ranges>(), bench.input::<Ranges>());
     let mut values: Vec<f32> = (0..1_500).map(|i| i as f32).collect();
@@ -62,7 +62,7 @@ fn a_value_that_was_filled_arrives_whole_and_a_refused_one_leaves_the_value_befo
 }
 
 #[test]
-fn what_is_written_after_the_filling_and_what_it_left_out_is_checked_as_well() {
+fn writes_outside_the_filled_part_are_checked_as_well() {
     let bench = Bench::new(Ranges::layout(), TopicPattern::State);
     let mut output = bench.output::<Ranges>();
     let values = [1.0_f32; 100];
@@ -101,7 +101,7 @@ fn numbers_from_elsewhere_are_not_filled() {
 }
 
 #[test]
-fn a_slice_is_refused_wherever_a_number_in_it_is_not_finite_as_one_filled_by_hand() {
+fn a_slice_with_a_non_finite_number_is_refused_at_any_position() {
     let pattern = TopicPattern::Slices { capacity: 4, longest: 3_000 };
     let bench = Bench::new(CloudPoint::layout(), pattern);
     let place = bench.output_place();

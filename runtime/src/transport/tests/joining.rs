@@ -1,11 +1,12 @@
-//! Programs that join a run while it is being made.
+//! Tests of programs that join a run while it is being created.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use super::*;
 
-/// Joins every run of a name as soon as it is seen, as a stock program of iceoryx2 does. Returns how many it joined.
+/// Joins every run with a given name as soon as it appears, as a stock iceoryx2 program does. Returns how
+/// many it joined.
 fn join_all(name: &str, done: &AtomicBool) -> usize {
     let mut joined = BTreeSet::new();
     while !done.load(Relaxed) {
@@ -19,7 +20,7 @@ fn join_all(name: &str, done: &AtomicBool) -> usize {
 }
 
 #[test]
-fn a_program_that_joins_a_run_while_it_is_made_does_not_keep_it_from_being_made() {
+fn joining_a_run_during_its_creation_does_not_prevent_it() {
     let mut plan = Bench::new(Wrench::layout(), TopicPattern::State).plan.clone();
     plan.name = format!("joined{}", std::process::id());
     let done = AtomicBool::new(false);
@@ -41,7 +42,7 @@ fn a_program_that_joins_a_run_while_it_is_made_does_not_keep_it_from_being_made(
         all_made.unwrap();
         joined
     });
-    // What was joined while it ended may have been made anew.
+    // A run that was joined while it ended may have been created again.
     for run in &made {
         run.remove();
     }

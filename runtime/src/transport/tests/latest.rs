@@ -8,7 +8,7 @@ use super::*;
 const LONG: Duration = Duration::from_secs(60);
 
 #[test]
-fn a_state_topic_gives_the_newest_value_and_a_second_look_gives_it_again() {
+fn a_second_read_returns_the_newest_value_again() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     assert!(input.latest().is_none());
@@ -24,7 +24,7 @@ fn a_state_topic_gives_the_newest_value_and_a_second_look_gives_it_again() {
 }
 
 #[test]
-fn a_reader_that_keeps_its_sample_never_holds_up_the_writer() {
+fn a_reader_that_keeps_its_sample_never_blocks_the_writer() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     output.send(&wrench(1.0)).unwrap();
@@ -42,7 +42,7 @@ fn a_state_is_read_where_the_writer_left_it() {
     output.send(&wrench(1.0)).unwrap();
     let first = core::ptr::from_ref::<Wrench>(&input.latest().unwrap());
     assert_eq!(core::ptr::from_ref::<Wrench>(&input.latest().unwrap()), first, "no copy is made");
-    // One slot for the reader, one for each of four taps, two for the writer.
+    // One slot for the reader, one for each of the four taps, two for the writer.
     let mut places = std::collections::HashSet::new();
     for x in 0..100 {
         output.send(&wrench(f64::from(x))).unwrap();
@@ -52,7 +52,7 @@ fn a_state_is_read_where_the_writer_left_it() {
 }
 
 #[test]
-fn a_killed_reader_costs_one_slot_until_its_successor_takes_the_pin_over() {
+fn a_killed_reader_costs_one_slot_until_it_is_replaced() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
     output.send(&wrench(1.0)).unwrap();
@@ -65,7 +65,7 @@ fn a_killed_reader_costs_one_slot_until_its_successor_takes_the_pin_over() {
 }
 
 #[test]
-fn a_writer_killed_while_it_fills_a_value_leaves_the_one_before_and_its_successor_counts_on() {
+fn a_writer_killed_while_filling_leaves_the_previous_value() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut killed, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     killed.send(&wrench(1.0)).unwrap();
@@ -91,7 +91,7 @@ fn news_show_without_reading_and_end_with_it() {
 }
 
 #[test]
-fn a_trigger_is_due_for_what_was_published_before_its_first_wait() {
+fn a_trigger_is_due_for_publications_before_its_first_wait() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
     output.send(&wrench(1.0)).unwrap();
@@ -100,13 +100,13 @@ fn a_trigger_is_due_for_what_was_published_before_its_first_wait() {
     trigger.wait();
     assert_eq!(trigger.newest().0, 1);
     assert!(!trigger.is_due());
-    // One that was restarted begins with what comes.
+    // A restarted component starts with what comes next.
     bench.region.components()[1].restarts.store(1, std::sync::atomic::Ordering::Relaxed);
     assert_eq!(bench.participant(1).trigger(bench.topic()).unwrap().first_seen(), 1);
 }
 
 #[test]
-fn an_input_waits_for_the_next_publication_and_no_longer_than_it_may() {
+fn an_input_waits_for_the_next_publication_up_to_its_limit() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
     assert!(!input.wait(Duration::from_millis(1)), "nothing is published");
@@ -126,7 +126,7 @@ fn an_input_waits_for_the_next_publication_and_no_longer_than_it_may() {
 }
 
 #[test]
-fn components_that_a_step_has_triggered_are_woken_before_it_waits() {
+fn triggered_components_are_woken_before_the_step_waits() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let participant = bench.participant(0);
     let place = OutputPlace { wakes_late: true, ..bench.output_place() };
@@ -153,7 +153,7 @@ fn components_that_a_step_has_triggered_are_woken_before_it_waits() {
 }
 
 #[test]
-fn no_publication_is_lost_however_waiting_and_publishing_fall_together() {
+fn no_publication_is_lost_when_waiting_and_publishing_race() {
     const ROUNDS: u64 = 20_000;
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let (folder, topic) = (&bench.folder, bench.topic());
@@ -190,7 +190,7 @@ fn no_publication_is_lost_however_waiting_and_publishing_fall_together() {
 }
 
 #[test]
-fn a_tap_reads_every_value_of_a_topic_with_a_history_and_counts_what_it_missed() {
+fn a_tap_reads_the_history_and_counts_missed_values() {
     let mut bench = Bench::with_history(32);
     bench.plan.name = "tapped".to_string();
     let domain = bench.folder.domain().unwrap();
@@ -214,7 +214,7 @@ fn a_tap_reads_every_value_of_a_topic_with_a_history_and_counts_what_it_missed()
 }
 
 #[test]
-fn four_taps_find_a_place_and_that_of_a_closed_one_is_free_again() {
+fn a_topic_has_four_tap_places_and_reuses_closed_ones() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let domain = bench.folder.domain().unwrap();
     let mut taps: Vec<_> = (0..4).map(|_| Tap::open(&domain, bench.topic()).unwrap()).collect();

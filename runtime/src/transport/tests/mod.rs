@@ -161,7 +161,7 @@ pub(crate) fn wrench(x: f64) -> Wrench {
 }
 
 #[test]
-fn under_hold_what_is_made_after_the_deadline_is_withheld_and_counted_and_under_no_other_policy() {
+fn only_hold_withholds_and_counts_late_publications() {
     for policy in
         [OnOverrun::Hold, OnOverrun::Skip, OnOverrun::CatchUp, OnOverrun::Rephase, OnOverrun::SafeStop]
     {
@@ -177,7 +177,7 @@ fn under_hold_what_is_made_after_the_deadline_is_withheld_and_counted_and_under_
             [1_999, 2_000, 2_001].map(|now| context.stamp(1, now, None).is_err()),
             [false, false, holds]
         );
-        // the deadline lies ahead, then long ago
+        // the deadline lies ahead, then long past
         for (deadline_ns, x) in [(u64::MAX, 1.0), (2_000, 2.0)] {
             context.enter_step(1_000, 1_000, deadline_ns);
             output.send(&wrench(x)).unwrap();
@@ -205,7 +205,7 @@ fn a_value_that_is_not_finite_is_not_published() {
 }
 
 #[test]
-fn what_lies_beyond_the_count_is_neither_checked_nor_shown() {
+fn entries_beyond_the_count_are_neither_checked_nor_shown() {
     let bench = Bench::new(JointState::layout(), TopicPattern::State);
     let (mut output, mut input) = (bench.output::<JointState>(), bench.input::<JointState>());
     let mut loan = output.loan().unwrap();
@@ -218,7 +218,7 @@ fn what_lies_beyond_the_count_is_neither_checked_nor_shown() {
 
 pub(crate) mod swapped {
     crate::state_buffer! {
-        /// A wrench whose fields are in the other order: same name, same size.
+        /// A wrench whose fields are in a different order: same name, same size.
         pub(crate) struct Wrench as "motorium.Wrench" {
             /// Torque, N m.
             pub(crate) torque: [f64; 3],
@@ -238,7 +238,7 @@ fn two_layouts_of_one_size_do_not_meet_and_the_error_shows_both() {
 }
 
 #[test]
-fn a_parameter_set_from_outside_takes_effect_at_the_next_tick_boundary() {
+fn a_set_parameter_takes_effect_at_the_next_tick() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut reader = ParameterReader::open(&bench.node, &bench.plan.components[1]).unwrap();
     let (_, numbers, place) = reader.parameter("gain").unwrap();
@@ -296,7 +296,7 @@ fn several_parameters_of_a_component_change_together_or_not_at_all() {
 }
 
 #[test]
-fn a_parameter_out_of_range_or_of_another_type_is_refused_with_what_is_allowed() {
+fn an_invalid_parameter_is_refused_with_the_allowed_values() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut plan = bench.plan.clone();
     plan.components.remove(0);

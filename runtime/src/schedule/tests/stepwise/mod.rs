@@ -1,5 +1,5 @@
-//! A machine simulated in unit steps of time, with steps, wake-ups and publications that vary at random within what
-//! the graph and the overheads allow.
+//! A machine simulated in unit steps of time, with steps, wake-ups and publications that vary at random
+//! within what the graph and the overheads allow.
 
 mod properties;
 
@@ -27,7 +27,8 @@ pub(super) struct Seen {
     pub response: Vec<i64>,
     /// From the release at the head of its chain.
     pub chain: Vec<i64>,
-    /// From the source time of its data to its publication, by the component at which the data came into being.
+    /// From the source time of its data to its publication, by the component at which the data came into
+    /// being.
     pub latency: HashMap<(usize, usize), i64>,
     /// Share of time in which the core was busy, by core.
     pub busy: HashMap<usize, f64>,
