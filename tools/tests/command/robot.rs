@@ -372,3 +372,60 @@ fn a_robot_file_of_the_users_own_runs_in_a_graph() {
     let position = report["results"]["physics"]["joint_position"].as_array().expect("positions");
     assert_eq!(position.len(), 7);
 }
+
+#[test]
+fn states_of_an_mjcf_robot_name_joints() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = write(
+        folder.path(),
+        "two.xml",
+        r#"<mujoco><worldbody><body name="b"><joint name="second" axis="0 0 1"/><geom size="0.1"/>
+        <body name="c" pos="1 0 0"><joint name="first" axis="0 0 1"/><geom size="0.1"/></body></body></worldbody></mujoco>"#,
+    );
+    let eval = |states: Value, more: &[&str]| {
+        let file = write(folder.path(), "states.json", &states.to_string());
+        json(&[&["robot", "eval", &robot, "--states", &file, "--json"], more].concat())
+    };
+    let positions = json!({ "second": 0.3, "first": -0.2 });
+    let named = eval(json!({ "cases": [{ "joint_positions": positions }] }), &["--frame", "c"]);
+    assert_eq!(named["cases"][0]["joint_positions"], positions);
+    assert_eq!(named["cases"][0]["q"], json!([0.3, -0.2]), "the order of the file");
+    assert_eq!(named["cases"][0]["frames"]["c"]["p"][0], json!(0.3_f64.cos()));
+}
+
+#[test]
+fn the_mass_of_fixed_links_is_printed_too() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let heavy = r#"<link name="base"><inertial><mass value="3"/>
+        <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>"#;
+    let text = urdf(&format!("{LINK}{JOINT}")).replace(r#"<link name="base"/>"#, heavy);
+    let file = write(folder.path(), "own.urdf", &text);
+    for command in ["check", "show"] {
+        let text = printed(&["robot", command, &file]);
+        assert!(text.contains("1 kg moving, 4 kg in total"), "{text}");
+    }
+    let size = &json(&["robot", "check", &file, "--json"])["size"];
+    assert_eq!((&size["mass"], &size["total_mass"]), (&json!(1.0), &json!(4.0)));
+}
+
+#[test]
+fn a_mesh_in_millimetres_is_doubted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(
+        folder.path(),
+        "part.obj",
+        "v 0 0 0\nv 300 0 0\nv 0 40 0\nv 0 0 40\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    );
+    let mesh = |scale: &str| {
+        let shape = format!(
+            r#"<collision><geometry><mesh filename="part.obj" {scale}/></geometry></collision></link>"#
+        );
+        let text =
+            urdf(&format!("{LINK}{JOINT}")).replacen("</inertial></link>", &format!("</inertial>{shape}"), 1);
+        let file = write(folder.path(), "own.urdf", &text);
+        json(&["robot", "check", &file, "--json"])["warnings"].clone()
+    };
+    let doubt = mesh("")[0].as_str().expect("a warning").to_string();
+    assert!(doubt.starts_with("link \"arm\": mesh of 300.0 m"), "{doubt}");
+    assert_eq!(mesh(r#"scale="0.001 0.001 0.001""#), json!([]));
+}

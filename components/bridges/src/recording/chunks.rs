@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 use std::io::Read;
 
-use mcap::read::parse_record;
-use mcap::records::{ChunkHeader, Record, op};
+use mcap::records::{ChunkHeader, ChunkIndex, Record, op};
 
 use super::framing::Frame;
+use super::lengths;
 
 /// Longest chunk that is decompressed \[bytes\]. Writers make chunks of a few megabytes; a few kilobytes can
 /// expand to gigabytes.
@@ -48,7 +48,11 @@ impl<'a> Chunk<'a> {
             unreadable: None,
             skipped: 0,
         };
-        let Some((header, stored, is_consistent)) = split(frame.body) else {
+        let parts = match frame.listed {
+            Some(index) => repaired(frame.body, index),
+            None => split(frame.body),
+        };
+        let Some((header, stored, is_consistent)) = parts else {
             (chunk.is_damaged, chunk.skipped) = (true, frame.body.len() as u64);
             return chunk;
         };
@@ -122,10 +126,8 @@ impl<'a> Chunk<'a> {
     fn parsed(&self, start: usize, end: usize) -> Option<Record<'a>> {
         let kind = self.content[start];
         match &self.content {
-            Cow::Borrowed(content) => parse_record(kind, &content[start + HEAD..end]).ok(),
-            Cow::Owned(content) => {
-                parse_record(kind, &content[start + HEAD..end]).ok().map(Record::into_owned)
-            }
+            Cow::Borrowed(content) => lengths::parsed(kind, &content[start + HEAD..end]),
+            Cow::Owned(content) => lengths::parsed(kind, &content[start + HEAD..end]).map(Record::into_owned),
         }
     }
 }
@@ -158,7 +160,32 @@ fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8], bool)> {
     Some((header, body.get(40 + name..)?, is_consistent))
 }
 
-/// Returns the content of a chunk, and whether it has the stated size.
+/// The header of a chunk as the index of the file has it, its stored bytes, and whether the chunk itself has the same header.
+/// The index has everything but the sum of the content.
+fn repaired<'a>(body: &'a [u8], index: &ChunkIndex) -> Option<(ChunkHeader, &'a [u8], bool)> {
+    let header = ChunkHeader {
+        message_start_time: index.message_start_time,
+        message_end_time: index.message_end_time,
+        uncompressed_size: index.uncompressed_size,
+        uncompressed_crc: u32::from_le_bytes(*body.get(24..)?.first_chunk()?),
+        compression: index.compression.clone(),
+        compressed_size: index.compressed_size,
+    };
+    let times = [header.message_start_time, header.message_end_time, header.uncompressed_size];
+    let expected = [
+        times.map(u64::to_le_bytes).as_flattened(),
+        &header.uncompressed_crc.to_le_bytes(),
+        &(header.compression.len() as u32).to_le_bytes(),
+        header.compression.as_bytes(),
+        &header.compressed_size.to_le_bytes(),
+    ]
+    .concat();
+    let (found, stored) = body.split_at_checked(expected.len())?;
+    let is_same = found == expected;
+    Some((header, stored, is_same))
+}
+
+/// The content of a chunk, and whether it has the stated size.
 fn decompress<'a>(header: &ChunkHeader, stored: &'a [u8]) -> Result<(Cow<'a, [u8]>, bool), String> {
     let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
     if header.compression.is_empty() {

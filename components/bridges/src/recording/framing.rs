@@ -5,8 +5,9 @@
 //! with a chunk.
 
 use mcap::MAGIC;
-use mcap::read::parse_record;
-use mcap::records::{Record, op};
+use mcap::records::{ChunkIndex, Record, op};
+
+use super::lengths;
 
 /// Bytes before the content of a record: its kind and its length.
 const HEAD: usize = 9;
@@ -24,9 +25,11 @@ pub(super) struct Frame<'a> {
     pub(super) end: usize,
     /// The file ends with the record.
     pub(super) is_last: bool,
-    /// The length of the record is damaged or was never written; the content ends where the next record or
-    /// the file does.
+    /// The length of the record is damaged or was never written; the content ends where the index, the next record or the file
+    /// does.
     pub(super) is_cut: bool,
+    /// The chunk as the index lists it.
+    pub(super) listed: Option<&'a ChunkIndex>,
 }
 
 /// Walks through the records at the top level.
@@ -34,17 +37,17 @@ pub(super) struct Frame<'a> {
 pub(super) struct Frames<'a> {
     file: &'a [u8],
     position: usize,
-    /// Starts of the chunks that the index lists, in ascending order.
-    chunks: &'a [usize],
-    /// Number of bytes that belong to no record.
+    /// The chunks that the index lists, in ascending order.
+    chunks: &'a [ListedChunk],
+    /// Bytes that belong to no record.
     pub(super) skipped: u64,
     /// The footer was reached.
     pub(super) has_footer: bool,
 }
 
 impl<'a> Frames<'a> {
-    /// Creates an iterator over the records of a file; `chunks` lists the chunks of its index, if any.
-    pub(super) fn new(file: &'a [u8], chunks: &'a [usize]) -> Self {
+    /// The records of a file whose index, if there is one, lists these chunks.
+    pub(super) fn new(file: &'a [u8], chunks: &'a [ListedChunk]) -> Self {
         Self { file, position: MAGIC.len().min(file.len()), chunks, skipped: 0, has_footer: false }
     }
 
@@ -58,29 +61,34 @@ impl<'a> Frames<'a> {
             op::DATA_END => length == 4,
             _ => true,
         };
-        if !is_plausible || (kind != op::CHUNK && self.is_listed(start)) {
+        if !is_plausible || (kind != op::CHUNK && self.listed(start).is_some()) {
             return None;
         }
         // A record across the start of a chunk has a damaged length.
-        let next = self.chunks.partition_point(|chunk| *chunk <= start);
-        self.chunks.get(next).is_none_or(|chunk| end <= *chunk).then_some(end)
+        self.next_chunk(start).is_none_or(|chunk| end <= chunk).then_some(end)
     }
 
     fn frame(&self, kind: u8, start: usize, end: usize, is_cut: bool) -> Frame<'a> {
         let body = self.file.get(start + HEAD..end).unwrap_or_default();
-        Frame { kind, body, start, end, is_last: end == self.file.len(), is_cut }
+        Frame { kind, body, start, end, is_last: end == self.file.len(), is_cut, listed: None }
     }
 
-    /// True if the index lists a chunk that starts here.
-    fn is_listed(&self, start: usize) -> bool {
-        self.chunks.binary_search(&start).is_ok()
+    /// The chunk that starts here, if the index lists it.
+    fn listed(&self, start: usize) -> Option<&'a ListedChunk> {
+        let place = self.chunks.binary_search_by_key(&start, |chunk| chunk.start).ok()?;
+        Some(&self.chunks[place])
+    }
+
+    /// Start of the next chunk behind a place that the index lists.
+    fn next_chunk(&self, start: usize) -> Option<usize> {
+        let next = self.chunks.partition_point(|chunk| chunk.start <= start);
+        self.chunks.get(next).map(|chunk| chunk.start)
     }
 
     /// The start of the next record behind damage at `start`.
     fn resume(&self, start: usize) -> Option<usize> {
-        let next = self.chunks.partition_point(|chunk| *chunk <= start);
-        if let Some(chunk) = self.chunks.get(next) {
-            return Some(*chunk);
+        if let Some(chunk) = self.next_chunk(start) {
+            return Some(chunk);
         }
         // Two consecutive records, or the end of the file; bytes of a message rarely match this.
         let is_next = |start: &usize| {
@@ -103,19 +111,22 @@ impl<'a> Iterator for Frames<'a> {
     fn next(&mut self) -> Option<Frame<'a>> {
         while !self.has_footer && self.position < self.file.len() {
             let start = self.position;
+            if let Some(chunk) = self.listed(start) {
+                self.position = chunk.end;
+                // Its kind, its length or its header may be damaged.
+                let is_cut = self.framed(start) != Some(chunk.end);
+                let frame = self.frame(op::CHUNK, start, chunk.end, is_cut);
+                return Some(Frame { listed: Some(&chunk.index), ..frame });
+            }
             if let Some(end) = self.framed(start) {
                 self.position = end;
                 let kind = self.file[start];
-                if kind != op::CHUNK && self.is_listed(start) {
-                    // Its kind is damaged.
-                    return Some(self.frame(op::CHUNK, start, end, true));
-                }
                 self.has_footer = kind == op::FOOTER;
                 return Some(self.frame(kind, start, end, false));
             }
             // A chunk states its length twice: in its record and in its header.
             let body = self.file.get(start + HEAD..).unwrap_or_default();
-            let is_chunk = self.is_listed(start) || self.file[start] == op::CHUNK;
+            let is_chunk = self.file[start] == op::CHUNK;
             let stated = chunk_length(body).filter(|length| is_chunk && *length <= body.len());
             let stated = stated.map(|length| start + HEAD + length);
             let resumed = match stated.filter(|end| *end == self.file.len() || self.framed(*end).is_some()) {
@@ -158,14 +169,36 @@ fn is_open_chunk(file: &[u8], start: usize) -> bool {
     head(file, start).is_some_and(|(kind, length)| kind == op::CHUNK && length == usize::MAX)
 }
 
-/// The end of a file: definitions, counts and index, as far as they exist and are undamaged.
+/// A chunk that the index at the end of the file lists.
+#[derive(Debug, Clone)]
+pub(super) struct ListedChunk {
+    /// Start of its record in the file.
+    pub(super) start: usize,
+    /// End of its record.
+    pub(super) end: usize,
+    index: ChunkIndex,
+}
+
+impl ListedChunk {
+    /// A chunk whose lengths agree and that is within a file of `size` bytes.
+    fn new(index: ChunkIndex, size: usize) -> Option<Self> {
+        let start = usize::try_from(index.chunk_start_offset).ok()?;
+        let length = usize::try_from(index.chunk_length).ok()?;
+        let stored = usize::try_from(index.compressed_size).ok()?;
+        let header = HEAD + CHUNK_HEADER + index.compression.len();
+        let end = start.checked_add(length).filter(|end| *end <= size)?;
+        (stored.checked_add(header) == Some(length)).then_some(Self { start, end, index })
+    }
+}
+
+/// The end of a file: definitions, counts and index, as far as they are there and undamaged.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     /// Schemas and channels, as records.
     pub(super) definitions: Vec<Record<'static>>,
     pub(super) statistics: Option<mcap::records::Statistics>,
-    /// Starts of the chunks, in ascending order.
-    pub(super) chunks: Vec<usize>,
+    /// The chunks, in ascending order.
+    pub(super) chunks: Vec<ListedChunk>,
     /// The footer is there.
     pub(super) has_footer: bool,
     /// Bytes of the summary are corrupted.
@@ -182,7 +215,7 @@ impl Summary {
             .checked_sub(FOOTER + MAGIC.len())
             .filter(|start| file.ends_with(MAGIC) && head(file, *start) == Some((op::FOOTER, FOOTER - HEAD)));
         let Some(footer) = footer else { return summary };
-        let Ok(Record::Footer(facts)) = parse_record(op::FOOTER, &file[footer + HEAD..footer + FOOTER])
+        let Some(Record::Footer(facts)) = lengths::parsed(op::FOOTER, &file[footer + HEAD..footer + FOOTER])
         else {
             return summary;
         };
@@ -207,21 +240,24 @@ impl Summary {
             && let Some(end) = (place + HEAD).checked_add(length).filter(|end| *end <= footer)
         {
             if matches!(kind, op::SCHEMA | op::CHANNEL | op::STATISTICS | op::CHUNK_INDEX)
-                && let Ok(record) = parse_record(kind, &file[place + HEAD..end])
+                && let Some(record) = lengths::parsed(kind, &file[place + HEAD..end])
             {
                 match record {
                     Record::Statistics(statistics) => summary.statistics = Some(statistics),
-                    Record::ChunkIndex(index) => {
-                        let chunk = usize::try_from(index.chunk_start_offset).unwrap_or(usize::MAX);
-                        summary.chunks.push(chunk);
-                    }
+                    Record::ChunkIndex(index) => summary.chunks.extend(ListedChunk::new(index, start)),
                     other => summary.definitions.push(other.into_owned()),
                 }
             }
             place = end;
         }
-        summary.chunks.sort_unstable();
-        summary.chunks.dedup();
+        summary.chunks.sort_unstable_by_key(|chunk| chunk.start);
+        // Chunks that overlap are not those of a writer.
+        let mut end = MAGIC.len();
+        summary.chunks.retain(|chunk| {
+            let is_behind = chunk.start >= end;
+            end = if is_behind { chunk.end } else { end };
+            is_behind
+        });
         summary
     }
 }

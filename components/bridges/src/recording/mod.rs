@@ -25,6 +25,7 @@ mod entries;
 mod file;
 mod framing;
 mod head;
+mod lengths;
 mod lerobot;
 mod machine;
 mod order;

@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use motorium_robots::{Loaded, MimicMode, Model, ModelWarning, ProfileChoice, ShapeSource};
 use serde_json::json;
 
+use super::facts;
 use super::source::RobotArgs;
-use super::{facts, facts::short};
 use crate::out::{errln, outln};
 use crate::{exit, style};
 
@@ -61,7 +61,8 @@ impl Check {
 
 /// The defects of its file; and a robot that touches nothing.
 fn warnings(robot: &Loaded) -> Vec<String> {
-    let mut warnings = ModelWarning::told(&robot.warnings);
+    let defects = [&robot.warnings[..], &ModelWarning::of_meshes(&robot.model)].concat();
+    let mut warnings = ModelWarning::told(&defects);
     if !robot.model.has_shapes() {
         let warning = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
                     `motorium robot hulls` gives its links the hulls of their visuals";
@@ -111,12 +112,12 @@ fn print(robot: &Loaded, warnings: &[String], asked: &str) {
 /// The robot in a line.
 fn summary(model: &Model) -> String {
     format!(
-        "robot `{}`, {} base, {} links, {} {}, {} kg",
+        "robot `{}`, {} base, {} links, {} {}, {}",
         model.name(),
         facts::base(model),
         model.frames().len(),
         model.joint_count(),
         if model.joint_count() == 1 { "joint" } else { "joints" },
-        short(model.mass())
+        facts::mass(model)
     )
 }

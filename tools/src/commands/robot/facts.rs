@@ -1,6 +1,6 @@
 //! Facts about a robot, as rows and as JSON.
 
-use motorium_robots::{Coordinate, JointKind, Loaded, Model};
+use motorium_robots::{Coordinate, Joint, JointKind, Limits, Loaded, Model};
 use serde_json::{Value, json};
 
 /// A joint's kind in a word.
@@ -15,6 +15,26 @@ pub(super) fn kind(kind: JointKind) -> &'static str {
 /// `fixed` or `floating`.
 pub(super) fn base(model: &Model) -> &'static str {
     if model.base().floating { "floating" } else { "fixed" }
+}
+
+/// The mass that moves and, where links are fixed to the world, the mass of all links.
+pub(super) fn mass(model: &Model) -> String {
+    let (moving, total) = (model.mass(), model.total_mass());
+    match (total - moving).abs() <= 1e-9 * total.abs() {
+        true => format!("{} kg", short(moving)),
+        false => format!("{} kg moving, {} kg in total", short(moving), short(total)),
+    }
+}
+
+/// The limits in force: of a joint that others follow narrowed to their limits, too.
+pub(super) fn limits(model: &Model, joint: &Joint) -> Limits {
+    let Coordinate::Independent(index) = joint.coordinate else { return joint.limits };
+    Limits {
+        lower: model.lower()[index],
+        upper: model.upper()[index],
+        velocity: model.velocity_limit()[index],
+        effort: model.effort_limit()[index],
+    }
 }
 
 /// A limit, or `null`.
@@ -32,6 +52,7 @@ pub(super) fn size(model: &Model) -> Value {
         "bodies": model.bodies().len(),
         "frames": model.frames().len(),
         "mass": model.mass(),
+        "total_mass": model.total_mass(),
     })
 }
 
@@ -39,6 +60,7 @@ pub(super) fn size(model: &Model) -> Value {
 pub(super) fn joints(model: &Model) -> Vec<Value> {
     let joint = |body: &motorium_robots::Body| {
         let joint = &body.joint;
+        let limits = limits(model, joint);
         let mimic = match joint.coordinate {
             Coordinate::Independent(_) => Value::Null,
             Coordinate::Mimic { of, multiplier, offset } => {
@@ -51,10 +73,10 @@ pub(super) fn joints(model: &Model) -> Vec<Value> {
             "axis": joint.axis.as_slice(),
             "parent": body.parent.map(|parent| &model.bodies()[parent].name),
             "link": body.name,
-            "lower": finite(joint.limits.lower),
-            "upper": finite(joint.limits.upper),
-            "velocity": finite(joint.limits.velocity),
-            "effort": finite(joint.limits.effort),
+            "lower": finite(limits.lower),
+            "upper": finite(limits.upper),
+            "velocity": finite(limits.velocity),
+            "effort": finite(limits.effort),
             "damping": joint.dynamics.damping,
             "friction": joint.dynamics.friction,
             "mimic": mimic,

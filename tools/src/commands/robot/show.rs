@@ -50,12 +50,12 @@ fn describe(robot: &Loaded) -> String {
     }
     let _ = writeln!(
         text,
-        "{} base, {} joints, nq {}, nv {}, {} kg\n",
+        "{} base, {} joints, nq {}, nv {}, {}\n",
         facts::base(model),
         model.joint_count(),
         model.nq(),
         model.nv(),
-        short(model.mass())
+        facts::mass(model)
     );
     text += &joints(model, robot.profile.as_ref());
     text += &frames(model);
@@ -83,6 +83,7 @@ fn joints(model: &Model, profile: Option<&Profile>) -> String {
     let mut rows = table(["joint", "type", "moves", "lower", "upper", "velocity", "effort", "kp", "kd", ""]);
     for body in model.bodies() {
         let joint = &body.joint;
+        let limits = facts::limits(model, joint);
         let (kp, kd, note) = match joint.coordinate {
             Coordinate::Independent(index) => {
                 let gain = |values: &dyn Fn(&motorium_robots::Gains) -> f64| {
@@ -102,10 +103,10 @@ fn joints(model: &Model, profile: Option<&Profile>) -> String {
             joint.name.clone(),
             facts::kind(joint.kind).to_string(),
             body.name.clone(),
-            short(joint.limits.lower),
-            short(joint.limits.upper),
-            short(joint.limits.velocity),
-            short(joint.limits.effort),
+            short(limits.lower),
+            short(limits.upper),
+            short(limits.velocity),
+            short(limits.effort),
             kp,
             kd,
             note,

@@ -1,0 +1,153 @@
+//! Lengths inside records, checked before a record is parsed.
+//!
+//! The parser of the format reserves memory for a text of the stated length before it reads it: four damaged bytes would
+//! end the program for want of 4 GB.
+
+use mcap::read::parse_record;
+use mcap::records::{Record, op};
+
+/// A part of a record.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    /// This number of bytes.
+    Fixed(usize),
+    /// A length of four bytes, and that many bytes.
+    Block,
+    /// A block of blocks.
+    Blocks,
+    /// A length of eight bytes, and that many bytes.
+    Long,
+}
+
+use Part::{Block, Blocks, Fixed, Long};
+
+/// The parts of a record of this kind. Bytes may follow them, but for an attachment, whose parser relies on its end.
+fn parts(kind: u8) -> &'static [Part] {
+    match kind {
+        op::HEADER => &[Block, Block],
+        op::FOOTER => &[Fixed(20)],
+        op::SCHEMA => &[Fixed(2), Block, Block, Block],
+        op::CHANNEL => &[Fixed(4), Block, Block, Blocks],
+        op::MESSAGE => &[Fixed(22)],
+        op::CHUNK => &[Fixed(28), Block, Long],
+        op::MESSAGE_INDEX => &[Fixed(2), Block],
+        op::CHUNK_INDEX => &[Fixed(32), Block, Fixed(8), Block, Fixed(16)],
+        op::ATTACHMENT => &[Fixed(16), Block, Block, Long, Fixed(4)],
+        op::ATTACHMENT_INDEX => &[Fixed(40), Block, Block],
+        op::STATISTICS => &[Fixed(42), Block],
+        op::METADATA => &[Block, Blocks],
+        op::METADATA_INDEX => &[Fixed(16), Block],
+        op::SUMMARY_OFFSET => &[Fixed(17)],
+        op::DATA_END => &[Fixed(4)],
+        _ => &[],
+    }
+}
+
+/// What a length of four bytes counts, and what follows it.
+fn block(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(u32::from_le_bytes(*length) as usize)
+}
+
+/// What a length of eight bytes counts, and what follows it.
+fn long(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<8>()?;
+    rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)
+}
+
+/// True if all lengths in a record stay within it.
+pub(super) fn fit(kind: u8, body: &[u8]) -> bool {
+    let mut rest = body;
+    for part in parts(kind) {
+        let next = match part {
+            Fixed(count) => rest.get(*count..),
+            Block => block(rest).map(|(_, rest)| rest),
+            Long => long(rest).map(|(_, rest)| rest),
+            Blocks => block(rest).and_then(|(mut inside, rest)| {
+                while !inside.is_empty() {
+                    inside = block(inside)?.1;
+                }
+                Some(rest)
+            }),
+        };
+        let Some(next) = next else { return false };
+        rest = next;
+    }
+    kind != op::ATTACHMENT || rest.is_empty()
+}
+
+/// The record, if its lengths fit and its parts are valid.
+pub(super) fn parsed(kind: u8, body: &[u8]) -> Option<Record<'_>> {
+    fit(kind, body).then(|| parse_record(kind, body).ok()).flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    /// A file with a record of each kind that writers make.
+    fn file() -> Vec<u8> {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let options = mcap::WriteOptions::new().compression(None).profile("profile").library("library");
+        let mut writer = options.create(&mut bytes).unwrap();
+        let schema = writer.add_schema("numbers", "protobuf", b"abc").unwrap();
+        let facts = BTreeMap::from([("one".to_string(), "two".to_string())]);
+        let channel_id = writer.add_channel(schema, "numbers", "protobuf", &facts).unwrap();
+        let header = mcap::records::MessageHeader { channel_id, sequence: 1, log_time: 2, publish_time: 3 };
+        writer.write_to_known_channel(&header, &[7; 40]).unwrap();
+        let data = std::borrow::Cow::Borrowed(&b"content"[..]);
+        let (name, media_type) = ("a".to_string(), "text".to_string());
+        writer.attach(&mcap::Attachment { log_time: 1, create_time: 2, name, media_type, data }).unwrap();
+        writer.write_metadata(&mcap::records::Metadata { name: "m".to_string(), metadata: facts }).unwrap();
+        writer.finish().unwrap();
+        drop(writer);
+        bytes.into_inner()
+    }
+
+    /// The records at the top level and, in chunks, their kinds and contents.
+    fn records(bytes: &[u8]) -> Vec<(u8, Vec<u8>)> {
+        let mut found = Vec::new();
+        let mut rest = bytes;
+        while let Some((&kind, behind)) = rest.split_first()
+            && let Some((body, behind)) = long(behind)
+        {
+            if kind == op::CHUNK {
+                found.extend(records(&body[40..]));
+            }
+            found.push((kind, body.to_vec()));
+            rest = behind;
+        }
+        found
+    }
+
+    #[test]
+    fn records_of_writers_fit() {
+        let file = file();
+        let found = records(&file[mcap::MAGIC.len()..]);
+        let kinds: std::collections::BTreeSet<u8> = found.iter().map(|(kind, _)| *kind).collect();
+        assert_eq!(kinds.len(), usize::from(op::DATA_END - op::HEADER + 1), "{kinds:?}");
+        for (kind, body) in &found {
+            assert!(fit(*kind, body) && parsed(*kind, body).is_some(), "kind {kind}");
+            for end in 0..body.len() {
+                // Never a panic, and never more than what is there.
+                drop(parsed(*kind, &body[..end]));
+            }
+        }
+    }
+
+    #[test]
+    fn lengths_beyond_the_record_are_refused() {
+        for (kind, body) in records(&file()[mcap::MAGIC.len()..]) {
+            for start in 0..body.len().saturating_sub(3) {
+                let mut body = body.clone();
+                body[start..start + 4].fill(0xff);
+                // A text of 4 GB would be reserved before it is read.
+                drop(parsed(kind, &body));
+            }
+        }
+        let huge = [&u32::MAX.to_le_bytes()[..], b"abc"].concat();
+        assert!(!fit(op::HEADER, &huge) && !fit(op::METADATA, &huge));
+    }
+}
