@@ -1,5 +1,6 @@
 //! Function approximators without the runtime.
 //!
+//! - [`approximator`]: the interface that models share, and the properties of each kind.
 //! - [`networks`]: neural networks with seeded training on the CPU.
 //! - [`inference`]: networks as lists of operations that run without allocation.
 //! - [`onnx`]: reads and writes networks as ONNX files.
@@ -10,6 +11,7 @@
 //! - [`hmm`]: hidden Markov models.
 //! - [`optimise`]: minimisation of smooth functions by L-BFGS.
 
+pub mod approximator;
 pub mod arithmetic;
 pub mod gp;
 pub mod gplvm;

@@ -3,7 +3,7 @@
 use motorium_models::inference::Unary;
 use motorium_models::onnx;
 
-use crate::program::{json, run};
+use crate::program::{json, printed, run};
 
 #[test]
 fn a_network_gives_its_outputs_for_inputs_in_json() {
@@ -84,4 +84,19 @@ default_pose = [1.0, 0.0]
     write("policy.toml", text.replace("rate", "rates").as_bytes());
     let found = error(&[]);
     assert!(found.contains("line 3, column 1: unknown field `rates`"), "{found}");
+}
+
+#[test]
+fn kinds_of_models_are_listed_with_their_properties() {
+    let classes = json(&["model", "list", "--json"]);
+    let find = |name: &str| {
+        let found = classes.as_array().into_iter().flatten().find(|class| class["name"] == name);
+        found.unwrap_or_else(|| panic!("no {name} in {classes}")).clone()
+    };
+    let (process, movement) = (find("gaussian process"), find("dynamic movement primitive"));
+    assert_eq!((&process["parameters"], &process["probabilistic"]), (&"data".into(), &true.into()));
+    assert_eq!((&movement["scope"], &movement["data"]), (&"trajectory".into(), &"one".into()));
+    let table = printed(&["model", "list"]);
+    assert_eq!(table.lines().count(), classes.as_array().map_or(0, Vec::len) + 1);
+    assert!(table.lines().all(|line| line.chars().count() <= 120), "{table}");
 }

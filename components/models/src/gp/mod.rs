@@ -3,7 +3,7 @@
 //! `y = f(x) + e`, `f ~ GP(0, k)`, `e ~ N(0, s_n)`. The hyperparameters minimise
 //! `E = (D N ln 2 pi + D ln |K| + tr K^-1 Y Y^T) / 2` (type-II maximum likelihood) by L-BFGS with analytic gradients; all
 //! `D` outputs share the kernel. A prediction is `m = k^T K^-1 y`, `s = k(x, x) + s_n - k^T K^-1 k`. A point is added or
-//! removed in `O(N^2)`. Reference: Rasmussen, Williams, *Gaussian Processes for Machine Learning*, algorithm 2.1.
+//! removed in `O(N^2)`. Beyond some 500 points, [`SparseGaussianProcess`] takes `O(N M^2)` with `M` inducing points. Reference: Rasmussen, Williams, *Gaussian Processes for Machine Learning*, algorithm 2.1.
 //!
 //! ```
 //! use motorium_models::gp::GaussianProcess;
@@ -21,10 +21,12 @@
 //! ```
 
 mod marginal;
+mod sparse;
 
 pub use marginal::NUGGET;
 pub(crate) use marginal::{Gradient, Marginal};
 use motorium_algebra::Simd;
+pub use sparse::{Approximation, SparseGaussianProcess, SparseScratch};
 
 use crate::kernel::{Kernel, Points};
 use crate::optimise::{Minimum, Options, minimise};
@@ -194,6 +196,37 @@ impl GaussianProcess {
         let mut found = self.kernel.parameters();
         found.push(self.noise.ln());
         found
+    }
+
+    /// Takes over logarithms of hyperparameters, in the order of [`parameters`](Self::parameters).
+    ///
+    /// # Errors
+    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the process is then as
+    /// before.
+    pub fn set_parameters(&mut self, logarithms: &[f64]) -> Result<(), GpError> {
+        let before = self.parameters();
+        if logarithms.len() != before.len() {
+            let (found, expected) = (logarithms.len(), before.len());
+            return Err(GpError::Shape { what: "parameters", found, expected });
+        }
+        check_finite("parameter", logarithms)?;
+        let mut assign = |values: &[f64]| {
+            let (noise, kernel) = values.split_last().expect("the noise");
+            self.kernel.set_parameters(kernel);
+            self.noise = noise.exp();
+            self.refit()
+        };
+        assign(logarithms).or_else(|error| assign(&before).and(Err(error)))
+    }
+
+    /// Number of inputs.
+    pub fn dimensions(&self) -> usize {
+        self.points.dimensions()
+    }
+
+    /// Number of outputs.
+    pub fn output_count(&self) -> usize {
+        self.targets.len()
     }
 
     /// The negative log marginal likelihood at some parameters, and its gradient.

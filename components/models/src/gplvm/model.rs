@@ -3,7 +3,7 @@
 use super::back::{Back, BackForm};
 use super::space::Scaling;
 use super::{LatentError, Space, SpaceData};
-use crate::gp::{GpError, Gradient, Marginal, clamp, release};
+use crate::gp::{GpError, Gradient, Marginal, check_finite, clamp, release};
 use crate::kernel::Points;
 use crate::optimise::{Minimum, Options, minimise};
 
@@ -109,6 +109,37 @@ impl LatentModel {
     /// When there is no space of this name.
     pub fn space(&self, name: &str) -> Result<usize, LatentError> {
         find(&self.spaces, name)
+    }
+
+    /// Logarithms of variance, length scales and noise of a space.
+    ///
+    /// # Panics
+    /// When the space does not exist.
+    pub fn parameters(&self, space: usize) -> Vec<f64> {
+        self.spaces[space].parameters()
+    }
+
+    /// Takes over logarithms of the hyperparameters of a space, in the order of [`parameters`](Self::parameters).
+    ///
+    /// # Errors
+    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the model is then as before.
+    ///
+    /// # Panics
+    /// When the space does not exist.
+    pub fn set_parameters(&mut self, space: usize, logarithms: &[f64]) -> Result<(), LatentError> {
+        let mut changed = self.spaces[space].clone();
+        let wrong = |error| LatentError::Space { space: changed.name.clone(), error };
+        let expected = changed.kernel.lengths.len() + 2;
+        if logarithms.len() != expected {
+            return Err(wrong(GpError::Shape { what: "parameters", found: logarithms.len(), expected }));
+        }
+        check_finite("parameter", logarithms).map_err(wrong)?;
+        changed.set_parameters(logarithms);
+        let mut marginal = Marginal::new();
+        let fitted = marginal.fit(&changed.rbf(), changed.noise, &self.points, &changed.targets);
+        fitted.map_err(|error| LatentError::Space { space: changed.name.clone(), error })?;
+        (self.spaces[space], self.marginals[space]) = (changed, marginal);
+        Ok(())
     }
 
     /// The space whose poses the latent is a function of, if there is a back constraint.

@@ -1,6 +1,7 @@
 //! Tests of the models against independent references: golden numbers from GPy, scikit-learn and hmmlearn
 //! (`tests/golden/golden.py`), and from onnxruntime.
 
+mod approximators;
 mod golden;
 mod latent;
 mod markov;

@@ -2,10 +2,11 @@
 
 mod check;
 mod eval;
+mod list;
 
 use std::process::ExitCode;
 
-/// Run trained networks from ONNX files, and check policies against robots.
+/// Run trained networks from ONNX files, check policies against robots, and list kinds of models.
 ///
 /// Example: motorium model eval policy.onnx --inputs in.json --json
 #[derive(Debug, clap::Args)]
@@ -19,6 +20,7 @@ pub(crate) struct Model {
 enum Command {
     Eval(eval::Eval),
     Check(check::Check),
+    List(list::List),
 }
 
 impl Model {
@@ -26,6 +28,7 @@ impl Model {
         match self.command {
             Command::Eval(command) => command.run(),
             Command::Check(command) => command.run(),
+            Command::List(command) => command.run(),
         }
     }
 }

@@ -1,0 +1,329 @@
+//! Interface that models share: predictions, with variances where there are any, parameters as one vector, and their class.
+//!
+//! ```
+//! use motorium_models::approximator::{Approximator, Data};
+//! use motorium_models::gp::GaussianProcess;
+//! use motorium_models::kernel::Kernel;
+//!
+//! let (x, y) = ([0.0, 1.0, 2.0, 3.0], [0.0, 0.8, 0.9, 0.1]);
+//! let mut model = GaussianProcess::new(Kernel::rbf(1, 1.0), 1e-3, &x, 1, &y, 1)?;
+//! let (mut mean, mut variance) = ([0.0], [0.0]);
+//! assert!(model.predict_with_variance(&[1.0], &mut mean, &mut variance));
+//! assert!((mean[0] - 0.8).abs() < 0.01 && variance[0] < 0.01);
+//! assert_eq!(model.class().data, Data::Little);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use serde::Serialize;
+
+use crate::gp::{GaussianProcess, GpError};
+use crate::gplvm::{LatentError, LatentModel, Scratch};
+
+/// Form of the parameters of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Parameters {
+    /// A fixed number, in which the model is linear.
+    Linear,
+    /// A fixed number.
+    Nonlinear,
+    /// The training data, with few hyperparameters.
+    Data,
+}
+
+/// Scope of a prediction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scope {
+    /// One step.
+    Step,
+    /// A whole movement.
+    Trajectory,
+}
+
+/// Amount of data that a model needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Data {
+    /// One demonstration, or none.
+    One,
+    /// Tens to hundreds of samples.
+    Little,
+    /// Thousands of samples or more.
+    Much,
+}
+
+/// A row of table 2.4 of Delhaisse's thesis (2019): the properties of a kind of model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Class {
+    /// Name.
+    pub name: &'static str,
+    /// Path of its implementation.
+    pub path: &'static str,
+    /// Form of its parameters.
+    pub parameters: Parameters,
+    /// It predicts distributions.
+    pub probabilistic: bool,
+    /// It models the data jointly, so that new data can be sampled.
+    pub generative: bool,
+    /// Scope of a prediction.
+    pub scope: Scope,
+    /// Its parameters have a meaning to a person.
+    pub interpretable: bool,
+    /// It approximates any continuous function.
+    pub universal: bool,
+    /// Amount of data.
+    pub data: Data,
+}
+
+const fn class(
+    name: &'static str,
+    path: &'static str,
+    parameters: Parameters,
+    scope: Scope,
+    data: Data,
+) -> Class {
+    Class {
+        name,
+        path,
+        parameters,
+        probabilistic: false,
+        generative: false,
+        scope,
+        interpretable: false,
+        universal: false,
+        data,
+    }
+}
+
+impl Class {
+    const fn probabilistic(self) -> Self {
+        Self { probabilistic: true, ..self }
+    }
+
+    const fn generative(self) -> Self {
+        Self { probabilistic: true, generative: true, ..self }
+    }
+
+    const fn interpretable(self) -> Self {
+        Self { interpretable: true, ..self }
+    }
+
+    const fn universal(self) -> Self {
+        Self { universal: true, ..self }
+    }
+}
+
+/// Gaussian processes.
+pub const GAUSSIAN_PROCESS: Class =
+    class("gaussian process", "motorium_models::gp", Parameters::Data, Scope::Step, Data::Little)
+        .probabilistic()
+        .universal();
+/// Shared latent spaces.
+pub const SHARED_LATENT: Class =
+    class("shared GP-LVM", "motorium_models::gplvm", Parameters::Data, Scope::Step, Data::Little)
+        .generative()
+        .universal();
+
+/// All kinds of models of the workspace.
+pub const CLASSES: [Class; 13] = [
+    GAUSSIAN_PROCESS,
+    SHARED_LATENT,
+    class(
+        "hidden Markov model",
+        "motorium_models::hmm",
+        Parameters::Nonlinear,
+        Scope::Trajectory,
+        Data::Little,
+    )
+    .generative()
+    .interpretable(),
+    class(
+        "hidden semi-Markov model",
+        "motorium_models::hmm",
+        Parameters::Nonlinear,
+        Scope::Trajectory,
+        Data::Little,
+    )
+    .generative()
+    .interpretable(),
+    class("neural network", "motorium_models::networks", Parameters::Nonlinear, Scope::Step, Data::Much)
+        .universal(),
+    class(
+        "dynamic movement primitive",
+        "motorium_primitives::dmp",
+        Parameters::Linear,
+        Scope::Trajectory,
+        Data::One,
+    )
+    .interpretable(),
+    class(
+        "probabilistic movement primitive",
+        "motorium_primitives::promp",
+        Parameters::Linear,
+        Scope::Trajectory,
+        Data::Little,
+    )
+    .generative()
+    .interpretable(),
+    class(
+        "kernelised movement primitive",
+        "motorium_primitives::kmp",
+        Parameters::Data,
+        Scope::Trajectory,
+        Data::Little,
+    )
+    .probabilistic(),
+    class(
+        "Gaussian mixture regression",
+        "motorium_primitives::gmm",
+        Parameters::Nonlinear,
+        Scope::Step,
+        Data::Little,
+    )
+    .generative()
+    .universal(),
+    class("polynomial", "motorium_primitives::regression", Parameters::Linear, Scope::Trajectory, Data::One)
+        .interpretable(),
+    class(
+        "central pattern generator",
+        "motorium_primitives::cpg",
+        Parameters::Nonlinear,
+        Scope::Trajectory,
+        Data::One,
+    )
+    .interpretable(),
+    class("motion library", "motorium_library", Parameters::Linear, Scope::Trajectory, Data::Little)
+        .interpretable(),
+    class("actuator network", "motorium_robots::actuator", Parameters::Nonlinear, Scope::Step, Data::Much)
+        .universal(),
+];
+
+/// A model that predicts outputs from inputs.
+pub trait Approximator {
+    /// The error of [`set_parameters`](Self::set_parameters).
+    type Error;
+
+    /// The properties of its kind.
+    fn class(&self) -> Class;
+
+    /// Number of inputs.
+    fn inputs(&self) -> usize;
+
+    /// Number of outputs.
+    fn outputs(&self) -> usize;
+
+    /// The parameters that training changes, as one vector.
+    fn parameters(&self) -> Vec<f64>;
+
+    /// Takes other parameters over.
+    ///
+    /// # Errors
+    /// When their number or their values do not fit.
+    fn set_parameters(&mut self, parameters: &[f64]) -> Result<(), Self::Error>;
+
+    /// Writes the mean of the outputs.
+    ///
+    /// # Panics
+    /// When a slice does not fit.
+    fn predict(&mut self, x: &[f64], mean: &mut [f64]);
+
+    /// Writes the mean and the variance of the outputs; false for a model without variances, which writes the mean only.
+    ///
+    /// # Panics
+    /// When a slice does not fit.
+    fn predict_with_variance(&mut self, x: &[f64], mean: &mut [f64], variance: &mut [f64]) -> bool;
+}
+
+impl Approximator for GaussianProcess {
+    type Error = GpError;
+
+    fn class(&self) -> Class {
+        GAUSSIAN_PROCESS
+    }
+
+    fn inputs(&self) -> usize {
+        self.dimensions()
+    }
+
+    fn outputs(&self) -> usize {
+        self.output_count()
+    }
+
+    fn parameters(&self) -> Vec<f64> {
+        GaussianProcess::parameters(self)
+    }
+
+    fn set_parameters(&mut self, parameters: &[f64]) -> Result<(), GpError> {
+        GaussianProcess::set_parameters(self, parameters)
+    }
+
+    fn predict(&mut self, x: &[f64], mean: &mut [f64]) {
+        let mut scratch = self.scratch();
+        GaussianProcess::predict(self, x, mean, &mut scratch);
+    }
+
+    fn predict_with_variance(&mut self, x: &[f64], mean: &mut [f64], variance: &mut [f64]) -> bool {
+        let mut scratch = self.scratch();
+        let shared = GaussianProcess::predict(self, x, mean, &mut scratch);
+        variance.fill(shared);
+        true
+    }
+}
+
+/// A map from the poses of one space of a latent model to another's.
+#[derive(Clone, Debug)]
+pub struct LatentMap {
+    model: LatentModel,
+    from: usize,
+    to: usize,
+    scratch: Scratch,
+    variance: Vec<f64>,
+}
+
+impl LatentMap {
+    /// The map between two spaces.
+    ///
+    /// # Errors
+    /// When the model has no space of a name.
+    pub fn new(model: LatentModel, from: &str, to: &str) -> Result<Self, LatentError> {
+        let (from, to) = (model.space(from)?, model.space(to)?);
+        let variance = vec![0.0; model.spaces()[to].dimensions()];
+        Ok(Self { scratch: model.scratch(), model, from, to, variance })
+    }
+}
+
+impl Approximator for LatentMap {
+    type Error = LatentError;
+
+    fn class(&self) -> Class {
+        SHARED_LATENT
+    }
+
+    fn inputs(&self) -> usize {
+        self.model.spaces()[self.from].dimensions()
+    }
+
+    fn outputs(&self) -> usize {
+        self.model.spaces()[self.to].dimensions()
+    }
+
+    fn parameters(&self) -> Vec<f64> {
+        self.model.parameters(self.to)
+    }
+
+    fn set_parameters(&mut self, parameters: &[f64]) -> Result<(), LatentError> {
+        self.model.set_parameters(self.to, parameters)
+    }
+
+    fn predict(&mut self, x: &[f64], mean: &mut [f64]) {
+        let point = self.model.latent_of_pose(self.from, x);
+        self.model.predict(self.to, &point, mean, &mut self.variance, &mut self.scratch);
+    }
+
+    fn predict_with_variance(&mut self, x: &[f64], mean: &mut [f64], variance: &mut [f64]) -> bool {
+        let point = self.model.latent_of_pose(self.from, x);
+        self.model.predict(self.to, &point, mean, variance, &mut self.scratch);
+        true
+    }
+}
