@@ -29,7 +29,7 @@ fn golden() -> [Vec<f64>; 3] {
 }
 
 #[test]
-fn the_efforts_of_a_network_are_those_of_numpy_with_its_history_of_measurements() {
+fn network_efforts_match_numpy_with_measurement_history() {
     let [errors, velocities, efforts] = golden();
     let mut network = ActuatorNetwork::new(Arc::new(settings(InputOrder::PositionVelocity)));
     for round in 0..2 {
@@ -44,7 +44,7 @@ fn the_efforts_of_a_network_are_those_of_numpy_with_its_history_of_measurements(
 }
 
 #[test]
-fn the_other_order_of_inputs_exchanges_the_roles_of_errors_and_velocities() {
+fn the_input_order_exchanges_errors_and_velocities() {
     let [errors, velocities, efforts] = golden();
     let other = NetworkSettings {
         position_scale: 0.25,
@@ -111,7 +111,7 @@ fn damaged_files_are_refused_and_nothing_is_read_beyond_them() {
 }
 
 #[test]
-fn a_table_reads_its_network_from_the_folder_and_names_the_key_at_fault() {
+fn a_table_reads_its_network_and_names_the_invalid_key() {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden"));
     let read = |text: &str| {
         let network: NetworkTable<f64> = toml::from_str(text).unwrap();

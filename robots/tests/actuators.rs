@@ -37,7 +37,7 @@ fn a_step_far_longer_than_the_lag_neither_overshoots_nor_swings() {
 }
 
 #[test]
-fn a_saturated_motor_approaches_its_limit_as_slowly_as_the_lag_has_it() {
+fn a_saturated_motor_approaches_its_limit_with_its_lag() {
     let lag = 0.01;
     let settings = ActuatorSettings { lag, ..ActuatorSettings::default() };
     let (mut asked_much, mut asked_the_limit) = (actuator(settings.clone(), 10.0), actuator(settings, 10.0));
@@ -79,7 +79,7 @@ fn the_envelope_falls_with_the_speed_and_leaves_braking_whole() {
 }
 
 #[test]
-fn a_delayed_command_acts_at_its_time_to_the_step_and_the_idle_one_until_then() {
+fn a_delayed_command_acts_exactly_at_its_time() {
     for (delay, steps) in [(0.0, 0), (1e-3, 1), (2.5e-3, 3), (20e-3, 20)] {
         let mut line = Delay::new(delay, -1);
         for step in 0..100 {
@@ -93,7 +93,7 @@ fn a_delayed_command_acts_at_its_time_to_the_step_and_the_idle_one_until_then() 
 }
 
 #[test]
-fn a_winding_warms_up_exponentially_and_ends_at_the_continuous_effort() {
+fn a_winding_warms_exponentially_to_the_continuous_effort() {
     let thermal = Thermal { continuous_effort: 5.0, time_constant: 2.0 };
     let mut motor =
         actuator(ActuatorSettings { thermal: Some(thermal), ..ActuatorSettings::default() }, 10.0);

@@ -199,7 +199,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
     #[test]
-    fn joints_turn_about_their_axes_as_written_however_near_to_a_pole_those_are(parts in tree()) {
+    fn joints_turn_about_their_axes_even_near_a_pole(parts in tree()) {
         const BOUND: f64 = 1e-13;
         let model = parse_urdf(&urdf(&parts), None, MimicMode::Follow, &PackagePath::default()).unwrap().model;
         let n = parts.len();
@@ -252,7 +252,7 @@ proptest! {
 }
 
 #[test]
-fn trees_with_axes_at_and_near_every_pole_agree_with_pinocchio_in_every_quantity() {
+fn trees_with_axes_near_every_pole_match_pinocchio() {
     let trees: Value = serde_json::from_str(include_str!("golden/axes.json")).unwrap();
     let trees = trees.as_array().unwrap();
     assert!(trees.len() >= 16);

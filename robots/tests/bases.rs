@@ -18,7 +18,7 @@ fn on(kind: &str) -> Model {
 }
 
 #[test]
-fn a_floating_joint_at_the_root_makes_a_floating_base_and_the_world_stays() {
+fn a_floating_joint_at_the_root_makes_a_floating_base() {
     let model = on("floating");
     assert!(model.base().floating);
     assert_eq!((model.nq(), model.nv(), model.joint_count()), (7, 6, 0));

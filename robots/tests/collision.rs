@@ -119,7 +119,7 @@ fn an_srdf_takes_pairs_out_and_puts_them_back() {
 }
 
 #[test]
-fn the_nearest_pair_is_the_least_of_all_and_ranges_leave_out_the_far() {
+fn the_nearest_pair_is_the_minimum_and_ranges_skip_far_ones() {
     let model = panda(BaseMode::AsFile);
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     solids.add_obstacle("table", at(0.0, 0.0, -0.3), cube(0.4), MeshMode::default()).unwrap();
@@ -237,7 +237,7 @@ fn a_humanoid_has_distances_from_its_meshes_and_srdf() {
 
 /// Height above a tilted plane of the lowest point of each shape, from its corners or its definition.
 #[test]
-fn the_distance_from_a_half_space_is_the_height_of_the_lowest_point() {
+fn the_distance_from_a_half_space_is_the_lowest_height() {
     let mut random = Random(11);
     let shapes = [
         (r#"<sphere radius="0.2"/>"#, 0.2, [0.0, 0.0, 0.0]),
@@ -280,7 +280,7 @@ fn the_distance_from_a_half_space_is_the_height_of_the_lowest_point() {
 }
 
 #[test]
-fn free_objects_are_checked_against_everything_and_obstacles_against_what_moves() {
+fn free_objects_are_checked_against_everything() {
     let model = with_shape(r#"<sphere radius="0.1"/>"#);
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     let meshes = MeshMode::default();

@@ -52,7 +52,7 @@ fn held_tool(model: &Model, q: &DVector<f64>, v: &DVector<f64>) -> (DMatrix<f64>
 }
 
 #[test]
-fn a_held_point_does_not_accelerate_and_its_force_explains_the_motion() {
+fn a_held_point_does_not_accelerate_under_its_force() {
     for mimic in [MimicMode::Follow, MimicMode::Independent] {
         let model = branching(BaseMode::Floating, mimic);
         let (q, v, tau) = state(&model);

@@ -70,7 +70,7 @@ fn with_the_sign_of(theirs: &[f64], quaternion: std::ops::Range<usize>, mut ours
 }
 
 #[test]
-fn configurations_and_velocities_of_pinocchio_are_the_motions_they_are_there() {
+fn configurations_of_pinocchio_describe_the_same_motions() {
     let model = rover();
     for case in vectors()["cases"].as_array().unwrap() {
         let (theirs, v) = (numbers(&case["pinocchio"]["q"]), numbers(&case["pinocchio"]["v"]));
@@ -137,7 +137,7 @@ fn accelerations_and_efforts_are_pinocchios() {
 }
 
 #[test]
-fn configurations_and_velocities_of_mujoco_are_the_motions_they_are_there() {
+fn configurations_of_mujoco_describe_the_same_motions() {
     let model = rover();
     for case in vectors()["cases"].as_array().unwrap() {
         let (qpos, qvel) = (numbers(&case["mujoco"]["qpos"]), numbers(&case["mujoco"]["qvel"]));
@@ -157,7 +157,7 @@ fn configurations_and_velocities_of_mujoco_are_the_motions_they_are_there() {
 }
 
 #[test]
-fn a_planar_joint_has_pinocchios_configuration_and_its_velocity_in_axes_that_do_not_turn() {
+fn a_planar_joint_matches_pinocchio_in_fixed_axes() {
     let document = vectors();
     let urdf = document["planar"]["urdf"].as_str().unwrap();
     let model = parse_urdf_with(urdf, None, &LoadOptions::default()).unwrap().model;

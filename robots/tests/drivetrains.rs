@@ -43,7 +43,7 @@ impl Pair {
 const FREE: f64 = f64::INFINITY;
 
 #[test]
-fn two_inertias_on_a_spring_swing_as_the_equation_of_two_masses_has_it() {
+fn two_inertias_on_a_spring_oscillate_as_predicted() {
     let (motor_inertia, stiffness, inertia) = (0.2, 180.0, 0.3);
     let drivetrain = Drivetrain { motor_inertia, stiffness, damping: 0.0, backlash: 0.0 };
     let mut pair = Pair::new(drivetrain, inertia, Motor { position: 0.0, velocity: 1.0 }, FREE);
@@ -86,7 +86,7 @@ fn damping_beside_the_spring_decays_as_that_of_an_oscillator() {
 }
 
 #[test]
-fn a_load_deflects_a_held_joint_by_the_load_over_both_stiffnesses() {
+fn a_load_deflects_a_held_joint_by_both_stiffnesses() {
     let drivetrain = Drivetrain { motor_inertia: 0.2, stiffness: 400.0, damping: 3.0, backlash: 0.0 };
     let mut pair = Pair::new(drivetrain, 0.5, Motor::default(), 50.0);
     let hold = DriveCommand { kp: 1000.0, kd: 40.0, ..DriveCommand::effort(0.0) };
@@ -100,7 +100,7 @@ fn a_load_deflects_a_held_joint_by_the_load_over_both_stiffnesses() {
 }
 
 #[test]
-fn the_motor_keeps_its_limit_behind_a_soft_spring_and_the_joint_feels_what_the_spring_carries() {
+fn the_motor_limit_holds_behind_a_soft_spring() {
     let drivetrain = Drivetrain { motor_inertia: 0.1, stiffness: 50.0, damping: 1.0, backlash: 0.0 };
     let mut pair = Pair::new(drivetrain, 1e9, Motor::default(), 5.0);
     let far = DriveCommand { position: 10.0, kp: 300.0, kd: 5.0, ..DriveCommand::effort(0.0) };
@@ -128,7 +128,7 @@ fn a_drive_brakes_its_motor_beyond_the_limits_of_its_command() {
 const GEAR: Drivetrain = Drivetrain { motor_inertia: 0.2, stiffness: 2e5, damping: 40.0, backlash: 0.02 };
 
 #[test]
-fn within_the_gap_neither_side_feels_the_other_until_the_teeth_meet() {
+fn within_the_backlash_neither_side_feels_the_other() {
     let mut pair = Pair::new(GEAR, 0.3, Motor { position: 0.0, velocity: 0.5 }, FREE);
     let (h, idle) = (1e-4, DriveCommand::effort(0.0));
     // half the gap at 0.5 rad/s: 20 ms
@@ -148,7 +148,7 @@ fn within_the_gap_neither_side_feels_the_other_until_the_teeth_meet() {
 }
 
 #[test]
-fn behind_a_held_motor_a_joint_moves_to_and_fro_by_the_gap_and_what_the_teeth_give() {
+fn a_joint_behind_a_held_motor_moves_by_the_backlash() {
     let mut pair = Pair::new(GEAR, 0.3, Motor::default(), 1e4);
     let hold = DriveCommand { kp: 1e6, kd: 1e3, ..DriveCommand::effort(0.0) };
     let mut ends = [0.0; 2];

@@ -18,7 +18,7 @@ fn the_only_end_effector_is_taken_unless_a_frame_is_named() {
 }
 
 #[test]
-fn without_one_to_choose_the_error_names_the_robot_and_an_example() {
+fn an_ambiguous_tip_is_an_error_with_an_example() {
     let panda = robot("panda");
     let error = panda.model.end_effector(None, None).unwrap_err();
     assert_eq!(error.to_string(), "robot `panda` has no known end effector, and no `frame` is given");
@@ -38,7 +38,7 @@ fn without_one_to_choose_the_error_names_the_robot_and_an_example() {
 }
 
 #[test]
-fn a_frame_that_no_joint_moves_is_refused_and_the_tip_is_offered_instead() {
+fn an_immovable_frame_is_refused_and_the_tip_suggested() {
     let panda = robot("panda");
     let error = panda.end_effector(Some("panda_link0")).unwrap_err();
     assert_eq!(error.to_string(), "`panda_link0` of robot `panda` is fixed to the world: no joint moves it");
@@ -49,7 +49,7 @@ fn a_frame_that_no_joint_moves_is_refused_and_the_tip_is_offered_instead() {
 }
 
 #[test]
-fn the_tip_of_every_robot_of_the_catalogue_is_moved_by_the_longest_chain_of_joints() {
+fn the_tip_of_every_robot_ends_its_longest_chain() {
     for (name, tip) in
         [("ur5e", "tool0"), ("panda", "panda_hand_tcp"), ("iiwa14", "iiwa_link_ee"), ("double-pendulum", "")]
     {
@@ -65,7 +65,7 @@ fn the_tip_of_every_robot_of_the_catalogue_is_moved_by_the_longest_chain_of_join
 }
 
 #[test]
-fn a_robot_of_a_graph_that_cannot_be_loaded_is_named_with_the_cause() {
+fn a_robot_that_fails_to_load_is_named_with_the_cause() {
     let error =
         RobotSource { name: "left", text: "pnada", base: Path::new("/nowhere"), ..RobotSource::default() }
             .load()

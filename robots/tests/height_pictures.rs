@@ -46,7 +46,7 @@ fn every_pixel_is_a_height_with_x_to_the_right_and_y_up() {
 }
 
 #[test]
-fn between_pixels_heights_are_interpolated_and_beyond_the_picture_they_go_on_as_at_its_edge() {
+fn heights_are_interpolated_and_continue_at_the_edge() {
     // the same picture over a quarter of the terrain: a height stands between two pixels, or beyond all
     let (field, pixels) =
         (field("heights_16.png", ", size = [0.8, 1.0], centre = [0.4, -0.2]"), pixels("16"));

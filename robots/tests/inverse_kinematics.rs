@@ -13,7 +13,7 @@ fn pose(model: &Model, q: &[f64], frame: &str) -> Isometry3<f64> {
 }
 
 #[test]
-fn all_but_a_few_of_the_poses_the_pandas_hand_can_take_are_found_within_the_limits() {
+fn nearly_all_reachable_panda_poses_are_solved_within_limits() {
     let panda = load("panda", Path::new(".")).unwrap();
     let model = &panda.model;
     let frame = model.frame("panda_hand_tcp").unwrap();
@@ -44,7 +44,7 @@ fn all_but_a_few_of_the_poses_the_pandas_hand_can_take_are_found_within_the_limi
 }
 
 #[test]
-fn a_target_out_of_reach_is_refused_with_the_distance_that_remains() {
+fn an_unreachable_target_is_refused_with_its_distance() {
     let model = load("planar-3r", Path::new(".")).unwrap().model;
     let frame = model.frame("tip").unwrap();
     let options = IkOptions { rotation_tolerance: f64::INFINITY, ..IkOptions::default() };

@@ -39,7 +39,7 @@ const ARM: [&str; 7] = [
 ];
 
 #[test]
-fn an_arm_without_its_fingers_has_the_poses_gains_and_limits_of_its_own_joints() {
+fn an_arm_without_fingers_keeps_the_data_of_its_joints() {
     let all = whole("panda");
     let (full, home) =
         (all.profile.as_ref().unwrap(), all.profile.as_ref().unwrap().home(&all.model).unwrap());
@@ -73,7 +73,7 @@ fn an_arm_without_its_fingers_has_the_poses_gains_and_limits_of_its_own_joints()
 }
 
 #[test]
-fn a_joint_is_held_where_the_graph_has_it_or_in_the_pose_it_starts_in() {
+fn a_joint_is_held_at_its_configured_or_initial_position() {
     let humanoid = whole("humanoid");
     let profile = humanoid.profile.as_ref().unwrap();
     let left = &profile.end_effectors["left_hand"].joints;
@@ -100,7 +100,7 @@ fn a_joint_is_held_where_the_graph_has_it_or_in_the_pose_it_starts_in() {
 }
 
 #[test]
-fn settings_of_gains_and_start_are_those_of_the_joints_that_move() {
+fn gains_and_start_apply_to_the_moving_joints() {
     let start = [0.1, -0.5, 0.0, -2.0, 0.0, 1.5, 0.7];
     let arm =
         load("panda", &json!({ "joints": ["hand"], "start": start, "gains": { "kp": 300.0, "kd": 20.0 } }))
@@ -111,7 +111,7 @@ fn settings_of_gains_and_start_are_those_of_the_joints_that_move() {
 }
 
 #[test]
-fn joints_that_cannot_be_chosen_are_refused_with_the_name_that_was_probably_meant() {
+fn unknown_joints_are_refused_with_a_suggestion() {
     let message = refused("panda", json!({ "joints": ["panda_joint11"] }));
     assert!(message.contains("`joints`") && message.contains("did you mean `panda_joint1`?"), "{message}");
     let message = refused("panda", json!({ "joints": ["hnad"] }));
@@ -133,7 +133,7 @@ const BAR: &str = r#"<robot name="bar"><link name="bar"><inertial><mass value="1
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"#;
 
 #[test]
-fn a_robot_that_is_to_be_in_an_mjcf_file_is_and_of_a_folder_with_both_it_is_that_one() {
+fn an_mjcf_file_is_preferred_if_the_graph_asks_for_it() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("swing.xml"), SWING).unwrap();
     std::fs::write(folder.path().join("bar.urdf"), BAR).unwrap();
@@ -209,7 +209,7 @@ const GRIPPER: &str = r#"<mujoco model="gripper"><worldbody><body name="palm" po
 </body></worldbody></mujoco>"#;
 
 #[test]
-fn a_robot_of_mjcf_whose_joints_are_held_is_drawn_by_the_shapes_that_are_seen() {
+fn an_mjcf_robot_with_held_joints_shows_its_visual_shapes() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("gripper.xml"), GRIPPER).unwrap();
     let settings = json!({ "fixed": { "left": 0.03 } });
@@ -228,7 +228,7 @@ fn a_robot_of_mjcf_whose_joints_are_held_is_drawn_by_the_shapes_that_are_seen() 
 }
 
 #[test]
-fn a_robot_without_a_profile_is_given_one_for_what_a_profile_says_alone() {
+fn a_robot_without_a_profile_gets_one_when_needed() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("swing.xml"), SWING).unwrap();
     let profile = |settings: Value| {
@@ -249,7 +249,7 @@ fn a_robot_without_a_profile_is_given_one_for_what_a_profile_says_alone() {
 }
 
 #[test]
-fn a_home_pose_that_does_not_fit_is_reported_at_the_key_that_asks_for_it() {
+fn an_unfitting_home_pose_is_reported_at_its_key() {
     // the profile knows no joint that mimics another
     let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
     for (key, settings) in

@@ -51,7 +51,7 @@ fn assert_close<'a>(
 }
 
 #[test]
-fn the_exponential_is_exact_to_rounding_from_no_turn_to_almost_a_whole_one() {
+fn the_exponential_is_exact_up_to_almost_a_whole_turn() {
     for case in cases() {
         let found = se3::exp(&xi(&case));
         assert_close("rotation", &case, found.rotation.coords.iter(), &numbers(&case, "quaternion"), 2.0);
@@ -61,7 +61,7 @@ fn the_exponential_is_exact_to_rounding_from_no_turn_to_almost_a_whole_one() {
 }
 
 #[test]
-fn the_logarithm_is_exact_to_rounding_from_no_turn_to_almost_half_a_turn() {
+fn the_logarithm_is_exact_up_to_almost_half_a_turn() {
     let short: Vec<_> = cases().into_iter().filter(|case| case["short"] == true).collect();
     assert!(short.len() > 80);
     for case in short {
@@ -83,7 +83,7 @@ fn small_rotations_keep_their_relative_accuracy() {
 }
 
 #[test]
-fn the_jacobians_are_exact_to_rounding_on_both_sides_of_every_seam() {
+fn the_jacobians_are_exact_on_both_sides_of_every_seam() {
     for case in cases() {
         let (xi, phi) = (xi(&case), xi(&case).fixed_rows::<3>(3).into_owned());
         let rows = |matrix: Matrix3<f64>| matrix.transpose().as_slice().to_vec();
@@ -113,7 +113,7 @@ fn the_jacobian_of_the_logarithm_is_the_inverse_right_jacobian() {
 }
 
 #[test]
-fn rates_of_a_rotation_vector_become_the_angular_motion_and_come_back() {
+fn rotation_vector_rates_convert_to_angular_velocity_and_back() {
     for case in cases() {
         let phi = RotationRates {
             vector: xi(&case).fixed_rows::<3>(3).into_owned(),
@@ -137,7 +137,7 @@ fn rates_of_a_rotation_vector_become_the_angular_motion_and_come_back() {
 }
 
 #[test]
-fn half_a_turn_has_a_logarithm_of_length_pi_that_leads_back_to_it() {
+fn the_logarithm_of_half_a_turn_has_length_pi() {
     for axis in [Vector3::x(), -Vector3::y(), Vector3::new(1.0, -1.0, 0.5).normalize()] {
         for real in [0.0, -0.0, 1e-17, -1e-17] {
             let rotation = UnitQuaternion::new_unchecked(Quaternion::from_parts(real, axis));
@@ -151,7 +151,7 @@ fn half_a_turn_has_a_logarithm_of_length_pi_that_leads_back_to_it() {
 }
 
 #[test]
-fn the_adjoint_moves_a_body_velocity_to_the_frame_the_body_is_given_in() {
+fn the_adjoint_moves_a_body_velocity_to_the_outer_frame() {
     for case in cases() {
         let (motion, body) = (motion(&case), Vector6::new(0.3, -0.2, 0.5, 1.0, 0.1, -0.7));
         // exp(Ad xi) M = M exp(xi)
@@ -163,7 +163,7 @@ fn the_adjoint_moves_a_body_velocity_to_the_frame_the_body_is_given_in() {
 }
 
 #[test]
-fn the_least_rotation_takes_one_direction_to_the_other_at_every_angle_with_no_turn_about_either() {
+fn the_least_rotation_maps_directions_without_extra_turn() {
     let directions = [
         Vector3::x(),
         -Vector3::y(),

@@ -79,7 +79,7 @@ fn the_key_poses_of_an_srdf_come_with_the_robot() {
 }
 
 #[test]
-fn a_file_that_is_not_utf8_is_refused_with_the_place_of_its_first_such_byte() {
+fn a_file_that_is_not_utf8_is_refused_with_position() {
     let folder = tempfile::tempdir().unwrap();
     for (name, before) in
         [("arm.urdf", "<robot name=\"r\">\n  <!-- grün "), ("arm.xml", "<mujoco>\n  <!-- grün ")]

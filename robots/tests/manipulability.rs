@@ -112,7 +112,7 @@ fn the_slope_is_that_of_the_measure() {
 }
 
 #[test]
-fn the_relative_jacobian_is_the_slope_of_one_frame_seen_from_another() {
+fn the_relative_jacobian_is_the_derivative_of_the_pose() {
     for base in [BaseMode::AsFile, BaseMode::Floating] {
         let options = LoadOptions { base, ..LoadOptions::default() };
         let model = load_with("panda", Path::new("."), &options).unwrap().model;
@@ -167,7 +167,7 @@ fn the_jacobian_of_the_centre_of_mass_is_its_slope() {
 }
 
 #[test]
-fn the_jacobian_of_one_frame_alone_is_that_after_an_update_of_all() {
+fn the_jacobian_of_a_single_frame_matches_a_full_update() {
     for base in [BaseMode::AsFile, BaseMode::Floating] {
         let options = LoadOptions { base, ..LoadOptions::default() };
         let model = load_with("humanoid", Path::new("."), &options).unwrap().model;

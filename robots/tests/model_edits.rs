@@ -45,7 +45,7 @@ fn inverse(model: &Model, q: &[f64], v: &[f64], a: &[f64]) -> DVector<f64> {
 }
 
 #[test]
-fn a_locked_robot_moves_as_the_whole_one_does_with_those_joints_held() {
+fn a_locked_robot_moves_like_one_with_held_joints() {
     let robots = [
         (panda(BaseMode::AsFile), vec![("panda_joint2", 0.4), ("panda_joint5", -1.1)]),
         (panda(BaseMode::Floating), vec![("panda_joint1", 0.7), ("panda_finger_joint1", 0.02)]),
@@ -282,7 +282,7 @@ const GEARED: &str = "<robot name=\"r\" xmlns:drake=\"http://drake.mit.edu\"><li
     </transmission></robot>";
 
 #[test]
-fn rotors_count_on_the_diagonal_of_the_mass_matrix_and_everywhere_that_follows_from_it() {
+fn rotor_inertia_is_on_the_diagonal_of_the_mass_matrix() {
     let UrdfRobot { model, warnings } = read(GEARED, BaseMode::AsFile);
     assert_eq!(warnings, []);
     let joint = model.joint(1);

@@ -162,7 +162,7 @@ const PAINTED: &str = r#"<mujoco model="painted">
 </mujoco>"#;
 
 #[test]
-fn geoms_have_the_colours_that_mujoco_draws_and_a_robot_written_as_urdf_keeps_them() {
+fn geoms_have_the_colours_of_mujoco_also_as_urdf() {
     let options = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
     let robot = parse_mjcf(PAINTED, None, &options).unwrap();
     assert_eq!(robot.colours.of_shape("world", 0, None), [0.9, 0.8, 0.7]);
@@ -186,7 +186,7 @@ fn geoms_have_the_colours_that_mujoco_draws_and_a_robot_written_as_urdf_keeps_th
 }
 
 #[test]
-fn a_link_whose_colliding_geoms_state_no_colour_has_those_that_are_seen() {
+fn a_link_takes_missing_colours_from_its_visual_geoms() {
     let text = r#"<mujoco><worldbody><body name="arm"><joint axis="0 0 1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
         <geom size="0.1" contype="0" conaffinity="0" rgba="0.2 0.4 0.6 1"/><geom size="0.1" group="3"/>
@@ -200,7 +200,7 @@ fn a_link_whose_colliding_geoms_state_no_colour_has_those_that_are_seen() {
 }
 
 #[test]
-fn a_material_that_is_nowhere_and_a_colour_of_three_numbers_are_refused_as_in_mujoco() {
+fn unknown_materials_and_short_colours_are_refused() {
     let geom = |looks: &str| {
         refusal(&format!(
             "<asset><material name=\"red\"/></asset><worldbody><geom size=\"0.1\" {looks}/></worldbody>"

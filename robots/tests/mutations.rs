@@ -143,7 +143,7 @@ proptest! {
 }
 
 #[test]
-fn bodies_in_one_another_are_read_to_a_limit_that_the_stack_of_a_thread_holds() {
+fn nested_bodies_are_read_to_a_depth_that_fits_the_stack() {
     let chain = |depth: usize| {
         let bodies = "<body><joint/><geom size=\".1\"/>\n".repeat(depth);
         let text = format!("<mujoco><worldbody>\n{bodies}{}</worldbody></mujoco>", "</body>".repeat(depth));

@@ -18,7 +18,7 @@ fn model(name: &str) -> Model {
 }
 
 #[test]
-fn every_robot_of_the_catalogue_agrees_with_pinocchio_in_every_quantity() {
+fn every_catalogue_robot_matches_pinocchio() {
     for entry in catalogue() {
         let errors = Golden::parse(&vectors(entry.name)).compare(&model(entry.name));
         println!("{}: {}", entry.name, errors.summary());
@@ -28,7 +28,7 @@ fn every_robot_of_the_catalogue_agrees_with_pinocchio_in_every_quantity() {
 }
 
 #[test]
-fn every_robot_of_the_catalogue_has_the_mass_and_limits_pinocchio_reads() {
+fn every_catalogue_robot_has_the_mass_and_limits_of_pinocchio() {
     for entry in catalogue() {
         let document: Value = serde_json::from_str(&vectors(entry.name)).unwrap();
         let model = model(entry.name);

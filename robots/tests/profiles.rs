@@ -94,7 +94,7 @@ fn a_floating_robot_stands_where_its_profile_puts_it() {
 }
 
 #[test]
-fn the_base_follows_the_profile_unless_something_else_is_asked_for() {
+fn the_base_follows_the_profile_unless_configured() {
     let floating = |base| {
         let options = LoadOptions { base, ..LoadOptions::default() };
         let robot = load_with("quadruped", Path::new("."), &options).unwrap();

@@ -19,7 +19,7 @@ fn near(found: Option<(f64, Vector3<f64>)>, distance: f64, normal: [f64; 3]) {
 }
 
 #[test]
-fn distances_to_a_plane_a_sphere_a_box_and_a_cylinder_are_those_of_the_closed_forms() {
+fn distances_to_basic_shapes_match_closed_forms() {
     let slope = UnitQuaternion::from_euler_angles(0.0, 0.3, 0.0);
     let plane = Isometry3::from_parts(Translation3::new(0.0, 0.0, 0.5), slope);
     // a plane through (0, 0, 0.5) that falls by 0.3 rad towards x, from 2 m above it
@@ -61,7 +61,7 @@ fn distances_to_a_plane_a_sphere_a_box_and_a_cylinder_are_those_of_the_closed_fo
 }
 
 #[test]
-fn a_ray_that_begins_inside_passes_behind_or_ends_before_meets_nothing() {
+fn a_ray_from_inside_or_past_or_too_short_hits_nothing() {
     let shapes = [
         ConvexShape::Sphere { radius: 0.5 },
         ConvexShape::Box { half: Vector3::repeat(0.5) },

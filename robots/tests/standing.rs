@@ -87,7 +87,7 @@ fn stand(model: &Model, profile: &Profile, pose: &str) -> Option<(DVector<f64>, 
 }
 
 #[test]
-fn every_pose_of_what_stands_has_its_feet_on_the_ground_and_its_weight_above_them() {
+fn standing_poses_have_feet_on_the_ground_below_the_weight() {
     let mut standing = Vec::new();
     for entry in catalogue() {
         let (model, profile) = loaded(entry);
@@ -130,7 +130,7 @@ fn holding(model: &Model, profile: &Profile) -> DVector<f64> {
 }
 
 #[test]
-fn drives_can_hold_every_robot_at_home_and_their_gains_let_it_sag_little() {
+fn drives_hold_every_robot_at_home_with_little_sag() {
     for entry in catalogue().iter().filter(|entry| entry.profile.rotors.is_empty()) {
         let (model, profile) = loaded(entry);
         let tau = holding(&model, &profile);

@@ -83,7 +83,7 @@ fn what_is_drawn_depends_on_the_seed_alone_and_keeps_its_size() {
 }
 
 #[test]
-fn a_ray_meets_terrain_where_marching_along_it_first_comes_below() {
+fn a_ray_hits_terrain_where_marching_first_goes_below() {
     let rough = terrain(
         "seed = 3\nlayers = [{ diamond_square = { height = 0.4, roughness = 0.6 } }, { steps = { rise = 0.2, run = 0.4, count = 3 } }]",
     );
@@ -126,7 +126,7 @@ fn a_ray_meets_terrain_where_marching_along_it_first_comes_below() {
 }
 
 #[test]
-fn rays_straight_down_along_an_axis_and_in_the_plane_of_a_step_are_met() {
+fn rays_straight_down_and_along_steps_hit_terrain() {
     let scene = scene(terrain("layers = [{ steps = { rise = 0.5, run = 1.0, count = 1, from = 1.0 } }]"));
     let cast = |origin: [f64; 3], direction: [f64; 3]| {
         let ray =
@@ -144,7 +144,7 @@ fn rays_straight_down_along_an_axis_and_in_the_plane_of_a_step_are_met() {
 }
 
 #[test]
-fn the_triangles_near_a_point_hold_the_nearest_point_of_the_surface() {
+fn the_triangles_near_a_point_contain_the_nearest_point() {
     let field = field("seed = 4\nspacing = 0.1\nlayers = [{ diamond_square = { height = 0.3 } }]");
     let mut random = Random(13);
     for _ in 0..200 {
@@ -168,7 +168,7 @@ fn the_triangles_near_a_point_hold_the_nearest_point_of_the_surface() {
 }
 
 #[test]
-fn a_terrain_that_cannot_be_made_is_refused_with_the_key_at_fault() {
+fn an_invalid_terrain_is_refused_with_its_key() {
     for (text, expected) in [
         ("spacing = 1e-4\nlayers = []", "raise `spacing`"),
         ("spacing = -1.0\nlayers = []", "`spacing` is -1"),

@@ -35,7 +35,7 @@ fn inertial(mass: f64, [x, y, z]: [f64; 3]) -> String {
 }
 
 #[test]
-fn joints_stand_parents_first_in_file_order_and_every_link_has_a_frame() {
+fn joints_come_parents_first_and_every_link_has_a_frame() {
     let UrdfRobot { model, warnings } = read(BRANCHING);
     let bodies: Vec<_> = model.bodies().iter().map(|body| body.name.as_str()).collect();
     assert_eq!(bodies, ["torso", "lift", "upper", "lower", "slider", "wheel"]);
@@ -148,7 +148,7 @@ fn impossible_inertias_load_with_a_warning_that_names_the_link() {
 }
 
 #[test]
-fn a_joint_that_moves_nothing_heavy_loads_but_has_no_forward_dynamics() {
+fn a_massless_joint_loads_but_has_no_forward_dynamics() {
     let UrdfRobot { model, warnings } = read(&with_inertial(""));
     let [ModelWarning::NoInertia { link, joint }] = &warnings[..] else { panic!("{warnings:?}") };
     assert_eq!((link.as_str(), joint.as_str()), ("b", "j"));

@@ -33,7 +33,7 @@ fn has(found: &[Proximity], x: f64, y: f64, z: f64, gap: f64) -> bool {
 }
 
 #[test]
-fn between_two_sides_the_witnesses_are_the_corners_of_what_is_opposite() {
+fn witnesses_between_sides_are_the_corners_of_the_overlap() {
     // a corner of the small cube and a corner of the large one: 0.5 by 0.5
     let (nearest, found) = between("<box size=\"2 2 2\"/>", cube(1.0), at(1.0, 1.0, 1.6));
     assert!((nearest.distance - 0.1).abs() < 1e-9);
@@ -51,7 +51,7 @@ fn between_two_sides_the_witnesses_are_the_corners_of_what_is_opposite() {
 }
 
 #[test]
-fn an_edge_above_a_side_has_its_two_ends_and_a_corner_has_no_witness() {
+fn an_edge_above_a_side_has_two_witnesses_and_a_corner_none() {
     let edge = Isometry3::new(Vector3::new(0.1, 0.0, 1.8), Vector3::y() * std::f64::consts::FRAC_PI_4);
     let (nearest, found) = between("<box size=\"2 2 2\"/>", cube(1.0), edge);
     let gap = 1.8 - 1.0 - 0.5_f64.sqrt();
@@ -69,7 +69,7 @@ fn an_edge_above_a_side_has_its_two_ends_and_a_corner_has_no_witness() {
 }
 
 #[test]
-fn edges_that_cross_have_no_witness_and_parallel_ones_the_ends_of_what_they_share() {
+fn crossing_edges_have_no_witness_and_parallel_ones_do() {
     let up = UnitQuaternion::from_scaled_axis(Vector3::y() * std::f64::consts::FRAC_PI_4);
     let stands = |turn: f64, y: f64| {
         let turned = UnitQuaternion::from_scaled_axis(Vector3::z() * turn) * up;
@@ -101,7 +101,7 @@ fn edges_that_cross_have_no_witness_and_parallel_ones_the_ends_of_what_they_shar
 }
 
 #[test]
-fn ends_of_capsules_and_rims_of_cylinders_are_witnesses_and_spheres_have_none() {
+fn capsule_ends_and_cylinder_rims_have_witnesses() {
     let lying = Isometry3::new(Vector3::new(0.0, 0.0, 1.3), Vector3::y() * std::f64::consts::FRAC_PI_2);
     let capsule = Geometry::Capsule { radius: 0.1, length: 0.6 };
     let (nearest, found) = between("<box size=\"2 2 2\"/>", capsule, lying);
@@ -120,7 +120,7 @@ fn ends_of_capsules_and_rims_of_cylinders_are_witnesses_and_spheres_have_none() 
 }
 
 #[test]
-fn above_a_half_space_the_witnesses_are_the_corners_of_the_lower_side() {
+fn witnesses_above_a_half_space_are_the_lower_corners() {
     let model = with_shape("<box size=\"0.4 0.2 0.1\"/>");
     let mut kinematics = Kinematics::new(&model);
     kinematics.update(&model, &[0.5]);
@@ -136,7 +136,7 @@ fn above_a_half_space_the_witnesses_are_the_corners_of_the_lower_side() {
 }
 
 #[test]
-fn after_a_small_turn_some_witness_is_as_near_as_the_nearest_point() {
+fn a_witness_stays_nearest_after_a_small_turn() {
     // the distance after a turn, by the motion of the points known before it, is what is measured after it
     let shapes = [
         "<box size=\"0.4 0.3 0.1\"/>",

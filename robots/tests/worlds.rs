@@ -28,7 +28,7 @@ fn frame() -> String {
 }
 
 #[test]
-fn mass_centre_and_inertia_of_a_hollow_mesh_are_those_of_two_boxes() {
+fn a_hollow_mesh_has_the_inertia_of_two_boxes() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("frame.obj"), frame()).unwrap();
     let text = r#"
@@ -59,7 +59,7 @@ position = [1.0, 2.0, 3.0]
 }
 
 #[test]
-fn rays_go_through_the_hole_of_a_mesh_and_meet_its_rim_from_both_sides() {
+fn rays_pass_through_the_hole_of_a_mesh_and_hit_its_rim() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("frame.obj"), frame()).unwrap();
     let mesh = MeshShape::new(folder.path().join("frame.obj"));
@@ -101,7 +101,7 @@ const MJCF: &str = r#"<mujoco model="yard">
 </mujoco>"#;
 
 #[test]
-fn a_world_of_mjcf_has_its_gravity_ground_fixed_geoms_and_free_bodies() {
+fn a_world_of_mjcf_has_its_gravity_geoms_and_free_bodies() {
     let read = parse_mjcf_world(MJCF, None).unwrap();
     let world = &read.world;
     assert_eq!((world.gravity, world.wind), ([0.0, 0.0, -3.7], [1.0, 0.0, 0.0]));
@@ -154,7 +154,7 @@ fn of_file(name: &str, text: &str) -> Result<World, WorldError> {
 }
 
 #[test]
-fn keys_beside_a_file_add_to_its_world_and_its_gravity_holds_unless_they_state_one() {
+fn keys_beside_a_file_add_to_its_world() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("yard.xml"), MJCF).unwrap();
     let text = r#"
@@ -205,7 +205,7 @@ const COLOURED: &str = r#"<mujoco>
 </mujoco>"#;
 
 #[test]
-fn objects_of_mjcf_have_the_colours_that_their_viewer_shows_unless_the_world_states_others() {
+fn objects_of_mjcf_keep_their_colours_unless_overridden() {
     let mut world = of_file("table.xml", COLOURED).unwrap();
     world.check(std::iter::empty()).unwrap();
     let colours = |world: &World| {
@@ -267,7 +267,7 @@ const SDF: &str = r#"<sdf version="1.9"><world name="w">
 </world></sdf>"#;
 
 #[test]
-fn a_world_of_sdf_has_its_planes_and_models_and_refuses_robots_with_their_place() {
+fn a_world_of_sdf_is_read_and_robots_in_it_are_refused() {
     let world = of_file("w.sdf", SDF).unwrap();
     assert_eq!((world.gravity[2], world.ground.unwrap().friction), (-9.8, 0.7));
     let [crate_] = &world.objects[..] else { panic!("{:?}", world.objects) };
@@ -327,7 +327,7 @@ fn what_sdf_states_about_motion_is_taken_over_or_told() {
 }
 
 #[test]
-fn a_model_written_as_urdf_has_the_joints_links_and_poses_of_the_model() {
+fn a_model_written_as_urdf_has_the_same_joints_and_poses() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco");
     for name in ["arm.xml", "walker.xml", "runner.xml"] {
         let loaded = load(name, &folder).unwrap();
@@ -361,7 +361,7 @@ fn a_model_written_as_urdf_has_the_joints_links_and_poses_of_the_model() {
 }
 
 #[test]
-fn a_mesh_with_a_hole_in_its_surface_is_not_closed_and_has_the_volume_of_its_hull() {
+fn a_mesh_with_a_hole_is_open_and_has_its_hull_volume() {
     let corner = |x, y, z| Vector3::new(x, y, z);
     let points =
         vec![corner(0.0, 0.0, 0.0), corner(1.0, 0.0, 0.0), corner(0.0, 1.0, 0.0), corner(0.0, 0.0, 1.0)];

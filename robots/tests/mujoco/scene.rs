@@ -126,7 +126,7 @@ fn a_fault_in_an_included_file_is_found_there() {
 }
 
 #[test]
-fn keyframes_of_another_length_and_meshes_without_volume_are_refused_with_what_is_expected() {
+fn invalid_keyframes_and_flat_meshes_are_refused() {
     let refusal = |rest: &str| {
         let text = format!(
             "<mujoco><worldbody><body name=\"b\"><joint name=\"one\"/><geom size=\"1\"/></body></worldbody>{rest}</mujoco>"

@@ -236,7 +236,7 @@ fn mimic(model: &Model, name: &str) -> Option<(String, [f64; 2])> {
 }
 
 #[test]
-fn every_trap_is_read_as_mujoco_reads_it_or_refused_with_its_place() {
+fn every_trap_is_read_like_mujoco_or_refused_with_position() {
     let mut read = 0;
     let mut faults: Vec<String> = Vec::new();
     for file in files() {

@@ -39,7 +39,7 @@ fn rays_from_above_meet_a_height_field_at_the_heights_of_mujoco() {
 }
 
 #[test]
-fn a_body_of_several_geoms_has_the_mass_the_centre_and_the_inertia_of_mujoco() {
+fn a_body_of_several_geoms_has_the_inertia_of_mujoco() {
     let (world, golden) = (world(), golden());
     let hammer = world.objects.iter().find(|object| object.name == "hammer").unwrap();
     let own = hammer.mass_properties().unwrap();
@@ -68,7 +68,7 @@ fn bodies_that_are_held_become_connections_at_the_same_points() {
 }
 
 #[test]
-fn height_fields_compounds_and_held_bodies_that_cannot_be_read_are_refused_with_line_and_column() {
+fn unreadable_fields_and_bodies_are_refused_with_position() {
     for (old, new, expected) in [
         ("elevation=\"0 1", "elevation=\"0", "4:5: elevation=\"0 2 1 0"),
         (
@@ -102,7 +102,7 @@ fn height_fields_compounds_and_held_bodies_that_cannot_be_read_are_refused_with_
 }
 
 #[test]
-fn a_height_field_of_more_heights_than_memory_is_refused_before_they_are_made() {
+fn a_height_field_beyond_memory_is_refused_in_advance() {
     let attributes = r#"name="hills" nrow="250000" ncol="250000" size="1 1 1 0.1""#;
     for rest in ["", r#" elevation="0 1""#] {
         let text = format!(
@@ -119,7 +119,7 @@ fn a_height_field_of_more_heights_than_memory_is_refused_before_they_are_made() 
 }
 
 #[test]
-fn meshes_of_objects_whose_inertia_is_not_that_of_the_solid_are_refused_where_a_mass_needs_it() {
+fn meshes_with_other_inertia_are_refused_if_mass_is_needed() {
     let density = "<geom type=\"mesh\" mesh=\"wedge\" density=\"2000\"";
     let vertex = "<mesh name=\"wedge\" vertex";
     assert!(TEXT.contains(density) && TEXT.contains(vertex));
@@ -144,7 +144,7 @@ fn meshes_of_objects_whose_inertia_is_not_that_of_the_solid_are_refused_where_a_
 }
 
 #[test]
-fn heights_of_pictures_and_of_binary_files_lie_as_on_a_map_and_in_their_order() {
+fn heights_of_pictures_and_files_have_their_order() {
     let folder = tempfile::tempdir().unwrap();
     // Two rows of three heights: the row of the least y first.
     let mut bytes = [2_i32, 3].map(i32::to_le_bytes).concat();

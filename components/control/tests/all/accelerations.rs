@@ -55,7 +55,7 @@ fn move_to(
 }
 
 #[test]
-fn no_joint_accelerates_or_brakes_faster_than_it_can_not_even_at_its_limits() {
+fn no_joint_exceeds_its_acceleration_even_at_its_limits() {
     let panda = Panda::new();
     let (model, mut random) = (&panda.model, Random(5));
     for most in [2.0, 15.0] {
@@ -110,7 +110,7 @@ fn ground_below(panda: &Panda, words: &[&str]) -> CollisionModel {
 }
 
 #[test]
-fn where_a_distance_asks_for_more_it_is_kept_and_joints_brake_faster_and_none_speeds_up_faster() {
+fn a_distance_may_brake_joints_harder_but_not_speed_them_up() {
     let panda = Panda::new();
     let most = 1.0;
     let limit = AccelerationLimit::new(&panda.model, DVector::repeat(8, most), PositionLimit::default());
@@ -163,7 +163,7 @@ fn table_below(panda: &Panda, distance: f64) -> CollisionModel {
 }
 
 #[test]
-fn a_hand_too_near_to_a_table_comes_back_as_fast_as_its_joints_can_become() {
+fn a_hand_close_to_a_table_returns_at_joint_acceleration() {
     let panda = Panda::new();
     let mut down = panda.home.clone();
     down[1] += 0.3;
@@ -195,7 +195,7 @@ fn a_hand_too_near_to_a_table_comes_back_as_fast_as_its_joints_can_become() {
 }
 
 #[test]
-fn a_controller_takes_the_accelerations_of_the_profile_and_its_goals_are_reached() {
+fn a_controller_uses_the_accelerations_of_the_profile() {
     let with = |limits: &str| {
         let probe = Probe::<JointCommand>::of("panda/joint_command").triggered();
         let graph = graph("{}", Targets::default(), controller(&format!("{{ {limits} }}"))).with(&probe);

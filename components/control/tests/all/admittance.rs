@@ -38,7 +38,7 @@ fn response(mass: f64, damping: f64, stiffness: f64, force: f64, t: f64) -> f64 
 }
 
 #[test]
-fn a_push_has_the_response_of_a_mass_on_a_spring_and_a_damper_however_long_the_steps() {
+fn a_push_has_the_response_of_mass_spring_and_damper() {
     for (mass, damping, stiffness) in
         [(2.0, 4.0, 100.0), (4.0, 40.0, 100.0), (2.0, 100.0, 50.0), (3.0, 20.0, 0.0), (1.0, 2000.0, 10.0)]
     {
@@ -63,7 +63,7 @@ fn a_push_has_the_response_of_a_mass_on_a_spring_and_a_damper_however_long_the_s
 }
 
 #[test]
-fn a_turn_has_the_same_response_about_its_axis_and_ends_at_the_largest() {
+fn a_rotation_has_the_same_response_and_is_bounded() {
     let settings = AdmittanceSettings { max_rotation: 0.4, ..AdmittanceSettings::default() };
     let mut hand = Admittance::new(settings);
     let torque = Vector3::new(0.0, 2.0, 0.0);
@@ -84,7 +84,7 @@ fn a_turn_has_the_same_response_about_its_axis_and_ends_at_the_largest() {
 }
 
 #[test]
-fn the_velocity_of_the_displaced_pose_is_the_derivative_of_the_pose() {
+fn the_displaced_velocity_is_the_derivative_of_the_pose() {
     let mut random = Random(61);
     let mut any = |size: f64| Vector3::new(random.within(size), random.within(size), random.within(size));
     let settings = AdmittanceSettings { max_rotation: 3.0, ..AdmittanceSettings::default() };
@@ -125,7 +125,7 @@ fn the_velocity_of_the_displaced_pose_is_the_derivative_of_the_pose() {
 }
 
 #[test]
-fn the_task_of_a_displaced_target_has_the_derivative_of_its_error_on_a_fixed_and_a_floating_base() {
+fn the_displaced_task_has_the_derivative_of_its_error() {
     let mut random = Random(67);
     for name in ["panda", "humanoid"] {
         let robot = load(name, std::path::Path::new(".")).unwrap();
@@ -185,7 +185,7 @@ fn pushed(config: &str, until: f64, seconds: &str) -> Report {
 }
 
 #[test]
-fn a_hand_that_is_pushed_gives_way_by_force_over_stiffness_and_returns_by_velocities_and_by_torques() {
+fn a_pushed_hand_yields_by_force_over_stiffness_and_returns() {
     for config in [format!("{{ {TASKS} }}"), format!("{{ inverse_dynamics = {{}}, {TASKS} }}")] {
         let held = pushed(&config, 9.0, "4 s");
         let task = &held.results["controller"]["tasks"]["admittance"];

@@ -53,7 +53,7 @@ fn anywhere(random: &mut Random) -> Isometry3<f64> {
 }
 
 #[test]
-fn rows_and_feed_forward_are_the_derivatives_of_the_weighed_error_on_a_fixed_and_a_floating_base() {
+fn rows_and_feed_forward_are_derivatives_of_the_error() {
     let (mut random, h) = (Random(41), 1e-6);
     for (name, link) in [("panda", "panda_hand_tcp"), ("humanoid", "left_palm")] {
         let model = load(name, std::path::Path::new(".")).unwrap().model;
@@ -96,7 +96,7 @@ fn rows_and_feed_forward_are_the_derivatives_of_the_weighed_error_on_a_fixed_and
 }
 
 #[test]
-fn the_correction_of_a_weighed_error_is_its_decay_and_no_faster_than_its_largest_speed() {
+fn a_weighted_error_decays_within_its_maximum_speed() {
     let (panda, mut random) = (Panda::new(), Random(42));
     let q = panda.near_home(0.5, &mut random);
     let target = panda.hand_at(&q) * anywhere(&mut random);
@@ -123,7 +123,7 @@ fn the_correction_of_a_weighed_error_is_its_decay_and_no_faster_than_its_largest
 }
 
 #[test]
-fn a_hand_comes_to_a_height_upright_and_goes_and_turns_about_the_vertical_as_its_posture_wants() {
+fn a_hand_reaches_a_height_and_leaves_other_axes_free() {
     let panda = Panda::new();
     let start = panda.hand_at(panda.home.as_slice());
     let mut target = Isometry3::from(Vector3::new(0.5, -0.4, 0.1)) * start;
@@ -148,7 +148,7 @@ fn a_hand_comes_to_a_height_upright_and_goes_and_turns_about_the_vertical_as_its
 }
 
 #[test]
-fn a_row_of_a_matrix_is_a_plane_that_the_hand_comes_to_and_moves_in() {
+fn a_row_of_a_matrix_holds_the_hand_in_a_plane() {
     let panda = Panda::new();
     let normal = Vector3::new(1.0, 2.0, -2.0) / 3.0;
     let shares = AxisShares::matrices(
@@ -193,7 +193,7 @@ fn free_axes_of_a_level_are_left_to_the_levels_below() {
 }
 
 #[test]
-fn a_controller_counts_the_axes_it_is_told_and_refuses_axes_that_say_nothing() {
+fn a_controller_uses_its_axes_and_refuses_empty_ones() {
     let tasks =
         |axes: &str| format!("{{ tasks = [{{ cartesian = {{ axes = {axes} }} }}, {{ posture = {{}} }}] }}");
     let along = |axes: &str| {

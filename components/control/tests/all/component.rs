@@ -27,7 +27,7 @@ fn the_hand_comes_to_its_goals_within_limits() {
 }
 
 #[test]
-fn a_list_without_a_task_is_refused_and_not_taken_for_the_default() {
+fn an_empty_list_of_tasks_is_refused() {
     let error = graph("{}", Targets::default(), controller("{ tasks = [] }"));
     let error = error.check().expect_err("it must be refused").render(false);
     for word in ["tasks", "an empty list", "posture = {}", "leave `tasks` out"] {
@@ -56,7 +56,7 @@ fn parameters_change_what_the_configuration_says() {
 }
 
 #[test]
-fn a_strong_posture_pulls_the_hand_off_its_target_in_a_sum_and_not_from_a_level_below() {
+fn a_strong_posture_disturbs_the_hand_only_in_a_sum() {
     let error = |level: u32| {
         let tasks = format!(
             "{{ tasks = [{{ cartesian = {{}} }}, {{ posture = {{ level = {level}, weight = 1.0, gain = 5.0 }} }}] }}"
@@ -71,7 +71,7 @@ fn a_strong_posture_pulls_the_hand_off_its_target_in_a_sum_and_not_from_a_level_
 }
 
 #[test]
-fn a_level_with_a_regularisation_of_its_own_is_calmer_and_those_above_are_as_before() {
+fn a_regularised_level_is_calmer_and_leaves_higher_ones() {
     let ran = |levels: &str| {
         let tasks = "tasks = [{ cartesian = {} }, { posture = { level = 2, weight = 0.1, positions = [0.6, -0.5, 0.3, -2.0, 0.2, 1.8, 0.5, 0.02] } }]";
         run(graph("{}", resting(), controller(&format!("{{ {tasks}, {levels} }}"))))
@@ -88,7 +88,7 @@ fn a_level_with_a_regularisation_of_its_own_is_calmer_and_those_above_are_as_bef
 }
 
 #[test]
-fn gravity_is_that_of_the_world_unless_the_controller_states_its_own() {
+fn gravity_comes_from_the_world_unless_configured() {
     let hash = |config: &str, world: Option<&str>| {
         let graph = graph("{ gravity = -1.62 }", Targets::default(), controller(config));
         run(world.into_iter().fold(graph, |graph, gravity| graph.set("world.gravity", gravity))).state_hash
@@ -100,7 +100,7 @@ fn gravity_is_that_of_the_world_unless_the_controller_states_its_own() {
 }
 
 #[test]
-fn feedback_corrects_drives_that_sag_and_the_setpoint_alone_does_not() {
+fn feedback_corrects_sagging_drives() {
     // gravity is stronger than the controller believes
     let plant = "{ gravity = -10.5 }";
     let measured = run(graph(plant, Targets::default(), controller("{ feedback = \"measured\" }")));
@@ -111,7 +111,7 @@ fn feedback_corrects_drives_that_sag_and_the_setpoint_alone_does_not() {
 }
 
 #[test]
-fn without_a_joint_state_nothing_is_commanded_and_with_the_next_it_goes_on() {
+fn no_command_is_sent_without_a_joint_state() {
     let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", Targets::default(), controller("{}")));
     let result = &report.results["controller"];
     // the controller is triggered by the state: it does not even step
@@ -126,7 +126,7 @@ fn without_a_joint_state_nothing_is_commanded_and_with_the_next_it_goes_on() {
 }
 
 #[test]
-fn a_controller_with_a_rate_of_its_own_does_not_act_on_a_stale_state() {
+fn a_timed_controller_does_not_act_on_a_stale_state() {
     let controller = controller("{}").rate("1 kHz");
     let report = run(graph("{ silent_from = 0.5, silent_to = 0.8 }", Targets::default(), controller));
     let result = &report.results["controller"];
@@ -203,7 +203,7 @@ fn the_centre_of_mass_comes_to_its_goals_within_limits() {
 }
 
 #[test]
-fn a_centre_of_mass_without_a_target_stays_where_it_was_at_the_start() {
+fn a_centre_of_mass_without_a_target_keeps_its_place() {
     // the posture moves the elbow and cannot move the centre of mass
     let posture = "{ posture = { positions = [0.3, -0.6, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], weight = 0.01 } }";
     let unwired = |tasks: &str| {
@@ -224,7 +224,7 @@ fn a_centre_of_mass_without_a_target_stays_where_it_was_at_the_start() {
 }
 
 #[test]
-fn a_hand_stays_within_its_box_and_its_speed_whatever_its_target_is() {
+fn a_hand_keeps_its_box_and_speed_for_any_target() {
     let limited =
         |limits: &str| run(graph("{}", Targets::default(), controller(&format!("{{ limits = {limits} }}"))));
     let free = place(&run(graph("{}", Targets::default(), controller("{}"))).results["plant"]["hand"]);
@@ -282,7 +282,7 @@ fn assert_refused(config: &str, words: &[&str]) {
 }
 
 #[test]
-fn configurations_that_cannot_work_are_refused_with_their_key_and_advice() {
+fn invalid_configurations_are_refused_with_key_and_advice() {
     assert_refused(
         "{ tasks = [{ cartesian = { frame = \"panda_hand_tpc\" } }] }",
         &["tasks[0].cartesian.frame", "panda_hand_tcp"],

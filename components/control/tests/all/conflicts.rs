@@ -52,7 +52,7 @@ fn contradiction(relaxation: Option<f64>) -> Contradiction {
 }
 
 #[test]
-fn what_contradicts_is_named_and_without_a_relaxation_there_is_no_solution() {
+fn contradictions_without_relaxation_have_no_solution() {
     let (solved, conflict, _) = contradiction(None);
     assert!(matches!(solved, Err(IkError::Solve(SolveError::Infeasible { .. }))), "{solved:?}");
     let (slack, named) = conflict.unwrap();
@@ -65,7 +65,7 @@ fn what_contradicts_is_named_and_without_a_relaxation_there_is_no_solution() {
 }
 
 #[test]
-fn with_a_relaxation_what_contradicts_is_missed_by_least_squares_and_by_how_much_is_known() {
+fn relaxed_contradictions_are_missed_by_least_squares() {
     let (solved, conflict, far) = contradiction(Some(100.0));
     let v = solved.unwrap();
     assert!(far < 1e-6, "{far}");
@@ -83,7 +83,7 @@ fn rushed(policy: &str) -> Report {
 }
 
 #[test]
-fn the_policy_of_the_graph_decides_and_the_result_says_which_task_and_which_joint_disagreed() {
+fn the_policy_decides_and_the_result_names_the_conflict() {
     let (hold, named, relax, stop) = (
         rushed(""),
         rushed("on_infeasible = \"hold\","),
@@ -115,7 +115,7 @@ fn the_policy_of_the_graph_decides_and_the_result_says_which_task_and_which_join
 }
 
 #[test]
-fn a_constraint_without_another_task_leads_the_hand_by_the_smallest_velocities() {
+fn a_lone_constraint_uses_the_smallest_velocities() {
     let config = "{ tasks = [{ constraint = { task = { cartesian = { name = \"hand\", gain = 3.0 } } } }] }";
     let report = run(graph("{}", Targets::default(), controller(config)));
     let result = &report.results["controller"];

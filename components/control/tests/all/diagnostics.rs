@@ -16,7 +16,7 @@ fn watched(config: &str) -> (Report, Vec<ControlDiagnostics>) {
 }
 
 #[test]
-fn each_step_of_velocities_tells_residuals_and_active_limits_without_an_allocation() {
+fn a_velocity_step_reports_residuals_and_active_limits() {
     let (report, steps) = watched("{ limits = { velocity = { fraction = 0.1 } } }");
     assert!(steps.len() > 3_900, "{} steps", steps.len());
     assert!(steps.iter().all(|step| step.status == ControlDiagnostics::SOLVED && step.count() == 2));
@@ -52,7 +52,7 @@ fn a_relaxed_step_tells_the_iterations_of_its_own_solution() {
 }
 
 #[test]
-fn each_step_of_torques_tells_what_its_result_sums_up_and_changes_nothing_of_the_commands() {
+fn diagnostics_of_torques_do_not_change_the_commands() {
     let config = "{ inverse_dynamics = { torque_fraction = 0.4 }, tasks = [{ cartesian = {} }, { posture = { weight = 0.01 } }] }";
     let (report, steps) = watched(config);
     let solver = &report.results["controller"]["solver"];

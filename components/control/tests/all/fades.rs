@@ -77,7 +77,7 @@ fn effort(command: &JointCommand) -> &[f64] {
 }
 
 #[test]
-fn a_task_alone_in_its_level_leaves_and_returns_without_a_jump_of_the_velocity() {
+fn a_single_task_in_a_level_fades_without_a_jump() {
     let below = format!("{{ posture = {{ level = 2, weight = 1.0, {AWAY} }} }}");
     let tasks = format!("tasks = [{{ centre_of_mass = {{}} }}, {below}]");
     assert_fades(&tasks, velocity, ("centre_of_mass_weight", 1.0));
@@ -91,7 +91,7 @@ fn a_task_alone_in_its_level_leaves_and_returns_without_a_jump_of_the_velocity()
 }
 
 #[test]
-fn a_constraint_and_a_task_of_torques_leave_and_return_without_a_jump() {
+fn constraints_and_torque_tasks_fade_without_a_jump() {
     let below = format!("{{ posture = {{ level = 2, weight = 1.0, {AWAY} }} }}");
     let tasks = format!("tasks = [{{ constraint = {{ task = {{ centre_of_mass = {{}} }} }} }}, {below}]");
     assert_fades(&tasks, velocity, ("centre_of_mass_weight", 1.0));
@@ -102,7 +102,7 @@ fn a_constraint_and_a_task_of_torques_leave_and_return_without_a_jump() {
 }
 
 #[test]
-fn tasks_that_leave_one_after_the_other_change_the_velocity_evenly() {
+fn tasks_that_leave_in_turn_change_the_velocity_evenly() {
     let tasks = format!(
         "tasks = [{{ centre_of_mass = {{}} }}, {{ relative = {{ level = 2, other = \"panda_link2\" }} }}, \
          {{ posture = {{ level = 3, weight = 1.0, {AWAY} }} }}]"

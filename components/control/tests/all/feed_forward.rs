@@ -54,7 +54,7 @@ fn feed_forward_stays_within_the_effort_limits() {
 
 /// The power of the efforts fed forward is what the kinetic energy grows by.
 #[test]
-fn compensation_of_inertia_feeds_forward_what_changes_the_kinetic_energy() {
+fn inertia_compensation_feeds_the_kinetic_energy_forward() {
     let panda = Panda::new();
     let model = &panda.model;
     let mut dynamics = Dynamics::new(model);

@@ -33,7 +33,7 @@ fn direction(panda: &Panda, q: &[f64], point: Vector3<f64>) -> Vector3<f64> {
 }
 
 #[test]
-fn its_rows_are_the_turning_of_the_direction_by_every_joint_and_its_speed_that_by_the_point() {
+fn its_rows_are_the_derivatives_of_the_direction() {
     let panda = Panda::new();
     let mut random = Random(31);
     let h = 1e-6;
@@ -63,7 +63,7 @@ fn its_rows_are_the_turning_of_the_direction_by_every_joint_and_its_speed_that_b
 }
 
 #[test]
-fn its_error_turns_the_axis_onto_the_direction_also_from_straight_behind() {
+fn the_error_turns_the_axis_even_from_straight_behind() {
     let panda = Panda::new();
     let q = panda.home.as_slice();
     let hand = panda.hand_at(q);
@@ -116,7 +116,7 @@ fn its_cost_is_its_weighted_square() {
 }
 
 #[test]
-fn the_angle_to_a_moving_point_decays_at_the_rate_of_the_gain_without_an_allocation() {
+fn the_angle_to_a_moving_point_decays_at_the_gain() {
     let panda = Panda::new();
     let model = &panda.model;
     let (gain, dt) = (5.0, 1e-3);

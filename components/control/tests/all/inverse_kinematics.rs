@@ -85,7 +85,7 @@ fn targets_out_of_reach_leave_the_arm_calm() {
 }
 
 #[test]
-fn a_stretched_arm_with_aligned_wrist_comes_out_of_its_singularity() {
+fn a_stretched_arm_leaves_its_singularity() {
     let panda = Panda::new();
     // elbow as straight as its limit allows, joints 5 and 7 almost parallel to their neighbours
     let start = [0.0, 0.0, 0.0, -0.0698, 0.0, 0.0, 0.0, 0.0];
@@ -115,7 +115,7 @@ fn the_posture_moves_the_elbow_and_leaves_the_hand_in_place() {
 }
 
 #[test]
-fn a_moving_target_is_followed_without_lag_when_its_velocity_is_known() {
+fn a_moving_target_of_known_velocity_is_followed_without_lag() {
     let panda = Panda::new();
     let centre = panda.hand_at(panda.home.as_slice());
     let (radius, rate) = (0.1, 2.0);
@@ -164,7 +164,7 @@ fn joints_that_may_not_move_at_all_stand_still() {
 }
 
 #[test]
-fn a_state_or_target_that_is_no_number_is_refused_and_the_robot_stands_still() {
+fn a_non_finite_state_or_target_stops_the_robot() {
     let panda = Panda::new();
     let mut reach = ClosedLoop::new(&panda, panda.home.as_slice());
     let mut broken = panda.home.clone();
@@ -186,7 +186,7 @@ fn a_state_or_target_that_is_no_number_is_refused_and_the_robot_stands_still() {
 }
 
 #[test]
-fn bounds_are_the_narrowest_of_all_limits_and_admit_standing_still() {
+fn bounds_are_the_tightest_limits_and_allow_rest() {
     let panda = Panda::new();
     let mut q = panda.home.clone();
     q[0] = panda.model.upper()[0] - 0.01;

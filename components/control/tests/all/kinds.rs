@@ -57,7 +57,7 @@ fn a_frame_keeps_its_pose_in_another_without_a_target() {
 }
 
 #[test]
-fn manipulability_of_velocities_and_of_forces_lead_the_arm_opposite_ways() {
+fn velocity_and_force_manipulability_move_opposite_ways() {
     let reach = |of: &str| {
         let task = format!("{{ manipulability = {{ of = \"{of}\", gain = 20.0, weight = 1.0 }} }}");
         let report = ran(&format!("{{ tasks = [{task}] }}"));
@@ -149,7 +149,7 @@ fn wheels_roll_steer_and_drive() {
 }
 
 #[test]
-fn a_task_that_is_a_constraint_is_kept_by_velocities_and_by_torques() {
+fn a_constraint_task_is_kept_by_velocities_and_torques() {
     let start = hand(&ran("{ tasks = [{ minimum = { of = \"velocity\" } }] }"));
     let strong = AWAY.replace("weight = 0.1", "weight = 100.0");
     let held = "{ constraint = { task = { cartesian = { frame = \"panda_hand_tcp\" } } } }";
@@ -172,7 +172,7 @@ fn a_task_that_is_a_constraint_is_kept_by_velocities_and_by_torques() {
 }
 
 #[test]
-fn a_limit_that_is_a_task_gives_way_to_a_level_above_and_not_to_one_below() {
+fn a_limit_task_yields_to_a_higher_level_only() {
     let free = hand(&checked(run(graph("{}", Targets::default(), controller("{}")))));
     let wall = free[1] + 0.05;
     let end = |limit: u32, reach: u32| {
@@ -198,7 +198,7 @@ fn limits_of_frames_hold_for_torques_too() {
 }
 
 #[test]
-fn a_hand_keeps_its_distance_from_the_ground_by_velocities_and_by_torques() {
+fn a_hand_keeps_its_distance_from_the_ground() {
     let down = || Targets { offsets: vec![[0.0, 0.0, -0.25]], ..Targets::default() };
     for level in ["", "inverse_dynamics = {},"] {
         let free = hand(&run(graph("{}", down(), controller(&format!("{{ {level} }}")))))[2];
@@ -288,7 +288,7 @@ fn an_orientation_that_is_not_controlled_has_no_error() {
 }
 
 #[test]
-fn the_centre_of_mass_is_no_faster_than_its_limit_by_velocities_and_by_torques() {
+fn the_centre_of_mass_keeps_its_speed_limit() {
     // at 1 cm/s it has not come farther than 4 cm in 4 s, where without a limit it goes much farther
     let moved = |config: &str| {
         let report = ran(config);

@@ -34,7 +34,7 @@ fn assert_solution(structure: &Structure, problem: &Problem, expected: &[f64]) -
 
 /// Nocedal and Wright, Numerical Optimization, 2nd ed., example 16.2.
 #[test]
-fn an_equality_constrained_problem_has_its_published_solution_and_multipliers() {
+fn an_equality_problem_has_its_published_solution() {
     let structure = Structure::new(3).equalities(2);
     let mut problem = Problem::new(&structure);
     problem.hessian = dmatrix![6.0, 2.0, 1.0; 2.0, 5.0, 2.0; 1.0, 2.0, 4.0];
@@ -154,7 +154,7 @@ fn exact_zeros_that_come_and_go_do_not_shift_other_entries() {
 }
 
 #[test]
-fn the_units_of_the_cost_and_of_the_unknowns_do_not_change_the_answer() {
+fn the_units_of_the_problem_do_not_change_the_answer() {
     for curvature in [1e-6, 1.0, 1e6] {
         let (structure, mut problem) = separable(curvature);
         for length in [1e-4, 1.0, 1e4] {

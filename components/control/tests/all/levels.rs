@@ -139,7 +139,7 @@ fn a_level_changes_nothing_of_what_is_decided_above_it() {
 }
 
 #[test]
-fn levels_within_limits_are_those_of_a_solver_that_holds_the_decided_by_equalities() {
+fn levels_within_limits_match_a_sequence_of_equalities() {
     let (model, home) = panda();
     let n = model.nv();
     let kinematics = Kinematics::new(&model);
@@ -231,7 +231,7 @@ fn random_levels(n: usize, random: &mut Random) -> (Vec<Numbers>, Box) {
 }
 
 #[test]
-fn levels_of_any_scale_are_decided_and_keep_what_is_decided_above() {
+fn levels_of_any_scale_keep_the_higher_ones() {
     let (model, home) = panda();
     let n = model.nv();
     let kinematics = Kinematics::new(&model);
@@ -260,7 +260,7 @@ fn levels_of_any_scale_are_decided_and_keep_what_is_decided_above() {
 }
 
 #[test]
-fn held_feet_rest_exactly_beside_tasks_in_a_sum_and_above_levels() {
+fn held_feet_stay_at_rest_in_sums_and_in_levels() {
     let humanoid = load("humanoid", std::path::Path::new(".")).unwrap();
     let (model, profile) = (&humanoid.model, humanoid.profile.unwrap());
     let q = profile.configuration(model, "standing").unwrap();
@@ -334,7 +334,7 @@ impl Task for Saddle {
 }
 
 #[test]
-fn a_level_without_a_solution_moves_nothing_and_leaves_the_answer_of_those_above_as_it_is() {
+fn a_level_without_a_solution_leaves_higher_ones_unchanged() {
     let (model, home) = panda();
     let mut kinematics = Kinematics::new(&model);
     kinematics.update(&model, home.as_slice());

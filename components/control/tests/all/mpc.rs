@@ -41,7 +41,7 @@ fn four_feet(settings: MpcSettings) -> CentroidalMpc {
 }
 
 #[test]
-fn who_stands_at_the_reference_is_carried_by_equal_shares_of_the_weight() {
+fn equal_shares_of_the_weight_carry_a_robot_at_rest() {
     let mut mpc = four_feet(settings());
     let state = CentroidalState { position: Vector3::new(0.0, 0.0, 0.3), ..CentroidalState::default() };
     mpc.solve(&state, (&inertia(), 0.0), 0.0).unwrap();
@@ -61,7 +61,7 @@ fn who_stands_at_the_reference_is_carried_by_equal_shares_of_the_weight() {
 /// A mass above one point that it may push and pull from: the first force is that of the regulator of the
 /// finite horizon.
 #[test]
-fn without_limits_the_first_force_is_that_of_the_riccati_recursion() {
+fn the_unlimited_first_force_matches_the_riccati_recursion() {
     let weights = MpcWeights { force: 0.3, ..MpcWeights::default() };
     let settings = MpcSettings { weights, ..settings() };
     let (mass, h) = (settings.mass, settings.step);
@@ -167,7 +167,7 @@ fn trotting(mpc: &mut CentroidalMpc) {
 }
 
 #[test]
-fn gradient_and_curvature_of_the_program_are_those_of_the_rolled_out_cost() {
+fn gradient_and_curvature_match_the_rolled_out_cost() {
     let settings = MpcSettings { steps: 10, ..settings() };
     let mut mpc = CentroidalMpc::new(settings, &[0.6; 4]);
     trotting(&mut mpc);
@@ -202,7 +202,7 @@ fn gradient_and_curvature_of_the_program_are_those_of_the_rolled_out_cost() {
 }
 
 #[test]
-fn the_prediction_is_the_motion_of_a_rigid_body_under_the_forces() {
+fn the_prediction_matches_a_rigid_body_under_the_forces() {
     let mut mpc = four_feet(settings());
     let state = pushed();
     // arms of the last prediction: a few solutions at one state settle
@@ -254,7 +254,7 @@ fn a_hard_push_is_met_within_friction_and_force_limits() {
 }
 
 #[test]
-fn a_horizon_is_solved_without_an_allocation_and_anew_after_a_reset_to_the_last_bit() {
+fn a_horizon_is_solved_repeatably_without_an_allocation() {
     let mut mpc = four_feet(settings());
     let state = pushed();
     mpc.solve(&state, (&inertia(), 0.0), 0.0).unwrap();

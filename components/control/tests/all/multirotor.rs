@@ -95,7 +95,7 @@ fn it_flies_to_its_goal_and_a_step_allocates_nothing() {
 }
 
 #[test]
-fn without_a_target_it_stays_where_it_was_found_though_it_weighs_more_than_its_model() {
+fn a_multirotor_without_a_target_holds_its_place() {
     let base = Probe::<BaseState>::of("base");
     let report =
         graph("quadrotor", plant(Some(0.031), 1.0), controller("{}")).with(&base).run("12 s").unwrap();

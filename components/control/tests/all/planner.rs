@@ -71,7 +71,7 @@ fn plan(robot: &Loaded, planner: &mut LegPlanner, q: &[f64], (dt, count): (f64, 
 }
 
 #[test]
-fn footholds_are_the_same_from_the_robot_in_whatever_heading_it_starts() {
+fn footholds_do_not_depend_on_the_initial_heading() {
     let robot = quadruped();
     let targets = |heading: f64| {
         let q = turned(&robot, heading);
@@ -91,7 +91,7 @@ fn footholds_are_the_same_from_the_robot_in_whatever_heading_it_starts() {
 }
 
 #[test]
-fn the_force_of_a_step_as_long_as_one_of_the_horizon_is_that_of_its_first() {
+fn a_step_as_long_as_one_of_the_horizon_has_its_first_force() {
     let robot = quadruped();
     let q = turned(&robot, 0.0);
     let mut planner = planner(&robot, &q, 0.03);
@@ -110,7 +110,7 @@ fn the_force_of_a_step_as_long_as_one_of_the_horizon_is_that_of_its_first() {
 }
 
 #[test]
-fn forces_on_a_slope_carry_the_weight_and_keep_to_friction_about_its_normal() {
+fn forces_on_a_slope_keep_friction_about_its_normal() {
     let tilt = 0.3_f64;
     let axes = Rotation3::from_axis_angle(&Vector3::y_axis(), -tilt);
     let settings = MpcSettings { mass: 10.0, steps: 6, ..MpcSettings::default() };
@@ -184,7 +184,7 @@ fn a_planner_finds_the_slope_under_its_feet_and_steps_along_it() {
 }
 
 #[test]
-fn on_a_slope_that_is_crossed_aslant_a_base_parallel_to_it_is_not_seen_turned_and_goes_where_it_points() {
+fn a_base_crossing_a_slope_aslant_keeps_its_direction() {
     let robot = quadruped();
     let (tilt, heading) = (20.0_f64.to_radians(), 45.0_f64.to_radians());
     let slope = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
@@ -204,7 +204,7 @@ fn on_a_slope_that_is_crossed_aslant_a_base_parallel_to_it_is_not_seen_turned_an
 }
 
 #[test]
-fn a_base_on_a_slope_is_parallel_to_it_points_along_its_heading_and_turns_as_its_angular_velocity_says() {
+fn a_base_on_a_slope_stays_parallel_to_it_as_it_turns() {
     let normal = Vector3::new(-0.3, 0.2, 1.0).normalize();
     for heading in [0.0, 0.8, 2.0, -2.5] {
         let mut reference = Reference::new(0.3);
@@ -256,7 +256,7 @@ fn carries(seen: &[(f64, Vector3<f64>)], from: usize) -> usize {
 }
 
 #[test]
-fn a_foot_that_touches_early_stands_from_then_on_and_one_that_touches_too_early_swings_on() {
+fn a_foot_that_touches_early_stands_unless_much_too_early() {
     let (_, as_planned) = strides(|_| true);
     let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("it swings");
     let lifted_at = 0.005 * lifted as f64;
@@ -270,7 +270,7 @@ fn a_foot_that_touches_early_stands_from_then_on_and_one_that_touches_too_early_
 }
 
 #[test]
-fn a_foot_that_has_not_touched_at_its_time_is_moved_on_until_it_does() {
+fn a_foot_without_contact_at_its_time_moves_on() {
     let (_, as_planned) = strides(|_| true);
     let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("it swings");
     let lifted_at = 0.005 * lifted as f64;

@@ -191,7 +191,7 @@ fn random_problems_are_solved_or_refused_rightly_cold_and_warm() {
 }
 
 #[test]
-fn a_hessian_that_only_rounding_makes_definite_is_solved_as_the_singular_one_that_it_is() {
+fn a_hessian_definite_only_by_rounding_is_solved_as_singular() {
     // of rank 8 of 9; its factor has a smallest pivot of 4e-12 of the largest, and corrections by it bring
     // errors of their own
     let trial = trial(1_928_778);
@@ -204,7 +204,7 @@ fn a_hessian_that_only_rounding_makes_definite_is_solved_as_the_singular_one_tha
 }
 
 #[test]
-fn a_solve_that_goes_on_from_another_problem_ends_at_the_optimum_of_its_own() {
+fn a_warm_start_from_another_problem_reaches_the_optimum() {
     for seed in 0..200 {
         let first = trial(seed);
         let mut solver = ActiveSetSolver::new(first.structure.clone(), ActiveSetSettings::default());

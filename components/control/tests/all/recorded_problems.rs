@@ -68,7 +68,7 @@ fn a_kept_solver_returns_what_a_new_one_returns() {
 }
 
 #[test]
-fn the_active_set_solver_is_as_exact_as_the_reference_made_exact_warm_and_cold() {
+fn the_active_set_solver_matches_the_exact_reference() {
     for file in ["panda_ik.json", "talos_ik.json", "talos_id.json"] {
         let Some((structure, problems)) = load(file) else { return };
         for warm_start in [true, false] {
@@ -85,7 +85,7 @@ fn the_active_set_solver_is_as_exact_as_the_reference_made_exact_warm_and_cold()
 }
 
 #[test]
-fn a_solver_that_was_reset_computes_to_the_last_bit_what_a_new_one_does() {
+fn a_reset_solver_computes_exactly_like_a_new_one() {
     let Some((structure, problems)) = load("talos_ik.json") else { return };
     let mut used = ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default());
     for problem in &problems {
@@ -115,7 +115,7 @@ fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
 }
 
 #[test]
-fn what_is_not_a_number_is_refused_by_its_place_and_a_matrix_of_two_minds_by_its_entries() {
+fn non_finite_entries_and_asymmetry_are_refused_by_place() {
     let read = |text: &str| recorded::read(text).unwrap_err().to_string();
     for word in ["NaN", "Infinity", "-Infinity", "nan", "inf", "-inf"] {
         let message = read(&format!("{{ \"P\": [[1]],\n \"q\": [{word}] }}"));
@@ -130,7 +130,7 @@ fn what_is_not_a_number_is_refused_by_its_place_and_a_matrix_of_two_minds_by_its
 }
 
 #[test]
-fn a_cost_that_curves_downwards_is_refused_and_one_that_is_flat_or_does_so_by_rounding_is_not() {
+fn only_a_cost_that_truly_curves_downwards_is_refused() {
     let solve = |text: &str, warm_start: bool| {
         let (structure, problems) = recorded::read(text).unwrap();
         let settings = ActiveSetSettings { warm_start, ..ActiveSetSettings::default() };

@@ -6,7 +6,7 @@ use motorium_control::JointSetpoint;
 use crate::robot::Panda;
 
 #[test]
-fn a_setpoint_stops_at_the_limit_and_says_how_fast_it_really_moved() {
+fn a_setpoint_stops_at_its_limit_and_reports_its_velocity() {
     let panda = Panda::new();
     let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
     let upper = panda.model.upper()[0];
@@ -45,7 +45,7 @@ fn a_velocity_that_is_no_number_moves_no_joint() {
 }
 
 #[test]
-fn a_joint_found_a_hair_outside_its_limit_begins_at_the_limit_and_one_far_outside_where_it_is() {
+fn a_joint_slightly_outside_its_limit_starts_at_the_limit() {
     let panda = Panda::new();
     let mut setpoint = JointSetpoint::new(&panda.model, panda.home.as_slice());
     let mut q = panda.home.clone();

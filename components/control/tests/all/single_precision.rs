@@ -60,7 +60,7 @@ fn lowest(matrix: &DMatrix<f64>) -> f64 {
 }
 
 #[test]
-fn least_squares_in_single_precision_are_solved_though_their_rounding_curves_downwards() {
+fn least_squares_tolerate_single_precision_curvature() {
     let mut downwards = 0;
     for seed in 0..20 {
         let mut numbers = Random(seed);
@@ -88,7 +88,7 @@ fn least_squares_in_single_precision_are_solved_though_their_rounding_curves_dow
 }
 
 #[test]
-fn what_curves_downwards_by_more_than_single_precision_rounds_is_refused() {
+fn negative_curvature_beyond_rounding_is_refused() {
     for seed in 0..10 {
         let mut numbers = Random(seed);
         let a = random(3, 6, &mut numbers);
@@ -146,7 +146,7 @@ fn a_cost_that_falls_for_ever_is_no_rounding() {
 }
 
 #[test]
-fn equalities_that_depend_on_each_other_within_single_precision_are_kept_or_contradict_as_their_values_do() {
+fn dependent_equalities_are_kept_or_contradict_by_value() {
     for seed in 0..10 {
         let mut numbers = Random(seed);
         let two = random(2, 5, &mut numbers);

@@ -70,7 +70,7 @@ const TROT: &str = "{ velocity = [0.4, 0.0, 0.0], gait = { period = \"400 ms\", 
                     offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 } } }";
 
 #[test]
-fn a_planner_without_a_gait_carries_the_weight_on_all_feet_and_allocates_nothing() {
+fn a_planner_without_a_gait_stands_on_all_feet() {
     let (forces, schedule) =
         (Probe::<Wrench>::of("front_left_wrench"), Probe::<ContactSchedule>::of("schedule"));
     let report = standing([0.0; 3]).with(planner("{}")).with(&forces).with(&schedule).run("500 ms").unwrap();
@@ -90,7 +90,7 @@ fn a_planner_without_a_gait_carries_the_weight_on_all_feet_and_allocates_nothing
 }
 
 #[test]
-fn a_base_that_moves_is_braked_and_a_velocity_that_is_wanted_is_gained() {
+fn a_moving_base_is_braked_and_a_wanted_velocity_reached() {
     let force = |velocity: [f64; 3], table: &str| {
         let forces = Probe::<Wrench>::of("front_left_wrench");
         standing(velocity).with(planner(table)).with(&forces).run("100 ms").unwrap();
@@ -164,7 +164,7 @@ fn planners_that_cannot_work_are_refused_by_their_key() {
 }
 
 #[test]
-fn steps_whose_contacts_are_of_other_feet_or_missing_are_told_and_the_gait_alone_counts() {
+fn steps_with_unknown_contacts_are_reported_and_ignored() {
     let without = |feet: usize| {
         let contacts = Source::new("contacts", "feet", move |tick| {
             let mut contacts = FootContacts::default();
@@ -226,7 +226,7 @@ fn pushed_on_a_slope(silent_from: f64) -> Vec<f64> {
 }
 
 #[test]
-fn the_ground_stays_tilted_as_the_last_schedule_had_it_after_that_falls_silent() {
+fn the_ground_stays_tilted_when_the_schedule_falls_silent() {
     let apart = |one: &[f64], other: &[f64]| {
         one.iter().zip(other).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
     };
@@ -288,7 +288,7 @@ fn scheduled() -> (Report, Vec<JointCommand>, Vec<ControlDiagnostics>) {
 }
 
 #[test]
-fn a_schedule_lifts_a_foot_and_its_task_counts_meanwhile_until_it_falls_silent() {
+fn a_schedule_lifts_a_foot_until_it_falls_silent() {
     let (report, commands, steps) = scheduled();
     no_allocations(&report, "controller");
     assert_eq!(commands.len(), steps.len());
@@ -326,7 +326,7 @@ fn a_task_while_a_contact_is_lifted_names_a_contact() {
 }
 
 #[test]
-fn a_task_that_contradicts_is_named_while_one_before_it_does_not_count() {
+fn a_contradicting_task_is_named_despite_inactive_ones() {
     let tasks = "{ inverse_dynamics = {}, tasks = [\
         { constraint = { task = { cartesian = { name = \"swing\", frame = \"front_left_foot\", target = \"foot_target\", while_lifted = \"front_left\" } } } },\
         { constraint = { task = { cartesian = { name = \"body\", frame = \"base\", target = \"base_target\", gain = 30.0 } } } },\

@@ -59,7 +59,7 @@ fn the_cartesian_jacobian_is_the_derivative_of_the_error() {
 }
 
 #[test]
-fn the_cartesian_jacobian_holds_for_sliding_and_mimicking_joints() {
+fn the_cartesian_jacobian_handles_sliding_and_mimic_joints() {
     let urdf = r#"<robot name="lift">
         <link name="base"/>
         <link name="carriage"/><link name="arm"/><link name="follower"/><link name="tool"/>
@@ -200,7 +200,7 @@ fn centre_of_mass(model: &Model, q: &[f64]) -> Vector3<f64> {
 }
 
 #[test]
-fn the_error_of_the_centre_of_mass_and_its_jacobian_are_those_of_the_sum_over_all_bodies() {
+fn the_centre_of_mass_task_matches_the_sum_over_bodies() {
     let panda = Panda::new();
     let model = &panda.model;
     let mut random = Random(13);

@@ -20,7 +20,7 @@ fn reach(config: &str) -> Report {
 }
 
 #[test]
-fn torques_alone_bring_the_hand_to_its_goals_and_a_step_allocates_nothing() {
+fn torques_bring_the_hand_to_its_goals_without_allocating() {
     let report = reach(&torques(""));
     let result = &report.results["controller"];
     assert_eq!(result["goals_reached"], 2, "{result}");
@@ -35,7 +35,7 @@ fn torques_alone_bring_the_hand_to_its_goals_and_a_step_allocates_nothing() {
 }
 
 #[test]
-fn impedance_adds_a_share_of_the_gains_about_the_integrated_accelerations() {
+fn impedance_adds_scaled_gains_to_the_integrated_motion() {
     let report = reach(&torques("impedance = 0.5"));
     let result = &report.results["controller"];
     assert_eq!(result["goals_reached"], 2, "{result}");
@@ -77,7 +77,7 @@ pub(crate) fn refused(graph: Graph, words: &[&str]) {
 }
 
 #[test]
-fn configurations_of_torques_that_cannot_work_are_refused_by_their_key() {
+fn invalid_torque_configurations_are_refused_by_key() {
     let with = |config: &str| graph("{}", Targets::default(), controller(config));
     refused(with(&torques("contacts = [{ foot = \"left\" }]")), &["contacts[0].foot", "no foot `left`"]);
     refused(with(&torques("contacts = [{ frame = \"panda_hnad\" }]")), &["contacts[0].frame", "panda_hand"]);
@@ -148,7 +148,7 @@ fn a_floating_base_asks_for_torques_and_for_its_state() {
 }
 
 #[test]
-fn accelerations_alone_reach_the_goals_by_positions_with_all_of_the_gains_or_by_torques() {
+fn accelerations_reach_the_goals_by_positions_or_torques() {
     for (rest, share) in [("", 1.0), (", impedance = 0.0", 0.0)] {
         let report = reach(&torques(&format!("unknowns = \"accelerations\"{rest}")));
         let result = &report.results["controller"];
@@ -165,7 +165,7 @@ fn accelerations_alone_reach_the_goals_by_positions_with_all_of_the_gains_or_by_
 }
 
 #[test]
-fn joints_that_are_held_for_want_of_a_solution_bear_their_weight_and_are_not_accelerated_any_more() {
+fn held_joints_without_a_solution_only_bear_their_weight() {
     let config = "{ inverse_dynamics = { on_infeasible = \"hold\", stiff_start = \"0 s\" }, limits = { velocity = { fraction = 0.1 } }, \
                   tasks = [{ constraint = { task = { cartesian = { gain = 20.0 } } } }, { posture = {} }] }";
     let commands = Probe::<JointCommand>::of("panda/joint_command").triggered();

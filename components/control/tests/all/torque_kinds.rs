@@ -123,7 +123,7 @@ fn a_task_of_wheels_may_hold_exactly_in_torques() {
 }
 
 #[test]
-fn a_hand_and_joints_are_drawn_by_springs_whose_parameters_take_the_place_of_the_gain() {
+fn hand_and_joints_are_pulled_by_springs_instead_of_gains() {
     let spring = "impedance = { stiffness = 400.0, damping = 80.0, rotational_stiffness = 10.0, rotational_damping = 1.0 }";
     let joints = "impedance = { stiffness = 20.0, damping = 4.0 }";
     let tasks = format!("{{ cartesian = {{ {spring} }} }}, {{ posture = {{ level = 2, {joints} }} }}");

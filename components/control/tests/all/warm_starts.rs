@@ -33,7 +33,7 @@ fn pressed() -> (Structure, Problem) {
 }
 
 #[test]
-fn an_equality_that_loses_its_entries_takes_no_other_constraint_along() {
+fn an_emptied_equality_does_not_remove_other_constraints() {
     let (structure, mut problem) = pressed();
     let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
     let anew = solve(&mut solver, &problem);
@@ -51,7 +51,7 @@ fn an_equality_that_loses_its_entries_takes_no_other_constraint_along() {
 }
 
 #[test]
-fn an_equality_without_an_entry_that_asks_for_something_is_infeasible() {
+fn an_empty_equality_with_a_target_is_infeasible() {
     let (structure, mut problem) = pressed();
     problem.equality_matrix.row_mut(2).fill(0.0);
     problem.equality_value[2] = 1e-3;
@@ -62,7 +62,7 @@ fn an_equality_without_an_entry_that_asks_for_something_is_infeasible() {
 }
 
 #[test]
-fn bounds_whose_sides_are_one_are_held_from_the_start_and_let_go_when_they_open() {
+fn equal_bounds_are_held_and_released_when_they_open() {
     let (structure, open) = pressed();
     let mut closed = open.clone();
     closed.lower.rows_mut(0, 20).fill(0.02);
@@ -82,7 +82,7 @@ fn bounds_whose_sides_are_one_are_held_from_the_start_and_let_go_when_they_open(
 }
 
 #[test]
-fn a_humanoid_on_one_foot_begins_each_tick_with_what_was_active_in_the_one_before() {
+fn each_tick_starts_from_the_previous_active_set() {
     let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
     let (model, profile) = (&loaded.model, loaded.profile.unwrap());
     let q = profile.configuration(model, "standing").unwrap();

@@ -120,7 +120,7 @@ fn the_way_of_the_base_is_that_of_its_wheels_and_back() {
 }
 
 #[test]
-fn a_base_whose_frame_is_not_on_its_axle_swings_it_round_and_comes_back() {
+fn a_base_frame_off_its_axle_swings_round_and_returns() {
     let base = WheelBase::differential(vec![wheel(-0.2, 0.1), wheel(-0.2, -0.1)]).unwrap();
     let motion = base.feasible(&twist(0.2, 0.7, 1.5));
     assert!((motion.y - 1.5 * 0.2).abs() < 1e-12, "{motion:?}");
@@ -193,7 +193,7 @@ fn curvature(base: &WheelBase, speeds: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_velocity_beyond_the_limits_is_driven_slower_on_the_same_arc_and_reached_along_it() {
+fn a_velocity_beyond_the_limits_keeps_its_arc() {
     let mut drive = WheelDrive::new(differential(), limits(2), vec![[0.0; 3]; 2]);
     drive.begin(&[0.0; 2]);
     let (wanted, dt) = (twist(2.0, 0.0, 3.0), 1e-3);
@@ -222,7 +222,7 @@ fn a_velocity_beyond_the_limits_is_driven_slower_on_the_same_arc_and_reached_alo
 }
 
 #[test]
-fn a_car_steers_as_fast_as_it_may_and_its_wheels_roll_without_slip_while_it_does() {
+fn a_car_steers_at_its_limit_and_rolls_without_slip() {
     let steering = vec![[-0.42, 0.42, 3.2], [-0.42, 0.42, 3.2], [0.0; 3], [0.0; 3]];
     let mut drive = WheelDrive::new(car(), limits(4), steering);
     drive.begin(&[0.0; 4]);
@@ -319,7 +319,7 @@ fn number(report: &Report, key: &str) -> f64 {
 }
 
 #[test]
-fn a_base_in_a_graph_drives_its_arc_and_a_step_allocates_nothing() {
+fn a_base_in_a_graph_drives_its_arc_without_allocating() {
     let (odometry, command) = (Probe::<Odometry>::of("odometry"), Probe::<JointCommand>::of("command"));
     let graph = graph("differential-drive", "{}", 2, steady(0.1, 0.0, 0.5)).with(&odometry).with(&command);
     let report = graph.run("4 s").unwrap();
@@ -357,7 +357,7 @@ fn without_a_fresh_target_the_base_brakes_within_its_limits() {
 }
 
 #[test]
-fn an_omnidirectional_base_goes_sideways_while_it_turns_and_its_arm_stays() {
+fn an_omnidirectional_base_moves_sideways_while_turning() {
     let (odometry, command) = (Probe::<Odometry>::of("odometry"), Probe::<JointCommand>::of("command"));
     let graph = graph("mobile-manipulator", "{}", 9, steady(0.0, 0.2, 0.4)).with(&odometry).with(&command);
     let report = graph.run("4 s").unwrap();

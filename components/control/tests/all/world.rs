@@ -77,7 +77,7 @@ fn refused(config: &str, words: &[&str]) {
 const LIMIT: &str = "limits = { collision = { distance = 0.03, objects = [\"ball\"] } }";
 
 #[test]
-fn an_arm_keeps_its_distance_from_a_ball_that_stands_in_its_way_by_velocities_and_by_torques() {
+fn an_arm_keeps_its_distance_from_a_ball_in_its_way() {
     let ball = world(middle(), "");
     for level in ["", "inverse_dynamics = {},"] {
         let through = distance(&checked(run(reaching(&format!("{{ {level} {ball} }}")))));
@@ -88,7 +88,7 @@ fn an_arm_keeps_its_distance_from_a_ball_that_stands_in_its_way_by_velocities_an
 }
 
 #[test]
-fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
+fn an_arm_avoids_the_current_position_of_a_ball() {
     let objects = |at: Vector3<f64>| {
         Source::new("objects", "world/objects", move |_| {
             let mut poses = ObjectPoses::default();
@@ -125,7 +125,7 @@ fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
 }
 
 #[test]
-fn an_invalid_pose_is_refused_by_name_and_the_last_valid_one_is_kept() {
+fn an_invalid_pose_is_named_and_the_last_valid_one_kept() {
     let at = middle();
     let ended = |level: &str, orientation_w: f64| {
         let objects = Source::new("objects", "world/objects", move |tick| {
@@ -173,7 +173,7 @@ fn the_ground_of_the_world_is_kept_away_from() {
 }
 
 #[test]
-fn objects_and_grounds_that_are_not_there_or_in_the_way_at_home_are_refused() {
+fn missing_or_colliding_objects_and_grounds_are_refused() {
     let ball = world(middle(), "");
     let limit = |keys: &str| format!("{{ {ball}, limits = {{ collision = {{ {keys} }} }} }}");
     refused(&limit("objects = [\"bal\"]"), &["limits.collision.objects", "no object `bal`", "`ball`"]);
@@ -233,7 +233,7 @@ fn objects_and_ground_of_the_file_of_a_world_are_kept_away_from() {
 }
 
 #[test]
-fn objects_that_move_are_counted_after_those_of_the_file_of_the_world() {
+fn moving_objects_are_counted_after_those_of_the_world() {
     let at = middle();
     let poses = Source::new("objects", "world/objects", move |_| {
         let mut poses = ObjectPoses::default();
@@ -259,7 +259,7 @@ fn objects_that_move_are_counted_after_those_of_the_file_of_the_world() {
 }
 
 #[test]
-fn an_object_of_a_mesh_beside_the_graph_is_kept_away_from_as_one_of_the_same_shape() {
+fn a_mesh_beside_the_graph_is_avoided_like_its_shape() {
     // a cube about the ball
     let mut cube = String::new();
     for corner in 0..8 {

@@ -46,7 +46,7 @@ fn rate(robot: &Robot, v: &DVector<f64>, figure: impl Fn(&Robot) -> f64) -> f64 
 }
 
 #[test]
-fn force_manipulability_grows_along_its_task_as_fast_as_that_of_velocities_falls() {
+fn force_manipulability_grows_as_velocity_one_falls() {
     let mut random = Random(31);
     for name in ["panda", "humanoid"] {
         let robot = Robot::new(name).moved(&mut random);
@@ -88,7 +88,7 @@ fn efforts_that_hold_the_weight_fall_along_their_task() {
 }
 
 #[test]
-fn a_unicycle_drives_as_its_velocities_say_in_the_axes_of_its_frame() {
+fn a_unicycle_drives_at_its_velocity_in_its_own_axes() {
     let mut random = Random(33);
     let robot = Robot::new("quadruped").moved(&mut random);
     let model = &robot.model;
@@ -109,7 +109,7 @@ fn a_unicycle_drives_as_its_velocities_say_in_the_axes_of_its_frame() {
 }
 
 #[test]
-fn a_steered_wheel_turns_onto_the_way_of_its_base_and_rolls_backwards_where_that_is_nearer() {
+fn a_steered_wheel_rolls_backwards_if_that_is_closer() {
     // the hand of the arm hangs down: its last joint steers about the vertical
     let robot = Robot::new("panda");
     let model = &robot.model;
@@ -149,7 +149,7 @@ fn a_steered_wheel_turns_onto_the_way_of_its_base_and_rolls_backwards_where_that
 }
 
 #[test]
-fn a_task_that_is_a_constraint_holds_exactly_beside_others_and_above_levels() {
+fn a_task_as_a_constraint_holds_exactly() {
     let mut random = Random(34);
     let robot = Robot::new("panda").moved(&mut random);
     let model = &robot.model;
@@ -183,7 +183,7 @@ fn a_task_that_is_a_constraint_holds_exactly_beside_others_and_above_levels() {
 }
 
 #[test]
-fn a_task_that_is_a_constraint_of_torques_holds_exactly_and_gives_way_where_it_conflicts() {
+fn a_torque_task_as_a_constraint_holds_or_is_relaxed() {
     let mut random = Random(35);
     let robot = Robot::new("humanoid").moved(&mut random);
     let model = &robot.model;
@@ -211,7 +211,7 @@ fn a_task_that_is_a_constraint_of_torques_holds_exactly_and_gives_way_where_it_c
 }
 
 #[test]
-fn a_limit_that_is_a_task_gives_way_to_the_levels_above_and_holds_against_those_below() {
+fn a_limit_as_a_task_yields_to_higher_levels_only() {
     let mut random = Random(36);
     for name in ["panda", "humanoid"] {
         let robot = Robot::new(name).moved(&mut random);

@@ -33,7 +33,7 @@ impl Moving {
 }
 
 #[test]
-fn rows_of_the_position_are_the_second_derivative_of_the_weighed_error_in_axes_that_turn() {
+fn position_rows_are_second_derivatives_in_turning_axes() {
     let mut random = Random(91);
     for (name, link) in [("panda", "panda_hand_tcp"), ("humanoid", "left_palm"), ("quadruped", "base")] {
         for axes in [PoseAxes::Frame, PoseAxes::Target, PoseAxes::World] {
@@ -87,7 +87,7 @@ fn rows_of_the_position_are_the_second_derivative_of_the_weighed_error_in_axes_t
 }
 
 #[test]
-fn rows_of_the_orientation_are_those_of_the_whole_pose_turned_and_weighed() {
+fn orientation_rows_are_the_rotated_and_weighted_pose_rows() {
     let mut random = Random(92);
     let robot = Robot::new("humanoid").moved(&mut random);
     let frame = robot.model.frame("left_palm").unwrap();
@@ -118,7 +118,7 @@ fn rows_of_the_orientation_are_those_of_the_whole_pose_turned_and_weighed() {
 }
 
 #[test]
-fn a_level_gives_way_to_its_regularisation_as_a_weight_does_and_the_other_levels_do_not() {
+fn a_level_yields_to_its_own_regularisation_only() {
     let robot = Robot::new("panda");
     let mut posture = PostureAcceleration::new(&robot.model, &[0.1; 8], Feedback::critical(1.0)).weight(0.5);
     let mut decided = |level: usize, damping: [f64; 2]| {

@@ -37,7 +37,7 @@ fn panda(random: &mut Random) -> Robot {
 }
 
 #[test]
-fn joints_and_a_hand_stay_within_limits_of_velocities_from_every_state() {
+fn joints_and_hand_keep_velocity_limits_from_every_state() {
     let mut random = Random(41);
     for case in 0..40 {
         let mut robot = panda(&mut random);
@@ -85,7 +85,7 @@ fn joints_and_a_hand_stay_within_limits_of_velocities_from_every_state() {
 }
 
 #[test]
-fn torques_keep_a_hand_behind_a_wall_and_below_its_speed_from_every_state_that_allows_it() {
+fn torques_keep_a_hand_behind_a_wall_from_feasible_states() {
     let mut random = Random(42);
     let (mut arrived, mut fastest) = (0, 0.0_f64);
     for case in 0..30 {

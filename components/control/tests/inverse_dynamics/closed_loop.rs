@@ -41,7 +41,7 @@ fn an_arm_reaches_its_target_critically_damped_and_exactly() {
 }
 
 #[test]
-fn a_humanoid_shifts_its_weight_and_its_feet_stay_where_they_are() {
+fn a_humanoid_shifts_its_weight_without_moving_its_feet() {
     let mut robot = Robot::new("humanoid");
     let model = robot.model.clone();
     let feet = robot.feet();
@@ -73,7 +73,7 @@ fn a_humanoid_shifts_its_weight_and_its_feet_stay_where_they_are() {
 }
 
 #[test]
-fn the_torques_of_a_robot_that_is_held_are_those_of_standing_not_those_of_moving() {
+fn a_held_robot_gets_static_torques() {
     let robot = Robot::new("humanoid");
     let model = robot.model.clone();
     let mut control = InverseDynamics::new(&model, robot.feet());

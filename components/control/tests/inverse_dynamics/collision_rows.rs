@@ -40,7 +40,7 @@ const SQUEEZE: [([f64; 3], [f64; 3]); 2] =
     [([0.0, 0.0, -0.08], [1.0, 1.0, 0.1]), ([0.0, 0.0, 0.08], [1.0, 1.0, 0.1])];
 
 #[test]
-fn a_pair_that_is_squeezed_does_not_keep_another_pair_or_a_soft_limit_from_coming_back() {
+fn a_squeezed_pair_does_not_stop_other_limits_recovering() {
     let model = flying(PLATE, BaseMode::Fixed);
     let (q, mut kinematics) = (vec![0.0; 6], Kinematics::new(&model));
     kinematics.update(&model, &q);
@@ -106,7 +106,7 @@ fn of_three_flat_pairs_that_are_equally_near_each_has_witnesses() {
 }
 
 #[test]
-fn an_object_whose_place_is_no_number_pushes_the_robot_nowhere_and_other_distances_count_as_before() {
+fn an_object_without_a_finite_pose_is_ignored() {
     let model = flying(PLATE, BaseMode::Fixed);
     let (q, mut kinematics) = (vec![0.0; 6], Kinematics::new(&model));
     kinematics.update(&model, &q);
@@ -153,7 +153,7 @@ fn by_torques(walls_beside: &[([f64; 3], [f64; 3])], recovery: f64, most: f64, t
 }
 
 #[test]
-fn by_torques_a_pair_that_is_squeezed_does_not_keep_another_pair_from_coming_back() {
+fn a_squeezed_pair_does_not_block_others_under_torques() {
     let beside = ([0.21, 0.0, 0.0], [0.1, 0.1, 0.005]);
     // 0.01 m is left of the 0.03 m that are to be kept beside it
     let q = by_torques(&[SQUEEZE[0], SQUEEZE[1], beside], 0.01, 1000.0, 6000);
@@ -164,7 +164,7 @@ fn by_torques_a_pair_that_is_squeezed_does_not_keep_another_pair_from_coming_bac
 }
 
 #[test]
-fn a_way_back_that_asks_for_more_acceleration_than_there_is_takes_longer() {
+fn a_recovery_beyond_the_accelerations_takes_longer() {
     // a tenth of a metre per second at once is 100 m/s2
     for most in [1000.0, 20.0] {
         let q = by_torques(&SQUEEZE[..1], 0.3, most, 3000);

@@ -35,7 +35,7 @@ fn newton_euler(robot: &Robot, control: &InverseDynamics) -> Vec<f64> {
 }
 
 #[test]
-fn accelerations_forces_and_torques_satisfy_the_equation_of_motion_by_another_algorithm() {
+fn solutions_satisfy_an_independent_equation_of_motion() {
     let mut random = Random(11);
     for name in ["humanoid", "quadruped", "biped", "panda"] {
         for _ in 0..5 {
@@ -76,7 +76,7 @@ fn accelerations_forces_and_torques_satisfy_the_equation_of_motion_by_another_al
 }
 
 #[test]
-fn solutions_are_optimal_and_forces_stay_within_the_friction_cone() {
+fn solutions_are_optimal_and_within_the_friction_cone() {
     let mut random = Random(12);
     let mut slipping = 0;
     for case in 0..40 {
@@ -126,7 +126,7 @@ fn structure(problem: &motorium_control::solver::Problem) -> motorium_control::s
 }
 
 #[test]
-fn a_contact_that_is_not_active_has_no_force_and_the_other_carries_the_weight() {
+fn an_inactive_contact_carries_no_force() {
     let robot = Robot::new("humanoid");
     let model = &robot.model;
     let mut control = InverseDynamics::new(model, robot.feet());
@@ -152,7 +152,7 @@ fn a_contact_that_is_not_active_has_no_force_and_the_other_carries_the_weight() 
 }
 
 #[test]
-fn a_joint_that_is_driven_at_its_end_arrives_without_ever_leaving_its_range_or_its_speed() {
+fn a_joint_driven_to_its_end_stays_within_its_limits() {
     let mut random = Random(13);
     let limits = JointAccelerationLimits { braking: 15.0, max_acceleration: 80.0, ..Default::default() };
     for _ in 0..200 {
@@ -200,7 +200,7 @@ fn torques_at_their_limit_hold_and_are_named() {
 }
 
 #[test]
-fn levels_below_move_only_what_the_level_above_leaves_open_within_all_limits() {
+fn lower_levels_use_only_the_freedom_left_by_higher_ones() {
     let robot = Robot::new("humanoid");
     let (model, state) = (&robot.model, robot.state());
     let hand = model.frame("left_palm").unwrap();
@@ -261,7 +261,7 @@ fn sluggish(relaxation: Option<f64>) -> InverseDynamicsSettings {
 }
 
 #[test]
-fn constraints_that_conflict_are_named_where_nothing_may_be_relaxed() {
+fn conflicting_constraints_are_named_without_relaxation() {
     let robot = torn();
     let mut control = InverseDynamics::with_settings(&robot.model, robot.feet(), sluggish(None));
     control.begin(&robot.state(), 1e-3);
@@ -275,7 +275,7 @@ fn constraints_that_conflict_are_named_where_nothing_may_be_relaxed() {
 }
 
 #[test]
-fn a_relaxed_tick_says_by_how_much_and_keeps_torques_friction_and_the_equation_of_motion() {
+fn a_relaxed_tick_reports_its_error_and_keeps_the_physics() {
     let robot = torn();
     let mut control = InverseDynamics::with_settings(&robot.model, robot.feet(), sluggish(Some(100.0)));
     let mut posture = PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0));
@@ -328,7 +328,7 @@ fn a_tick_allocates_nothing() {
 }
 
 #[test]
-fn the_damping_of_joints_is_overcome_by_as_much_as_the_settings_say() {
+fn joint_damping_is_compensated_by_the_configured_share() {
     let mut robot = Robot::new("iiwa14");
     robot.v.fill(0.7);
     robot.update();
@@ -349,7 +349,7 @@ fn the_damping_of_joints_is_overcome_by_as_much_as_the_settings_say() {
 }
 
 #[test]
-fn a_free_fall_without_contacts_has_the_acceleration_of_gravity_and_no_torque() {
+fn free_fall_without_contacts_needs_no_torque() {
     let robot = Robot::new("quadruped");
     let mut control = InverseDynamics::new(&robot.model, Vec::new());
     let mut posture = PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0));

@@ -191,12 +191,12 @@ fn press(shape: &str, base: BaseMode) {
 }
 
 #[test]
-fn a_plate_keeps_its_distance_from_flat_and_round_objects_as_it_turns() {
+fn a_turning_plate_keeps_its_distance_from_objects() {
     press("<box size=\"0.3 0.2 0.04\"/>", BaseMode::Fixed);
 }
 
 #[test]
-fn cylinders_capsules_and_spheres_keep_their_distance_from_flat_and_round_objects_as_they_turn() {
+fn turning_round_bodies_keep_their_distance_from_objects() {
     for shape in [
         "<cylinder radius=\"0.08\" length=\"0.2\"/>",
         "<capsule radius=\"0.05\" length=\"0.25\"/>",
@@ -212,7 +212,7 @@ fn a_plate_on_a_floating_base_keeps_its_distance() {
 }
 
 #[test]
-fn a_panda_keeps_its_distance_from_a_box_from_a_mesh_and_from_the_ground() {
+fn a_panda_keeps_its_distance_from_box_mesh_and_ground() {
     let robot = Robot::new("panda");
     let model = &robot.model;
     let hand = model.frame("panda_hand_tcp").unwrap();
@@ -291,7 +291,7 @@ fn torques_keep_a_plate_at_its_distance_from_a_box_as_it_turns() {
 }
 
 #[test]
-fn a_hand_of_a_humanoid_keeps_its_distance_from_its_own_links_and_from_a_crate() {
+fn a_humanoid_hand_avoids_its_own_links_and_a_crate() {
     let robot = Robot::new("humanoid");
     let model = &robot.model;
     let hand = model.frame("left_palm").unwrap();
@@ -342,7 +342,7 @@ fn a_hand_of_a_humanoid_keeps_its_distance_from_its_own_links_and_from_a_crate()
 }
 
 #[test]
-fn a_plate_too_near_to_two_walls_stays_between_them_and_beside_one_it_comes_back_slowly() {
+fn a_plate_too_close_to_walls_returns_slowly() {
     let model = flying("<box size=\"0.3 0.2 0.04\"/>", BaseMode::Fixed);
     let (q, mut kinematics) = (vec![0.0; 6], Kinematics::new(&model));
     kinematics.update(&model, &q);

@@ -105,7 +105,7 @@ fn a_gaze_turns_as_its_rows_say() {
 }
 
 #[test]
-fn a_contact_moves_and_a_posture_falls_behind_as_their_residuals_say() {
+fn contact_and_posture_follow_their_residuals() {
     for (robot, frame, v, _) in cases(4) {
         let pose = |robot: &Robot| robot.kinematics.pose(&robot.model, frame);
         let slides = rate(&robot, &v, |robot| pose(robot).translation.vector);

@@ -77,8 +77,7 @@ impl Block {
 }
 
 #[test]
-fn a_block_rests_on_every_slope_up_to_the_angle_of_friction_by_cones_and_on_less_across_its_axes_by_pyramids()
-{
+fn a_block_rests_on_slopes_up_to_the_friction_angle() {
     let mu = 0.6;
     for eighth in 0..8 {
         let azimuth = f64::from(eighth) * std::f64::consts::FRAC_PI_4;
@@ -133,7 +132,7 @@ fn pushed(robot: &Robot, aim: Vector3<f64>, model: FrictionModel, mu: f64) -> (I
 }
 
 #[test]
-fn a_cone_costs_no_more_than_the_pyramid_inside_it_and_no_less_than_the_one_around_it() {
+fn the_cost_of_a_cone_lies_between_inner_and_outer_pyramid() {
     let robot = Robot::new("humanoid");
     let mut random = Random(41);
     let mut slipping = 0;
@@ -187,7 +186,7 @@ fn a_contact_that_is_off_has_no_force_within_cones_either() {
 }
 
 #[test]
-fn the_centre_of_pressure_stays_within_the_sole_less_its_margin_and_reaches_that_edge() {
+fn the_centre_of_pressure_reaches_but_stays_within_the_margin() {
     let robot = Robot::new("humanoid");
     for margin in [0.0, 0.03] {
         for direction in [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y()] {
@@ -222,7 +221,7 @@ fn the_centre_of_pressure_stays_within_the_sole_less_its_margin_and_reaches_that
 }
 
 #[test]
-fn the_centres_of_pressure_of_both_soles_make_the_zero_moment_point_of_the_momentum() {
+fn both_centres_of_pressure_form_the_zero_moment_point() {
     let mut random = Random(43);
     for case in 0..10 {
         let robot = Robot::new("humanoid");

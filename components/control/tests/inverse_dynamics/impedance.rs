@@ -18,7 +18,7 @@ const SOFT: CartesianImpedance = CartesianImpedance {
 const NONE: Feedback = Feedback { kp: 0.0, kd: 0.0 };
 
 #[test]
-fn a_spring_asks_for_the_acceleration_that_its_force_gives_on_fixed_and_floating_bases() {
+fn a_spring_asks_for_the_acceleration_of_its_force() {
     let mut random = Random(71);
     for (name, link) in [("panda", "panda_hand_tcp"), ("humanoid", "left_palm")] {
         let robot = Robot::new(name).moved(&mut random);
@@ -95,7 +95,7 @@ fn at_rest(
 }
 
 #[test]
-fn a_push_displaces_a_hand_by_its_force_over_the_stiffness_whatever_the_inertia_is() {
+fn a_push_displaces_a_hand_by_force_over_stiffness() {
     let robot = Robot::new("panda");
     let (model, frame) = (robot.model.clone(), robot.model.frame("panda_hand_tcp").unwrap());
     let start = robot.kinematics.pose(&model, frame);
@@ -115,7 +115,7 @@ fn a_push_displaces_a_hand_by_its_force_over_the_stiffness_whatever_the_inertia_
 }
 
 #[test]
-fn an_effort_at_a_joint_turns_it_alone_by_the_effort_over_its_stiffness() {
+fn an_effort_turns_only_its_joint_by_effort_over_stiffness() {
     let robot = Robot::new("iiwa14");
     let (model, home) = (robot.model.clone(), robot.q.clone());
     let joints = model.joint_count();

@@ -32,7 +32,7 @@ fn after<T>(robot: &Robot, v: &DVector<f64>, h: f64, of: impl Fn(&Kinematics) ->
 }
 
 #[test]
-fn rows_are_the_derivatives_of_what_they_bound_on_fixed_and_floating_bases() {
+fn limit_rows_are_derivatives_on_fixed_and_floating_bases() {
     let mut random = Random(71);
     for name in ["panda", "humanoid"] {
         let robot = Robot::new(name).moved(&mut random);
@@ -91,7 +91,7 @@ fn rows_are_the_derivatives_of_what_they_bound_on_fixed_and_floating_bases() {
 }
 
 #[test]
-fn hulls_are_those_of_their_corners_in_any_order_and_lines_do_not_bound() {
+fn hulls_ignore_corner_order_and_lines_do_not_bound() {
     let robot = Robot::new("panda");
     let mut random = Random(73);
     let mut limit = SupportLimit::new(&robot.model, 40, Supported::CentreOfMass(1.0));
@@ -113,7 +113,7 @@ fn hulls_are_those_of_their_corners_in_any_order_and_lines_do_not_bound() {
 }
 
 #[test]
-fn a_humanoid_that_reaches_too_far_keeps_its_centre_of_mass_above_its_feet_and_a_hand_before_a_wall() {
+fn a_reaching_humanoid_keeps_its_balance_and_its_hand_limit() {
     let mut robot = Robot::new("humanoid");
     let model = robot.model.clone();
     let mut feet: Vec<_> = robot.feet().iter().map(|foot| ContactTask::surface(&model, foot.frame)).collect();

@@ -24,7 +24,7 @@ fn direction(robot: &Robot, frame: FrameId, point: Vector3<f64>) -> Vector3<f64>
 }
 
 #[test]
-fn a_gaze_without_gains_asks_that_the_direction_to_its_moving_point_does_not_accelerate() {
+fn a_gaze_without_gains_asks_for_no_acceleration() {
     let mut random = Random(51);
     for name in ["panda", "humanoid", "quadruped"] {
         for _ in 0..5 {
@@ -139,7 +139,7 @@ fn the_capture_point_moves_as_its_task_says() {
 }
 
 #[test]
-fn a_humanoid_in_motion_comes_to_rest_where_its_capture_point_is_led_at_the_rate_of_the_gain() {
+fn a_humanoid_comes_to_rest_by_its_capture_point() {
     let mut robot = Robot::new("humanoid");
     let model = robot.model.clone();
     let (gain, dt) = (3.0, 2e-3);

@@ -38,7 +38,7 @@ fn begun(robot: &Robot) -> InverseDynamics {
 }
 
 #[test]
-fn a_relative_task_without_gains_asks_that_one_frame_does_not_accelerate_as_seen_from_the_other() {
+fn a_relative_task_without_gains_asks_for_no_acceleration() {
     let mut random = Random(61);
     for name in ROBOTS {
         for _ in 0..5 {
@@ -92,7 +92,7 @@ fn the_error_of_a_relative_task_decays_critically_damped() {
 }
 
 #[test]
-fn a_unicycle_corrects_the_velocity_in_the_turning_axes_of_its_frame() {
+fn a_unicycle_corrects_its_velocity_in_the_turning_frame() {
     let mut random = Random(62);
     for name in ROBOTS {
         let robot = Robot::new(name).moved(&mut random);
@@ -155,7 +155,7 @@ fn a_rolling_wheel_lets_the_point_at_the_contact_come_to_rest() {
 }
 
 #[test]
-fn a_steered_wheel_turns_to_the_way_of_its_base_critically_damped_and_then_turns_with_it() {
+fn a_steered_wheel_turns_to_its_course_critically_damped() {
     let mut robot = Robot::new("panda");
     let model = robot.model.clone();
     let (wheel, base) = (model.frame("panda_link7").unwrap(), model.frame("panda_link0").unwrap());

@@ -77,7 +77,7 @@ fn step(is_led: bool) -> Vec<(u32, bool)> {
 }
 
 #[test]
-fn a_humanoid_that_sets_its_foot_down_where_it_was_needs_few_iterations_and_no_slack() {
+fn a_foot_set_down_in_place_needs_few_iterations() {
     let ticks = step(true);
     let most = ticks.iter().map(|(iterations, _)| *iterations).max().unwrap();
     let relaxed = ticks.iter().filter(|(_, relaxed)| *relaxed).count();
@@ -86,7 +86,7 @@ fn a_humanoid_that_sets_its_foot_down_where_it_was_needs_few_iterations_and_no_s
 }
 
 #[test]
-fn a_humanoid_that_falls_is_told_so_in_each_tick_by_bounded_work() {
+fn a_falling_humanoid_is_reported_with_bounded_work() {
     let ticks = step(false);
     let mut most: Vec<u32> = ticks.iter().map(|(iterations, _)| *iterations).collect();
     most.sort_unstable_by(|a, b| b.cmp(a));
@@ -99,7 +99,7 @@ fn a_humanoid_that_falls_is_told_so_in_each_tick_by_bounded_work() {
 }
 
 #[test]
-fn a_tick_that_may_not_iterate_as_often_as_it_has_to_says_so_and_the_next_ones_go_on() {
+fn an_iteration_limit_is_reported_and_later_ticks_recover() {
     let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
     let (model, profile) = (&loaded.model, loaded.profile.unwrap());
     let feet = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot).unwrap());

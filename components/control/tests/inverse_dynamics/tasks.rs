@@ -42,7 +42,7 @@ fn frame_of(robot: &Robot) -> motorium_robots::FrameId {
 }
 
 #[test]
-fn a_cartesian_task_without_gains_asks_that_the_classical_acceleration_of_its_frame_is_zero() {
+fn a_cartesian_task_without_gains_asks_for_no_acceleration() {
     let mut random = Random(1);
     for name in ROBOTS {
         let robot = Robot::new(name).moved(&mut random);
@@ -62,7 +62,7 @@ fn a_cartesian_task_without_gains_asks_that_the_classical_acceleration_of_its_fr
 }
 
 #[test]
-fn the_centre_of_mass_and_the_momentum_accelerate_as_their_tasks_say() {
+fn centre_of_mass_and_momentum_accelerate_as_commanded() {
     let mut random = Random(2);
     for name in ROBOTS {
         let robot = Robot::new(name).moved(&mut random);
@@ -91,7 +91,7 @@ fn the_centre_of_mass_and_the_momentum_accelerate_as_their_tasks_say() {
 }
 
 #[test]
-fn feedback_is_that_of_the_equation_with_the_signs_that_lead_to_the_target() {
+fn feedback_has_the_signs_that_lead_to_the_target() {
     let mut random = Random(3);
     let feedback = Feedback { kp: 30.0, kd: 7.0 };
     for name in ROBOTS {
@@ -142,7 +142,7 @@ fn feedback_is_that_of_the_equation_with_the_signs_that_lead_to_the_target() {
 }
 
 #[test]
-fn a_correction_is_no_faster_than_its_largest_speed_and_exact_below_it() {
+fn a_correction_is_exact_below_its_maximum_speed() {
     let feedback = Feedback { kp: 100.0, kd: 20.0 };
     let far = Vector3::new(3.0, 4.0, 0.0);
     let found = feedback.acceleration(&far, &Vector3::zeros(), 0.5);
@@ -201,7 +201,7 @@ fn forces_follow_their_target_and_are_spread_evenly_without_one() {
 }
 
 #[test]
-fn the_residual_of_the_torque_task_is_the_torque_that_inverse_dynamics_has() {
+fn the_torque_residual_matches_inverse_dynamics() {
     let mut random = Random(5);
     for name in ROBOTS {
         let robot = Robot::new(name).moved(&mut random);
@@ -221,7 +221,7 @@ fn the_residual_of_the_torque_task_is_the_torque_that_inverse_dynamics_has() {
 }
 
 #[test]
-fn a_rolling_ball_stands_still_at_its_contact_point_and_a_point_at_its_origin() {
+fn a_rolling_ball_is_at_rest_at_its_contact_point() {
     let mut random = Random(6);
     let robot = Robot::new("quadruped").moved(&mut random);
     let model = &robot.model;

@@ -64,7 +64,7 @@ fn base_at_rest(robot: &Robot) -> CartesianAcceleration {
 }
 
 #[test]
-fn forces_of_a_robot_at_rest_are_the_least_that_balance_its_weight() {
+fn forces_at_rest_are_the_least_that_balance_the_weight() {
     let robot = Robot::new("quadruped");
     let mut control = with_equalities(&robot);
     let mut base = base_at_rest(&robot);
@@ -116,7 +116,7 @@ fn body(name: &str) -> &'static str {
 }
 
 #[test]
-fn forces_that_accelerate_the_centre_of_mass_sum_up_to_mass_times_acceleration_less_gravity() {
+fn forces_sum_to_the_rate_of_linear_momentum() {
     let robot = Robot::new("quadruped");
     let model = &robot.model;
     let gain = 6.0;
@@ -150,7 +150,7 @@ fn forces_that_accelerate_the_centre_of_mass_sum_up_to_mass_times_acceleration_l
 }
 
 #[test]
-fn forces_keep_to_friction_and_torque_limits_where_a_task_asks_for_more() {
+fn forces_keep_friction_and_torque_limits_under_any_task() {
     let robot = Robot::new("quadruped");
     let model = &robot.model;
     for friction_model in [FrictionModel::Pyramid, FrictionModel::Cone] {
@@ -178,7 +178,7 @@ fn forces_keep_to_friction_and_torque_limits_where_a_task_asks_for_more() {
 }
 
 #[test]
-fn an_equality_that_friction_forbids_gives_way_or_names_the_conflict() {
+fn an_equality_against_friction_is_relaxed_or_named() {
     let robot = Robot::new("quadruped");
     let model = &robot.model;
     let mut far = CentreOfMassAcceleration::new(model, Feedback::critical(10.0));
@@ -217,7 +217,7 @@ fn a_foot_that_is_lifted_has_no_force_among_forces_alone() {
 }
 
 #[test]
-fn accelerations_alone_and_inverse_dynamics_agree_on_a_fixed_base_in_one_level_and_in_two() {
+fn both_formulations_agree_on_a_fixed_base() {
     let (mut random, mut compared) = (Random(311), 0);
     for _ in 0..10 {
         let robot = Robot::new("panda").moved(&mut random);
@@ -269,7 +269,7 @@ fn accelerations_alone_and_inverse_dynamics_agree_on_a_fixed_base_in_one_level_a
 }
 
 #[test]
-fn accelerations_alone_keep_feet_at_rest_and_find_the_forces_for_them() {
+fn accelerations_keep_feet_at_rest_and_yield_their_forces() {
     let mut random = Random(313);
     let mut robot = Robot::new("quadruped");
     robot.v.iter_mut().for_each(|v| *v = random.within(0.05));

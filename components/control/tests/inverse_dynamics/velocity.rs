@@ -48,7 +48,7 @@ fn product(cost: &motorium_control::tasks::Cost, v: &DVector<f64>) -> DVector<f6
 }
 
 #[test]
-fn the_error_of_a_relative_pose_changes_as_its_jacobian_says_and_a_base_does_not_count() {
+fn the_relative_pose_error_changes_as_its_jacobian_predicts() {
     let mut random = Random(21);
     for (name, one, other) in
         [("humanoid", "left_palm", "right_palm"), ("panda", "panda_link3", "panda_hand_tcp")]
@@ -77,7 +77,7 @@ fn the_error_of_a_relative_pose_changes_as_its_jacobian_says_and_a_base_does_not
 }
 
 #[test]
-fn a_momentum_task_gives_the_robot_its_momentum_while_its_feet_stand() {
+fn a_momentum_task_is_met_while_the_feet_stand() {
     let robot = Robot::new("humanoid");
     let model = &robot.model;
     let aim = Momentum { linear: Vector3::new(0.5, -1.0, 0.3), angular: Vector3::new(0.1, 0.2, -0.05) };
@@ -124,7 +124,7 @@ fn a_point_contact_holds_its_origin_and_may_turn() {
 }
 
 #[test]
-fn manipulability_grows_along_its_task_and_velocities_without_a_task_are_least() {
+fn manipulability_grows_and_free_velocities_are_minimal() {
     let mut random = Random(22);
     for name in ["panda", "humanoid"] {
         let robot = Robot::new(name).moved(&mut random);

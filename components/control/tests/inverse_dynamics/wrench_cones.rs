@@ -45,7 +45,7 @@ fn corners_can(cone: &WrenchCone, wrench: &[f64; 6]) -> bool {
 }
 
 #[test]
-fn the_wrenches_of_the_cone_are_those_that_forces_at_the_corners_add_up_to() {
+fn a_wrench_cone_is_spanned_by_the_forces_at_its_corners() {
     let mut random = Random(51);
     let (mut inside, mut outside) = (0, 0);
     for _ in 0..4000 {
@@ -125,7 +125,7 @@ fn feet_keep_within_their_wrench_cones_whatever_the_tasks_want() {
 }
 
 #[test]
-fn a_wrench_cone_of_another_shape_does_not_count_and_that_of_a_lifted_foot_neither() {
+fn a_wrench_cone_of_a_lifted_or_other_foot_is_inactive() {
     let robot = Robot::new("humanoid");
     let model = &robot.model;
     let cone = WrenchCone { min_force: 100.0, ..WrenchCone::default() };
@@ -187,7 +187,7 @@ fn levels(
 }
 
 #[test]
-fn levels_within_friction_cones_keep_what_is_decided_above_and_the_friction() {
+fn levels_within_friction_cones_keep_higher_levels() {
     let robot = Robot::new("humanoid");
     let friction = 0.35;
     let (_, [alone, _]) = levels(&robot, FrictionModel::Cone, friction, 1, PUSH);
@@ -204,7 +204,7 @@ fn levels_within_friction_cones_keep_what_is_decided_above_and_the_friction() {
 }
 
 #[test]
-fn where_friction_does_not_bind_cones_and_pyramids_decide_all_levels_alike() {
+fn cones_and_pyramids_agree_where_friction_does_not_bind() {
     let robot = Robot::new("humanoid");
     let (cones, _) = levels(&robot, FrictionModel::Cone, 0.9, 3, Vector3::zeros());
     let (pyramids, _) = levels(&robot, FrictionModel::Pyramid, 0.9, 3, Vector3::zeros());

@@ -15,7 +15,7 @@ use crate::robots::{Random, Robot};
 use crate::tasks::rows;
 
 #[test]
-fn a_wrench_follows_its_target_and_its_rows_are_the_sum_over_the_points() {
+fn a_wrench_task_follows_its_target_summed_over_its_points() {
     let robot = Robot::new("humanoid");
     let model = &robot.model;
     let weight = model.mass() * 9.81;
@@ -54,7 +54,7 @@ fn a_wrench_follows_its_target_and_its_rows_are_the_sum_over_the_points() {
 }
 
 #[test]
-fn an_arm_that_is_not_to_accelerate_has_the_torques_of_gravity_and_of_its_motion() {
+fn an_arm_at_zero_acceleration_has_the_bias_torques() {
     let mut random = Random(81);
     let robot = Robot::new("iiwa14").moved(&mut random);
     let model = &robot.model;
@@ -82,7 +82,7 @@ fn an_arm_that_is_not_to_accelerate_has_the_torques_of_gravity_and_of_its_motion
 }
 
 #[test]
-fn the_contact_point_of_a_wheel_moves_as_its_rows_say_on_fixed_and_floating_bases() {
+fn the_contact_point_of_a_wheel_moves_as_its_rows_predict() {
     let mut random = Random(83);
     for name in ["panda", "humanoid"] {
         for _ in 0..5 {
