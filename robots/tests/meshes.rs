@@ -166,6 +166,9 @@ fn collada_faces_that_are_not_read_are_refused() {
     let holed = dae().replace("polylist", "polygons").replace("<p>", "<ph><p>").replace("</p>", "</p></ph>");
     let error = TriangleMesh::read(&write(folder.path(), "hole.dae", holed)).unwrap_err().to_string();
     assert!(error.contains("polygons with holes are not supported"), "{error}");
+    let far = dae().replace("offset=\"1\"", "offset=\"18446744073709551615\"");
+    let error = TriangleMesh::read(&write(folder.path(), "far.dae", far)).unwrap_err().to_string();
+    assert!(error.contains("an input has the offset 18446744073709551615, expected at most 255"), "{error}");
 }
 
 #[test]

@@ -6,6 +6,7 @@
 //! An input that fails is reduced and written to the folder of temporary files; put into the corpus it is tried in every
 //! run from then on.
 
+mod commands;
 mod damage;
 mod graphs;
 mod recordings;

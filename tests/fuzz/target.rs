@@ -43,12 +43,36 @@ fn try_one(read: &dyn Fn(&[u8]), bytes: &[u8]) -> Result<(), TestCaseError> {
     if took > LONGEST_NS { Err(TestCaseError::fail(text())) } else { Ok(()) }
 }
 
+/// The end of a target.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Length {
+    /// After this time.
+    Time(Duration),
+    /// After this number of damaged inputs, rounded up to whole batches.
+    Cases(u64),
+}
+
+/// Damaged inputs of all commands together, where `MOTORIUM_FUZZ_CASES` sets them.
+pub(crate) fn cases() -> Option<u64> {
+    std::env::var("MOTORIUM_FUZZ_CASES").ok().and_then(|text| text.parse().ok())
+}
+
 /// Reads the inputs as they are, then damaged ones until the time is over.
 pub(crate) fn target(name: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
+    let length = Length::Time(Duration::from_secs(number("MOTORIUM_FUZZ_SECONDS", 1)));
+    target_for(name, corpus, length, &read);
+}
+
+/// Reads the inputs as they are, then damaged ones.
+pub(crate) fn target_for(name: &str, corpus: &[Vec<u8>], length: Length, read: &dyn Fn(&[u8])) {
     for bytes in corpus {
-        try_one(&read, bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        try_one(read, bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
-    let until = Instant::now() + Duration::from_secs(number("MOTORIUM_FUZZ_SECONDS", 1));
+    let began = Instant::now();
+    let is_over = |batches: u64| match length {
+        Length::Time(time) => began.elapsed() >= time,
+        Length::Cases(cases) => batches * u64::from(BATCH) >= cases,
+    };
     let config =
         Config { cases: BATCH, failure_persistence: None, max_shrink_iters: 512, ..Config::default() };
     let runner = |batch: u64| {
@@ -64,8 +88,8 @@ pub(crate) fn target(name: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
         bytes
     };
     let mut batches = 0_u64;
-    while Instant::now() < until {
-        let result = runner(batches).run(&strategy, |input| try_one(&read, &damaged(&input)));
+    while !is_over(batches) {
+        let result = runner(batches).run(&strategy, |input| try_one(read, &damaged(&input)));
         if let Err(error) = result {
             let TestError::Fail(reason, input) = error else { panic!("{name}: {error}") };
             let path = std::env::temp_dir().join(format!("motorium-fuzz-{name}"));

@@ -2,12 +2,16 @@
 
 use std::net::UdpSocket;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use motorium::region::{GateState, Latch};
 
 use crate::commands::{await_gate, gate, motorium};
-use crate::support::{Run, await_that, machine, panda_reach};
+use crate::support::{MOTORIUM, Run, await_that, machine, panda_reach};
 
 /// The Panda with an emergency stop by datagrams; the folder that holds the graph, and the socket of the feeder.
 fn graph() -> (tempfile::TempDir, PathBuf, UdpSocket) {
@@ -39,7 +43,8 @@ emergency_stop_max_age = "1 s"
 }
 
 fn start(graph: &std::path::Path) -> Run {
-    Run::start_when(graph, &["--for", "60 s"], |plan, region| {
+    let length = format!("{} s", 60 + pressing().as_secs());
+    Run::start_when(graph, &["--for", &length], |plan, region| {
         let physics = plan.components.iter().position(|component| component.name == "physics").unwrap();
         region.components()[physics].steps.load(std::sync::atomic::Ordering::Relaxed) > 20
     })
@@ -95,6 +100,135 @@ fn every_press_latches_however_short_it_is() {
             gate(&run).latch == Some(Latch::EmergencyStop)
         });
     }
+    assert_eq!(motorium(&run, &["stop"]).0, Some(0));
+    run.finish();
+}
+
+/// A program that feeds the value "released". It dies when it is dropped.
+enum Feeder {
+    Datagrams(Arc<AtomicBool>, Option<JoinHandle<()>>),
+    Program(Child),
+}
+
+impl Feeder {
+    fn datagrams(socket: &UdpSocket) -> Self {
+        let (socket, ended) = (socket.try_clone().unwrap(), Arc::new(AtomicBool::new(false)));
+        let is_over = ended.clone();
+        let feed = move || {
+            while !is_over.load(Ordering::Relaxed) {
+                let _ = socket.send(&0_u64.to_ne_bytes());
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        };
+        Self::Datagrams(ended, Some(std::thread::spawn(feed)))
+    }
+
+    fn program(run: &Run) -> Self {
+        let arguments = ["topic", "pub", "button", "stop=0", "--rate", "50", "--run", run.folder.id()];
+        let mut program = Command::new(MOTORIUM);
+        program.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        Self::Program(program.spawn().unwrap())
+    }
+}
+
+impl Drop for Feeder {
+    fn drop(&mut self) {
+        match self {
+            Self::Datagrams(ended, thread) => {
+                ended.store(true, Ordering::Relaxed);
+                thread.take().into_iter().for_each(|thread| thread.join().unwrap());
+            }
+            Self::Program(child) => {
+                let _ = child.kill();
+                let _ = child.wait();
+            }
+        }
+    }
+}
+
+/// Time for which each way to press is tried, in seconds: `MOTORIUM_PRESS_SECONDS`, 3 if not set.
+fn pressing() -> Duration {
+    let seconds = std::env::var("MOTORIUM_PRESS_SECONDS").ok().and_then(|text| text.parse().ok());
+    Duration::from_secs(seconds.unwrap_or(3))
+}
+
+/// Presses at random moments, and ends the feeder at others; each must latch. The graph grants the feeder 1 s.
+fn press_at_random(run: &Run, feed: &dyn Fn() -> Feeder, press: &dyn Fn(u64)) {
+    let mut seed = 5_u64;
+    let mut uniform = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let until = Instant::now() + pressing();
+    let (mut presses, mut deaths, mut slowest) = (0_u64, 0_u64, Duration::ZERO);
+    let mut feeder = None;
+    while Instant::now() < until || presses < 5 || deaths < 1 {
+        let fed = feeder.take().unwrap_or_else(feed);
+        await_that("the robot follows", || {
+            let gate = gate(run);
+            if gate.latch.is_some() {
+                // Refused while the feeder is silent.
+                motorium(run, &["resume"]);
+            }
+            gate.latch.is_none() && gate.state == GateState::Following
+        });
+        std::thread::sleep(Duration::from_secs_f64(0.1 * uniform()));
+        let began = Instant::now();
+        if uniform() < 0.2 || presses >= 5 && deaths == 0 {
+            drop(fed);
+            deaths += 1;
+            await_gate(run, "the dead feeder is noticed", |gate| gate.latch == Some(Latch::EmergencyStop));
+            slowest = slowest.max(began.elapsed());
+        } else {
+            presses += 1;
+            press(presses);
+            await_gate(run, "the press is latched", |gate| gate.latch == Some(Latch::EmergencyStop));
+            feeder = Some(fed);
+        }
+    }
+    println!("{presses} presses, {deaths} dead feeders, noticed within {slowest:?} of a max_age of 1 s");
+}
+
+#[test]
+fn random_presses_by_datagrams_latch() {
+    let _machine = machine();
+    let (_folder, graph, socket) = graph();
+    let run = start(&graph);
+    press_at_random(&run, &|| Feeder::datagrams(&socket), &|press| {
+        socket.send(&press.to_ne_bytes()).unwrap();
+        socket.send(&0_u64.to_ne_bytes()).unwrap();
+    });
+    assert_eq!(motorium(&run, &["stop"]).0, Some(0));
+    run.finish();
+}
+
+#[test]
+fn random_presses_through_the_bridge_latch() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let graph = folder.path().join("graph.toml");
+    let text = format!(
+        r#"
+extends = {:?}
+name = "emergency"
+[component.bridge]
+kind = "bridge.iceoryx2"
+rate = "200 Hz"
+schedule = "normal"
+publish = {{ button = "button" }}
+config = {{ in = {{ button = {{ type = "motorium.EmergencyStop", max_rate = "100 Hz" }} }} }}
+[safety]
+emergency_stop = "button"
+emergency_stop_max_age = "1 s"
+"#,
+        panda_reach()
+    );
+    std::fs::write(&graph, text).unwrap();
+    let run = start(&graph);
+    press_at_random(&run, &|| Feeder::program(&run), &|_| {
+        let pressed = motorium(&run, &["topic", "pub", "button", "stop=1"]);
+        assert_eq!(pressed.0, Some(0), "{}", pressed.1);
+    });
     assert_eq!(motorium(&run, &["stop"]).0, Some(0));
     run.finish();
 }

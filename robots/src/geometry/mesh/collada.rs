@@ -12,6 +12,8 @@ const DEEPEST: usize = 64;
 /// Most nodes and geometries of a scene, with every instance: nodes that instance one another twice double at
 /// each level.
 const MOST_INSTANCES: usize = 100_000;
+/// Largest offset of an input within a corner. Writers need one for each of a handful of inputs.
+const LARGEST_OFFSET: usize = 255;
 /// Most triangles, and most points, of a scene before its last instance.
 const MOST_TRIANGLES: usize = 4_000_000;
 
@@ -180,6 +182,10 @@ impl<'a, 'i> Reader<'a, 'i> {
         let (mut stride, mut positions) = (0, None);
         for input in children(part, "input") {
             let offset: usize = input.attribute("offset").and_then(|offset| offset.parse().ok()).unwrap_or(0);
+            if offset > LARGEST_OFFSET {
+                let message = format!("an input has the offset {offset}, expected at most {LARGEST_OFFSET}");
+                return Err(self.malformed(input, message));
+            }
             stride = stride.max(offset + 1);
             if input.attribute("semantic") == Some("VERTEX") {
                 positions = Some((offset, self.positions(input)?));
