@@ -115,7 +115,7 @@ impl Setup {
         self.participant.context()
     }
 
-    fn component(&self) -> &ComponentPlan {
+    pub(crate) fn component(&self) -> &ComponentPlan {
         &self.plan.components[self.index]
     }
 

@@ -41,7 +41,7 @@ fn a_run_outlives_a_forked_child_that_drops_its_session() {
     let mut session = launch("", &[]);
     await_episode(&mut session, "fast", 0);
     let mut reader = session.reader("fast").unwrap();
-    let mut tap = session.tap("slow").unwrap();
+    let tap = session.tap("slow").unwrap();
     assert!(reader.poll());
     let id = session.id().to_string();
     let seen = reader.stamp().unwrap().sequence;
