@@ -1,8 +1,8 @@
 //! Motion from rest to rest along a line: as fast as limits of velocity, acceleration and jerk allow, or with the least
 //! jerk.
 //!
-//! [`Profile`] is the motion of one coordinate; [`StraightMove`] leads several of them along the straight line between two
-//! points, so that all leave and arrive together.
+//! [`Profile`] is the motion of one coordinate; [`StraightMove`] moves several of them along the straight line between two
+//! points, so that all leave and arrive together. [`Follower`] follows targets that jump.
 //!
 //! ```
 //! use motorium_primitives::profile::{MotionLimits, Profile};
@@ -14,8 +14,10 @@
 //! assert_eq!(profile.sample(10.0).value, 3.0);
 //! ```
 
+mod follow;
 mod straight;
 
+pub use follow::Follower;
 pub use straight::{Shape, StraightMove};
 
 use crate::dmp::Jet;

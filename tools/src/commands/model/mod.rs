@@ -2,10 +2,11 @@
 
 mod check;
 mod eval;
+mod import;
 
 use std::process::ExitCode;
 
-/// Run trained networks from ONNX files, and check policies against robots.
+/// Run trained networks from ONNX files, import policies, and check them against robots.
 ///
 /// Example: motorium model eval policy.onnx --inputs in.json --json
 #[derive(Debug, clap::Args)]
@@ -19,6 +20,7 @@ pub(crate) struct Model {
 enum Command {
     Eval(eval::Eval),
     Check(check::Check),
+    Import(import::Import),
 }
 
 impl Model {
@@ -26,6 +28,7 @@ impl Model {
         match self.command {
             Command::Eval(command) => command.run(),
             Command::Check(command) => command.run(),
+            Command::Import(command) => command.run(),
         }
     }
 }
