@@ -1,4 +1,4 @@
-//! The Python program of the book beside a running graph.
+//! Python programs of the book and of graphs beside a running graph.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -25,14 +25,20 @@ fn example() -> String {
     program.expect("the page holds a program").to_string()
 }
 
-#[test]
-fn the_python_program_of_the_book_leads_the_arm_and_reads_its_joints() {
-    let Some(python) = python() else {
+/// Python with the wheel, or a remark that the test is skipped.
+fn python_or_skip() -> Option<PathBuf> {
+    let python = python();
+    if python.is_none() {
         eprintln!(
             "skipped: no python3 with the wheel (pip install \"iceoryx2==0.10.*\", then MOTORIUM_PYTHON)"
         );
-        return;
-    };
+    }
+    python
+}
+
+#[test]
+fn the_python_program_of_the_book_leads_the_arm_and_reads_its_joints() {
+    let Some(python) = python_or_skip() else { return };
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
@@ -72,5 +78,33 @@ fn the_python_program_of_the_book_leads_the_arm_and_reads_its_joints() {
     // the bridge shares its core with all else: only the limit is certain
     assert!((Some(10)..=Some(600)).contains(&counts["published"].as_u64()), "{counts}");
     assert_eq!(counts["refused"]["not_finite"].as_u64(), Some(0), "{counts}");
+    assert_eq!(leftovers(&name), Vec::<String>::new());
+}
+
+#[test]
+fn chunks_of_a_python_program_move_the_arm() {
+    let Some(python) = python_or_skip() else { return };
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("motorium_types.py"), printed(&["schema", "python"])).expect("written");
+    let run = Run::start(Path::new("graphs/panda-chunks.toml"), &["--for", "8 s"]);
+    let name = run.folder.id().to_string();
+    // it ends before the run: the arm holds then
+    let output = Command::new(&python)
+        .arg(workspace().join("graphs/panda-chunks/play.py"))
+        .arg("4")
+        .env("PYTHONPATH", folder.path())
+        .output()
+        .expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let ended = run.finish();
+    let report = ended.report();
+    assert_eq!(report.exit, Exit::Finished, "{}", ended.stderr);
+    let result = &report.results["controller"];
+    let count = |key: &str| result["chunks"][key].as_u64().unwrap_or_else(|| panic!("no {key} in {result}"));
+    assert!(count("played") >= 3 && count("refused") == 0, "{result}");
+    // every chunk is at least 50 ms late, more than a period of its actions
+    assert!(count("late_actions") >= count("played"), "{result}");
+    assert!(result["stale"].as_u64() >= Some(1), "the chunks end before the run: {result}");
     assert_eq!(leftovers(&name), Vec::<String>::new());
 }

@@ -164,6 +164,7 @@ const TABLE: &[(&str, &[Row])] = &[
     ("Weights", &[("value", "", NONE)]),
     ("Observation", &[("value", "", NONE)]),
     ("Action", &[("value", "", NONE)]),
+    ("ActionChunk", &[("value", "", NONE)]),
     ("Reward", &[("reward", "", NONE), ("total", "", NONE)]),
     ("Randomisation", &[("value", "", NONE)]),
     ("Controls", &[("axis", "", NONE)]),

@@ -5,7 +5,7 @@ use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{JointCommand, JointState};
 use motorium::transport::{Input, Output, Parameter};
 use motorium::units::TimeSpan;
-use motorium_robots::{Dynamics, Gains, Model, PerJoint};
+use motorium_robots::{Dynamics, Gains, Loaded, Model, PerJoint, Profile, ProfileError};
 use nalgebra::{DVector, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -75,6 +75,80 @@ pub(crate) struct CommandedJoints {
     passive: Vec<usize>,
 }
 
+/// A robot without the gains that its command needs.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum GainsError {
+    /// No profile, or one without gains.
+    #[error("robot `{robot}` has no profile with gains")]
+    Missing {
+        /// Name of the robot in the graph.
+        robot: String,
+    },
+    /// The profile does not fit the robot.
+    #[error(transparent)]
+    Profile(ProfileError),
+}
+
+/// The gains of a robot's profile, in the order of its joints.
+pub(crate) fn profile_gains(
+    robot: &str,
+    model: &Model,
+    profile: Option<&Profile>,
+) -> Result<Gains, GainsError> {
+    let missing = || GainsError::Missing { robot: robot.to_owned() };
+    profile.ok_or_else(missing)?.gains(model).map_err(|error| match error {
+        ProfileError::NoGains => missing(),
+        other => GainsError::Profile(other),
+    })
+}
+
+/// Gains that are configured in `joint_command`, else the profile's.
+fn configured_gains(
+    config: &JointCommandConfig,
+    robot: &str,
+    model: &Model,
+    profile: Option<&Profile>,
+) -> Result<Gains, ConfigError> {
+    let usual = match (&config.kp, &config.kd) {
+        (Some(_), Some(_)) => None,
+        _ => Some(profile_gains(robot, model, profile).map_err(|error| match error {
+            GainsError::Missing { .. } => ConfigError::new(error.to_string()).advise(
+                "give `joint_command.kp` and `joint_command.kd`, one number for all joints or one for each",
+            ),
+            GainsError::Profile(error) => ConfigError::new(error.to_string()),
+        })?),
+    };
+    let arrange = |given: &Option<PerJoint>, key: &str, usual: Option<&DVector<f64>>| match (given, usual) {
+        (Some(given), _) => {
+            let values = given.resolve(model.joint_count()).map_err(|error| {
+                let names = model.joint_names().join(", ");
+                ConfigError::key(key, error.to_string()).advise(format!("in this order: {names}"))
+            })?;
+            match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+                Some(value) => Err(ConfigError::key(
+                    key,
+                    format!("a gain of {value}, expected a finite number of at least 0"),
+                )),
+                None => Ok(DVector::from_vec(values)),
+            }
+        }
+        (None, Some(usual)) => Ok(usual.clone()),
+        (None, None) => Ok(DVector::zeros(model.joint_count())),
+    };
+    Ok(Gains {
+        kp: arrange(&config.kp, "joint_command.kp", usual.as_ref().map(|gains| &gains.kp))?,
+        kd: arrange(&config.kd, "joint_command.kd", usual.as_ref().map(|gains| &gains.kd))?,
+    })
+}
+
+/// The robot of a component that needs one.
+pub(crate) fn required(robot: Option<&RobotReference>) -> Result<&RobotReference, ConfigError> {
+    robot.ok_or_else(|| {
+        ConfigError::new("the component names no robot, and needs its joints")
+            .advise("add `robot = \"NAME\"` to the component")
+    })
+}
+
 impl CommandedJoints {
     /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config. `gravity` is
     /// in the world frame, m/s^2.
@@ -84,20 +158,29 @@ impl CommandedJoints {
         robot: Option<&RobotReference>,
         joints: impl Iterator<Item = (&'a str, String)>,
     ) -> Result<Self, ConfigError> {
-        let robot = robot.ok_or_else(|| {
-            ConfigError::new("the component names no robot, and needs its joints")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
+        let robot = required(robot)?;
+        Self::with_gains(crate::robot::load(robot)?, &robot.name, gravity, joints, |model, profile| {
+            configured_gains(config, &robot.name, model, profile)
+        })
+    }
+
+    /// As [`new`](Self::new) for a robot that is loaded, with the gains that `gains` finds for all its joints.
+    pub(crate) fn with_gains<'a>(
+        loaded: Loaded,
+        robot: &str,
+        gravity: [f64; 3],
+        joints: impl Iterator<Item = (&'a str, String)>,
+        gains: impl FnOnce(&Model, Option<&Profile>) -> Result<Gains, ConfigError>,
+    ) -> Result<Self, ConfigError> {
         if let Some(number) = gravity.iter().find(|number| !(-1000.0..=1000.0).contains(*number)) {
             return Err(ConfigError::key("gravity", format!("{number}, expected from -1000 to 1000 m/s2")));
         }
-        let loaded = crate::robot::load(robot)?;
         let model = loaded.model;
         let mut found = Vec::new();
         for (name, key) in joints {
             let index = model.joint_index(name).ok_or_else(|| {
                 let names = model.joint_names().join(", ");
-                ConfigError::key(&key, format!("robot `{}` has no joint \"{name}\"", robot.name))
+                ConfigError::key(&key, format!("robot `{robot}` has no joint \"{name}\""))
                     .advise(format!("its joints are {names}"))
             })?;
             if found.contains(&index) {
@@ -105,41 +188,7 @@ impl CommandedJoints {
             }
             found.push(index);
         }
-        let profile = match (&config.kp, &config.kd) {
-            (Some(_), Some(_)) => None,
-            _ => {
-                let gains = loaded.profile.as_ref().map(|profile| profile.gains(&model));
-                Some(gains.transpose().map_err(|error| ConfigError::new(error.to_string()))?.ok_or_else(
-                    || {
-                        ConfigError::new(format!("robot `{}` has no profile with gains", robot.name)).advise(
-                            "give `joint_command.kp` and `joint_command.kd`, one number for all joints or one for each",
-                        )
-                    },
-                )?)
-            }
-        };
-        let arrange = |given: &Option<PerJoint>, key: &str, usual: Option<&DVector<f64>>| match (given, usual)
-        {
-            (Some(given), _) => {
-                let values = given.resolve(model.joint_count()).map_err(|error| {
-                    let names = model.joint_names().join(", ");
-                    ConfigError::key(key, error.to_string()).advise(format!("in this order: {names}"))
-                })?;
-                match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
-                    Some(value) => Err(ConfigError::key(
-                        key,
-                        format!("a gain of {value}, expected a finite number of at least 0"),
-                    )),
-                    None => Ok(DVector::from_vec(values)),
-                }
-            }
-            (None, Some(usual)) => Ok(usual.clone()),
-            (None, None) => Ok(DVector::zeros(model.joint_count())),
-        };
-        let gains = Gains {
-            kp: arrange(&config.kp, "joint_command.kp", profile.as_ref().map(|gains| &gains.kp))?,
-            kd: arrange(&config.kd, "joint_command.kd", profile.as_ref().map(|gains| &gains.kd))?,
-        };
+        let gains = gains(&model, loaded.profile.as_ref())?;
         let passive = loaded.profile.iter().flat_map(|profile| &profile.passive);
         let passive = passive.filter_map(|name| model.joint_index(name)).collect();
         Ok(Self { model, gains, gravity: Vector3::from(gravity), joints: found, passive })
@@ -158,6 +207,13 @@ impl CommandedJoints {
     }
 }
 
+/// Quantity that the joints which are moved are commanded.
+enum Drive<'a> {
+    Position,
+    Velocity,
+    Effort(&'a [f64]),
+}
+
 /// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints, the others
 /// stay where they are found. Setpoints are kept within the position limits.
 #[derive(Debug)]
@@ -174,6 +230,8 @@ pub(crate) struct JointCommandWriter {
     /// Joint positions of the first joint state.
     found: Vec<f64>,
     is_found: bool,
+    /// Time that the newest joint state is for, ns since the run began.
+    state_ns: u64,
     setpoint: Vec<f64>,
     velocity: Vec<f64>,
     q: Vec<f64>,
@@ -213,6 +271,7 @@ impl JointCommandWriter {
             elapsed: 0.0,
             found: zeros.clone(),
             is_found: false,
+            state_ns: 0,
             setpoint: zeros.clone(),
             velocity: zeros.clone(),
             q: zeros.clone(),
@@ -236,11 +295,17 @@ impl JointCommandWriter {
         }
         self.q.copy_from_slice(state.position());
         self.v.copy_from_slice(state.velocity());
+        self.state_ns = state.time_ns();
         if !self.is_found {
             self.found.copy_from_slice(&self.q);
             self.is_found = true;
         }
         Ok(true)
+    }
+
+    /// Time that the newest joint state is for, ns since the run began.
+    pub(crate) fn state_ns(&self) -> u64 {
+        self.state_ns
     }
 
     /// Measured position of a joint that is moved, rad or m.
@@ -286,6 +351,39 @@ impl JointCommandWriter {
             let moves = self.setpoint[*joint] == wanted;
             self.velocity[*joint] = if moves { ease.value * rate + ease.rate * off } else { 0.0 };
         }
+        self.publish(&Drive::Position)
+    }
+
+    /// Commands all joints to stay where the first joint state found them.
+    pub(crate) fn hold(&mut self) -> Result<(), StepError> {
+        self.setpoint.copy_from_slice(&self.found);
+        self.velocity.fill(0.0);
+        self.publish(&Drive::Position)
+    }
+
+    /// Commands velocities of the joints that are moved, per second, by the damping alone.
+    pub(crate) fn command_velocities(&mut self, rate: &[f64]) -> Result<(), StepError> {
+        self.setpoint.copy_from_slice(&self.found);
+        self.velocity.fill(0.0);
+        for (joint, rate) in self.driven.joints.iter().zip(rate) {
+            (self.setpoint[*joint], self.velocity[*joint]) = (self.q[*joint], *rate);
+        }
+        self.publish(&Drive::Velocity)
+    }
+
+    /// Commands efforts of the joints that are moved, N m or N, without gains.
+    pub(crate) fn command_efforts(&mut self, effort: &[f64]) -> Result<(), StepError> {
+        self.setpoint.copy_from_slice(&self.found);
+        self.velocity.fill(0.0);
+        for joint in &self.driven.joints {
+            self.setpoint[*joint] = self.q[*joint];
+        }
+        self.publish(&Drive::Effort(effort))
+    }
+
+    /// Publishes the setpoints.
+    fn publish(&mut self, drive: &Drive<'_>) -> Result<(), StepError> {
+        let model = &self.driven.model;
         let mut command = self.command.loan()?;
         command.set_count(self.q.len());
         command.position_mut().copy_from_slice(&self.setpoint);
@@ -295,19 +393,30 @@ impl JointCommandWriter {
             let base = self.configuration.len() - self.q.len();
             self.configuration[base..].copy_from_slice(&self.q);
             dynamics.gravity(model, &self.configuration, self.driven.gravity, &mut self.gravity);
-            let efforts = model.joints_of_v(&self.gravity).iter().zip(model.effort_limit());
-            for (effort, (wanted, limit)) in command.effort_mut().iter_mut().zip(efforts) {
-                *effort = wanted.max(-limit).min(*limit);
-            }
-            for joint in &self.driven.passive {
-                command.effort_mut()[*joint] = 0.0;
-            }
+            command.effort_mut().copy_from_slice(model.joints_of_v(&self.gravity));
         }
         let scaled = |gains: &DVector<f64>, scale: f64, out: &mut [f64]| {
             out.iter_mut().zip(gains).for_each(|(out, gain)| *out = scale * gain);
         };
         scaled(&self.driven.gains.kp, self.kp_scale.get(), command.kp_mut());
         scaled(&self.driven.gains.kd, self.kd_scale.get(), command.kd_mut());
+        for (driven, joint) in self.driven.joints.iter().enumerate() {
+            match drive {
+                Drive::Position => continue,
+                Drive::Velocity => {}
+                Drive::Effort(effort) => {
+                    command.kd_mut()[*joint] = 0.0;
+                    command.effort_mut()[*joint] += effort[driven];
+                }
+            }
+            command.kp_mut()[*joint] = 0.0;
+        }
+        for (effort, limit) in command.effort_mut().iter_mut().zip(model.effort_limit()) {
+            *effort = effort.max(-limit).min(*limit);
+        }
+        for joint in &self.driven.passive {
+            command.effort_mut()[*joint] = 0.0;
+        }
         command.publish()
     }
 

@@ -9,6 +9,8 @@
 //! | [`promp`] | `policy.promp`, [`ProMpPolicy`] | joints, by a probabilistic movement primitive |
 //! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
 //! | [`trajectory`] | `policy.trajectory`, [`TrajectoryPolicy`], and `policy.home`, [`HomePolicy`] | joints through waypoints, within limits |
+//! | [`network`] | `policy.network`, [`NetworkPolicy`] | publishes the actions of a trained network |
+//! | [`joint_targets`] | `policy.joint_targets`, [`JointTargetsPolicy`] | joints by the actions of a policy |
 //! | [`waypoints`] | `policy.waypoints`, [`WaypointsPolicy`] | a base on wheels through poses in the plane |
 //!
 //! The models themselves are plain libraries without the runtime: `motorium_primitives`, `motorium_library`
@@ -32,8 +34,11 @@
 pub mod cpg;
 pub mod dmp;
 mod joint_command;
+pub mod joint_targets;
 pub mod latent;
 pub mod library;
+mod motion_limits;
+pub mod network;
 pub mod promp;
 mod robot;
 mod text_or_table;
@@ -45,8 +50,11 @@ use motorium::worker::Kind;
 pub use cpg::CpgPolicy;
 pub use dmp::DmpPolicy;
 pub use joint_command::JointCommandConfig;
+pub use joint_targets::JointTargetsPolicy;
 pub use latent::LatentPolicy;
 pub use library::LibraryPolicy;
+pub use motion_limits::MotionLimitsConfig;
+pub use network::NetworkPolicy;
 pub use promp::ProMpPolicy;
 pub use trajectory::{HomePolicy, TrajectoryPolicy};
 pub use waypoints::WaypointsPolicy;
@@ -59,13 +67,15 @@ pub use waypoints::WaypointsPolicy;
 /// ```
 // Not inlined, as `Kind::of` asks for.
 #[inline(never)]
-pub fn kinds() -> [Kind; 8] {
+pub fn kinds() -> [Kind; 10] {
     [
         Kind::of::<CpgPolicy>(),
         Kind::of::<DmpPolicy>(),
         Kind::of::<ProMpPolicy>(),
         Kind::of::<LatentPolicy>(),
         Kind::of::<LibraryPolicy>(),
+        Kind::of::<NetworkPolicy>(),
+        Kind::of::<JointTargetsPolicy>(),
         Kind::of::<WaypointsPolicy>(),
         Kind::of::<TrajectoryPolicy>(),
         Kind::of::<HomePolicy>(),

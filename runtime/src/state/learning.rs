@@ -10,6 +10,8 @@ pub const MAX_WEIGHTS: usize = 4096;
 pub const MAX_OBSERVATION: usize = 512;
 /// The most numbers of one [`Action`].
 pub const MAX_ACTION: usize = 64;
+/// The most numbers of one [`ActionChunk`].
+pub const MAX_CHUNK: usize = 4096;
 /// The most numbers of one [`Randomisation`].
 pub const MAX_DRAWN: usize = 512;
 
@@ -87,6 +89,39 @@ counted_buffer! {
         }
         counted {
             /// The numbers, in the order and units of the task.
+            value, value_mut: f64;
+        }
+    }
+}
+
+counted_buffer! {
+    /// Consecutive actions of an agent that plans ahead, such as a diffusion policy.
+    ///
+    /// Action `k` is for the time `time + k period`; its numbers are `value[k width..][..width]`.
+    ///
+    /// ```
+    /// use motorium::state::ActionChunk;
+    ///
+    /// // two actions for two joints, 20 ms apart
+    /// let mut chunk = ActionChunk { width: 2, period: 20_000_000, ..ActionChunk::default() };
+    /// chunk.set_count(4);
+    /// chunk.value_mut().copy_from_slice(&[0.1, 0.2, 0.3, 0.4]);
+    /// assert_eq!(chunk.value().chunks_exact(2).nth(1), Some(&[0.3, 0.4][..]));
+    /// ```
+    pub struct ActionChunk as "motorium.ActionChunk", at most MAX_CHUNK {
+        plain {
+            /// Time of the first action, ns on the clock of [`Stamp`](super::Stamp)s: usually the `state_time` of the
+            /// observation that the chunk answers. 0: the time at which the chunk is published.
+            time: u64;
+            /// Time between two actions, ns, above 0.
+            period: u64;
+            /// Numbers of each action, above 0; `count` is a multiple.
+            width: u64;
+            /// Number of the chunk at its producer. The same chunk sent again has the same number.
+            sequence: u64;
+        }
+        counted {
+            /// The numbers, action after action, in the order and units of the policy.
             value, value_mut: f64;
         }
     }

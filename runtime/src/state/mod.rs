@@ -40,7 +40,8 @@ pub(crate) use in_use::InUse;
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
 pub use learning::{
-    Action, MAX_ACTION, MAX_DRAWN, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Randomisation, Reward, Weights,
+    Action, ActionChunk, MAX_ACTION, MAX_CHUNK, MAX_DRAWN, MAX_OBSERVATION, MAX_WEIGHTS, Observation,
+    Randomisation, Reward, Weights,
 };
 pub use legs::{BaseEstimate, ContactSchedule, FootContacts, MAX_FEET};
 pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget, Wrench};

@@ -1,7 +1,7 @@
 //! Messages of the runtime with permanent numbers, by which files and other languages identify a type.
 
 use super::{
-    Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses,
+    Action, ActionChunk, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses,
     ContactSchedule, Contacts, ControlDiagnostics, Controls, EmergencyStop, Event, FootContacts, GeoFix,
     HeightScan, ImageInfo, ImuSample, JointCommand, JointState, MagneticField, ObjectPoses, Observation,
     Odometry, Phase, PoseTarget, Randomisation, Ranges, Reward, StateBuffer, Text, TwistTarget, TypeLayout,
@@ -87,6 +87,7 @@ numbers! {
     32 ControlDiagnostics,
     33 ContactImpulses,
     34 ContactSchedule,
+    35 ActionChunk,
 }
 
 #[cfg(test)]

@@ -17,11 +17,16 @@ fn lacks_its_library(sheet: &Value) -> bool {
     lacks && sheet["kind"] == "physics.mujoco"
 }
 
-/// True for a kind that needs a file of its user's, which an example can only name: its refusal names that file.
+/// Kinds whose configuration names files that only users have, and the file that their refusal names.
+const NEEDS_A_FILE: [(&str, &str); 2] = [
+    ("policy.latent", "arms.latent: No such file"),
+    ("policy.network", "policies/quadruped-trot/policy.toml"),
+];
+
+/// True for a kind that refuses its example because the file of a user is missing.
 fn needs_a_file(sheet: &Value) -> bool {
-    let files = [("policy.latent", "arms.latent: No such file")];
     let refused = sheet["refused"].as_str().unwrap_or_default();
-    files.iter().any(|(kind, names)| sheet["kind"] == *kind && refused.contains(names))
+    NEEDS_A_FILE.iter().any(|(kind, file)| sheet["kind"] == *kind && refused.contains(file))
 }
 
 fn text<'v>(value: &'v Value, key: &str) -> &'v str {

@@ -2,6 +2,7 @@
 
 use motorium_models::inference::Unary;
 use motorium_models::onnx;
+use motorium_models::safetensors::{self, Tensor, Tensors};
 
 use crate::program::{json, printed, run};
 
@@ -99,4 +100,69 @@ fn kinds_of_models_are_listed_with_their_properties() {
     let table = printed(&["model", "list"]);
     assert_eq!(table.lines().count(), classes.as_array().map_or(0, Vec::len) + 1);
     assert!(table.lines().all(|line| line.chars().count() <= 120), "{table}");
+}
+
+#[test]
+fn a_file_of_mjlab_becomes_a_policy_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
+    let metadata = [
+        ("joint_names", "elbow_joint,shoulder_pan_joint"),
+        ("default_joint_pos", "1.000,0.000"),
+        ("joint_stiffness", "20.000,30.000"),
+        ("joint_damping", "0.500,0.600"),
+        ("action_scale", "0.250,0.500"),
+        ("observation_names", "joint_pos,joint_vel,actions,command"),
+    ];
+    let layers = [(vec![0.1; 18], vec![0.0, 0.5])];
+    std::fs::write(path("net.onnx"), onnx::write_mlp(9, &layers, Unary::Elu(1.0), &metadata))
+        .expect("a file");
+    let (file, policy) = (path("net.onnx"), path("policy"));
+    let imported = run(&["model", "import", &file, "--output", &policy, "--robot", "ur5e"]);
+    assert!(imported.status.success(), "{}", String::from_utf8_lossy(&imported.stderr));
+    let report = json(&["model", "check", &policy, "--json"]);
+    assert_eq!(
+        (&report["robot"], &report["inputs"], &report["rate_hz"]),
+        (&"ur5e".into(), &9.into(), &50.0.into())
+    );
+    assert_eq!(report["joints"][1]["name"], "shoulder_pan_joint");
+    assert_eq!(report["joints"][1]["scale"], 0.5);
+    let error = |arguments: &[&str]| {
+        let output = run(arguments);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(error(&["model", "import", &file, "--output", &policy]).contains("policy.toml exists"));
+    let other = path("other");
+    let found = error(&["model", "import", &file, "--output", &other, "--robot", "panda"]);
+    assert!(found.contains("the robot has no joint \"elbow_joint\""), "{found}");
+    let found = error(&["model", "import", &file, "--output", &other, "--history", "2"]);
+    assert!(found.contains("the observation terms have 18 numbers, the network reads 9"), "{found}");
+    assert!(!std::fs::exists(&other).expect("readable"), "nothing is written");
+}
+
+#[test]
+fn weights_and_a_table_become_a_policy_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
+    let mut file = Tensors::default();
+    for (name, shape, values) in [("0.weight", vec![1, 2], vec![2.0, -1.0]), ("0.bias", vec![1], vec![0.5])] {
+        file.tensors.insert(name.to_owned(), Tensor { shape, values });
+    }
+    let bytes = safetensors::write(&file).expect("tensors");
+    std::fs::write(path("actor.safetensors"), bytes).expect("a file");
+    let table = "rate = 50.0\nobservations = [{ term = \"joint_positions\" }, { term = \"last_action\" }]\n\
+                 action = { joints = [\"elbow_joint\"], default_pose = [1.0] }\n\
+                 weights = { layers = [\"0\"], activation = \"elu\" }\n";
+    std::fs::write(path("table.toml"), table).expect("a file");
+    let (weights, table, policy) = (path("actor.safetensors"), path("table.toml"), path("policy"));
+    let output = run(&["model", "import", &weights, "--output", &policy]);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("`--table`"));
+    let output = run(&["model", "import", &weights, "--table", &table, "--output", &policy]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(json(&["model", "check", &policy, "--robot", "ur5e", "--json"])["inputs"], 2);
+    std::fs::write(path("in.json"), r#"{"obs": [[0.25, 1.0]]}"#).expect("a file");
+    let (network, inputs) = (format!("{policy}/policy.onnx"), path("in.json"));
+    let report = json(&["model", "eval", &network, "--inputs", &inputs, "--json"]);
+    assert_eq!(report["outputs"], serde_json::json!([[0.0]]));
 }

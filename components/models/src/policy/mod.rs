@@ -24,14 +24,27 @@
 //! # Ok::<(), motorium_models::policy::PolicyError>(())
 //! ```
 
+mod action;
+mod assembly;
+mod chunk;
+mod folder;
+mod import;
+mod numbers;
 mod targets;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
+pub use action::{Action, ActionKind};
+pub use assembly::Assembly;
+pub use chunk::{Chunk, ChunkArrival, ChunkError, ChunkPlan, ChunkTiming};
+pub use folder::{NetworkMismatch, PolicyFolder, PolicyFolderError, PolicyNetwork};
+pub use import::{ImportError, ImportOptions, import_mjlab, import_weights};
+pub use numbers::Numbers;
+use numbers::one;
 pub use targets::{JointTarget, JointTargets};
 
 /// A policy as `policy.toml` describes it.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Policy {
     /// File of the network, relative to the folder.
@@ -47,7 +60,7 @@ pub struct Policy {
 }
 
 /// A part of the observation.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Observation {
     /// The quantity.
@@ -62,10 +75,19 @@ pub struct Observation {
     pub history: usize,
     /// Number of rays of a height scan; for that term only.
     pub rays: Option<usize>,
+    /// Duration of one cycle of the gait \[s\], above 0; for the phase only.
+    pub period: Option<f64>,
+}
+
+impl Observation {
+    /// A term without bounds and history, with the factor 1.
+    pub fn new(term: Term) -> Self {
+        Self { term, scale: one(), clip: None, history: single(), rays: None, period: None }
+    }
 }
 
 /// A quantity that a policy observes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Term {
     /// Linear velocity of the base in its frame \[m/s\].
@@ -117,97 +139,12 @@ impl Term {
     }
 }
 
-/// One number for all, or one for each.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(untagged)]
-pub enum Numbers {
-    /// The same for all.
-    All(f64),
-    /// In the order of the policy's joints, or of the term's numbers.
-    Each(Vec<f64>),
-}
-
-impl Numbers {
-    fn get(&self, index: usize) -> f64 {
-        match self {
-            Self::All(value) => *value,
-            Self::Each(values) => values[index],
-        }
-    }
-
-    fn check(&self, key: &str, count: usize) -> Result<(), PolicyError> {
-        match self {
-            Self::Each(values) if values.len() != count => Err(PolicyError::Value {
-                key: key.to_owned(),
-                message: format!("found {} numbers, expected 1 or {count}", values.len()),
-            }),
-            _ => {
-                let values = (0..count).map(|index| self.get(index));
-                finite(key, values)
-            }
-        }
-    }
-}
-
-fn one() -> Numbers {
-    Numbers::All(1.0)
-}
-
-fn zero() -> Numbers {
-    Numbers::All(0.0)
-}
-
 fn single() -> usize {
     1
 }
 
-fn finite(key: &str, values: impl Iterator<Item = f64>) -> Result<(), PolicyError> {
-    let mut values = values;
-    match values.find(|value| !value.is_finite()) {
-        Some(value) => Err(PolicyError::Value {
-            key: key.to_owned(),
-            message: format!("found {value}, expected finite numbers"),
-        }),
-        None => Ok(()),
-    }
-}
-
-/// What an action commands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ActionKind {
-    /// Joint positions \[rad or m\].
-    #[default]
-    Position,
-    /// Joint velocities \[rad/s or m/s\].
-    Velocity,
-    /// Joint efforts \[Nm or N\].
-    Effort,
-}
-
-/// The meaning of a network's outputs.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Action {
-    /// Joint of each output.
-    pub joints: Vec<String>,
-    /// Quantity commanded. Default: position.
-    #[serde(default)]
-    pub kind: ActionKind,
-    /// Factor of the action, for all joints or each. Default: 1.
-    #[serde(default = "one")]
-    pub scale: Numbers,
-    /// Added after the factor, besides the default pose. Default: 0.
-    #[serde(default = "zero")]
-    pub offset: Numbers,
-    /// Pose of a zero action \[rad or m\], in the order of `joints`.
-    pub default_pose: Vec<f64>,
-    /// Bounds of the network's outputs before the factor. Default: unbounded.
-    pub clip: Option<[f64; 2]>,
-    /// Stiffness of the drives \[Nm/rad or N/m\]; if left out, the robot's profile holds it.
-    pub kp: Option<Numbers>,
-    /// Damping of the drives \[Nms/rad or Ns/m\]; if left out, the robot's profile holds it.
-    pub kd: Option<Numbers>,
+fn is_ordered(clip: &Option<[f64; 2]>) -> bool {
+    clip.is_none_or(|[low, high]| low < high)
 }
 
 /// A policy that cannot be used.
@@ -257,46 +194,28 @@ impl Policy {
         Ok(policy)
     }
 
+    /// The text of its `policy.toml`.
+    ///
+    /// # Errors
+    ///
+    /// [`PolicyError::Value`] if it has a number that TOML cannot write.
+    pub fn to_toml(&self) -> Result<String, PolicyError> {
+        toml::to_string(self)
+            .map_err(|error| PolicyError::Value { key: "policy".to_owned(), message: error.to_string() })
+    }
+
     fn check(&self) -> Result<(), PolicyError> {
         let wrong = |key: &str, message: String| Err(PolicyError::Value { key: key.to_owned(), message });
         if !(self.rate > 0.0 && self.rate.is_finite()) {
             return wrong("rate", format!("found {}, expected a rate above 0 Hz", self.rate));
         }
-        let Action { joints, scale, offset, default_pose, clip, kp, kd, .. } = &self.action;
-        let count = joints.len();
-        if count == 0 {
-            return wrong("action.joints", "found no joint, expected at least one".to_owned());
-        }
-        if let Some(name) = joints.iter().enumerate().find(|(k, name)| joints[..*k].contains(name)) {
-            return wrong("action.joints", format!("found \"{}\" twice, expected each joint once", name.1));
-        }
-        if default_pose.len() != count {
-            let message =
-                format!("found {} numbers, expected {count}, one for each joint", default_pose.len());
-            return wrong("action.default_pose", message);
-        }
-        finite("action.default_pose", default_pose.iter().copied())?;
-        for (key, numbers) in
-            [("scale", Some(scale)), ("offset", Some(offset)), ("kp", kp.as_ref()), ("kd", kd.as_ref())]
-        {
-            numbers.map_or(Ok(()), |numbers| numbers.check(&format!("action.{key}"), count))?;
-        }
-        for numbers in [("action.kp", kp), ("action.kd", kd)] {
-            let negative = |numbers: &Numbers| (0..count).any(|index| numbers.get(index) < 0.0);
-            if numbers.1.as_ref().is_some_and(negative) {
-                return wrong(numbers.0, "found a negative gain, expected at least 0".to_owned());
-            }
-        }
-        let ordered = |clip: &Option<[f64; 2]>| clip.is_none_or(|[low, high]| low < high);
-        if !ordered(clip) {
-            return wrong("action.clip", format!("found {clip:?}, expected a lower and a higher bound"));
-        }
+        self.action.check("action.")?;
         for (index, observation) in self.observations.iter().enumerate() {
             let key = |name: &str| format!("observations[{index}].{name}");
             if !(1..=64).contains(&observation.history) {
                 return wrong(&key("history"), format!("found {}, expected 1 to 64", observation.history));
             }
-            if !ordered(&observation.clip) {
+            if !is_ordered(&observation.clip) {
                 let message = format!("found {:?}, expected a lower and a higher bound", observation.clip);
                 return wrong(&key("clip"), message);
             }
@@ -312,6 +231,19 @@ impl Policy {
                         &key("rays"),
                         "missing, expected the number of rays of the height scan".to_owned(),
                     );
+                }
+            }
+            match (observation.period, observation.term) {
+                (Some(period), Term::Phase) if period > 0.0 && period.is_finite() => {}
+                (None, term) if term != Term::Phase => {}
+                (Some(_), term) if term != Term::Phase => {
+                    return wrong(&key("period"), "expected for the phase only".to_owned());
+                }
+                (Some(period), _) => {
+                    return wrong(&key("period"), format!("found {period}, expected a time above 0 s"));
+                }
+                (None, _) => {
+                    return wrong(&key("period"), "missing, expected the cycle of the gait in s".to_owned());
                 }
             }
             observation.scale.check(&key("scale"), self.width(observation))?;
@@ -352,23 +284,7 @@ impl Policy {
     ///
     /// [`PolicyError::Joints`] that names the joints which the robot does not have.
     pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
-        let Action { joints, scale, offset, default_pose, clip, .. } = &self.action;
-        let (mut targets, mut missing) = (Vec::new(), Vec::new());
-        for (index, name) in joints.iter().enumerate() {
-            let Some(joint) = robot.iter().position(|joint| joint.as_ref() == name) else {
-                missing.push(format!("\"{name}\""));
-                continue;
-            };
-            let shift = if self.action.kind == ActionKind::Position { default_pose[index] } else { 0.0 };
-            targets.push(JointTarget { joint, scale: scale.get(index), offset: shift + offset.get(index) });
-        }
-        if missing.is_empty() {
-            return Ok(JointTargets::new(targets, clip.unwrap_or([f64::NEG_INFINITY, f64::INFINITY])));
-        }
-        let names: Vec<&str> = robot.iter().map(AsRef::as_ref).collect();
-        let message =
-            format!("the robot has no joint {}; its joints are {}", missing.join(", "), names.join(", "));
-        Err(PolicyError::Joints { message })
+        self.action.joint_targets(robot)
     }
 }
 

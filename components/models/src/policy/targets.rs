@@ -28,10 +28,25 @@ impl JointTargets {
         &self.targets
     }
 
+    /// An output of the network within its bounds.
+    pub fn clipped(&self, action: f64) -> f64 {
+        action.clamp(self.clip[0], self.clip[1])
+    }
+
+    /// The target of output `index` of the policy.
+    ///
+    /// # Panics
+    ///
+    /// If the policy has fewer outputs.
+    pub fn target(&self, index: usize, action: f64) -> f64 {
+        let JointTarget { scale, offset, .. } = self.targets[index];
+        self.clipped(action).mul_add(scale, offset)
+    }
+
     /// Writes the targets of an action into the joints of the robot; other joints keep their numbers.
     pub fn apply(&self, action: &[f64], joints: &mut [f64]) {
-        for (JointTarget { joint, scale, offset }, action) in self.targets.iter().zip(action) {
-            joints[*joint] = action.clamp(self.clip[0], self.clip[1]).mul_add(*scale, *offset);
+        for (index, (JointTarget { joint, .. }, action)) in self.targets.iter().zip(action).enumerate() {
+            joints[*joint] = self.target(index, *action);
         }
     }
 }

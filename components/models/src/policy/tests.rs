@@ -1,6 +1,8 @@
-//! Policies: their file, and the order of joints.
+//! Policies: their file, the order of joints, their networks.
 
-use super::{Policy, PolicyError};
+use super::{Assembly, NetworkMismatch, Numbers, Observation, Policy, PolicyError, PolicyNetwork, Term};
+use crate::inference::Unary;
+use crate::onnx::{GruLayer, Model, write_gru, write_mlp};
 
 const TEXT: &str = r#"
 network = "policy.onnx"
@@ -65,4 +67,99 @@ fn mistakes_are_named_with_their_place() {
         assert!(error.to_string().starts_with(message), "{error}");
         assert!(!matches!(error, PolicyError::Joints { .. }));
     }
+}
+
+fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+}
+
+fn shuffle<T>(values: &mut [T], state: &mut u64) {
+    for k in (1..values.len()).rev() {
+        values.swap(k, ((random(state) + 1.0) * 0.5 * (k + 1) as f64) as usize % (k + 1));
+    }
+}
+
+/// Targets of a robot's joints after one observation.
+fn motion(policy: &Policy, network: &mut PolicyNetwork, names: &[&str], q: &[f64]) -> Vec<f64> {
+    let targets = policy.joint_targets(names).expect("all joints");
+    let relative: Vec<f64> = targets
+        .targets()
+        .iter()
+        .zip(&policy.action.default_pose)
+        .map(|(target, default)| q[target.joint] - default)
+        .collect();
+    let mut assembly = Assembly::new(policy);
+    assembly.push(0, &relative);
+    assembly.write(network.observation_mut());
+    let action: Vec<f64> = network.run().iter().map(|output| f64::from(*output)).collect();
+    let mut joints = q.to_vec();
+    targets.apply(&action, &mut joints);
+    joints
+}
+
+#[test]
+fn permuted_policies_give_the_same_motion_or_an_error() {
+    let names = ["a", "b", "c", "d", "e", "f"];
+    let count = names.len();
+    let mut state = 5;
+    let mut numbers = |count: usize| (0..count).map(|_| random(&mut state)).collect::<Vec<f64>>();
+    let (weights, bias, scale, pose, q) =
+        (numbers(count * count), numbers(count), numbers(count), numbers(count), numbers(count));
+    let policy = |order: &[usize]| {
+        let pick = |values: &[f64]| order.iter().map(|index| values[*index]).collect::<Vec<f64>>();
+        let mut policy = Policy::parse(TEXT).expect("a policy");
+        policy.observations = vec![Observation::new(Term::JointPositions)];
+        policy.action.joints = order.iter().map(|index| names[*index].to_owned()).collect();
+        policy.action.scale = Numbers::Each(pick(&scale));
+        policy.action.default_pose = pick(&pose);
+        let rows =
+            order.iter().flat_map(|row| order.iter().map(|column| weights[row * count + column] as f32));
+        let layer = (rows.collect(), pick(&bias).iter().map(|bias| *bias as f32).collect());
+        let bytes = write_mlp(count, &[layer], Unary::Relu, &[]);
+        let program = Model::read(&bytes).and_then(|model| model.program(1)).expect("a network");
+        let network = PolicyNetwork::new(&policy, program).expect("it fits");
+        (policy, network)
+    };
+    let mut order: Vec<usize> = (0..count).collect();
+    let (straight, mut network) = policy(&order);
+    let expected = motion(&straight, &mut network, &names, &q);
+    let mut state = 9;
+    for round in 0..1000 {
+        shuffle(&mut order, &mut state);
+        let (mut permuted, mut network) = policy(&order);
+        let found = motion(&permuted, &mut network, &names, &q);
+        for (found, expected) in found.iter().zip(&expected) {
+            assert!((found - expected).abs() < 1e-5, "{order:?}: {found} {expected}");
+        }
+        permuted.action.joints[round % count] = "g".to_owned();
+        assert!(matches!(permuted.joint_targets(&names), Err(PolicyError::Joints { .. })));
+    }
+}
+
+#[test]
+fn recurrent_states_carry_over_and_reset() {
+    let gru = GruLayer {
+        inputs: 3,
+        hidden: 4,
+        input_weights: (0..36).map(|k| (k as f32 * 0.37).sin()).collect(),
+        state_weights: (0..48).map(|k| (k as f32 * 0.71).cos()).collect(),
+        bias: vec![0.1; 24],
+    };
+    let bytes = write_gru(&gru, &[(vec![0.5; 16], vec![0.0; 4])], Unary::Tanh, &[]);
+    let program = Model::read(&bytes).and_then(|model| model.program(1)).expect("a network");
+    let mut policy = Policy::parse(TEXT).expect("a policy");
+    policy.observations = vec![Observation::new(Term::Command)];
+    let mut network = PolicyNetwork::new(&policy, program.clone()).expect("it fits");
+    let mut run = |network: &mut PolicyNetwork| {
+        network.observation_mut().copy_from_slice(&[0.3, -0.2, 0.9]);
+        network.run().to_vec()
+    };
+    let (first, second) = (run(&mut network), run(&mut network));
+    assert_ne!(first, second, "the state counts");
+    network.reset();
+    assert_eq!((run(&mut network), run(&mut network)), (first, second));
+    policy.observations = vec![Observation::new(Term::Phase)];
+    let error = PolicyNetwork::new(&policy, program).expect_err("another width");
+    assert_eq!(error, NetworkMismatch::Inputs { found: vec![1, 3], expected: 2 });
 }

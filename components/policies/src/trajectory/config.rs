@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 
 use crate::joint_command::earth;
+use crate::motion_limits::MotionLimitsConfig;
 use crate::text_or_table::text_or_table;
 
 /// Configuration of `policy.trajectory`.
@@ -136,26 +137,6 @@ pub enum JointNumbers {
     Each(PerJoint),
     /// By names of joints.
     Named(std::collections::BTreeMap<String, f64>),
-}
-
-/// Limits of a motion: one number for all joints, or one for each.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct MotionLimitsConfig {
-    /// Velocity, rad/s or m/s. Default: that of the robot's model.
-    pub velocity: Option<PerJoint>,
-    /// Acceleration, rad/s^2 or m/s^2. Default: that of the robot's profile, or the velocity in half a second.
-    pub acceleration: Option<PerJoint>,
-    /// Jerk, rad/s^3 or m/s^3. Default: the acceleration in 50 ms.
-    pub jerk: Option<PerJoint>,
-    /// Fraction of all these limits that is used, above 0 to 1. Default 0.9.
-    pub fraction: f64,
-}
-
-impl Default for MotionLimitsConfig {
-    fn default() -> Self {
-        Self { velocity: None, acceleration: None, jerk: None, fraction: 0.9 }
-    }
 }
 
 /// Gains of the joints and feed-forward of their commands.

@@ -3,10 +3,7 @@
 mod config;
 mod plan;
 
-pub use config::{
-    HomeConfig, JointDriveConfig, JointGoal, JointGoalConfig, JointNumbers, MotionLimitsConfig,
-    TrajectoryConfig,
-};
+pub use config::{HomeConfig, JointDriveConfig, JointGoal, JointGoalConfig, JointNumbers, TrajectoryConfig};
 
 use motorium::component::{Component, ConfigureError, Episode, EpisodeEnd, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};

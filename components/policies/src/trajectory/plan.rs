@@ -2,14 +2,11 @@
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium_primitives::profile::MotionLimits;
-use motorium_robots::{Loaded, Model, PerJoint, Profile};
+use motorium_robots::{Loaded, Model, Profile};
+
+use crate::joint_command::required;
 
 use super::config::{HOME, JointGoal, JointGoalConfig, JointNumbers, TrajectoryConfig};
-
-/// Time in which the velocity is reached where nothing says how fast a joint may accelerate, s.
-const TO_SPEED: f64 = 0.5;
-/// Time in which the acceleration is reached where nothing says how fast it may change, s.
-const TO_ACCELERATION: f64 = 0.05;
 
 /// The goals and limits of a trajectory.
 #[derive(Debug)]
@@ -52,10 +49,7 @@ impl Plan {
         config: &TrajectoryConfig,
         robot: Option<&RobotReference>,
     ) -> Result<Self, ConfigError> {
-        let robot = robot.ok_or_else(|| {
-            ConfigError::new("the component names no robot, and needs its joints")
-                .advise("add `robot = \"NAME\"` to the component")
-        })?;
+        let robot = required(robot)?;
         if config.goals.is_empty() {
             return Err(ConfigError::key("goals", "no goal is given, expected at least one"));
         }
@@ -64,7 +58,7 @@ impl Plan {
             return Err(ConfigError::key("tolerance", message));
         }
         let Loaded { model, profile, .. } = crate::robot::load(robot)?;
-        let limits = limits(config, &model, profile.as_ref())?;
+        let limits = config.limits.resolve(&model, profile.as_ref())?;
         let mut goals = Vec::new();
         // where the robot is known to be: all joints that some goal has placed
         let mut known: Vec<Option<f64>> = vec![None; model.joint_count()];
@@ -158,54 +152,6 @@ fn numbers(
             Ok(targets)
         }
     }
-}
-
-fn limits(
-    config: &TrajectoryConfig,
-    model: &Model,
-    profile: Option<&Profile>,
-) -> Result<Vec<MotionLimits>, ConfigError> {
-    let fraction = config.limits.fraction;
-    if !(fraction > 0.0 && fraction <= 1.0) {
-        let message = format!("{fraction}, expected above 0 and at most 1");
-        return Err(ConfigError::key("limits.fraction", message));
-    }
-    let given = |key: &str, given: &Option<PerJoint>| -> Result<Option<Vec<f64>>, ConfigError> {
-        let key = format!("limits.{key}");
-        let Some(given) = given else { return Ok(None) };
-        let values = given.resolve(model.joint_count());
-        let values = values.map_err(|error| {
-            ConfigError::key(&key, error.to_string())
-                .advise(format!("in this order: {}", model.joint_names().join(", ")))
-        })?;
-        match values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
-            Some(value) => Err(ConfigError::key(key, format!("{value}, expected a positive number"))),
-            None => Ok(Some(values)),
-        }
-    };
-    let velocity = given("velocity", &config.limits.velocity)?;
-    let acceleration = given("acceleration", &config.limits.acceleration)?;
-    let jerk = given("jerk", &config.limits.jerk)?;
-    let of_profile = profile.map(|profile| profile.acceleration_limit(model)).transpose();
-    let of_profile = of_profile.map_err(|error| ConfigError::key("robot", error.to_string()))?;
-    let of_joint = |joint: usize| {
-        let velocity = velocity.as_ref().map_or(model.velocity_limit()[joint], |given| given[joint]);
-        if !velocity.is_finite() {
-            let message = format!("joint \"{}\" has no velocity limit", model.joint_names()[joint]);
-            return Err(ConfigError::key("limits.velocity", message)
-                .advise("give one number for all joints, or one for each"));
-        }
-        let usual = of_profile.as_ref().map_or(f64::INFINITY, |limits| limits[joint]);
-        let usual = if usual.is_finite() { usual } else { velocity / TO_SPEED };
-        let acceleration = acceleration.as_ref().map_or(usual, |given| given[joint]);
-        let jerk = jerk.as_ref().map_or(acceleration / TO_ACCELERATION, |given| given[joint]);
-        Ok(MotionLimits {
-            velocity: fraction * velocity,
-            acceleration: fraction * acceleration,
-            jerk: fraction * jerk,
-        })
-    };
-    (0..model.joint_count()).map(of_joint).collect()
 }
 
 #[cfg(test)]

@@ -1,14 +1,17 @@
 //! Integration tests of the crate, one module a subject.
 
+mod chunks;
 mod couplings;
 mod dmp;
 mod gaits;
 mod imitation;
 mod joint_policies;
+mod joint_targets;
 mod kernelised;
 mod latent_policy;
 mod library_policy;
 mod live_weights;
+mod network;
 mod pictures;
 mod support;
 mod trajectory;

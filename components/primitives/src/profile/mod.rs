@@ -2,7 +2,7 @@
 //! minimum jerk.
 //!
 //! [`Profile`] is the motion of one coordinate; [`StraightMove`] synchronises several coordinates along the
-//! straight line between two points.
+//! straight line between two points. [`Follower`] follows targets with step changes.
 //!
 //! ```
 //! use motorium_primitives::profile::{MotionLimits, Profile};
@@ -14,8 +14,10 @@
 //! assert_eq!(profile.sample(10.0).value, 3.0);
 //! ```
 
+mod follow;
 mod straight;
 
+pub use follow::Follower;
 pub use straight::{Shape, StraightMove};
 
 use crate::dmp::Jet;

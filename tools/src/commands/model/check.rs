@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
-use motorium_models::onnx::{self, Length};
-use motorium_models::policy::Policy;
+use motorium_models::policy::PolicyFolder;
 use motorium_robots::{LoadOptions, load_with};
 use serde::Serialize;
 
@@ -63,11 +62,10 @@ struct Joint {
 
 impl Check {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let file = if self.policy.is_dir() { self.policy.join("policy.toml") } else { self.policy.clone() };
-        let place = file.display().to_string();
-        let text = std::fs::read_to_string(&file).with_context(|| place.clone())?;
-        let policy = Policy::parse(&text).with_context(|| place.clone())?;
-        check_network(&policy, &file.with_file_name(&policy.network))?;
+        let folder = PolicyFolder::read(&self.policy)?;
+        folder.network()?;
+        let place = folder.file().display().to_string();
+        let policy = folder.policy;
         let Some(name) = self.robot.clone().or_else(|| policy.robot.clone()) else {
             bail!("{place}: no `robot`, expected the robot of the policy; help: name it with `--robot`");
         };
@@ -120,29 +118,4 @@ fn print(report: &Report) {
     for Joint { name, policy_index, robot_index, scale, default } in &report.joints {
         outln!("  action {policy_index} -> joint {robot_index} {name}: {default} + {scale} x action");
     }
-}
-
-/// Compares the widths of a policy with its network.
-fn check_network(policy: &Policy, path: &Path) -> anyhow::Result<()> {
-    let place = path.display().to_string();
-    let bytes = std::fs::read(path).with_context(|| place.clone())?;
-    let model = onnx::Model::read(&bytes).with_context(|| place.clone())?;
-    let program = model.program(1).with_context(|| place.clone())?;
-    let inputs = policy.inputs()?;
-    let found = model.inputs().first().and_then(|input| input.shape.last().cloned());
-    if found != Some(Length::Fixed(inputs)) {
-        let found = program
-            .inputs()
-            .first()
-            .map_or_else(|| "no input".to_owned(), |input| format!("{:?}", input.shape));
-        bail!("{place}: the first input is {found}, expected {inputs} numbers in a row as in `observations`");
-    }
-    let joints = policy.action.joints.len();
-    let output = program.outputs().first().map(|output| output.shape.clone()).unwrap_or_default();
-    if output.last() != Some(&joints) {
-        bail!(
-            "{place}: the first output is {output:?}, expected {joints} numbers in a row as in `action.joints`"
-        );
-    }
-    Ok(())
 }

@@ -2,11 +2,12 @@
 
 mod check;
 mod eval;
+mod import;
 mod list;
 
 use std::process::ExitCode;
 
-/// Run trained networks from ONNX files, check policies against robots, and list kinds of models.
+/// Run trained networks from ONNX files, import policies, check them against robots, and list kinds of models.
 ///
 /// Example: motorium model eval policy.onnx --inputs in.json --json
 #[derive(Debug, clap::Args)]
@@ -21,6 +22,7 @@ enum Command {
     Eval(eval::Eval),
     Check(check::Check),
     List(list::List),
+    Import(import::Import),
 }
 
 impl Model {
@@ -29,6 +31,7 @@ impl Model {
             Command::Eval(command) => command.run(),
             Command::Check(command) => command.run(),
             Command::List(command) => command.run(),
+            Command::Import(command) => command.run(),
         }
     }
 }

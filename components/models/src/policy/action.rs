@@ -1,0 +1,119 @@
+//! The meaning of a policy's outputs.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::numbers::{finite, one, zero};
+use super::{JointTarget, JointTargets, Numbers, PolicyError, is_ordered};
+
+/// The quantity that an action commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ActionKind {
+    /// Joint positions \[rad or m\].
+    #[default]
+    Position,
+    /// Joint velocities \[rad/s or m/s\].
+    Velocity,
+    /// Joint efforts \[Nm or N\].
+    Effort,
+}
+
+/// The meaning of a network's outputs.
+///
+/// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose counts for
+/// positions only.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Action {
+    /// Joint of each output.
+    pub joints: Vec<String>,
+    /// Quantity commanded. Default: position.
+    #[serde(default)]
+    pub kind: ActionKind,
+    /// Factor of the action, for all joints or each. Default: 1.
+    #[serde(default = "one")]
+    pub scale: Numbers,
+    /// Added after the factor, besides the default pose. Default: 0.
+    #[serde(default = "zero")]
+    pub offset: Numbers,
+    /// Pose of a zero action \[rad or m\], in the order of `joints`.
+    pub default_pose: Vec<f64>,
+    /// Bounds of the network's outputs before the factor. Default: unbounded.
+    #[serde(default)]
+    pub clip: Option<[f64; 2]>,
+    /// Stiffness of the drives \[Nm/rad or N/m\]. Default: the robot's profile.
+    #[serde(default)]
+    pub kp: Option<Numbers>,
+    /// Damping of the drives \[Nms/rad or Ns/m\]. Default: the robot's profile.
+    #[serde(default)]
+    pub kd: Option<Numbers>,
+}
+
+impl Action {
+    /// Checks counts and ranges. Keys in errors begin with `prefix`.
+    ///
+    /// # Errors
+    ///
+    /// [`PolicyError::Value`] that names the key.
+    pub fn check(&self, prefix: &str) -> Result<(), PolicyError> {
+        let wrong =
+            |key: &str, message: String| Err(PolicyError::Value { key: format!("{prefix}{key}"), message });
+        let Self { joints, scale, offset, default_pose, clip, kp, kd, .. } = self;
+        let count = joints.len();
+        if count == 0 {
+            return wrong("joints", "found no joint, expected at least one".to_owned());
+        }
+        if let Some(name) = joints.iter().enumerate().find(|(k, name)| joints[..*k].contains(name)) {
+            return wrong("joints", format!("found \"{}\" twice, expected each joint once", name.1));
+        }
+        if default_pose.len() != count {
+            let message =
+                format!("found {} numbers, expected {count}, one for each joint", default_pose.len());
+            return wrong("default_pose", message);
+        }
+        finite(&format!("{prefix}default_pose"), default_pose.iter().copied())?;
+        for (key, numbers) in
+            [("scale", Some(scale)), ("offset", Some(offset)), ("kp", kp.as_ref()), ("kd", kd.as_ref())]
+        {
+            numbers.map_or(Ok(()), |numbers| numbers.check(&format!("{prefix}{key}"), count))?;
+        }
+        for (key, numbers) in [("kp", kp), ("kd", kd)] {
+            let is_negative = |numbers: &Numbers| (0..count).any(|index| numbers.get(index) < 0.0);
+            if numbers.as_ref().is_some_and(is_negative) {
+                return wrong(key, "found a negative gain, expected at least 0".to_owned());
+            }
+        }
+        if !is_ordered(clip) {
+            return wrong("clip", format!("found {clip:?}, expected a lower and a higher bound"));
+        }
+        Ok(())
+    }
+
+    /// Maps actions to the joints of a robot, in its order. Joints of the robot that the policy does not
+    /// command are left alone.
+    ///
+    /// # Errors
+    ///
+    /// [`PolicyError::Joints`] that names the joints which the robot does not have.
+    pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
+        let (mut targets, mut missing) = (Vec::new(), Vec::new());
+        for (index, name) in self.joints.iter().enumerate() {
+            let Some(joint) = robot.iter().position(|joint| joint.as_ref() == name) else {
+                missing.push(format!("\"{name}\""));
+                continue;
+            };
+            let shift = if self.kind == ActionKind::Position { self.default_pose[index] } else { 0.0 };
+            let offset = shift + self.offset.get(index);
+            targets.push(JointTarget { joint, scale: self.scale.get(index), offset });
+        }
+        if missing.is_empty() {
+            let clip = self.clip.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            return Ok(JointTargets::new(targets, clip));
+        }
+        let names: Vec<&str> = robot.iter().map(AsRef::as_ref).collect();
+        let message =
+            format!("the robot has no joint {}; its joints are {}", missing.join(", "), names.join(", "));
+        Err(PolicyError::Joints { message })
+    }
+}

@@ -1,0 +1,181 @@
+//! A policy on disk, with its network.
+
+use std::path::{Path, PathBuf};
+
+use super::{Policy, PolicyError};
+use crate::inference::{Port, Program};
+use crate::onnx::{Model, OnnxError};
+
+/// Name of the file that describes a policy.
+const FILE: &str = "policy.toml";
+
+/// A policy and the place of its files.
+#[derive(Clone, Debug)]
+pub struct PolicyFolder {
+    /// The policy.
+    pub policy: Policy,
+    file: PathBuf,
+}
+
+/// A policy on disk that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum PolicyFolderError {
+    /// A file cannot be read.
+    #[error("{}: {reason}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        reason: std::io::Error,
+    },
+    /// `policy.toml` is not valid.
+    #[error("{}: {reason}", path.display())]
+    Policy {
+        /// The file.
+        path: PathBuf,
+        /// The defect.
+        reason: PolicyError,
+    },
+    /// The network cannot be read or compiled.
+    #[error("{}: {reason}", path.display())]
+    Onnx {
+        /// The file.
+        path: PathBuf,
+        /// The defect.
+        reason: OnnxError,
+    },
+    /// The network does not fit the policy.
+    #[error("{}: {reason}", path.display())]
+    Network {
+        /// The file.
+        path: PathBuf,
+        /// The difference.
+        reason: NetworkMismatch,
+    },
+}
+
+/// A network whose inputs or outputs differ from its policy.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NetworkMismatch {
+    /// The observation has another width.
+    #[error("the first input is {found:?}, expected {expected} numbers in a row as in `observations`")]
+    Inputs {
+        /// Shape of the first input; empty without one.
+        found: Vec<usize>,
+        /// Numbers of the observation.
+        expected: usize,
+    },
+    /// The action has another width.
+    #[error("the first output is {found:?}, expected {expected} numbers in a row as in `action.joints`")]
+    Outputs {
+        /// Shape of the first output; empty without one.
+        found: Vec<usize>,
+        /// Joints of the action.
+        expected: usize,
+    },
+    /// The recurrent states that go in do not match those that come out.
+    #[error(
+        "input \"{input}\" has no recurrent state to read; help: the outputs behind the action are expected in the order and with the shapes of the inputs behind the observation"
+    )]
+    State {
+        /// Name of the input.
+        input: String,
+    },
+}
+
+impl PolicyFolder {
+    /// Reads the policy at `path`: a folder with `policy.toml`, or that file.
+    ///
+    /// # Errors
+    ///
+    /// [`PolicyFolderError`] with the file.
+    pub fn read(path: &Path) -> Result<Self, PolicyFolderError> {
+        let file = if path.is_file() { path.to_owned() } else { path.join(FILE) };
+        match std::fs::read_to_string(&file) {
+            Ok(text) => match Policy::parse(&text) {
+                Ok(policy) => Ok(Self { policy, file }),
+                Err(reason) => Err(PolicyFolderError::Policy { path: file, reason }),
+            },
+            Err(reason) => Err(PolicyFolderError::Read { path: file, reason }),
+        }
+    }
+
+    /// The file that describes the policy.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Reads and compiles its network for one observation.
+    ///
+    /// # Errors
+    ///
+    /// [`PolicyFolderError`] with the file of the network.
+    pub fn network(&self) -> Result<PolicyNetwork, PolicyFolderError> {
+        let path = self.file.with_file_name(&self.policy.network);
+        let bytes = match std::fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(reason) => return Err(PolicyFolderError::Read { path, reason }),
+        };
+        let program = Model::read(&bytes).and_then(|model| model.program(1));
+        match program.map(|program| PolicyNetwork::new(&self.policy, program)) {
+            Ok(Ok(network)) => Ok(network),
+            Ok(Err(reason)) => Err(PolicyFolderError::Network { path, reason }),
+            Err(reason) => Err(PolicyFolderError::Onnx { path, reason }),
+        }
+    }
+}
+
+/// The network of a policy: the first input is the observation, the first output the action. Further inputs
+/// are recurrent states, in the order of the further outputs. Running it does not allocate.
+#[derive(Clone, Debug)]
+pub struct PolicyNetwork {
+    program: Program,
+    states: usize,
+}
+
+impl PolicyNetwork {
+    /// A compiled network for one observation of `policy`.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkMismatch`] if the widths or the recurrent states differ.
+    pub fn new(policy: &Policy, program: Program) -> Result<Self, NetworkMismatch> {
+        let shape = |port: Option<&Port>| port.map_or_else(Vec::new, |port| port.shape.clone());
+        let is_row = |shape: &[usize], width: usize| {
+            shape.last() == Some(&width) && shape.iter().product::<usize>() == width
+        };
+        let expected = policy.observations.iter().map(|term| policy.width(term) * term.history).sum();
+        let found = shape(program.inputs().first());
+        if !is_row(&found, expected) {
+            return Err(NetworkMismatch::Inputs { found, expected });
+        }
+        let (found, expected) = (shape(program.outputs().first()), policy.action.joints.len());
+        if !is_row(&found, expected) {
+            return Err(NetworkMismatch::Outputs { found, expected });
+        }
+        for (index, input) in program.inputs().iter().enumerate().skip(1) {
+            if program.outputs().get(index).is_none_or(|output| output.shape != input.shape) {
+                return Err(NetworkMismatch::State { input: input.name.clone() });
+            }
+        }
+        let states = program.inputs().len();
+        Ok(Self { program, states })
+    }
+
+    /// Clears the recurrent states, at the start of an episode.
+    pub fn reset(&mut self) {
+        (1..self.states).for_each(|index| self.program.input_mut(index).fill(0.0));
+    }
+
+    /// The numbers of the observation, to be written before [`run`](Self::run).
+    pub fn observation_mut(&mut self) -> &mut [f32] {
+        self.program.input_mut(0)
+    }
+
+    /// Computes the action, and carries the recurrent states over to the next run.
+    pub fn run(&mut self) -> &[f32] {
+        self.program.run();
+        (1..self.states).for_each(|index| self.program.feed_back(index, index));
+        self.program.output(0)
+    }
+}

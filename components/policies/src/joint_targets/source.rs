@@ -1,0 +1,217 @@
+//! The targets of joints, from single actions or from chunks.
+
+use motorium::component::RunClock;
+use motorium::declare::StepError;
+use motorium::state::{Action, ActionChunk, MAX_CHUNK};
+use motorium::transport::Input;
+use motorium_models::policy::{Chunk, ChunkArrival, ChunkError, ChunkPlan, ChunkTiming, JointTargets};
+use serde_json::json;
+
+use super::ChunksConfig;
+
+/// The source of targets, in the order of the policy's joints.
+#[derive(Debug)]
+pub(super) enum Source {
+    Actions(Actions),
+    Chunks(Chunks),
+}
+
+/// The newest action and the one before.
+#[derive(Debug)]
+pub(super) struct Actions {
+    input: Input<Action>,
+    targets: JointTargets,
+    /// Time over which targets move from one action to the next, ns; `None` to hold the newest.
+    interpolate: Option<f64>,
+    /// Time of the newest action, ns since the run began.
+    time: Option<u64>,
+    before: Vec<f64>,
+    newest: Vec<f64>,
+    /// Targets on the way from one action to the next.
+    reached: Vec<f64>,
+    received: u64,
+}
+
+/// A plan made of chunks.
+#[derive(Debug)]
+pub(super) struct Chunks {
+    input: Input<ActionChunk>,
+    targets: JointTargets,
+    plan: ChunkPlan,
+    counts: Counts,
+}
+
+/// The record of chunks.
+#[derive(Debug, Default)]
+struct Counts {
+    played: u64,
+    actions: u64,
+    late_actions: u64,
+    latest: Option<ChunkArrival>,
+    worst_delay: u64,
+    repeated: u64,
+    out_of_order: u64,
+    too_late: u64,
+    refused: u64,
+}
+
+impl Source {
+    /// Begins at these positions.
+    pub(super) fn start(&mut self, position: &[f64]) {
+        match self {
+            Self::Actions(actions) => {
+                actions.newest.copy_from_slice(position);
+                actions.before.copy_from_slice(position);
+            }
+            Self::Chunks(chunks) => chunks.plan.start(position),
+        }
+    }
+
+    /// Reads what has arrived by `now`, ns since the run began. Returns the time of the newest action, or of
+    /// the last one of the chunk that is played.
+    pub(super) fn poll(&mut self, now: u64, clock: &RunClock) -> Result<Option<u64>, StepError> {
+        match self {
+            Self::Actions(actions) => actions.poll(now),
+            Self::Chunks(chunks) => Ok(chunks.poll(now, clock)),
+        }
+    }
+
+    /// Writes the targets of a time, ns since the run began.
+    pub(super) fn sample(&self, now: u64, targets: &mut [f64]) {
+        match self {
+            Self::Actions(actions) => actions.sample(now, targets),
+            Self::Chunks(chunks) => chunks.plan.sample(now, targets),
+        }
+    }
+
+    pub(super) fn reset(&mut self) {
+        match self {
+            Self::Actions(actions) => (actions.time, actions.received) = (None, 0),
+            Self::Chunks(chunks) => chunks.counts = Counts::default(),
+        }
+    }
+
+    pub(super) fn result(&self) -> serde_json::Value {
+        match self {
+            Self::Actions(actions) => json!({ "actions": actions.received }),
+            Self::Chunks(chunks) => chunks.counts.result(),
+        }
+    }
+}
+
+impl Actions {
+    pub(super) fn new(input: Input<Action>, targets: JointTargets, interpolate: bool, rate: f64) -> Self {
+        let zeros = vec![0.0; targets.targets().len()];
+        Self {
+            input,
+            targets,
+            interpolate: interpolate.then(|| 1e9 / rate),
+            time: None,
+            before: zeros.clone(),
+            newest: zeros.clone(),
+            reached: zeros,
+            received: 0,
+        }
+    }
+
+    fn poll(&mut self, now: u64) -> Result<Option<u64>, StepError> {
+        if !self.input.has_news() {
+            return Ok(self.time);
+        }
+        let mut reached = core::mem::take(&mut self.reached);
+        self.sample(now, &mut reached);
+        self.reached = reached;
+        let Some(action) = self.input.next_unread() else { return Ok(self.time) };
+        if action.count() != self.newest.len() {
+            return Err(StepError::failed("the action has another number of joints than the policy"));
+        }
+        self.before.copy_from_slice(&self.reached);
+        for (joint, (target, value)) in self.newest.iter_mut().zip(action.value()).enumerate() {
+            *target = self.targets.target(joint, *value);
+        }
+        if self.time.is_none() {
+            self.before.copy_from_slice(&self.newest);
+        }
+        self.time = Some(action.time_ns());
+        self.received += 1;
+        Ok(self.time)
+    }
+
+    fn sample(&self, now: u64, targets: &mut [f64]) {
+        let share = match (self.interpolate, self.time) {
+            (Some(period), Some(time)) => (now.saturating_sub(time) as f64 / period).min(1.0),
+            _ => 1.0,
+        };
+        if share >= 1.0 {
+            targets.copy_from_slice(&self.newest);
+            return;
+        }
+        for ((target, before), newest) in targets.iter_mut().zip(&self.before).zip(&self.newest) {
+            *target = before + share * (newest - before);
+        }
+    }
+}
+
+impl Chunks {
+    pub(super) fn new(input: Input<ActionChunk>, targets: JointTargets, config: ChunksConfig) -> Self {
+        let timing = ChunkTiming { frozen: config.frozen.ns, blend: config.blend.ns };
+        let plan = ChunkPlan::new(targets.targets().len(), MAX_CHUNK, timing);
+        Self { input, targets, plan, counts: Counts::default() }
+    }
+
+    fn poll(&mut self, now: u64, clock: &RunClock) -> Option<u64> {
+        let start = clock.stamp_ns(0);
+        while let Some(chunk) = self.input.next_unread() {
+            let chunk = Chunk {
+                time: chunk.time,
+                period: chunk.period,
+                sequence: chunk.sequence,
+                width: usize::try_from(chunk.width).unwrap_or(usize::MAX),
+                values: chunk.value(),
+            };
+            let targets = &self.targets;
+            let found = self.plan.accept(start + now, chunk, |joint, value| targets.target(joint, value));
+            self.counts.add(found);
+        }
+        self.plan.end().map(|end| end.saturating_sub(start))
+    }
+}
+
+impl Counts {
+    fn add(&mut self, found: Result<ChunkArrival, ChunkError>) {
+        let count = match found {
+            Ok(arrival) => {
+                self.actions += arrival.actions as u64;
+                self.late_actions += arrival.late as u64;
+                self.worst_delay = self.worst_delay.max(arrival.delay);
+                self.latest = Some(arrival);
+                &mut self.played
+            }
+            Err(ChunkError::Repeated) => &mut self.repeated,
+            Err(ChunkError::OutOfOrder { .. }) => &mut self.out_of_order,
+            Err(ChunkError::Late { .. }) => &mut self.too_late,
+            Err(_) => &mut self.refused,
+        };
+        *count += 1;
+    }
+
+    fn result(&self) -> serde_json::Value {
+        json!({
+            "chunks": {
+                "played": self.played,
+                "actions": self.actions,
+                "late_actions": self.late_actions,
+                "worst_delay_ms": self.worst_delay as f64 * 1e-6,
+                "last": self.latest.map(|last| json!({
+                    "actions": last.actions,
+                    "late_actions": last.late,
+                    "delay_ms": last.delay as f64 * 1e-6,
+                })),
+                "repeated": self.repeated,
+                "out_of_order": self.out_of_order,
+                "too_late": self.too_late,
+                "refused": self.refused,
+            },
+        })
+    }
+}

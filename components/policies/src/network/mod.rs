@@ -1,0 +1,392 @@
+//! `policy.network`: a trained network, from measurements to actions.
+
+mod config;
+
+pub use config::{AttitudeSource, BaseVelocitySource, NetworkConfig};
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
+use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::state::{
+    Action, BaseEstimate, BaseState, HeightScan, ImuSample, JointState, MAX_ACTION, MAX_HEIGHTS, TwistTarget,
+};
+use motorium::transport::{Input, Output, ParameterArray, Reading};
+use motorium_models::policy::{
+    Assembly, JointTargets, Policy, PolicyError, PolicyFolder, PolicyFolderError, PolicyNetwork, Term,
+};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use crate::joint_command::required;
+
+/// Runs the network of a policy folder at the rate of the policy, and publishes its actions.
+///
+/// Each observation term is read from its topic, bounded, scaled and kept in its history as `policy.toml`
+/// says. No action is published before every measurement has arrived, and while one is older than
+/// `state_timeout`. Recurrent states and histories begin again with each episode.
+/// [`JointTargetsPolicy`](crate::JointTargetsPolicy) makes joint commands of the actions.
+#[derive(Debug)]
+pub struct NetworkPolicy {
+    network: PolicyNetwork,
+    assembly: Assembly,
+    policy: Policy,
+    targets: JointTargets,
+    inputs: Inputs,
+    output: Output<Action>,
+    default_command: ParameterArray,
+    config: NetworkConfig,
+    imu_rotation: UnitQuaternion<f64>,
+    /// Values of one term.
+    scratch: Vec<f64>,
+    last_action: Vec<f64>,
+    episode: u64,
+    /// Steps with an action in this episode.
+    steps: u64,
+    waiting: u64,
+}
+
+/// The inputs that the policy's terms need.
+#[derive(Debug)]
+struct Inputs {
+    joints: Option<Input<JointState>>,
+    base_state: Option<Input<BaseState>>,
+    base_estimate: Option<Input<BaseEstimate>>,
+    imu: Option<Input<ImuSample>>,
+    command: Option<Input<TwistTarget>>,
+    heights: Option<Input<HeightScan>>,
+}
+
+/// An input port.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Port {
+    Joints,
+    BaseState,
+    BaseEstimate,
+    Imu,
+    Command,
+    Heights,
+}
+
+impl NetworkConfig {
+    /// The port that a term reads.
+    fn port(&self, term: Term) -> Option<Port> {
+        Some(match term {
+            Term::BaseLinearVelocity => match self.base_velocity {
+                BaseVelocitySource::BaseState => Port::BaseState,
+                BaseVelocitySource::BaseEstimate => Port::BaseEstimate,
+            },
+            Term::BaseAngularVelocity | Term::ProjectedGravity => match self.attitude {
+                AttitudeSource::Imu => Port::Imu,
+                AttitudeSource::BaseState => Port::BaseState,
+                AttitudeSource::BaseEstimate => Port::BaseEstimate,
+            },
+            Term::Command => Port::Command,
+            Term::JointPositions | Term::JointVelocities => Port::Joints,
+            Term::HeightScan => Port::Heights,
+            Term::LastAction | Term::Phase => return None,
+        })
+    }
+
+    fn needs(&self, policy: &Policy, port: Port) -> bool {
+        policy.observations.iter().any(|observation| self.port(observation.term) == Some(port))
+    }
+}
+
+/// A policy and its network, checked for a robot.
+struct Loaded {
+    policy: Policy,
+    network: PolicyNetwork,
+    targets: JointTargets,
+}
+
+pub(crate) fn refused(key: &str, error: &PolicyFolderError) -> ConfigError {
+    let refusal = ConfigError::key(key, error.to_string());
+    match error {
+        PolicyFolderError::Read { .. } => {
+            refusal.advise("name the folder with policy.toml, relative to the graph file")
+        }
+        _ => refusal.advise("`motorium model check` shows each term and joint"),
+    }
+}
+
+fn load(
+    config: &NetworkConfig,
+    base: &Path,
+    robot: Option<&motorium::declare::RobotReference>,
+) -> Result<Loaded, ConfigError> {
+    let robot = required(robot)?;
+    for (key, span) in [("state_timeout", config.state_timeout), ("command_timeout", config.command_timeout)]
+    {
+        if span.ns < 1_000_000 {
+            return Err(ConfigError::key(key, format!("{span}, expected at least 1 ms")));
+        }
+    }
+    for (key, numbers) in [("imu_rpy", config.imu_rpy), ("command", config.command)] {
+        if let Some(number) = numbers.into_iter().find(|number| !(-10.0..=10.0).contains(number)) {
+            return Err(ConfigError::key(key, format!("{number}, expected from -10 to 10")));
+        }
+    }
+    let folder = PolicyFolder::read(&base.join(&config.policy)).map_err(|error| refused("policy", &error))?;
+    let network = folder.network().map_err(|error| refused("policy", &error))?;
+    let policy = folder.policy;
+    let outputs = policy.action.joints.len();
+    if outputs > MAX_ACTION {
+        let message = format!("{outputs} joints, but an action holds {MAX_ACTION}");
+        return Err(ConfigError::key("policy", message));
+    }
+    if let Some(rays) =
+        policy.observations.iter().filter_map(|term| term.rays).find(|rays| *rays > MAX_HEIGHTS)
+    {
+        let message = format!("{rays} rays, but a height scan holds {MAX_HEIGHTS}");
+        return Err(ConfigError::key("policy", message));
+    }
+    let model = crate::robot::load(robot)?.model;
+    let targets = policy.joint_targets(model.joint_names()).map_err(|error| match error {
+        PolicyError::Joints { message } => ConfigError::key("policy", message)
+            .advise("rename the joints in `action.joints`, in the order of the network's outputs"),
+        other => ConfigError::key("policy", other.to_string()),
+    })?;
+    Ok(Loaded { policy, network, targets })
+}
+
+impl Component for NetworkPolicy {
+    const KIND: &'static str = "policy.network";
+    const SUMMARY: &'static str = "runs a trained network: observation terms from topics to actions";
+    const RESETS: bool = true;
+    type Config = NetworkConfig;
+
+    fn declare(config: &NetworkConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let Loaded { policy, .. } = load(config, declare.folder(), declare.robot())?;
+        if let Some(period) = declare.period() {
+            let found = period.as_secs_f64().recip();
+            if (found / policy.rate - 1.0).abs() > 1e-3 {
+                let message = format!("the component runs at {found} Hz, the policy at {} Hz", policy.rate);
+                return Err(ConfigError::key("policy", message)
+                    .advise(format!("write `rate = \"{} Hz\"` for the component", policy.rate)));
+            }
+        }
+        if config.needs(&policy, Port::Joints) {
+            declare.input::<JointState>("joint_state", "measured joint state of the robot");
+        }
+        if config.needs(&policy, Port::BaseState) {
+            declare.input::<BaseState>("base_state", "pose and velocity of the base");
+        }
+        if config.needs(&policy, Port::BaseEstimate) {
+            declare.input::<BaseEstimate>("base_estimate", "estimated pose and velocity of the base");
+        }
+        if config.needs(&policy, Port::Imu) {
+            declare.input::<ImuSample>("imu", "inertial measurement on the base");
+        }
+        if config.needs(&policy, Port::Heights) {
+            declare.input::<HeightScan>("heights", "heights of the surface around the robot");
+        }
+        if config.needs(&policy, Port::Command) {
+            declare.optional_input::<TwistTarget>("command", "desired velocity of the base, in its own axes");
+        }
+        declare.output::<Action>("action", "outputs of the network within their bounds");
+        declare.array(
+            "command",
+            &config.command,
+            -10.0..=10.0,
+            "",
+            "command without the input `command`: forward, left, m/s, turn, rad/s",
+        );
+        Ok(())
+    }
+
+    fn configure(config: NetworkConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = setup.robot()?.clone();
+        let Loaded { policy, network, targets } = load(&config, setup.folder(), Some(&robot))?;
+        let assembly = Assembly::new(&policy);
+        let widest = (0..policy.observations.len()).map(|term| assembly.width(term)).max().unwrap_or(0);
+        let needs = |port| config.needs(&policy, port);
+        let inputs = Inputs {
+            joints: needs(Port::Joints).then(|| setup.input("joint_state")).transpose()?,
+            base_state: needs(Port::BaseState).then(|| setup.input("base_state")).transpose()?,
+            base_estimate: needs(Port::BaseEstimate).then(|| setup.input("base_estimate")).transpose()?,
+            imu: needs(Port::Imu).then(|| setup.input("imu")).transpose()?,
+            command: needs(Port::Command).then(|| setup.input("command")).transpose()?,
+            heights: needs(Port::Heights).then(|| setup.input("heights")).transpose()?,
+        };
+        let [roll, pitch, yaw] = config.imu_rpy;
+        Ok(Self {
+            inputs,
+            output: setup.output("action")?,
+            default_command: setup.parameter_array("command")?,
+            imu_rotation: UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            scratch: vec![0.0; widest],
+            last_action: vec![0.0; policy.action.joints.len()],
+            episode: 0,
+            steps: 0,
+            waiting: 0,
+            network,
+            assembly,
+            policy,
+            targets,
+            config,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if tick.episode != self.episode {
+            self.begin(tick.episode);
+        }
+        if !self.observe()? {
+            self.waiting += 1;
+            return Ok(());
+        }
+        self.assembly.write(self.network.observation_mut());
+        let outputs = self.network.run();
+        for (last, output) in self.last_action.iter_mut().zip(outputs) {
+            *last = self.targets.clipped(f64::from(*output));
+        }
+        let mut action = self.output.loan()?;
+        (action.episode, action.step) = (self.episode, self.steps);
+        action.set_count(self.last_action.len());
+        action.value_mut().copy_from_slice(&self.last_action);
+        self.steps += 1;
+        action.publish()
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        self.begin(episode.index);
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({ "actions": self.steps, "steps_without_measurements": self.waiting }))
+    }
+}
+
+impl NetworkPolicy {
+    fn begin(&mut self, episode: u64) {
+        self.network.reset();
+        self.assembly.reset();
+        self.last_action.fill(0.0);
+        (self.episode, self.steps, self.waiting) = (episode, 0, 0);
+    }
+
+    /// Reads all terms into the assembly. False, with the assembly unchanged, while a measurement is missing
+    /// or too old.
+    fn observe(&mut self) -> Result<bool, StepError> {
+        let Self { inputs, policy, config, assembly, targets, scratch, .. } = self;
+        let longest = config.state_timeout.ns;
+        let is_ready = is_fresh(&mut inputs.joints, longest)
+            && is_fresh(&mut inputs.base_state, longest)
+            && is_fresh(&mut inputs.base_estimate, longest)
+            && is_fresh(&mut inputs.imu, longest)
+            && is_fresh(&mut inputs.heights, longest);
+        if !is_ready {
+            return Ok(false);
+        }
+        let command = match inputs.command.as_mut().filter(|input| input.is_wired()) {
+            Some(input) => match input.latest().filter(|target| target.age_ns() <= config.command_timeout.ns)
+            {
+                Some(target) => [target.linear[0], target.linear[1], target.angular[2]],
+                None => [0.0; 3],
+            },
+            None => {
+                let mut command = [0.0; 3];
+                command.iter_mut().zip(self.default_command.iter()).for_each(|(slot, value)| *slot = value);
+                command
+            }
+        };
+        let base = base_velocity(inputs, config.base_velocity);
+        let (omega, gravity) = attitude(inputs, config.attitude, &self.imu_rotation)?;
+        let joints = current(&inputs.joints);
+        let heights = current(&inputs.heights);
+        let time = self.steps as f64 / policy.rate;
+        for (index, observation) in policy.observations.iter().enumerate() {
+            let values = &mut scratch[..assembly.width(index)];
+            match observation.term {
+                Term::BaseLinearVelocity => values.copy_from_slice(&base),
+                Term::BaseAngularVelocity => values.copy_from_slice(&omega),
+                Term::ProjectedGravity => values.copy_from_slice(&gravity),
+                Term::Command => values.copy_from_slice(&command),
+                Term::LastAction => values.copy_from_slice(&self.last_action),
+                Term::Phase => {
+                    let (sin, cos) = (TAU * time / observation.period.unwrap_or(1.0)).sin_cos();
+                    values.copy_from_slice(&[sin, cos]);
+                }
+                Term::JointPositions | Term::JointVelocities => {
+                    let Some(state) = &joints else { return Ok(false) };
+                    let is_position = observation.term == Term::JointPositions;
+                    let measured = if is_position { state.position() } else { state.velocity() };
+                    let defaults = &policy.action.default_pose;
+                    for ((value, target), default) in values.iter_mut().zip(targets.targets()).zip(defaults) {
+                        let Some(measured) = measured.get(target.joint) else {
+                            return Err(StepError::failed(
+                                "the joint state has another number of joints than the robot's model",
+                            ));
+                        };
+                        *value = if is_position { measured - default } else { *measured };
+                    }
+                }
+                Term::HeightScan => {
+                    let Some(scan) = &heights else { return Ok(false) };
+                    if scan.count() != values.len() {
+                        return Err(StepError::failed(
+                            "the height scan has another number of heights than the policy has rays",
+                        ));
+                    }
+                    values
+                        .iter_mut()
+                        .zip(scan.height())
+                        .for_each(|(value, height)| *value = f64::from(*height));
+                }
+            }
+            assembly.push(index, values);
+        }
+        Ok(true)
+    }
+}
+
+/// True if an input that is needed has a value that is young enough.
+fn is_fresh<T: motorium::state::StateBuffer>(input: &mut Option<Input<T>>, longest: u64) -> bool {
+    input.as_mut().is_none_or(|input| input.latest().is_some_and(|reading| reading.age_ns() <= longest))
+}
+
+fn current<T: motorium::state::StateBuffer>(input: &Option<Input<T>>) -> Option<Reading<'_, T>> {
+    input.as_ref().and_then(Input::current)
+}
+
+/// Linear velocity of the base in its axes, m/s; zero if no term needs it.
+fn base_velocity(inputs: &Inputs, source: BaseVelocitySource) -> [f64; 3] {
+    let found = match source {
+        BaseVelocitySource::BaseState => current(&inputs.base_state).map(|state| state.linear_velocity),
+        BaseVelocitySource::BaseEstimate => {
+            current(&inputs.base_estimate).map(|estimate| estimate.linear_velocity)
+        }
+    };
+    found.unwrap_or_default()
+}
+
+/// Angular velocity of the base, rad/s, and the direction of gravity, both in its axes; zero if no term needs
+/// them.
+fn attitude(
+    inputs: &Inputs,
+    source: AttitudeSource,
+    imu: &UnitQuaternion<f64>,
+) -> Result<([f64; 3], [f64; 3]), StepError> {
+    let level = UnitQuaternion::identity();
+    let found = match source {
+        AttitudeSource::Imu => {
+            current(&inputs.imu).map(|sample| (sample.angular_velocity, sample.orientation, *imu))
+        }
+        AttitudeSource::BaseState => {
+            current(&inputs.base_state).map(|state| (state.angular_velocity, state.orientation, level))
+        }
+        AttitudeSource::BaseEstimate => current(&inputs.base_estimate)
+            .map(|estimate| (estimate.angular_velocity, estimate.orientation, level)),
+    };
+    let Some((omega, [x, y, z, w], sensor)) = found else { return Ok(([0.0; 3], [0.0; 3])) };
+    let quaternion = Quaternion::new(w, x, y, z);
+    if quaternion.norm() < 0.5 {
+        return Err(StepError::failed("the orientation of the base is no unit quaternion"));
+    }
+    let orientation = UnitQuaternion::from_quaternion(quaternion);
+    let gravity = sensor * orientation.inverse_transform_vector(&-Vector3::z());
+    let omega = sensor * Vector3::from(omega);
+    Ok((omega.into(), gravity.into()))
+}
