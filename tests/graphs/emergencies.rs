@@ -198,7 +198,8 @@ fn random_presses_by_datagrams_latch() {
         socket.send(&press.to_ne_bytes()).unwrap();
         socket.send(&0_u64.to_ne_bytes()).unwrap();
     });
-    assert_eq!(motorium(&run, &["stop"]).0, Some(0));
+    let stopped = motorium(&run, &["stop"]);
+    assert_eq!(stopped.0, Some(0), "{}", stopped.1);
     run.finish();
 }
 
@@ -229,6 +230,7 @@ emergency_stop_max_age = "1 s"
         let pressed = motorium(&run, &["topic", "pub", "button", "stop=1"]);
         assert_eq!(pressed.0, Some(0), "{}", pressed.1);
     });
-    assert_eq!(motorium(&run, &["stop"]).0, Some(0));
+    let stopped = motorium(&run, &["stop"]);
+    assert_eq!(stopped.0, Some(0), "{}", stopped.1);
     run.finish();
 }

@@ -379,8 +379,8 @@ fn states_of_an_mjcf_robot_name_joints() {
     let robot = write(
         folder.path(),
         "two.xml",
-        r#"<mujoco><worldbody><body name="b"><joint name="second" axis="0 0 1"/><geom size="0.1"/>
-        <body name="c" pos="1 0 0"><joint name="first" axis="0 0 1"/><geom size="0.1"/></body></body></worldbody></mujoco>"#,
+        r#"<mujoco><worldbody><body name="b"><joint name="second" axis="0 0 1" range="-90 90"/><geom size="0.1"/>
+        <body name="c" pos="1 0 0"><joint name="first" axis="0 0 1" range="-90 90"/><geom size="0.1"/></body></body></worldbody></mujoco>"#,
     );
     let eval = |states: Value, more: &[&str]| {
         let file = write(folder.path(), "states.json", &states.to_string());

@@ -3,10 +3,11 @@
 use super::{Link, Phase};
 
 impl Link {
-    /// True if the answer of this cycle has come; of a drive that reports by itself, if no report is overdue.
+    /// True if the answer of this cycle has come; of a drive that reports by itself, if no report is overdue. One whose heartbeat
+    /// is overdue counts as missing, whatever else it sends.
     pub(super) fn has_answered(&self) -> bool {
         match (self.dialogue.reports_every_ns(), self.received_ns) {
-            (None, _) => self.answered,
+            (None, _) => self.answered && !self.is_state_overdue(),
             (Some(_), None) => false,
             (Some(every_ns), Some(received_ns)) => {
                 received_ns + every_ns >= self.sent_ns && !self.is_state_overdue()

@@ -24,7 +24,7 @@ pub struct Link {
     pub(super) setpoint: Setpoint,
     /// Lowest and highest position of its joint, and the distance beyond them at which it is still enabled.
     pub(super) limits: ([f64; 2], f64),
-    /// Time of the newest message with its state, ns, where its answers are without.
+    /// Time of the newest message with its state, ns, where its answers are without; of the newest heartbeat.
     pub(super) state_ns: Option<u64>,
     /// Its newest answer says that it is off.
     pub(super) is_off: bool,
@@ -196,6 +196,10 @@ impl Link {
                 self.state_ns = Some(time_ns);
                 self.is_off = state != State::Enabled;
                 Taken { trips: self.follow(state), ..Taken::default() }
+            }
+            Response::Alive => {
+                self.state_ns = Some(time_ns);
+                Taken::default()
             }
             Response::Emergency { fault, is_present } => {
                 self.counts.emergencies += 1;

@@ -65,6 +65,8 @@ pub struct Cia402 {
     setpoint: Setpoint,
     /// It has yet to report that it has started.
     boots: bool,
+    /// Time of its next heartbeat, ns; `None` before one is due.
+    next_heartbeat_ns: Option<u64>,
     emergency: Option<u16>,
     /// The mode of the setpoints.
     cyclic: Mode,
@@ -112,6 +114,7 @@ impl Cia402 {
             waiting: None,
             setpoint: Setpoint { controlword: 0, target: 0 },
             boots: true,
+            next_heartbeat_ns: None,
             emergency: None,
             cyclic: Mode::Position,
             homing: Homing::None,
@@ -134,6 +137,7 @@ impl Cia402 {
         (self.is_watching, self.waiting, self.boots, self.emergency) = (false, None, true, None);
         self.setpoint = Setpoint { controlword: 0, target: 0 };
         self.homing = Homing::None;
+        self.next_heartbeat_ns = None;
         self.dictionary.copy_from_slice(&self.initial);
         self.watchdog.after_ns = self.fixed_watchdog_ns.filter(|ns| *ns > 0);
         self.motor.limit(f64::INFINITY);
@@ -251,6 +255,9 @@ impl Cia402 {
                 _ => self.cyclic,
             };
         }
+        if object == Object::HEARTBEAT_PRODUCER {
+            self.next_heartbeat_ns = None;
+        }
         let place = self.dictionary.iter_mut().find(|(known, _)| *known == object).ok_or(NO_OBJECT)?;
         place.1 = value;
         Ok(())
@@ -305,6 +312,21 @@ impl Cia402 {
         }
         if let Some(code) = self.emergency.take() {
             send(self.node.emergency_frame(&Emergency { code, register: 1 }), now_ns);
+        }
+        self.beat(now_ns, send);
+    }
+
+    /// Sends the heartbeats that are due, a period after their period was written.
+    fn beat(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
+        let period_ns = u64::from(self.number(Object::HEARTBEAT_PRODUCER)) * 1_000_000;
+        if period_ns == 0 {
+            self.next_heartbeat_ns = None;
+            return;
+        }
+        let next_ns = self.next_heartbeat_ns.get_or_insert(now_ns + period_ns);
+        while *next_ns <= now_ns {
+            send(self.node.heartbeat_frame(self.network), *next_ns);
+            *next_ns += period_ns;
         }
     }
 

@@ -329,3 +329,13 @@ fn what_cannot_be_is_refused_before_anything_runs() {
     let text = refused("actuator", DRIVES, r#"actuators = { joint9 = { lag = "1 ms" } }"#);
     assert!(text.contains("robot `planar-3r` has no joint `joint9`"), "{text}");
 }
+
+#[test]
+fn answers_that_come_twice_point_to_two_drives_with_one_number() {
+    let fault = r#"faults = [{ at = "300 ms", lasts = "50 ms", kind = "duplicate", joint = "joint1" }]"#;
+    let report = run("twins", fault, "500 ms");
+    let bus = &adapter(&report)["buses"]["can0"];
+    let diagnosis = bus["diagnosis"].as_str().unwrap_or_default();
+    assert!(diagnosis.contains("the drive of `joint1`") && diagnosis.contains("two drives"), "{bus}");
+    assert_eq!(adapter(&report)["buses"]["can1"]["diagnosis"], Value::Null);
+}

@@ -209,6 +209,36 @@ fn an_odrive_without_heartbeat_is_lost() {
     }
 }
 
+/// All frames of a node of CANopen but its heartbeats; that it has started is none.
+fn without_beat(frame: &Frame) -> Option<Frame> {
+    let beat = cia402::Node::new(5).unwrap().heartbeat(frame);
+    beat.map_or(true, |state| state == cia402::NetworkState::BootUp).then_some(*frame)
+}
+
+#[test]
+fn a_cia402_drive_whose_heartbeat_stops_is_lost() {
+    let mut rig = Rig::enabled("cia402", FAMILIES[3].1);
+    rig.run(900);
+    rig.change = without_beat;
+    rig.run(2000);
+    assert!(!rig.adapter.has_tripped(), "one heartbeat may be lost");
+    rig.run(500);
+    assert!(rig.adapter.has_tripped() && rig.link().counts().lost == 1, "{:?}", rig.link().counts());
+    // It beats again, and a person decides.
+    rig.change = |frame| Some(*frame);
+    rig.adapter.resume();
+    rig.run(1000);
+    assert!(!rig.adapter.has_tripped() && rig.phase() == Phase::Enabled, "{:?}", rig.link().counts());
+}
+
+#[test]
+fn a_cia402_drive_that_has_no_heartbeat_is_watched_by_its_answers() {
+    let mut rig = Rig::new("cia402", FAMILIES[3].1);
+    rig.change = without_beat;
+    rig.run(4000);
+    assert!(!rig.adapter.has_tripped() && rig.phase() == Phase::Enabled, "{:?}", rig.link().counts());
+}
+
 #[test]
 fn an_odrive_that_never_sends_a_heartbeat_is_not_enabled() {
     let mut rig = Rig::new("odrive", FAMILIES[2].1);

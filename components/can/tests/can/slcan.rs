@@ -173,6 +173,16 @@ fn a_bus_is_set_up_frames_go_both_ways_and_states_are_followed() {
 }
 
 #[test]
+fn the_channel_is_closed_at_the_end() {
+    let (mut terminal, bus, _) = opened(b"\r", false);
+    let mut bus = bus.unwrap();
+    let frame = Frame::classic(Id::Standard(1), &[2]);
+    assert_eq!(bus.send(&[frame]), 1);
+    drop(bus);
+    assert_eq!(written(&mut terminal), [text(&frame).as_bytes(), b"C\r"].concat());
+}
+
+#[test]
 fn a_line_that_nobody_reads_takes_what_fits_and_no_frame_is_torn() {
     let (mut terminal, bus, _) = opened(b"", false);
     let mut bus = bus.unwrap();

@@ -38,6 +38,8 @@ pub(super) enum Response {
     Setting(Option<WrongSetting>),
     /// The state that it is in, beside its answers.
     State(State),
+    /// That it is alive: a heartbeat beside its answers.
+    Alive,
     /// That a setting does not have its value yet: it is read again.
     Waiting,
     /// An error that it reports in a message of its own, and whether it is still present.
@@ -111,10 +113,11 @@ impl Dialogue {
         }
     }
 
-    /// Longest time between two messages with its state, ns, of a drive whose answers are without it.
+    /// Longest time between two messages with its state, ns, of a drive whose answers are without it, or between two heartbeats.
     pub(super) fn state_within_ns(&self) -> Option<u64> {
         match self {
             Self::Odrive(_) => Some(odrive::HEARTBEAT_WITHIN_NS),
+            Self::Cia402(drive) => drive.state_within_ns(),
             _ => None,
         }
     }

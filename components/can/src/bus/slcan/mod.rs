@@ -182,6 +182,15 @@ impl SlcanBus {
     }
 }
 
+impl Drop for SlcanBus {
+    /// Closes the channel, so that the adapter neither acknowledges nor keeps frames for a program that has ended.
+    fn drop(&mut self) {
+        if self.line.condition != Condition::Gone && self.line.flush() {
+            self.line.write(b"C\r");
+        }
+    }
+}
+
 impl AsFd for SlcanBus {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.line.as_fd()

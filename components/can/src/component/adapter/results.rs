@@ -3,7 +3,22 @@
 use super::CanAdapter;
 use crate::adapter::{HomingState, Phase};
 
+/// Second answers to one frame from which on another drive with the same number is the likely cause.
+const TWIN_ANSWERS: u64 = 10;
+
 impl CanAdapter {
+    /// The joint on a bus whose frames are answered twice again and again, and the next step.
+    fn twins(&self, bus: usize, name: &str) -> Option<String> {
+        let links = self.names.iter().zip(self.adapter.links()).filter(|(_, link)| link.bus() == bus);
+        let mut twice = links.filter(|(_, link)| link.counts().duplicate >= TWIN_ANSWERS);
+        let (joint, link) = twice.next()?;
+        Some(format!(
+            "{} frames to the drive of `{joint}` were answered twice: do two drives on `{name}` have its number? \
+             `motorium can scan` lists them one at a time",
+            link.counts().duplicate
+        ))
+    }
+
     /// Counts of the whole run, of buses and joints.
     pub(super) fn results(&self) -> serde_json::Value {
         let mut joints = serde_json::Map::new();
@@ -35,7 +50,7 @@ impl CanAdapter {
         }
         let mut buses = serde_json::Map::new();
         let cycles = self.adapter.cycles();
-        for bus in &self.buses {
+        for (index, bus) in self.buses.iter().enumerate() {
             let value = serde_json::json!({
                 "load": bus.counts.load,
                 "highest_load": bus.peak,
@@ -50,7 +65,7 @@ impl CanAdapter {
                 "queue_full": bus.events.queue_full,
                 "down": bus.events.down,
                 "lost": bus.events.overflows,
-                "diagnosis": bus.diagnosis(),
+                "diagnosis": bus.diagnosis().or_else(|| self.twins(index, &bus.name)),
             });
             buses.insert(bus.name.clone(), value);
         }
