@@ -26,7 +26,7 @@ fn example() -> String {
 }
 
 #[test]
-fn the_python_program_of_the_book_leads_the_arm_and_reads_its_joints() {
+fn the_python_program_of_the_book_moves_the_arm() {
     let Some(python) = python() else {
         eprintln!(
             "skipped: no python3 with the wheel (pip install \"iceoryx2==0.10.*\", then MOTORIUM_PYTHON)"

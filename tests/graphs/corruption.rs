@@ -127,7 +127,7 @@ fn damaged_records_of_iceoryx2_crash_neither_launcher_nor_actuator() {
 }
 
 #[test]
-fn a_damaged_control_block_crashes_neither_launcher_nor_actuator() {
+fn a_damaged_control_block_crashes_nothing() {
     rounds(&["region"]);
 }
 

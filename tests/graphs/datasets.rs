@@ -213,7 +213,7 @@ print("lerobot", lerobot.__version__, "opens", data.num_episodes, "episodes of",
 "#;
 
 #[test]
-fn a_dataset_has_of_each_frame_the_newest_picture_of_each_camera() {
+fn each_dataset_frame_has_the_newest_picture_of_each_camera() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let recording = Recording::open(&file).expect("a recording");
@@ -259,7 +259,7 @@ fn a_dataset_has_of_each_frame_the_newest_picture_of_each_camera() {
 }
 
 #[test]
-fn pictures_that_a_dataset_cannot_hold_are_refused_and_may_be_left_out() {
+fn unsupported_pictures_are_refused_but_may_be_left_out() {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, dataset) = (recorded(folder.path()), folder.path().join("eyes"));
     let export = |arguments: &[&str]| {

@@ -193,7 +193,7 @@ fn pyarrow_reads_the_tables_and_the_dataset_of_a_recording() {
 }
 
 #[test]
-fn a_dataset_of_what_was_not_recorded_is_refused_with_what_there_is() {
+fn a_dataset_of_an_unrecorded_topic_is_refused_with_choices() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let refused = |arguments: &[&str]| {

@@ -17,7 +17,7 @@ fn hash(folder: &Path, sample: &str, world: &str) -> String {
 }
 
 #[test]
-fn the_gravity_of_the_file_of_a_world_reaches_controllers_sensors_estimators_and_policies() {
+fn the_gravity_of_a_world_file_reaches_every_component() {
     let _machine = machine();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("moon.xml"), MOON).unwrap();

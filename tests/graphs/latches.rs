@@ -77,7 +77,7 @@ fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
 }
 
 #[test]
-fn an_adapter_that_a_drive_has_tripped_is_latched_until_one_resume() {
+fn an_adapter_tripped_by_a_drive_is_latched_until_resume() {
     let _machine = machine();
     let fault = r#"component.drives.config.faults=[{ at = "1 s", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]"#;
     let graph = workspace().join("graphs/panda-can-sim.toml");

@@ -20,7 +20,7 @@ fn assert_nothing_allocates(ended: &Ended) {
 }
 
 #[test]
-fn a_square_of_two_metres_is_driven_within_two_centimetres_and_a_degree_at_each_corner() {
+fn a_square_of_two_metres_is_driven_accurately() {
     let ended = whole("drive-square.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(number(&ended, "policy", "goals_reached"), 4.0);
@@ -95,7 +95,7 @@ fn a_panda_puts_a_nut_into_a_tray_that_both_are_meshes() {
 }
 
 #[test]
-fn a_cube_that_a_belt_brings_ends_in_the_bin_and_a_ball_where_its_rolling_friction_stops_it() {
+fn a_belt_brings_a_cube_to_the_bin_and_a_ball_rolls_to_rest() {
     let ended = whole("conveyor.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let objects = &ended.report().results["physics"]["objects"];
@@ -122,7 +122,7 @@ fn an_arm_whose_fingers_are_held_reaches_with_seven_joints() {
 }
 
 #[test]
-fn an_arm_reaches_by_accelerations_alone_and_by_their_torques_alone() {
+fn an_arm_reaches_by_accelerations_and_by_torques() {
     for arguments in [&[][..], &["--set", "controller.config.inverse_dynamics.impedance=0.0"]] {
         let ended = whole("panda-accelerations.toml", &[&["--for", "5 s"], arguments].concat());
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);

@@ -244,7 +244,7 @@ else:
 "#;
 
 #[test]
-fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metres() {
+fn the_python_mcap_reader_sees_ball_and_depths() {
     let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
     let check = Command::new(&python).args(["-c", "import mcap, mcap_protobuf"]).output();
     if !check.is_ok_and(|check| check.status.success()) {
@@ -283,7 +283,7 @@ fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metre
 }
 
 #[test]
-fn the_score_of_a_recording_is_what_the_controller_found_and_tells_a_missed_goal() {
+fn the_score_of_a_recording_shows_a_missed_goal() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.mcap");
     let arguments = ["--clock", "lockstep", "--for", "5s", "--record", text(&file)];

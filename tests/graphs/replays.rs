@@ -62,7 +62,7 @@ fn a_replay_finds_all_of_its_memory_before_it_steps() {
 }
 
 #[test]
-fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_rest_behind_its_end() {
+fn an_arm_is_led_to_the_start_of_a_recording_and_to_rest() {
     let folder = tempfile::tempdir().expect("a folder");
     // It ends in the middle of a movement.
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "700 ms"]);
@@ -147,7 +147,7 @@ fn the_command_says_which_robots_are_led_and_which_are_not() {
 }
 
 #[test]
-fn all_episodes_are_replayed_or_one_of_them_and_verified_with_and_without_components() {
+fn one_or_all_episodes_are_replayed_and_verified() {
     let folder = tempfile::tempdir().expect("a folder");
     let file =
         recorded(folder.path(), "panda-reach.toml", &["--for", "200 ms", "--episodes", "3", "--vary-seed"]);

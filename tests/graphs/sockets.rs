@@ -92,7 +92,7 @@ fn end(run: Run) -> (Ended, ComponentReport, Value) {
 }
 
 #[test]
-fn the_bytes_of_a_datagram_are_a_value_of_the_topic_with_the_time_of_its_arrival() {
+fn a_datagram_is_published_with_its_arrival_time() {
     assert_eq!(Wrench::layout().size, payload(0.0).len());
     let _machine = machine();
     let (_folder, graph, sender) = receiver("");
@@ -229,7 +229,7 @@ fn a_run_ends_at_once_while_an_event_waits_for_its_interval() {
 }
 
 #[test]
-fn a_receiver_that_is_killed_or_stopped_binds_again_and_hangs_nobody() {
+fn a_killed_or_stopped_receiver_binds_again() {
     let _machine = machine();
     let settings = "restart = { when = \"failure\" }\nhang_after = \"200 ms\"";
     let (_folder, graph, sender) = receiver(settings);

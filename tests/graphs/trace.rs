@@ -118,7 +118,7 @@ fn steps_at(trace: &Value, row: u64, at: f64) -> bool {
 }
 
 #[test]
-fn in_real_time_every_step_stands_in_the_trace_on_the_grid_of_its_releases() {
+fn a_real_time_trace_has_every_step_on_its_release_grid() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("new/trace.json");
@@ -144,7 +144,7 @@ fn in_real_time_every_step_stands_in_the_trace_on_the_grid_of_its_releases() {
 }
 
 #[test]
-fn a_trace_of_lockstep_has_every_step_and_changes_nothing_that_is_published() {
+fn a_lockstep_trace_has_every_step_and_no_side_effects() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let (ended, trace) = traced(&folder.path().join("trace.json"), &["--clock", "lockstep"]);

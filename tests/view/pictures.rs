@@ -126,7 +126,7 @@ fn recorded(folder: &std::path::Path) -> Recording {
 }
 
 #[test]
-fn a_recording_that_is_played_shows_its_pictures_pixel_by_pixel_and_depths_as_colours() {
+fn a_played_recording_shows_its_pictures_and_depths() {
     if without_browser() {
         return;
     }

@@ -51,7 +51,7 @@ fn in_lockstep_a_state_is_for_the_tick_that_made_it() {
 }
 
 #[test]
-fn in_real_time_a_state_is_for_the_scheduled_release_however_late_it_is_published() {
+fn a_state_in_real_time_has_its_scheduled_release() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let [first, last] = chain("realtime");
     for samples in [&first, &last] {

@@ -167,7 +167,7 @@ fn of(text: &str) -> Vec<(String, String)> {
 }
 
 #[test]
-fn what_steps_is_compiled_in_the_crate_of_its_kind_and_not_with_its_callers() {
+fn step_code_is_compiled_in_the_crate_of_its_kind() {
     let (inlined, found) = crates::inlined_kinds(&root());
     assert!(inlined.is_empty(), "see `Kind::of`: {}", inlined.join("\n"));
     assert!(found >= 10, "{found} functions of kinds found");
