@@ -1,5 +1,5 @@
-//! Datasets with pictures, read back by pyarrow and Python's zlib, and by LeRobot itself where `MOTORIUM_LEROBOT` names an
-//! interpreter that has it: its packages are several gigabytes.
+//! Datasets with pictures, read back by pyarrow and Python's zlib, and by LeRobot itself where
+//! `MOTORIUM_LEROBOT` names an interpreter that has it: its packages are several gigabytes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -41,8 +41,8 @@ pub(crate) fn recorded(folder: &Path) -> PathBuf {
     file
 }
 
-/// Pixels as red, green and blue of the newest picture of a topic at each frame of an episode that begins in the recording at a
-/// time: the first frame is there when all that the dataset is made of is there.
+/// Pixels as red, green and blue of the newest picture of a topic at each frame of an episode that begins in
+/// the recording at a time: the first frame is there when all that the dataset is made of is there.
 fn expected(recording: &Recording, topic: &str, cameras: &[&str], from_ns: u64, frames: u64) -> Vec<Vec<u8>> {
     let of_topic = |topic: &str| {
         let index = recording.pictures().iter().position(|pictures| pictures.topic == topic).expect(topic);
@@ -71,7 +71,8 @@ fn expected(recording: &Recording, topic: &str, cameras: &[&str], from_ns: u64, 
         .collect()
 }
 
-/// Pictures of each frame are, pixel by pixel, those that stand in raw files; statistics are those of all pixels.
+/// Pictures of each frame are, pixel by pixel, those that stand in raw files; statistics are those of all
+/// pixels.
 const WITH_PYARROW: &str = r#"
 import json, math, struct, sys, zlib
 from pathlib import Path
@@ -144,8 +145,9 @@ assert not any("depth" in name for name in info["features"])
 print(frames, "frames of", len(set(info["features"]) & set(stats)), "features")
 "#;
 
-/// LeRobot opens the dataset, and hands out each frame with its pictures as it hands out those that it has written itself: alone, in
-/// batches, with frames before and after it, and of chosen episodes. Its tools take it apart, and its recorder goes on with it.
+/// LeRobot opens the dataset, and hands out each frame with its pictures as it hands out those that it has
+/// written itself: alone, in batches, with frames before and after it, and of chosen episodes. Its tools take
+/// it apart, and its recorder goes on with it.
 const WITH_LEROBOT: &str = r#"
 import sys
 from pathlib import Path

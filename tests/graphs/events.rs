@@ -183,7 +183,8 @@ fn lockstep_events(graph: &Path, arguments: &[&str]) -> Ended {
 /// Kind, simulated time, episode, component and text of an event.
 type Told = (EventKind, Option<f64>, Option<u64>, Option<String>, String);
 
-/// The part that does not depend on the machine: everything but times in real time, and lines that were printed.
+/// The part that does not depend on the machine: everything but times in real time, and lines that were
+/// printed.
 fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
     let told = events.iter().filter(|event| !matches!(event.kind, EventKind::Output | EventKind::Created));
     told.map(|event| {

@@ -23,11 +23,12 @@ fn shell(line: &str) -> Command {
     command
 }
 
-/// The name of each run here, by which it is told whether it has left anything behind: others may run at the same time.
+/// The name of each run here, by which it is told whether it has left anything behind: others may run at the
+/// same time.
 const NAME: &str = "short-of-something";
 
-/// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays behind: in a `/dev/shm` of
-/// its own where mounts are allowed, else by its name.
+/// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays
+/// behind: in a `/dev/shm` of its own where mounts are allowed, else by its name.
 fn limited(limit: &str, words: &[&str]) -> bool {
     let line = format!(
         "{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 200ms --set realtime.lost_steps=1"
@@ -149,7 +150,8 @@ fn a_launcher_without_descriptors_for_a_restart_names_them_and_stops_the_robot_s
     let restart = ["--for", "60 s", "--set", "controller.restart.when=failure"];
     let run = Run::start(&panda_reach(), &restart);
     let id = run.folder.id().to_string();
-    // As many as it has, so that there is none for another; what it lets go of in the end is there for its last deeds.
+    // As many as it has, so that there is none for another; what it lets go of in the end is there for its
+    // last deeds.
     let is_open = |number: &u64| Path::new(&format!("/proc/{}/fd/{number}", run.launcher())).exists();
     let open = (0..1_000_000).find(|number| !is_open(number));
     let none = Rlimit { current: open, maximum: open };

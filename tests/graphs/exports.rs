@@ -1,4 +1,5 @@
-//! Recordings exported for other programs, and read back by those: Parquet and datasets by pyarrow, pictures by Python's zlib.
+//! Recordings exported for other programs, and read back by those: Parquet and datasets by pyarrow, pictures
+//! by Python's zlib.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -21,8 +21,8 @@ fn the_gravity_of_a_world_file_reaches_every_component() {
     let _machine = machine();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("moon.xml"), MOON).unwrap();
-    // Between them: control.qp, control.mpc, control.multirotor, control.wheels, force-torque sensor, IMU, estimator, trajectory,
-    // pattern generator.
+    // Between them: control.qp, control.mpc, control.multirotor, control.wheels, force-torque sensor, IMU,
+    // estimator, trajectory, pattern generator.
     for sample in [
         "panda-wrist.toml",
         "quadruped-mpc.toml",

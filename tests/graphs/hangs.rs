@@ -1,5 +1,5 @@
-//! Components that hang, loop, are stopped or lose steps: nothing of it goes unnoticed, and none of it keeps the robot from
-//! its safe state.
+//! Components that hang, loop, are stopped or lose steps: nothing of it goes unnoticed, and none of it keeps
+//! the robot from its safe state.
 
 use std::time::Duration;
 

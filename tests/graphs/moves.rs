@@ -36,7 +36,8 @@ fn a_square_of_two_metres_is_driven_accurately() {
 
 #[test]
 fn a_square_that_is_missed_is_no_success() {
-    // wheels of another angle than it believes: the odometry is right about the way, and wrong about the world
+    // wheels of another angle than it believes: the odometry is right about the way, and wrong about the
+    // world
     let ended = whole("drive-square.toml", &["--set", "controller.config.start.yaw=0.1", "--for", "25 s"]);
     assert_eq!(ended.code, Some(8), "{}", ended.stderr);
     assert!(number(&ended, "policy", "position_error_m") > 0.1);
@@ -100,8 +101,8 @@ fn a_belt_brings_a_cube_to_the_bin_and_a_ball_rolls_to_rest() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let objects = &ended.report().results["physics"]["objects"];
     assert_eq!(objects["cube"]["touching"][0], "bin", "{objects}");
-    // Down 0.497 m of ramp with g (sin a - cos a b / r) / 1.4, round the corner with (cos a + 0.4) / 1.4 of the speed, and on for
-    // 0.7 r v^2 / (b g).
+    // Down 0.497 m of ramp with g (sin a - cos a b / r) / 1.4, round the corner with (cos a + 0.4) / 1.4 of
+    // the speed, and on for 0.7 r v^2 / (b g).
     let (angle, radius, arm, g) = (0.2_f64, 0.04, 0.002, 9.81);
     let squared = 2.0 * 0.497 * g * (angle.sin() - angle.cos() * arm / radius) / 1.4;
     let expected = 0.7 * radius * squared * ((angle.cos() + 0.4) / 1.4).powi(2) / (arm * g);

@@ -5,7 +5,8 @@ use std::process::Command;
 
 use crate::recording::{recorded, text};
 
-/// Reads each message of Foxglove's with the class that they generate themselves, and by the schema in the file; prints how many.
+/// Reads each message of Foxglove's with the class that they generate themselves, and by the schema in the
+/// file; prints how many.
 const READER: &str = r#"
 import importlib, sys
 from google.protobuf.json_format import MessageToDict

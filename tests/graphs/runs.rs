@@ -103,7 +103,8 @@ fn a_step_makes_only_the_wait_and_wake_system_calls() {
             text.lines().filter(|line| line.contains('(') && line.contains(" = ")).collect();
         let mut calls: Vec<Call> =
             lines.iter().map(|line| call(line).unwrap_or_else(|| panic!("{component}: {line}"))).collect();
-        // A component that has not slept for long rests: it asks before and after whether it has slept, which is waiting.
+        // A component that has not slept for long rests: it asks before and after whether it has slept, which
+        // is waiting.
         let asks = |at: usize| lines[at].starts_with("getrusage");
         for at in 2..calls.len() {
             if asks(at) && calls[at - 1] == Call::Wait && asks(at - 2) {
@@ -111,12 +112,14 @@ fn a_step_makes_only_the_wait_and_wake_system_calls() {
             }
         }
         assert!(calls.iter().filter(|call| **call == Call::Charge).count() > 100, "{component}: {text}");
-        // After a wait comes the wake, or, of a step whose follower was awake, the charge: never another account.
+        // After a wait comes the wake, or, of a step whose follower was awake, the charge: never another
+        // account.
         let after_wait = |at: &usize| *at > 0 && calls[at - 1] == Call::Wait && calls[*at] != Call::Wait;
         let first: Vec<usize> = (0..calls.len()).filter(after_wait).collect();
         let too_early = first.iter().find(|at| calls[**at] == Call::Account);
         assert_eq!(too_early.map(|at| &lines[at.saturating_sub(6)..=*at]), None, "{component}");
-        // The charge comes before a wake only where the step had nobody to wake and the next one began at once.
+        // The charge comes before a wake only where the step had nobody to wake and the next one began at
+        // once.
         let charged_first =
             first.iter().filter(|at| calls[**at] == Call::Charge && wakes_next(&calls[**at..]));
         assert!(charged_first.count() <= first.len() / 10, "{component}: charged before its wake: {text}");

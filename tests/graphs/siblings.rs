@@ -1,4 +1,5 @@
-//! Kinds that another installed program hosts: found beside `motorium` or on `PATH`, asked once, and run as its processes.
+//! Kinds that another installed program hosts: found beside `motorium` or on `PATH`, asked once, and run as
+//! its processes.
 
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};

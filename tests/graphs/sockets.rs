@@ -1,5 +1,5 @@
-//! `sensor.udp` and the activation by a descriptor: datagrams over loopback become values of a topic, in real time, with real
-//! processes.
+//! `sensor.udp` and the activation by a descriptor: datagrams over loopback become values of a topic, in real
+//! time, with real processes.
 
 use std::net::UdpSocket;
 use std::path::PathBuf;
@@ -13,8 +13,8 @@ use serde_json::Value;
 use crate::program::printed;
 use crate::support::{Ended, Run, await_end, await_that, kill, leftovers, machine, signal};
 
-/// A graph that receives wrenches, with these settings of the receiving component; the folder that holds it, and a socket
-/// that sends to it.
+/// A graph that receives wrenches, with these settings of the receiving component; the folder that holds it,
+/// and a socket that sends to it.
 fn receiver(settings: &str) -> (tempfile::TempDir, PathBuf, UdpSocket) {
     // a port that was free a moment ago
     let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();

@@ -1,4 +1,5 @@
-//! Launchers and guards that are stopped, killed, asked to end or not read: the robot reaches its safe state all the same.
+//! Launchers and guards that are stopped, killed, asked to end or not read: the robot reaches its safe state
+//! all the same.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};

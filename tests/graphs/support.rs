@@ -26,7 +26,8 @@ pub(crate) fn is_root() -> bool {
     rustix::process::getuid().is_root()
 }
 
-/// Options of a run of which the host may take any number of steps: whether there was time for them is no part of the test.
+/// Options of a run of which the host may take any number of steps: whether there was time for them is no
+/// part of the test.
 pub(crate) const ANY_LOSS: [&str; 2] = ["--set", "realtime.lost_steps=1"];
 
 /// A run that has been started.

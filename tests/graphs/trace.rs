@@ -1,4 +1,5 @@
-//! Traces of whole graphs: their files are read as Perfetto reads them, and compared with the report of the same run.
+//! Traces of whole graphs: their files are read as Perfetto reads them, and compared with the report of the
+//! same run.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Runs that are over before the viewer has seen them. The command that runs the graph is one that ends at once.
+//! Runs that are over before the viewer has seen them. The command that runs the graph is one that ends at
+//! once.
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt as _;

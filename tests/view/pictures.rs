@@ -1,4 +1,5 @@
-//! Pictures of cameras on the page of a run and of a recording, in a headless browser. Left out where no Chromium can be had.
+//! Pictures of cameras on the page of a run and of a recording, in a headless browser. Left out where no
+//! Chromium can be had.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -45,7 +46,8 @@ fn pixel(image: &RawImage, (x, y): (u32, u32), bytes: u32) -> &[u8] {
     &image.data[from..from + bytes as usize]
 }
 
-/// A picture as the page has painted it: its time, and of these places the colours of the canvas and the value under the pointer.
+/// A picture as the page has painted it: its time, and of these places the colours of the canvas and the
+/// value under the pointer.
 fn painted(browser: &mut Browser, topic: &str, places: &[(u32, u32)]) -> Json {
     let script = format!(
         "(() => {{ const canvas = document.querySelector('[data-pictures=\"{topic}\"] canvas'); \

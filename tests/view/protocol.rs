@@ -1,4 +1,5 @@
-//! The protocol, spoken by a client that knows nothing of the viewer: channels, values, parameters, commands, files.
+//! The protocol, spoken by a client that knows nothing of the viewer: channels, values, parameters, commands,
+//! files.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::Relaxed;
@@ -27,7 +28,8 @@ fn viewed() -> (Run, Viewer) {
 fn subscriptions_match_the_shared_memory_of_the_run() {
     let _machine = machine();
     let (run, viewer) = viewed();
-    // One that is met before the viewer has found the run may be greeted with a session that is none of a run.
+    // One that is met before the viewer has found the run may be greeted with a session that is none of a
+    // run.
     Client::connect(viewer.port, "", SUBPROTOCOL).unwrap().await_channels(&[STATE]);
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&[

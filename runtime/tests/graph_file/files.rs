@@ -5,8 +5,8 @@ use serde_json::Value as Json;
 
 use super::{anywhere, good, graphs, load, stem};
 
-/// The graphs of a folder that are refused as they are read. One there is well-formed and asks for more time than there
-/// is: that it is refused too is tested where admission is.
+/// The graphs of a folder that are refused as they are read. One there is well-formed and asks for more time
+/// than there is: that it is refused too is tested where admission is.
 fn refused(folder: &str) -> impl Iterator<Item = std::path::PathBuf> {
     graphs(folder).into_iter().filter(|path| stem(path) != "overloaded")
 }

@@ -29,8 +29,8 @@ fn five_of_many_syntax_errors_are_shown_and_the_rest_counted() {
     assert!(!messages[5].contains("more"), "{messages:?}");
 }
 
-/// True if work of `long` takes less than the square of what its size says over that of `short`: by the exponent of
-/// growth, in the best of three.
+/// True if work of `long` takes less than the square of what its size says over that of `short`: by the
+/// exponent of growth, in the best of three.
 fn grows_like_its_length(text: impl Fn(usize) -> String, short: usize) {
     const TIMES: usize = 8;
     let took = |size: usize| (0..3).map(|_| errors(text(size)).2).min().expect("three of them").as_secs_f64();

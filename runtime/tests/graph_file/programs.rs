@@ -6,7 +6,8 @@ use std::sync::Mutex;
 
 use super::load;
 
-/// A program is written and then started: another thread that starts one in between would hold it open for writing.
+/// A program is written and then started: another thread that starts one in between would hold it open for
+/// writing.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -11,7 +11,8 @@ fn state() -> JointState {
     state
 }
 
-/// A source at 500 Hz and a chain of two functions that it triggers; the samples of the source and of the chain's end.
+/// A source at 500 Hz and a chain of two functions that it triggers; the samples of the source and of the
+/// chain's end.
 fn chain(clock: &str) -> [Vec<Sample<JointState>>; 2] {
     let [first, last] = ["first", "last"].map(Probe::<JointState>::of);
     let copy = |name: &str, from: &str, to: &str| {

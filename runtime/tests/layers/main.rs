@@ -1,5 +1,6 @@
-//! The layers of the house: the arrows between the modules of the runtime and between the crates of the workspace,
-//! drawn from the sources. An arrow that runs back up, or a cycle, fails; so does a layer that outgrows its ceiling.
+//! The layers of the house: the arrows between the modules of the runtime and between the crates of the
+//! workspace, drawn from the sources. An arrow that runs back up, or a cycle, fails; so does a layer that
+//! outgrows its ceiling.
 
 mod crates;
 mod paths;
