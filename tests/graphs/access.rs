@@ -312,7 +312,7 @@ fn the_ids_of_runs_cannot_be_guessed_and_can_be_typed() {
     for id in [&first, &second] {
         assert!(tail(id).len() == 10 && tail(id).chars().all(|c| c.is_ascii_alphanumeric()), "{id}");
     }
-    // Nothing but the random part tells two runs of a moment apart: its characters all vary.
+    // Only the random part distinguishes two runs started at the same moment: its characters all vary.
     let same = tail(&first).chars().zip(tail(&second).chars()).filter(|(a, b)| a == b).count();
     assert!(same < 6, "{first} {second}");
 }

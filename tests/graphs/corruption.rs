@@ -62,8 +62,8 @@ fn damage(files: &[PathBuf], random: &mut Random) {
     }
 }
 
-/// Waits until a component steps again in another process than `before`, or the run has ended; for a time at
-/// most, since the words that tell may be damaged themselves.
+/// Waits, up to a limit, until a component steps again in another process than `before` or the run has ended.
+/// The limit is needed because the words that show this may be damaged themselves.
 fn await_return(run: &mut Run, before: u32) {
     let started = Instant::now();
     let mut last = None;

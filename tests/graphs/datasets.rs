@@ -12,7 +12,7 @@ use crate::support::{run, workspace};
 
 const FPS: u64 = 20;
 
-/// A camera of depths beside that of colours.
+/// A depth camera next to a colour camera.
 const DEPTH: &str = r#"
 [component.scene]
 kind      = "sensor.depth_camera"
@@ -71,8 +71,7 @@ fn expected(recording: &Recording, topic: &str, cameras: &[&str], from_ns: u64, 
         .collect()
 }
 
-/// Pictures of each frame are, pixel by pixel, those that stand in raw files; statistics are those of all
-/// pixels.
+/// The pictures of each frame equal the raw files pixel by pixel; the statistics cover all pixels.
 const WITH_PYARROW: &str = r#"
 import json, math, struct, sys, zlib
 from pathlib import Path
@@ -145,9 +144,9 @@ assert not any("depth" in name for name in info["features"])
 print(frames, "frames of", len(set(info["features"]) & set(stats)), "features")
 "#;
 
-/// LeRobot opens the dataset, and hands out each frame with its pictures as it hands out those that it has
-/// written itself: alone, in batches, with frames before and after it, and of chosen episodes. Its tools take
-/// it apart, and its recorder goes on with it.
+/// LeRobot opens the dataset and returns each frame with its pictures like those of its own datasets: alone,
+/// in batches, with frames before and after it, and for chosen episodes. Its tools split the dataset, and its
+/// recorder appends to it.
 const WITH_LEROBOT: &str = r#"
 import sys
 from pathlib import Path

@@ -20,7 +20,7 @@ pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path of text")
 }
 
-/// The interpreter with these modules; `None`, told loudly, if there is none.
+/// Returns the interpreter with these modules; prints a clear message and returns `None` if there is none.
 pub(crate) fn python(modules: &str) -> Option<PathBuf> {
     let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
     let check = Command::new(&python).args(["-c", &format!("import {modules}")]).output();
@@ -48,7 +48,7 @@ fn recorded(folder: &Path) -> PathBuf {
     file
 }
 
-/// The table of Parquet and that of comma-separated values have the same numbers.
+/// The Parquet table and the CSV table hold the same numbers.
 const TABLES: &str = r#"
 import csv, sys
 import pyarrow.parquet as parquet

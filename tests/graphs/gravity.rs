@@ -35,7 +35,7 @@ fn the_gravity_of_a_world_file_reaches_every_component() {
         let of_file = of("[world]\nfile = \"moon.xml\"\n");
         assert_eq!(of_file, of("[world]\ngravity = [0.0, 0.0, -1.62]\n"), "{sample}");
         assert_ne!(of_file, of(""), "{sample}");
-        // Gravity that the graph states is used in place of that of the file.
+        // Gravity stated in the graph overrides the gravity of the file.
         assert_eq!(of("[world]\nfile = \"moon.xml\"\ngravity = [0.0, 0.0, -9.81]\n"), of(""), "{sample}");
     }
 }

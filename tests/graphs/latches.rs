@@ -30,7 +30,7 @@ fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
     let (code, text) = motorium(&run, &["resume"]);
     assert!(code == Some(1) && text.contains("is not stopped"), "{text}");
     signal(run.launcher(), Signal::CONT);
-    // the launcher tells what it can see
+    // the launcher reports what it can see
     std::thread::sleep(Duration::from_millis(200));
     for command in [&["stop", "--now"][..], &["resume"]] {
         let (code, text) = motorium(&run, command);
@@ -44,7 +44,7 @@ fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
     is_told_stopped_and_resumed(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
 }
 
-/// The launcher told the stop by these words, and its end.
+/// The launcher reported the stop, and its end, in these words.
 fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
     let stopped = ended.stderr.lines().position(|line| line.contains("stopped:") && line.contains(words));
     let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot comes back"));

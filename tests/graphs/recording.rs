@@ -55,8 +55,8 @@ fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let mut bytes = std::fs::read(&file).expect("readable");
-    // A target is at rest at first: its position stands in many samples. That of one in the middle is
-    // changed.
+    // A target is at rest at first, so many samples hold the same position. The one of a sample in the middle
+    // is changed.
     let recording = motorium_bridges::recording::Recording::open(&file).expect("a recording");
     let topic = recording.topic("panda/target").expect("recorded");
     let sample = recording

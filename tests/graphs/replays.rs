@@ -90,8 +90,8 @@ fn an_arm_is_led_to_the_start_of_a_recording_and_to_rest() {
         }
         before = now;
     }
-    // 0.3 rad in 2 s at 15/8 of the mean speed: 0.281 rad/s. The drives follow within a fifth of it, since
-    // the effort against gravity is that of the recording alone, and comes in bit by bit.
+    // 0.3 rad in 2 s at 15/8 of the mean speed: 0.281 rad/s. The drives follow within a fifth of that,
+    // because the effort against gravity comes from the recording only and is faded in.
     let mean = 0.3 / 2.0;
     assert!(fastest.iter().all(|v| (v / (1.875 * mean) - 1.0).abs() < 0.2), "{fastest:?}");
     for (joint, (q, home)) in before.position().iter().zip(&home).enumerate().take(7) {

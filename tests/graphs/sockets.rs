@@ -238,7 +238,7 @@ fn a_killed_or_stopped_receiver_binds_again() {
     let mut arrives = |run: &Run| {
         let before = published(run);
         let began = Instant::now();
-        // what is sent while nobody receives is lost, and the sender may be told so
+        // data sent while nobody receives is lost, and the sender may get an error for it
         while published(run) == before {
             count += 1;
             let _ = sender.send(&payload(f64::from(count)));

@@ -138,7 +138,7 @@ fn a_real_time_trace_has_every_step_on_its_release_grid() {
         assert!(*begin >= release(step) - ROUNDING);
         assert_eq!(step["args"]["missed"] == true, response > 1000.0, "{step}");
     }
-    // What waited for it is told by whom it was woken.
+    // The trace of a waiting component shows what woke it.
     let wakes: Vec<_> = events(&trace).iter().filter(|event| event["cat"] == "wake-up").collect();
     assert!(wakes.iter().any(|wake| wake["args"]["released_by"] == "panda/target"));
     assert!(ended.stderr.contains(" hand-overs"), "{}", ended.stderr);

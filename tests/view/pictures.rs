@@ -15,7 +15,7 @@ use crate::page::{until, without_browser};
 use crate::support::{Run, machine, run, workspace};
 use crate::viewer::Viewer;
 
-/// A camera of depths and brightness beside that of colours.
+/// A camera of depths and brightness next to a colour camera.
 const DEPTH: &str = r#"
 [component.scene]
 kind      = "sensor.depth_camera"

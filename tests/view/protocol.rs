@@ -17,7 +17,7 @@ use crate::viewer::{Viewer, installed};
 const SUBPROTOCOL: &str = "foxglove.sdk.v1";
 const STATE: &str = "panda/joint_state";
 
-/// A run of the Panda that goes on, and a viewer of it.
+/// A running Panda, and a viewer of it.
 fn viewed() -> (Run, Viewer) {
     let run = Run::start(&panda_reach(), &["--for", "300s"]);
     let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
@@ -28,8 +28,8 @@ fn viewed() -> (Run, Viewer) {
 fn subscriptions_match_the_shared_memory_of_the_run() {
     let _machine = machine();
     let (run, viewer) = viewed();
-    // One that is met before the viewer has found the run may be greeted with a session that is none of a
-    // run.
+    // A client that connects before the viewer has found the run may be greeted with a session that belongs
+    // to no run.
     Client::connect(viewer.port, "", SUBPROTOCOL).unwrap().await_channels(&[STATE]);
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&[
@@ -192,7 +192,7 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
         })
     };
     told(&mut guest, wanted);
-    // what somebody else sets is told as well
+    // values set by others are reported as well
     let table = ParameterTable::open(&run.folder.domain().unwrap(), run.folder.plan().unwrap()).unwrap();
     table.set(&name, min.into()).unwrap();
     told(&mut guest, min);

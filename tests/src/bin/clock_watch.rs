@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 /// A sleep.
 const SLEEP: Duration = Duration::from_millis(1);
-/// A sleep from this time on is told.
+/// Sleeps of at least this duration are reported.
 const LONG: Duration = Duration::from_millis(3);
 
 /// The seconds since the computer started, and those in which its processors were idle.
