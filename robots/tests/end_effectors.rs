@@ -18,7 +18,7 @@ fn the_only_end_effector_is_taken_unless_a_frame_is_named() {
 }
 
 #[test]
-fn an_ambiguous_tip_is_an_error_with_an_example() {
+fn a_missing_or_ambiguous_tip_is_an_error_with_an_example() {
     let panda = robot("panda");
     let error = panda.model.end_effector(None, None).unwrap_err();
     assert_eq!(error.to_string(), "robot `panda` has no known end effector, and no `frame` is given");

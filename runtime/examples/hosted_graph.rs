@@ -1,4 +1,4 @@
-//! A graph built in code and hosted in this process: a velocity step, a low-pass filter, and a probe behind it.
+//! A graph built in code and hosted in this process: a velocity step, a low-pass filter and a probe after it.
 //!
 //! ```console
 //! $ cargo run --release --example hosted_graph --features testing

@@ -1,5 +1,5 @@
-//! An arm on one classic bus behind a simulated adapter on a pseudo-terminal, on which the driver of the kernel sits: the desk
-//! simulates arm, drives and bus, and the graph of the arm is that of a real one.
+//! An arm on one classic bus behind a simulated adapter on a pseudo-terminal, on which the driver of the
+//! kernel sits: the desk simulates arm, drives and bus, and the graph of the arm is that of a real one.
 
 use std::path::Path;
 

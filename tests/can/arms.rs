@@ -1,4 +1,5 @@
-//! Text of drive tables, and of the graph of an arm that is simulated together with its drives on interfaces of the kernel.
+//! Text of drive tables, and of the graph of an arm that is simulated together with its drives on interfaces
+//! of the kernel.
 
 /// A graph of this name: the arm of `urdf`, and its drives at `rate` on the buses of the drive table `table`.
 pub(crate) fn graph(name: &str, urdf: &str, rate: &str, table: &str) -> String {
@@ -37,8 +38,8 @@ pub(crate) fn bus(name: &str, interface: &str, fast: bool) -> String {
     format!("[[bus]]\nname = \"{name}\"\ninterface = \"{interface}\"\nbitrate = 1_000_000\n{data}\n")
 }
 
-/// A drive whose keys of its protocol are `protocol`, with the ranges of its frames: position \[rad\], velocity \[rad/s\] and torque
-/// \[N m\].
+/// A drive whose keys of its protocol are `protocol`, with the ranges of its frames: position \[rad\],
+/// velocity \[rad/s\] and torque \[N m\].
 pub(crate) fn drive(
     joint: &str,
     bus: &str,

@@ -1,8 +1,9 @@
-//! CAN on a real kernel: an arm under control over SocketCAN, in virtual machines, with every fault that a bus can have.
+//! CAN on a real kernel: an arm under control over SocketCAN, in virtual machines, with every fault that a
+//! bus can have.
 //!
-//! Two machines are started once (`vm.sh`), run all rows (`rows.sh`), and their reports are looked at here. Their
-//! time is virtual: all that is asserted are counts and states. Where there is no machine to be had, such as without
-//! the network, each test says that it was not run.
+//! Two machines are started once (`vm.sh`), run all rows (`rows.sh`), and their reports are looked at here.
+//! Their time is virtual: all that is asserted are counts and states. Where there is no machine to be had,
+//! such as without the network, each test says that it was not run.
 
 mod adapters;
 mod arms;
@@ -139,8 +140,9 @@ fn one_resume_releases_an_adapter_that_has_tripped_and_the_arm_follows_again() {
 
 #[test]
 fn a_command_goes_out_in_the_cycle_in_which_it_is_published() {
-    // In virtual time an instruction takes a nanosecond: these are instructions of a build for tests. A command that came in time
-    // and yet waited for the next cycle would take at least the cycle, of 2 and 1 ms, less `command_within`.
+    // In virtual time an instruction takes a nanosecond: these are instructions of a build for tests. A
+    // command that came in time and yet waited for the next cycle would take at least the cycle, of 2 and 1
+    // ms, less `command_within`.
     for (name, longest_us) in [("twice", 300.0), ("twelve", 550.0)] {
         let Some(row) = row(name) else { return };
         let adapter = &row.results()["adapter"];

@@ -38,8 +38,9 @@ impl Row {
 }
 
 impl Row {
-    /// Asserts that no reply is missing and nothing has tripped. Where the clock of the machine leapt meanwhile, which is printed, each
-    /// drive may miss the one cycle that was under way; and over its watchdog's time it lets go.
+    /// Asserts that no reply is missing and nothing has tripped. Where the clock of the machine leapt
+    /// meanwhile, which is printed, each drive may miss the one cycle that was under way; and over its
+    /// watchdog's time it lets go.
     pub(crate) fn assert_steady(&self, adapter: &Value) {
         let joints = adapter["joints"].as_object().expect("joints").len();
         let missing = number(&adapter["missing_replies"]);
@@ -61,8 +62,8 @@ pub(crate) struct Machine {
     pub(crate) times: String,
 }
 
-/// Rows of two virtual machines after their one run, whichever rows failed in them; `None` where they cannot be started. They
-/// run side by side: each keeps one core of the host busy.
+/// Rows of two virtual machines after their one run, whichever rows failed in them; `None` where they cannot
+/// be started. They run side by side: each keeps one core of the host busy.
 pub(crate) fn machine() -> Option<&'static Machine> {
     static MACHINE: OnceLock<Option<Machine>> = OnceLock::new();
     let run = || {
@@ -92,8 +93,9 @@ pub(crate) fn row(name: &str) -> Option<&'static Row> {
     Some(row)
 }
 
-/// The command that a machine emulates: for the rows beside the twelve joints that of `MOTORIUM_CAN_PROGRAM=target/release/motorium`,
-/// as users run it, else the one under test, which asserts more and is three times as slow.
+/// The command that a machine emulates: for the rows beside the twelve joints that of
+/// `MOTORIUM_CAN_PROGRAM=target/release/motorium`, as users run it, else the one under test, which asserts
+/// more and is three times as slow.
 fn program(rows: &str) -> PathBuf {
     let named = std::env::var_os("MOTORIUM_CAN_PROGRAM").filter(|_| rows == "serial");
     named.map_or_else(|| env!("CARGO_BIN_EXE_motorium-under-test").into(), PathBuf::from)
@@ -159,7 +161,8 @@ fn run(rows: &str) -> Option<Machine> {
     Some(Machine { rows: found, end, times })
 }
 
-/// Reads the rows that a machine printed, of which each ended so many seconds after its start, and writes where the time went.
+/// Reads the rows that a machine printed, of which each ended so many seconds after its start, and writes
+/// where the time went.
 fn read(text: &str, ended_s: &[f64]) -> (BTreeMap<String, Row>, String) {
     let mut rows = BTreeMap::new();
     let mut times =
@@ -202,8 +205,8 @@ fn read(text: &str, ended_s: &[f64]) -> (BTreeMap<String, Row>, String) {
     (rows, times)
 }
 
-/// A time in which nothing ran, although a thread of the highest priority was to: the processor was idle, so that only its clock can
-/// have leapt over it.
+/// A time in which nothing ran, although a thread of the highest priority was to: the processor was idle, so
+/// that only its clock can have leapt over it.
 #[derive(Debug)]
 struct Leap {
     /// Its end, in seconds of the machine.
@@ -212,7 +215,8 @@ struct Leap {
 }
 
 impl Leap {
-    /// Reads a line of `clock-watch`; `None` if the processor was busy: then the kernel held the thread up, and no clock leapt.
+    /// Reads a line of `clock-watch`; `None` if the processor was busy: then the kernel held the thread up,
+    /// and no clock leapt.
     fn read(line: &str) -> Option<Self> {
         let numbers: Vec<f64> = line.split_whitespace().filter_map(|number| number.parse().ok()).collect();
         let [at, length_ms, idle_ms] = numbers[..] else { return None };

@@ -1,4 +1,5 @@
-//! Searches for drives on interfaces of the kernel: two moteus on one of CAN FD, and a drive that sends classic frames on another.
+//! Searches for drives on interfaces of the kernel: two moteus on one of CAN FD, and a drive that sends
+//! classic frames on another.
 
 use std::path::Path;
 

@@ -105,7 +105,8 @@ fn topics() {
     let mut input = reader.input::<JointState>(&port).expect("it opens");
     let mut tap = Tap::open(&domain, &topic).expect("there is a place");
     let next = Cell::new(0);
-    // Damaged are the memories of all topics, each as long as it was: one is open, and readers hold places in it.
+    // Damaged are the memories of all topics, each as long as it was: one is open, and readers hold places in
+    // it.
     let output = std::cell::RefCell::new(&mut output);
     let others = std::cell::RefCell::new((&mut input, &mut tap));
     target("topics", &whole, |bytes| {

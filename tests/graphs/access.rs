@@ -84,7 +84,7 @@ impl Drop for Squat {
 }
 
 #[test]
-fn a_runs_folder_made_by_another_user_is_refused_with_advice_and_left_as_it_is() {
+fn a_run_folder_of_another_user_is_refused_untouched() {
     let _machine = machine();
     if !is_root() || !others_can_start() {
         return eprintln!("skipped: needs root, and a program that other users can start");
@@ -128,7 +128,7 @@ fn await_run_in(place: &Path, child: &mut Child) -> RunFolder {
 }
 
 #[test]
-fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
+fn a_run_uses_the_runtime_folder_of_the_session() {
     let _machine = machine();
     let session = tempfile::tempdir().expect("a folder");
     fs::set_permissions(session.path(), fs::Permissions::from_mode(0o700)).expect("it is closed");
@@ -179,7 +179,7 @@ fn namespaces_are_allowed() -> bool {
 }
 
 #[test]
-fn cleaning_up_in_another_process_namespace_leaves_a_living_run_alone() {
+fn cleaning_up_in_another_namespace_spares_a_live_run() {
     let _machine = machine();
     if !namespaces_are_allowed() {
         return eprintln!("skipped: no process namespaces for this user");
@@ -208,7 +208,7 @@ fn cleaning_up_in_another_process_namespace_leaves_a_living_run_alone() {
 }
 
 #[test]
-fn a_run_of_a_container_that_was_killed_is_seen_to_be_dead_and_removed() {
+fn a_run_of_a_killed_container_is_detected_and_removed() {
     let _machine = machine();
     if !namespaces_are_allowed() {
         return eprintln!("skipped: no process namespaces for this user");
@@ -312,7 +312,7 @@ fn the_ids_of_runs_cannot_be_guessed_and_can_be_typed() {
     for id in [&first, &second] {
         assert!(tail(id).len() == 10 && tail(id).chars().all(|c| c.is_ascii_alphanumeric()), "{id}");
     }
-    // Nothing but the random part tells two runs of a moment apart: its characters all vary.
+    // Only the random part distinguishes two runs started at the same moment: its characters all vary.
     let same = tail(&first).chars().zip(tail(&second).chars()).filter(|(a, b)| a == b).count();
     assert!(same < 6, "{first} {second}");
 }

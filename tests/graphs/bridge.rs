@@ -7,7 +7,7 @@ use crate::program::printed;
 use crate::support::{Run, leftovers, machine, workspace};
 use motorium::launcher::Exit;
 
-/// A Python that has iceoryx2's wheel: `MOTORIUM_PYTHON`, which must then have it, or that of the system.
+/// A Python with iceoryx2's wheel: `MOTORIUM_PYTHON`, which must then have it, or the system's Python.
 fn python() -> Option<PathBuf> {
     let named = std::env::var_os("MOTORIUM_PYTHON").map(PathBuf::from);
     let python = named.clone().unwrap_or_else(|| "python3".into());

@@ -9,7 +9,7 @@ use crate::program::{complaint, completed, json, printed, run as command};
 use crate::support::{Run, machine, signal, workspace};
 
 #[test]
-fn a_component_that_is_killed_by_hand_comes_back_and_the_run_is_found_by_its_name() {
+fn a_component_killed_by_hand_restarts_in_the_named_run() {
     let _machine = machine();
     let graph = workspace().join("graphs/panda-reach.toml");
     let run = Run::start(

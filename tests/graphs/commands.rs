@@ -77,7 +77,7 @@ fn watched_reach(measure_from: u64) -> (tempfile::TempDir, PathBuf) {
 fn after_an_outage_of_its_controller_the_arm_comes_back_within_its_limits() {
     let _machine = machine();
     for away_ms in [500, 3_000] {
-        // The way back is measured: from shortly before the controller goes on.
+        // The recovery is measured, from shortly before the controller continues.
         let (_folder, graph) = watched_reach(900 + away_ms);
         // Long enough that the stopped controller does not count as hung.
         let run = Run::start(&graph, &["--for", "16 s", "--set", "realtime.hang_after=10 s"]);
@@ -126,7 +126,8 @@ fn when_the_whole_machine_or_its_actuator_stands_still_for_a_moment_the_arm_goes
 fn while_the_goal_moves_the_arm_follows_again_in_a_stated_time_within_its_limits() {
     let _machine = machine();
     for (away, within) in [(60, 1_500), (500, 2_500), (3_000, 3_500)] {
-        // The controller's view on the joints is cut off: it commands nothing, and begins anew where the arm is.
+        // The controller no longer sees the joints: it commands nothing, and starts again from where the arm
+        // is.
         let (_folder, graph) = watched_reach(1_000 + away);
         let text = std::fs::read_to_string(&graph).expect("the graph can be read");
         let text = text.replace(

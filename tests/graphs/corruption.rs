@@ -1,6 +1,7 @@
 //! Random bytes in the shared files of a run: whatever they do, the launcher and the actuator crash of none.
 //!
-//! `MOTORIUM_FUZZ_ROUNDS` sets the number of rounds for each sort of file (3), `MOTORIUM_FUZZ_SEED` the first seed (1).
+//! `MOTORIUM_FUZZ_ROUNDS` sets the number of rounds for each sort of file (3), `MOTORIUM_FUZZ_SEED` the first
+//! seed (1).
 
 use std::fs::OpenOptions;
 use std::os::unix::fs::FileExt as _;
@@ -61,8 +62,8 @@ fn damage(files: &[PathBuf], random: &mut Random) {
     }
 }
 
-/// Waits until a component steps again in another process than `before`, or the run has ended; for a time at most, since the
-/// words that tell may be damaged themselves.
+/// Waits, up to a limit, until a component steps again in another process than `before` or the run has ended.
+/// The limit is needed because the words that show this may be damaged themselves.
 fn await_return(run: &mut Run, before: u32) {
     let started = Instant::now();
     let mut last = None;
@@ -127,7 +128,7 @@ fn damaged_records_of_iceoryx2_crash_neither_launcher_nor_actuator() {
 }
 
 #[test]
-fn a_damaged_control_block_crashes_neither_launcher_nor_actuator() {
+fn a_damaged_control_block_crashes_nothing() {
     rounds(&["region"]);
 }
 

@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use crate::exposition::Family;
 
-/// Each metric that the Grafana dashboard names is one of the run, with the labels that the dashboard asks of it; and it shows
-/// all that there are.
+/// Each metric that the Grafana dashboard names is one of the run, with the labels that the dashboard asks of
+/// it; and it shows all that there are.
 pub(crate) fn asks_for_what_there_is(scraped: &BTreeMap<String, Family>) {
     let dashboard: Value = serde_json::from_str(include_str!("../../docs/grafana/motorium.json"))
         .expect("the dashboard is JSON");

@@ -1,5 +1,5 @@
-//! Datasets with pictures, read back by pyarrow and Python's zlib, and by LeRobot itself where `MOTORIUM_LEROBOT` names an
-//! interpreter that has it: its packages are several gigabytes.
+//! Datasets with pictures, read back by pyarrow and Python's zlib, and by LeRobot itself where
+//! `MOTORIUM_LEROBOT` names an interpreter that has it: its packages are several gigabytes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::support::{run, workspace};
 
 const FPS: u64 = 20;
 
-/// A camera of depths beside that of colours.
+/// A depth camera next to a colour camera.
 const DEPTH: &str = r#"
 [component.scene]
 kind      = "sensor.depth_camera"
@@ -41,8 +41,8 @@ pub(crate) fn recorded(folder: &Path) -> PathBuf {
     file
 }
 
-/// Pixels as red, green and blue of the newest picture of a topic at each frame of an episode that begins in the recording at a
-/// time: the first frame is there when all that the dataset is made of is there.
+/// Pixels as red, green and blue of the newest picture of a topic at each frame of an episode that begins in
+/// the recording at a time: the first frame is there when all that the dataset is made of is there.
 fn expected(recording: &Recording, topic: &str, cameras: &[&str], from_ns: u64, frames: u64) -> Vec<Vec<u8>> {
     let of_topic = |topic: &str| {
         let index = recording.pictures().iter().position(|pictures| pictures.topic == topic).expect(topic);
@@ -71,7 +71,7 @@ fn expected(recording: &Recording, topic: &str, cameras: &[&str], from_ns: u64, 
         .collect()
 }
 
-/// Pictures of each frame are, pixel by pixel, those that stand in raw files; statistics are those of all pixels.
+/// The pictures of each frame equal the raw files pixel by pixel; the statistics cover all pixels.
 const WITH_PYARROW: &str = r#"
 import json, math, struct, sys, zlib
 from pathlib import Path
@@ -144,8 +144,9 @@ assert not any("depth" in name for name in info["features"])
 print(frames, "frames of", len(set(info["features"]) & set(stats)), "features")
 "#;
 
-/// LeRobot opens the dataset, and hands out each frame with its pictures as it hands out those that it has written itself: alone, in
-/// batches, with frames before and after it, and of chosen episodes. Its tools take it apart, and its recorder goes on with it.
+/// LeRobot opens the dataset and returns each frame with its pictures like those of its own datasets: alone,
+/// in batches, with frames before and after it, and for chosen episodes. Its tools split the dataset, and its
+/// recorder appends to it.
 const WITH_LEROBOT: &str = r#"
 import sys
 from pathlib import Path
@@ -213,7 +214,7 @@ print("lerobot", lerobot.__version__, "opens", data.num_episodes, "episodes of",
 "#;
 
 #[test]
-fn a_dataset_has_of_each_frame_the_newest_picture_of_each_camera() {
+fn each_dataset_frame_has_the_newest_picture_of_each_camera() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let recording = Recording::open(&file).expect("a recording");
@@ -259,7 +260,7 @@ fn a_dataset_has_of_each_frame_the_newest_picture_of_each_camera() {
 }
 
 #[test]
-fn pictures_that_a_dataset_cannot_hold_are_refused_and_may_be_left_out() {
+fn unsupported_pictures_are_refused_but_may_be_left_out() {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, dataset) = (recorded(folder.path()), folder.path().join("eyes"));
     let export = |arguments: &[&str]| {

@@ -13,7 +13,8 @@ use motorium::region::{GateState, Latch};
 use crate::commands::{await_gate, gate, motorium};
 use crate::support::{MOTORIUM, Run, await_that, machine, panda_reach};
 
-/// The Panda with an emergency stop by datagrams; the folder that holds the graph, and the socket of the feeder.
+/// The Panda with an emergency stop by datagrams; the folder that holds the graph, and the socket of the
+/// feeder.
 fn graph() -> (tempfile::TempDir, PathBuf, UdpSocket) {
     // a port that was free a moment ago
     let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();

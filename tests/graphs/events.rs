@@ -39,7 +39,7 @@ fn follow(run: &str) -> Child {
 }
 
 #[test]
-fn a_failure_and_the_restart_after_it_stand_in_the_log_with_time_component_and_severity() {
+fn a_failure_and_its_restart_are_in_the_event_log() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "controller.restart.when=failure"]);
     let id = run.folder.id().to_string();
@@ -74,7 +74,7 @@ fn a_failure_and_the_restart_after_it_stand_in_the_log_with_time_component_and_s
 }
 
 #[test]
-fn an_actuator_that_enters_its_safe_state_and_leaves_it_is_in_the_log() {
+fn entering_and_leaving_the_safe_state_is_in_the_log() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "realtime.hang_after=10 s"]);
     let id = run.folder.id().to_string();
@@ -103,7 +103,7 @@ fn an_actuator_that_enters_its_safe_state_and_leaves_it_is_in_the_log() {
 }
 
 #[test]
-fn what_the_guard_does_after_the_death_of_the_launcher_is_read_by_those_who_follow() {
+fn followers_read_what_the_guard_does_without_the_launcher() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let follower = follow(run.folder.id());
@@ -183,7 +183,8 @@ fn lockstep_events(graph: &Path, arguments: &[&str]) -> Ended {
 /// Kind, simulated time, episode, component and text of an event.
 type Told = (EventKind, Option<f64>, Option<u64>, Option<String>, String);
 
-/// The part that does not depend on the machine: everything but times in real time, and lines that were printed.
+/// The part that does not depend on the machine: everything but times in real time, and lines that were
+/// printed.
 fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
     let told = events.iter().filter(|event| !matches!(event.kind, EventKind::Output | EventKind::Created));
     told.map(|event| {
@@ -193,7 +194,7 @@ fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
 }
 
 #[test]
-fn in_lockstep_equal_runs_tell_the_same_at_the_same_simulated_times_in_any_hosting() {
+fn equal_lockstep_runs_log_the_same_events_in_any_hosting() {
     let graph = panda_reach();
     let of_hosting = |hosting: &str| {
         let arguments = ["--for", "700 ms", "--hosting", hosting, "--episodes", "2", "--vary-seed"];
@@ -229,7 +230,7 @@ fn refused_commands_are_in_the_log_with_their_reason() {
 }
 
 #[test]
-fn a_flood_of_printed_lines_is_bounded_in_the_report_and_counted() {
+fn a_flood_of_output_is_bounded_and_counted_in_the_report() {
     let _machine = machine();
     let (_folder, graph) = crate::faults::faulty("{ fault = \"print\", at = 0 }", "");
     let ended = lockstep_events(&graph, &["--for", "2 s"]);

@@ -23,11 +23,12 @@ fn shell(line: &str) -> Command {
     command
 }
 
-/// The name of each run here, by which it is told whether it has left anything behind: others may run at the same time.
+/// The name of each run in this file, which shows whether the run has left anything behind; other runs may
+/// exist at the same time.
 const NAME: &str = "short-of-something";
 
-/// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays behind: in a `/dev/shm` of
-/// its own where mounts are allowed, else by its name.
+/// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays
+/// behind: in a `/dev/shm` of its own where mounts are allowed, else by its name.
 fn limited(limit: &str, words: &[&str]) -> bool {
     let line = format!(
         "{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 200ms --set realtime.lost_steps=1"
@@ -98,7 +99,7 @@ fn too_few_processes_are_named_and_nothing_is_left_behind() {
     assert_eq!((ran.first(), ran.last()), (Some(&false), Some(&true)), "{ran:?}");
 }
 
-/// Threads of a process by name; those of all names with `None`.
+/// Counts the threads of a process by name, or all of them for `None`.
 fn threads(pid: u32, named: Option<&[&str]>) -> u64 {
     let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).expect("the process is there").flatten();
     let names = tasks.map(|task| std::fs::read_to_string(task.path().join("comm")).unwrap_or_default());
@@ -149,7 +150,8 @@ fn a_launcher_without_descriptors_for_a_restart_names_them_and_stops_the_robot_s
     let restart = ["--for", "60 s", "--set", "controller.restart.when=failure"];
     let run = Run::start(&panda_reach(), &restart);
     let id = run.folder.id().to_string();
-    // As many as it has, so that there is none for another; what it lets go of in the end is there for its last deeds.
+    // As many as it has, so that none is left for another one; what it releases at the end is used for its
+    // clean-up.
     let is_open = |number: &u64| Path::new(&format!("/proc/{}/fd/{number}", run.launcher())).exists();
     let open = (0..1_000_000).find(|number| !is_open(number));
     let none = Rlimit { current: open, maximum: open };
@@ -216,7 +218,7 @@ fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything
     }
 }
 
-/// The run goes on while `fill` is at work; then the controller is killed.
+/// The run continues while `fill` works; then the controller is killed.
 fn killed_after(fill: &str) -> String {
     let line = format!(
         "\"$MOTORIUM\" run graphs/panda-reach.toml --force --no-expect --for 5s --json --set realtime.lost_steps=1 --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\

@@ -1,4 +1,5 @@
-//! Recordings exported for other programs, and read back by those: Parquet and datasets by pyarrow, pictures by Python's zlib.
+//! Recordings exported for other programs, and read back by those: Parquet and datasets by pyarrow, pictures
+//! by Python's zlib.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -19,7 +20,7 @@ pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path of text")
 }
 
-/// The interpreter with these modules; `None`, told loudly, if there is none.
+/// Returns the interpreter with these modules; prints a clear message and returns `None` if there is none.
 pub(crate) fn python(modules: &str) -> Option<PathBuf> {
     let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
     let check = Command::new(&python).args(["-c", &format!("import {modules}")]).output();
@@ -47,7 +48,7 @@ fn recorded(folder: &Path) -> PathBuf {
     file
 }
 
-/// The table of Parquet and that of comma-separated values have the same numbers.
+/// The Parquet table and the CSV table hold the same numbers.
 const TABLES: &str = r#"
 import csv, sys
 import pyarrow.parquet as parquet
@@ -193,7 +194,7 @@ fn pyarrow_reads_the_tables_and_the_dataset_of_a_recording() {
 }
 
 #[test]
-fn a_dataset_of_what_was_not_recorded_is_refused_with_what_there_is() {
+fn a_dataset_of_an_unrecorded_topic_is_refused_with_choices() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let refused = |arguments: &[&str]| {

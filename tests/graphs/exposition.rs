@@ -1,4 +1,5 @@
-//! A reader of the OpenMetrics text format (version 1.0), written from its specification: it refuses what a scraper would.
+//! A reader of the OpenMetrics text format (version 1.0), written from its specification: it refuses what a
+//! scraper would.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -84,7 +84,7 @@ fn idle_exit_us() -> Option<i32> {
 }
 
 #[test]
-fn the_cores_stay_awake_while_a_graph_runs_and_idle_again_when_its_launcher_is_killed() {
+fn the_cores_stay_awake_only_while_a_graph_runs() {
     let _machine = machine();
     let Some(before) = idle_exit_us() else {
         return eprintln!("skipped: this user may not limit idle states");
@@ -284,7 +284,7 @@ fn a_step_that_stalls_is_counted_as_too_long_and_safe_stop_on_overrun_is_honoure
 }
 
 #[test]
-fn what_is_published_too_late_is_withheld_where_the_graph_says_so() {
+fn late_publications_are_withheld_if_the_graph_says_so() {
     let _machine = machine();
     for (policy, withheld) in [("hold", true), ("skip", false)] {
         let settings = format!("on_overrun = \"{policy}\"\npriority = 1");
@@ -305,7 +305,7 @@ fn what_is_published_too_late_is_withheld_where_the_graph_says_so() {
 }
 
 #[test]
-fn a_step_that_works_too_long_is_told_from_one_that_others_kept_waiting() {
+fn a_slow_step_is_distinguished_from_a_delayed_one() {
     let _machine = machine();
     // on the shared core, so that only the faulty component is late
     let settings = "core = 0\nbudget = \"100 us\"";
@@ -322,7 +322,7 @@ fn a_step_that_works_too_long_is_told_from_one_that_others_kept_waiting() {
 }
 
 #[test]
-fn overruns_are_tolerated_up_to_their_number_and_then_stop_the_graph() {
+fn overruns_stop_the_graph_beyond_the_tolerated_number() {
     let _machine = machine();
     let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "overruns_tolerated = 3\npriority = 1");
     let ended = run(&graph, &["--for", "20 s"]);
@@ -341,7 +341,7 @@ fn allocations_in_a_step_are_counted() {
 }
 
 #[test]
-fn a_component_that_stops_slowly_is_killed_unless_it_is_given_the_time() {
+fn a_slow_stop_is_killed_unless_it_is_given_time() {
     let _machine = machine();
     for (settings, stops) in [("", false), ("stop_within = \"10 s\"", true)] {
         let (_folder, graph) = faulty("{ fault = \"slow_stop\" }", settings);

@@ -6,7 +6,7 @@ use crate::program::{complaint, json, printed};
 use crate::support::{Run, machine};
 
 #[test]
-fn a_value_from_outside_reaches_the_topic_of_the_bridge_and_no_other() {
+fn an_outside_value_reaches_only_the_topic_of_its_bridge() {
     let _machine = machine();
     let run = Run::start(Path::new("graphs/panda-bridge.toml"), &["--for", "60 s"]);
     let id = run.folder.id().to_string();

@@ -34,7 +34,7 @@ fn the_quadruped_trots_forward() {
 }
 
 #[test]
-fn gait_frequency_and_phases_of_a_running_quadruped_are_set_at_once_or_not_at_all() {
+fn gait_parameters_change_together_or_not_at_all() {
     let _machine = machine();
     let run = Run::start(&workspace().join("graphs/quadruped-trot.toml"), &["--for", "60 s"]);
     let tool = |arguments: &[&str]| {
@@ -74,7 +74,7 @@ fn gait_frequency_and_phases_of_a_running_quadruped_are_set_at_once_or_not_at_al
 }
 
 #[test]
-fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_told() {
+fn the_quadruped_trots_at_the_commanded_velocity() {
     let graph = workspace().join("graphs/quadruped-mpc.toml");
     let trot =
         |arguments: &[&str]| run(&graph, &[&["--clock", "lockstep", "--for", "6 s"][..], arguments].concat());
@@ -100,7 +100,7 @@ fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_to
 }
 
 #[test]
-fn the_quadruped_trots_up_a_slope_with_stones_by_what_its_feet_feel() {
+fn the_quadruped_trots_up_a_slope_by_sensing_with_its_feet() {
     let graph = workspace().join("graphs/quadruped-slope.toml");
     let ended = run(&graph, &["--clock", "lockstep"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

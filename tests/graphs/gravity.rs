@@ -17,12 +17,12 @@ fn hash(folder: &Path, sample: &str, world: &str) -> String {
 }
 
 #[test]
-fn the_gravity_of_the_file_of_a_world_reaches_controllers_sensors_estimators_and_policies() {
+fn the_gravity_of_a_world_file_reaches_every_component() {
     let _machine = machine();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("moon.xml"), MOON).unwrap();
-    // Between them: control.qp, control.mpc, control.multirotor, control.wheels, force-torque sensor, IMU, estimator, trajectory,
-    // pattern generator.
+    // Between them: control.qp, control.mpc, control.multirotor, control.wheels, force-torque sensor, IMU,
+    // estimator, trajectory, pattern generator.
     for sample in [
         "panda-wrist.toml",
         "quadruped-mpc.toml",
@@ -35,7 +35,7 @@ fn the_gravity_of_the_file_of_a_world_reaches_controllers_sensors_estimators_and
         let of_file = of("[world]\nfile = \"moon.xml\"\n");
         assert_eq!(of_file, of("[world]\ngravity = [0.0, 0.0, -1.62]\n"), "{sample}");
         assert_ne!(of_file, of(""), "{sample}");
-        // Gravity that the graph states is used in place of that of the file.
+        // Gravity stated in the graph overrides the gravity of the file.
         assert_eq!(of("[world]\nfile = \"moon.xml\"\ngravity = [0.0, 0.0, -9.81]\n"), of(""), "{sample}");
     }
 }

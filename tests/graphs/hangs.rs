@@ -1,5 +1,5 @@
-//! Components that hang, loop, are stopped or lose steps: nothing of it goes unnoticed, and none of it keeps the robot from
-//! its safe state.
+//! Components that hang, loop, are stopped or lose steps: nothing of it goes unnoticed, and none of it keeps
+//! the robot from its safe state.
 
 use std::time::Duration;
 
@@ -105,7 +105,7 @@ fn an_endless_loop_above_the_actuator_is_ended_by_the_kernel() {
 }
 
 #[test]
-fn a_component_that_is_behind_all_the_time_is_not_taken_for_one_that_loops() {
+fn a_component_that_is_always_late_is_not_called_hanging() {
     let _machine = machine();
     // each step takes 5 ms, and the next trigger is always there already
     let (_folder, graph) =

@@ -30,7 +30,7 @@ fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
     let (code, text) = motorium(&run, &["resume"]);
     assert!(code == Some(1) && text.contains("is not stopped"), "{text}");
     signal(run.launcher(), Signal::CONT);
-    // the launcher tells what it can see
+    // the launcher reports what it can see
     std::thread::sleep(Duration::from_millis(200));
     for command in [&["stop", "--now"][..], &["resume"]] {
         let (code, text) = motorium(&run, command);
@@ -44,7 +44,7 @@ fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
     is_told_stopped_and_resumed(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
 }
 
-/// The launcher told the stop by these words, and its end.
+/// The launcher reported the stop, and its end, in these words.
 fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
     let stopped = ended.stderr.lines().position(|line| line.contains("stopped:") && line.contains(words));
     let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot comes back"));
@@ -77,7 +77,7 @@ fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
 }
 
 #[test]
-fn an_adapter_that_a_drive_has_tripped_is_latched_until_one_resume() {
+fn an_adapter_tripped_by_a_drive_is_latched_until_resume() {
     let _machine = machine();
     let fault = r#"component.drives.config.faults=[{ at = "1 s", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]"#;
     let graph = workspace().join("graphs/panda-can-sim.toml");

@@ -187,7 +187,7 @@ fn sets_parameters(run: &str) {
 }
 
 #[test]
-fn a_made_crate_has_a_graph_that_is_valid_as_soon_as_its_program_is_built() {
+fn a_new_crate_has_a_valid_graph_once_it_is_built() {
     let folder = tempfile::tempdir().expect("a folder");
     let graph = made(folder.path(), "my-controller");
     let graph = graph.to_str().expect("a path of text");

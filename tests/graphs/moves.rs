@@ -20,7 +20,7 @@ fn assert_nothing_allocates(ended: &Ended) {
 }
 
 #[test]
-fn a_square_of_two_metres_is_driven_within_two_centimetres_and_a_degree_at_each_corner() {
+fn a_square_of_two_metres_is_driven_accurately() {
     let ended = whole("drive-square.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(number(&ended, "policy", "goals_reached"), 4.0);
@@ -36,7 +36,8 @@ fn a_square_of_two_metres_is_driven_within_two_centimetres_and_a_degree_at_each_
 
 #[test]
 fn a_square_that_is_missed_is_no_success() {
-    // wheels of another angle than it believes: the odometry is right about the way, and wrong about the world
+    // wheels of another angle than it believes: the odometry is right about the way, and wrong about the
+    // world
     let ended = whole("drive-square.toml", &["--set", "controller.config.start.yaw=0.1", "--for", "25 s"]);
     assert_eq!(ended.code, Some(8), "{}", ended.stderr);
     assert!(number(&ended, "policy", "position_error_m") > 0.1);
@@ -95,13 +96,13 @@ fn a_panda_puts_a_nut_into_a_tray_that_both_are_meshes() {
 }
 
 #[test]
-fn a_cube_that_a_belt_brings_ends_in_the_bin_and_a_ball_where_its_rolling_friction_stops_it() {
+fn a_belt_brings_a_cube_to_the_bin_and_a_ball_rolls_to_rest() {
     let ended = whole("conveyor.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let objects = &ended.report().results["physics"]["objects"];
     assert_eq!(objects["cube"]["touching"][0], "bin", "{objects}");
-    // Down 0.497 m of ramp with g (sin a - cos a b / r) / 1.4, round the corner with (cos a + 0.4) / 1.4 of the speed, and on for
-    // 0.7 r v^2 / (b g).
+    // Down 0.497 m of ramp with g (sin a - cos a b / r) / 1.4, round the corner with (cos a + 0.4) / 1.4 of
+    // the speed, and on for 0.7 r v^2 / (b g).
     let (angle, radius, arm, g) = (0.2_f64, 0.04, 0.002, 9.81);
     let squared = 2.0 * 0.497 * g * (angle.sin() - angle.cos() * arm / radius) / 1.4;
     let expected = 0.7 * radius * squared * ((angle.cos() + 0.4) / 1.4).powi(2) / (arm * g);
@@ -122,7 +123,7 @@ fn an_arm_whose_fingers_are_held_reaches_with_seven_joints() {
 }
 
 #[test]
-fn an_arm_reaches_by_accelerations_alone_and_by_their_torques_alone() {
+fn an_arm_reaches_by_accelerations_and_by_torques() {
     for arguments in [&[][..], &["--set", "controller.config.inverse_dynamics.impedance=0.0"]] {
         let ended = whole("panda-accelerations.toml", &[&["--for", "5 s"], arguments].concat());
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);

@@ -5,7 +5,8 @@ use std::process::Command;
 
 use crate::recording::{recorded, text};
 
-/// Reads each message of Foxglove's with the class that they generate themselves, and by the schema in the file; prints how many.
+/// Reads each message of Foxglove's with the class that they generate themselves, and by the schema in the
+/// file; prints how many.
 const READER: &str = r#"
 import importlib, sys
 from google.protobuf.json_format import MessageToDict
@@ -29,7 +30,7 @@ print(" ".join(f"{name} {count}" for name, count in sorted(counts.items())))
 "#;
 
 #[test]
-fn foxgloves_own_classes_read_every_message_for_viewers_as_its_schema_does() {
+fn the_foxglove_classes_read_every_message_for_viewers() {
     let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
     let check =
         Command::new(&python).args(["-c", "import mcap_protobuf, foxglove_schemas_protobuf"]).output();

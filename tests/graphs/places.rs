@@ -1,4 +1,4 @@
-//! The places of observers in topics: those of killed ones are free again.
+//! The places of observers in topics: the places of killed observers become free again.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;

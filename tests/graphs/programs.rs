@@ -15,7 +15,7 @@ fn motorium(arguments: &[&str]) -> (bool, String, String) {
 }
 
 #[test]
-fn the_component_of_motorium_new_is_described_with_an_example_that_checks() {
+fn the_component_of_motorium_new_has_a_valid_example() {
     let (success, sheet, errors) = motorium(&["kinds", "--exec", NEW, "--json"]);
     assert!(success, "{errors}");
     let sheet: Value = serde_json::from_str(&sheet).expect("JSON");

@@ -29,7 +29,7 @@ fn scheduling(process: u32, thread: &str) -> Option<(u32, u32)> {
 }
 
 #[test]
-fn the_thread_that_reads_what_is_recorded_waits_behind_no_program_without_real_time_priority() {
+fn the_recorder_thread_is_not_delayed_by_ordinary_programs() {
     let scratch = tempfile::tempdir().expect("a folder");
     let file = scratch.path().join("a.mcap");
     let _alone = machine();

@@ -1,4 +1,5 @@
-//! Recordings of whole graphs: run again to the last bit, read by the official reader for Python, ended by a full disk.
+//! Recordings of whole graphs: run again to the last bit, read by the official reader for Python, ended by a
+//! full disk.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -54,7 +55,8 @@ fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let mut bytes = std::fs::read(&file).expect("readable");
-    // A target is at rest at first: its position stands in many samples. That of one in the middle is changed.
+    // A target is at rest at first, so many samples hold the same position. The one of a sample in the middle
+    // is changed.
     let recording = motorium_bridges::recording::Recording::open(&file).expect("a recording");
     let topic = recording.topic("panda/target").expect("recorded");
     let sample = recording
@@ -244,7 +246,7 @@ else:
 "#;
 
 #[test]
-fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metres() {
+fn the_python_mcap_reader_sees_ball_and_depths() {
     let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
     let check = Command::new(&python).args(["-c", "import mcap, mcap_protobuf"]).output();
     if !check.is_ok_and(|check| check.status.success()) {
@@ -283,7 +285,7 @@ fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metre
 }
 
 #[test]
-fn the_score_of_a_recording_is_what_the_controller_found_and_tells_a_missed_goal() {
+fn the_score_of_a_recording_shows_a_missed_goal() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.mcap");
     let arguments = ["--clock", "lockstep", "--for", "5s", "--record", text(&file)];

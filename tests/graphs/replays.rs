@@ -1,4 +1,5 @@
-//! Recordings that are replayed into live graphs: robots that are led to their start and to rest, and episodes.
+//! Recordings that are replayed into live graphs: robots that are led to their start and to rest, and
+//! episodes.
 
 use std::path::Path;
 use std::time::Duration;
@@ -62,7 +63,7 @@ fn a_replay_finds_all_of_its_memory_before_it_steps() {
 }
 
 #[test]
-fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_rest_behind_its_end() {
+fn an_arm_is_led_to_the_start_of_a_recording_and_to_rest() {
     let folder = tempfile::tempdir().expect("a folder");
     // It ends in the middle of a movement.
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "700 ms"]);
@@ -89,8 +90,8 @@ fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_
         }
         before = now;
     }
-    // 0.3 rad in 2 s at 15/8 of the mean speed: 0.281 rad/s. The drives follow within a fifth of it, since the effort against
-    // gravity is that of the recording alone, and comes in bit by bit.
+    // 0.3 rad in 2 s at 15/8 of the mean speed: 0.281 rad/s. The drives follow within a fifth of that,
+    // because the effort against gravity comes from the recording only and is faded in.
     let mean = 0.3 / 2.0;
     assert!(fastest.iter().all(|v| (v / (1.875 * mean) - 1.0).abs() < 0.2), "{fastest:?}");
     for (joint, (q, home)) in before.position().iter().zip(&home).enumerate().take(7) {
@@ -147,7 +148,7 @@ fn the_command_says_which_robots_are_led_and_which_are_not() {
 }
 
 #[test]
-fn all_episodes_are_replayed_or_one_of_them_and_verified_with_and_without_components() {
+fn one_or_all_episodes_are_replayed_and_verified() {
     let folder = tempfile::tempdir().expect("a folder");
     let file =
         recorded(folder.path(), "panda-reach.toml", &["--for", "200 ms", "--episodes", "3", "--vary-seed"]);

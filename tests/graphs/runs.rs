@@ -18,7 +18,7 @@ fn assert_goals_reached(report: &Report) {
 }
 
 #[test]
-fn the_panda_reaches_its_goals_in_real_time_through_processes_of_their_own() {
+fn the_panda_reaches_its_goals_with_separate_processes() {
     let _machine = machine();
     let ended = run(&panda_reach(), &[]);
     let report = ended.report();
@@ -76,7 +76,7 @@ fn wakes_next(calls: &[Call]) -> bool {
 }
 
 #[test]
-fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_published() {
+fn a_step_makes_only_the_wait_and_wake_system_calls() {
     let _machine = machine();
     if Command::new("strace").arg("--version").output().is_err() {
         eprintln!("skipped: strace is not installed");
@@ -103,7 +103,8 @@ fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_publis
             text.lines().filter(|line| line.contains('(') && line.contains(" = ")).collect();
         let mut calls: Vec<Call> =
             lines.iter().map(|line| call(line).unwrap_or_else(|| panic!("{component}: {line}"))).collect();
-        // A component that has not slept for long rests: it asks before and after whether it has slept, which is waiting.
+        // A component that has not slept for long rests: it asks before and after whether it has slept, which
+        // is waiting.
         let asks = |at: usize| lines[at].starts_with("getrusage");
         for at in 2..calls.len() {
             if asks(at) && calls[at - 1] == Call::Wait && asks(at - 2) {
@@ -111,12 +112,14 @@ fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_publis
             }
         }
         assert!(calls.iter().filter(|call| **call == Call::Charge).count() > 100, "{component}: {text}");
-        // After a wait comes the wake, or, of a step whose follower was awake, the charge: never another account.
+        // After a wait comes the wake, or, of a step whose follower was awake, the charge: never another
+        // account.
         let after_wait = |at: &usize| *at > 0 && calls[at - 1] == Call::Wait && calls[*at] != Call::Wait;
         let first: Vec<usize> = (0..calls.len()).filter(after_wait).collect();
         let too_early = first.iter().find(|at| calls[**at] == Call::Account);
         assert_eq!(too_early.map(|at| &lines[at.saturating_sub(6)..=*at]), None, "{component}");
-        // The charge comes before a wake only where the step had nobody to wake and the next one began at once.
+        // The charge comes before a wake only where the step had nobody to wake and the next one began at
+        // once.
         let charged_first =
             first.iter().filter(|at| calls[**at] == Call::Charge && wakes_next(&calls[**at..]));
         assert!(charged_first.count() <= first.len() / 10, "{component}: charged before its wake: {text}");
@@ -126,7 +129,7 @@ fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_publis
 }
 
 #[test]
-fn two_lockstep_runs_publish_the_same_to_the_last_bit_and_another_seed_does_not() {
+fn lockstep_runs_are_identical_exactly_if_their_seeds_are() {
     let once = run(&panda_reach(), &["--clock", "lockstep"]);
     let twice = run(&panda_reach(), &["--clock", "lockstep"]);
     let other = run(&panda_reach(), &["--clock", "lockstep", "--set", "seed=7"]);
@@ -138,7 +141,7 @@ fn two_lockstep_runs_publish_the_same_to_the_last_bit_and_another_seed_does_not(
 }
 
 #[test]
-fn components_hosted_in_one_process_publish_the_same_as_in_processes_of_their_own() {
+fn hosting_in_one_process_does_not_change_publications() {
     let _machine = machine();
     let arguments = ["--clock", "lockstep", "--for", "2 s"];
     let apart = run(&panda_reach(), &arguments);
@@ -156,7 +159,7 @@ fn hosted_components_run_in_real_time_too() {
 }
 
 #[test]
-fn ctrl_c_and_a_polite_kill_end_a_run_in_good_order_and_leave_nothing() {
+fn ctrl_c_and_a_polite_kill_end_a_run_cleanly() {
     let _machine = machine();
     for signal in [Signal::INT, Signal::TERM] {
         let run = Run::start(&panda_reach(), &["--for", "60 s"]);
@@ -237,7 +240,7 @@ fn tools_look_at_a_running_graph_without_disturbing_it() {
 }
 
 #[test]
-fn commands_of_a_sensor_with_a_long_latency_are_refused_by_their_source_unless_the_graph_allows_it() {
+fn commands_with_an_old_source_are_refused_unless_allowed() {
     let _machine = machine();
     let stale = |report: &Report| -> u64 {
         let gate = report.components.iter().find_map(|component| component.gate.as_ref()).expect("a gate");

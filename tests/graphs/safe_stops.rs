@@ -87,8 +87,7 @@ impl Arm {
 }
 
 #[test]
-fn an_arm_that_is_stopped_in_motion_for_want_of_a_solution_bears_its_weight_at_rest_and_goes_on_without_a_jump()
- {
+fn an_arm_stopped_without_a_solution_resumes_without_a_jump() {
     let mut arm = Arm::launch();
     let first = arm.step(None);
     let (home, orientation) = arm.hand(first.position());

@@ -15,7 +15,7 @@ fn scored(file: &Path) -> (serde_json::Value, String) {
 }
 
 #[test]
-fn an_orientation_that_a_task_leaves_free_is_neither_missed_nor_told() {
+fn a_free_orientation_is_neither_missed_nor_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "humanoid-reach.toml", &["--for", "3 s", "--no-expect"]);
     let (score, said) = scored(&file);

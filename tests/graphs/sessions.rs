@@ -30,7 +30,7 @@ fn launch(plan: Plan, options: &Options) -> Session<'static> {
 const MS: Duration = Duration::from_millis(1);
 
 #[test]
-fn processes_threads_and_one_thread_publish_the_same_to_the_last_bit() {
+fn all_kinds_of_hosting_publish_exactly_the_same() {
     for file in ["panda-reach.toml", "quadruped-trot.toml"] {
         let graph = workspace().join("graphs").join(file);
         let hash = |hosting: &str| {
@@ -44,7 +44,7 @@ fn processes_threads_and_one_thread_publish_the_same_to_the_last_bit() {
 }
 
 #[test]
-fn episodes_with_one_seed_are_equal_and_with_seeds_of_their_own_are_not() {
+fn episodes_are_equal_exactly_if_their_seeds_are() {
     for file in ["panda-reach.toml", "quadruped-trot.toml"] {
         let graph = workspace().join("graphs").join(file);
         let lockstep = ["--clock", "lockstep", "--for", "400 ms"];
@@ -94,7 +94,7 @@ fn reach(session: &mut Session<'_>, height: f64) -> Vec<Vec<u64>> {
 }
 
 #[test]
-fn an_arm_driven_to_a_goal_set_back_and_driven_again_repeats_itself_to_the_last_bit() {
+fn a_reset_arm_repeats_its_motion_exactly() {
     let options = Options::inline().standing_in_for("policy");
     let mut session = launch(plan("panda-reach.toml", &[]), &options);
     let seed = session.plan().seed;
@@ -121,7 +121,7 @@ fn an_arm_driven_to_a_goal_set_back_and_driven_again_repeats_itself_to_the_last_
 }
 
 #[test]
-fn a_value_that_a_session_publishes_has_the_time_at_which_it_was_measured() {
+fn a_value_published_by_a_session_has_its_measurement_time() {
     let mut session = launch(plan("panda-reach.toml", &[]), &Options::inline().standing_in_for("policy"));
     session.step_until(30 * MS).expect("it steps");
     let now_ns = session.stamp_ns();
@@ -167,7 +167,7 @@ fn two_sessions_in_two_threads_do_what_one_alone_does() {
 }
 
 #[test]
-fn a_session_dropped_or_stopped_half_way_leaves_nothing_and_its_thread_where_it_was() {
+fn an_aborted_session_cleans_up_and_restores_its_thread() {
     let cores = || std::fs::read_to_string("/proc/thread-self/status").expect("its status");
     let allowed =
         |status: String| status.lines().find(|l| l.starts_with("Cpus_allowed:")).map(str::to_string);
@@ -237,7 +237,7 @@ fn an_episode_ends_when_its_policy_has_finished() {
 }
 
 #[test]
-fn check_refuses_episodes_of_a_component_that_cannot_be_reset_and_in_real_time() {
+fn check_refuses_episodes_that_cannot_be_reset() {
     let told = |graph: &std::path::Path, arguments: &[&str]| {
         let ended = run(graph, arguments);
         assert_eq!(ended.code, Some(3), "{}", ended.stderr);
@@ -253,7 +253,7 @@ fn check_refuses_episodes_of_a_component_that_cannot_be_reset_and_in_real_time()
 }
 
 #[test]
-fn simulated_time_at_a_pace_is_never_faster_and_ctrl_c_ends_it_at_once() {
+fn simulated_time_never_runs_fast_and_ctrl_c_ends_it() {
     let _machine = machine();
     let arguments = ["--clock", "lockstep", "--hosting", "inline", "--pace", "2"];
     let paced = run(&panda_reach(), &[&arguments[..], &["--for", "600 ms"]].concat());
@@ -274,7 +274,7 @@ fn simulated_time_at_a_pace_is_never_faster_and_ctrl_c_ends_it_at_once() {
 }
 
 #[test]
-fn a_held_run_makes_the_rounds_that_it_is_granted_and_goes_on_when_it_is_let() {
+fn a_held_run_advances_by_granted_rounds_until_released() {
     let _machine = machine();
     let arguments = ["--clock", "lockstep", "--hosting", "inline", "--pace", "1", "--for", "3 s"];
     let run = Run::start(&panda_reach(), &arguments);
@@ -357,7 +357,7 @@ fn failing(how: &str, more: &str) -> Session<'static> {
 }
 
 #[test]
-fn a_component_that_fails_inline_ends_the_run_with_its_error_and_only_then() {
+fn an_inline_failure_ends_the_run_with_its_error() {
     for how in ["error", "panic"] {
         let mut session = failing(how, "");
         let id = session.id().to_string();
@@ -372,7 +372,7 @@ fn a_component_that_fails_inline_ends_the_run_with_its_error_and_only_then() {
 }
 
 #[test]
-fn an_inline_component_that_is_restarted_goes_on_in_the_same_run() {
+fn an_inline_component_restarts_within_the_same_run() {
     let mut session = failing("error", "restart = { when = \"failure\" }\n");
     session.step_until(9 * MS).expect("its restart is granted");
     let newest = session.read::<Wrench>("count").expect("a state").expect("was published");
@@ -389,7 +389,7 @@ fn a_component_that_cannot_go_back_ends_the_run_at_the_reset() {
 }
 
 #[test]
-fn a_panic_of_the_program_itself_is_not_swallowed_by_a_session_in_its_thread() {
+fn a_session_does_not_swallow_panics_of_its_program() {
     let session = failing("error", "");
     let outcome = std::panic::catch_unwind(|| panic!("mine"));
     assert_eq!(outcome.unwrap_err().downcast_ref::<&str>(), Some(&"mine"));

@@ -1,4 +1,5 @@
-//! Kinds that another installed program hosts: found beside `motorium` or on `PATH`, asked once, and run as its processes.
+//! Kinds that another installed program hosts: found beside `motorium` or on `PATH`, asked once, and run as
+//! its processes.
 
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
@@ -83,7 +84,7 @@ fn place(program: &str, at: &Path) {
 }
 
 #[test]
-fn a_kind_of_the_program_beside_motorium_runs_as_a_process_of_that_program() {
+fn a_kind_of_a_sibling_runs_as_a_process_of_that_program() {
     let _machine = machine();
     let installed = Installed::new();
     place(SIBLING, &installed.path("motorium-bridges"));
@@ -119,7 +120,7 @@ fn a_program_on_the_path_is_found_and_asked_once_for_its_kinds() {
 }
 
 #[test]
-fn a_program_that_is_missing_is_named_with_what_to_install_and_the_place_of_its_kind() {
+fn a_missing_program_is_named_with_its_installation() {
     let installed = Installed::new();
     let text = installed.complaint();
     assert!(
@@ -155,7 +156,7 @@ fn a_program_that_is_missing_is_named_with_what_to_install_and_the_place_of_its_
 }
 
 #[test]
-fn a_program_of_another_version_or_another_layout_of_shared_memory_is_refused() {
+fn a_program_of_another_version_or_layout_is_refused() {
     let installed = Installed::new();
     installed.script("motorium-bridges", "echo '{\"motorium\":\"0.0.7\",\"memory\":\"\",\"kinds\":[]}'");
     let text = installed.complaint();
@@ -179,7 +180,7 @@ fn a_program_of_another_version_or_another_layout_of_shared_memory_is_refused() 
 }
 
 #[test]
-fn mistakes_in_the_configuration_of_its_kinds_are_shown_in_the_file() {
+fn configuration_mistakes_of_siblings_are_shown_in_the_file() {
     let installed = Installed::new();
     place(SIBLING, &installed.path("motorium-bridges"));
     installed.graph("bridge.push", "force = 300.0");
@@ -207,7 +208,7 @@ fn mistakes_in_the_configuration_of_its_kinds_are_shown_in_the_file() {
 }
 
 #[test]
-fn a_program_that_hosts_kinds_says_so_when_it_is_started_by_hand() {
+fn a_hosting_program_explains_itself_when_run_by_hand() {
     let output = Command::new(SIBLING).stdin(Stdio::null()).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("kind = \"bridge.push\""));

@@ -1,5 +1,5 @@
-//! `sensor.udp` and the activation by a descriptor: datagrams over loopback become values of a topic, in real time, with real
-//! processes.
+//! `sensor.udp` and the activation by a descriptor: datagrams over loopback become values of a topic, in real
+//! time, with real processes.
 
 use std::net::UdpSocket;
 use std::path::PathBuf;
@@ -13,8 +13,8 @@ use serde_json::Value;
 use crate::program::printed;
 use crate::support::{Ended, Run, await_end, await_that, kill, leftovers, machine, signal};
 
-/// A graph that receives wrenches, with these settings of the receiving component; the folder that holds it, and a socket
-/// that sends to it.
+/// A graph that receives wrenches, with these settings of the receiving component; the folder that holds it,
+/// and a socket that sends to it.
 fn receiver(settings: &str) -> (tempfile::TempDir, PathBuf, UdpSocket) {
     // a port that was free a moment ago
     let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
@@ -92,7 +92,7 @@ fn end(run: Run) -> (Ended, ComponentReport, Value) {
 }
 
 #[test]
-fn the_bytes_of_a_datagram_are_a_value_of_the_topic_with_the_time_of_its_arrival() {
+fn a_datagram_is_published_with_its_arrival_time() {
     assert_eq!(Wrench::layout().size, payload(0.0).len());
     let _machine = machine();
     let (_folder, graph, sender) = receiver("");
@@ -229,7 +229,7 @@ fn a_run_ends_at_once_while_an_event_waits_for_its_interval() {
 }
 
 #[test]
-fn a_receiver_that_is_killed_or_stopped_binds_again_and_hangs_nobody() {
+fn a_killed_or_stopped_receiver_binds_again() {
     let _machine = machine();
     let settings = "restart = { when = \"failure\" }\nhang_after = \"200 ms\"";
     let (_folder, graph, sender) = receiver(settings);
@@ -238,7 +238,7 @@ fn a_receiver_that_is_killed_or_stopped_binds_again_and_hangs_nobody() {
     let mut arrives = |run: &Run| {
         let before = published(run);
         let began = Instant::now();
-        // what is sent while nobody receives is lost, and the sender may be told so
+        // data sent while nobody receives is lost, and the sender may get an error for it
         while published(run) == before {
             count += 1;
             let _ = sender.send(&payload(f64::from(count)));

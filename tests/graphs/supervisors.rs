@@ -1,4 +1,5 @@
-//! Launchers and guards that are stopped, killed, asked to end or not read: the robot reaches its safe state all the same.
+//! Launchers and guards that are stopped, killed, asked to end or not read: the robot reaches its safe state
+//! all the same.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -205,7 +206,7 @@ fn a_dead_actuator_is_named_and_not_certified() {
     let told = "not all actuators are in their safe state: `physics` dead";
     assert!(ended.stderr.contains(told), "{}", ended.stderr);
     assert!(!ended.stderr.contains("all actuators in their safe state after"), "{}", ended.stderr);
-    // the same by the guard: what it was in when it died tells nothing
+    // the same by the guard: the state in which it died shows nothing
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "physics.on_failure=ignore"]);
     let (physics, guard) = (run.pid_of("physics"), run.guard());
     signal(run.pid_of("controller"), Signal::STOP);

@@ -26,7 +26,8 @@ pub(crate) fn is_root() -> bool {
     rustix::process::getuid().is_root()
 }
 
-/// Options of a run of which the host may take any number of steps: whether there was time for them is no part of the test.
+/// Options of a run of which the host may take any number of steps: whether there was time for them is no
+/// part of the test.
 pub(crate) const ANY_LOSS: [&str; 2] = ["--set", "realtime.lost_steps=1"];
 
 /// A run that has been started.
@@ -122,7 +123,8 @@ impl Run {
         child.try_wait().expect("the process can be asked").is_some()
     }
 
-    /// Process and steps of a component; `None` once the run, or the words that tell, are gone.
+    /// Returns the process and the number of steps of a component; `None` once the run, or its shared memory,
+    /// is gone.
     pub(crate) fn glance(&self, component: &str) -> Option<(u32, u64)> {
         let (plan, region) = (self.folder.plan().ok()?, self.folder.region().ok()?);
         let index = plan.components.iter().position(|c| c.name == component)?;
@@ -163,7 +165,7 @@ impl Drop for Run {
         if let Some(mut child) = self.child.take() {
             let _ = child.kill();
             let _ = child.wait();
-            // Its guard sees to the end of the run, which would stand in the way of the next one until then.
+            // Its guard ends the run, which would otherwise be in the way of the next one.
             let killed = Instant::now();
             while self.folder.is_alive() && killed.elapsed() < Duration::from_secs(10) {
                 std::thread::sleep(Duration::from_millis(5));

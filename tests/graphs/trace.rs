@@ -1,4 +1,5 @@
-//! Traces of whole graphs: their files are read as Perfetto reads them, and compared with the report of the same run.
+//! Traces of whole graphs: their files are read as Perfetto reads them, and compared with the report of the
+//! same run.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -118,7 +119,7 @@ fn steps_at(trace: &Value, row: u64, at: f64) -> bool {
 }
 
 #[test]
-fn in_real_time_every_step_stands_in_the_trace_on_the_grid_of_its_releases() {
+fn a_real_time_trace_has_every_step_on_its_release_grid() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("new/trace.json");
@@ -137,14 +138,14 @@ fn in_real_time_every_step_stands_in_the_trace_on_the_grid_of_its_releases() {
         assert!(*begin >= release(step) - ROUNDING);
         assert_eq!(step["args"]["missed"] == true, response > 1000.0, "{step}");
     }
-    // What waited for it is told by whom it was woken.
+    // The trace of a waiting component shows what woke it.
     let wakes: Vec<_> = events(&trace).iter().filter(|event| event["cat"] == "wake-up").collect();
     assert!(wakes.iter().any(|wake| wake["args"]["released_by"] == "panda/target"));
     assert!(ended.stderr.contains(" hand-overs"), "{}", ended.stderr);
 }
 
 #[test]
-fn a_trace_of_lockstep_has_every_step_and_changes_nothing_that_is_published() {
+fn a_lockstep_trace_has_every_step_and_no_side_effects() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let (ended, trace) = traced(&folder.path().join("trace.json"), &["--clock", "lockstep"]);

@@ -18,7 +18,7 @@ fn copy(from: &Path, to: &Path) {
 }
 
 #[test]
-fn the_picture_of_the_page_in_the_readme_and_the_book_is_one_of_the_page_as_it_is() {
+fn the_picture_of_the_page_in_the_docs_is_up_to_date() {
     let picture = "docs/src/images/view.png";
     let file = std::fs::read(workspace().join(picture)).unwrap();
     let page = motorium_bridges::png::text(&file, "page");
@@ -36,7 +36,7 @@ fn the_picture_of_the_page_in_the_readme_and_the_book_is_one_of_the_page_as_it_i
 }
 
 #[test]
-fn the_bundle_in_the_repository_is_what_its_sources_and_locked_packages_make() {
+fn the_bundle_matches_its_sources_and_locked_packages() {
     let page = workspace().join("tools/view/page");
     let copied = tempfile::tempdir().unwrap();
     copy(&page, copied.path());

@@ -1,4 +1,5 @@
-//! `motorium view` on running graphs: the protocol as a viewer of others speaks it, and the page in a headless browser.
+//! `motorium view` on running graphs: the protocol as a viewer of others speaks it, and the page in a
+//! headless browser.
 
 mod bundle;
 mod client;

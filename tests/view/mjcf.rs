@@ -92,7 +92,7 @@ fn a_robot_of_mjcf_is_described_as_urdf_and_its_meshes_are_sent() {
 }
 
 #[test]
-fn a_robot_of_mjcf_and_an_object_of_a_mesh_are_drawn_on_the_page_where_they_are() {
+fn an_mjcf_robot_and_a_mesh_object_are_drawn_in_place() {
     if without_browser() {
         return;
     }

@@ -1,4 +1,5 @@
-//! Runs that are over before the viewer has seen them. The command that runs the graph is one that ends at once.
+//! Runs that are over before the viewer has seen them. The command that runs the graph is one that ends at
+//! once.
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt as _;
@@ -20,21 +21,21 @@ fn viewed(line: &str) -> (Option<i32>, String) {
 }
 
 #[test]
-fn a_run_that_ended_well_before_it_was_seen_is_told_and_is_no_success() {
+fn a_run_that_succeeded_unseen_is_reported_as_no_success() {
     let (code, errors) = viewed("exit 0");
     assert!(errors.contains("error: the run was over before the viewer saw it"), "{errors}");
     assert_eq!(code, Some(1), "{errors}");
 }
 
 #[test]
-fn the_exit_code_of_a_run_that_failed_before_it_was_seen_is_that_of_the_viewer_which_adds_no_words() {
+fn an_unseen_failure_passes_its_exit_code_on_silently() {
     let (code, errors) = viewed("exit 3");
     assert!(!errors.contains("error"), "{errors}");
     assert_eq!(code, Some(3), "{errors}");
 }
 
 #[test]
-fn a_run_that_a_signal_ended_before_it_was_seen_is_told_and_is_no_success() {
+fn a_run_ended_unseen_by_a_signal_is_no_success() {
     let (code, errors) = viewed("kill -9 $$");
     assert!(errors.contains("`motorium run` was ended (signal: 9"), "{errors}");
     assert_eq!(code, Some(1), "{errors}");

@@ -33,7 +33,7 @@ pub(crate) fn until(browser: &mut Browser, what: &str, is_so: impl Fn(&Json) -> 
 }
 
 #[test]
-fn the_check_compares_the_page_with_the_run_and_writes_its_picture() {
+fn the_check_compares_the_page_with_the_run() {
     if without_browser() {
         return;
     }
@@ -153,7 +153,7 @@ fn the_page_commands_the_run_and_survives_its_end() {
 const LEGEND: &str = "[...document.querySelectorAll('#plot-legend div')].map((line) => [line.dataset.name, line.lastChild.textContent])";
 
 #[test]
-fn the_joints_of_a_humanoid_are_plotted_by_groups_with_their_names_and_values() {
+fn humanoid_joints_are_plotted_by_group_with_their_values() {
     if without_browser() {
         return;
     }
@@ -198,7 +198,7 @@ fn the_joints_of_a_humanoid_are_plotted_by_groups_with_their_names_and_values() 
 }
 
 #[test]
-fn in_a_narrow_window_nothing_is_cut_off_and_the_stop_button_stays() {
+fn a_narrow_window_cuts_nothing_off() {
     if without_browser() {
         return;
     }

@@ -1,4 +1,5 @@
-//! Pictures of cameras on the page of a run and of a recording, in a headless browser. Left out where no Chromium can be had.
+//! Pictures of cameras on the page of a run and of a recording, in a headless browser. Left out where no
+//! Chromium can be had.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,7 +15,7 @@ use crate::page::{until, without_browser};
 use crate::support::{Run, machine, run, workspace};
 use crate::viewer::Viewer;
 
-/// A camera of depths and brightness beside that of colours.
+/// A camera of depths and brightness next to a colour camera.
 const DEPTH: &str = r#"
 [component.scene]
 kind      = "sensor.depth_camera"
@@ -45,7 +46,8 @@ fn pixel(image: &RawImage, (x, y): (u32, u32), bytes: u32) -> &[u8] {
     &image.data[from..from + bytes as usize]
 }
 
-/// A picture as the page has painted it: its time, and of these places the colours of the canvas and the value under the pointer.
+/// A picture as the page has painted it: its time, and of these places the colours of the canvas and the
+/// value under the pointer.
 fn painted(browser: &mut Browser, topic: &str, places: &[(u32, u32)]) -> Json {
     let script = format!(
         "(() => {{ const canvas = document.querySelector('[data-pictures=\"{topic}\"] canvas'); \
@@ -126,7 +128,7 @@ fn recorded(folder: &std::path::Path) -> Recording {
 }
 
 #[test]
-fn a_recording_that_is_played_shows_its_pictures_pixel_by_pixel_and_depths_as_colours() {
+fn a_played_recording_shows_its_pictures_and_depths() {
     if without_browser() {
         return;
     }

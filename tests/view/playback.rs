@@ -35,7 +35,7 @@ fn at(recording: &Recording, topic: &str, time_ns: u64) -> RecordedSample {
 }
 
 #[test]
-fn a_recording_is_played_from_the_place_and_at_the_speed_that_a_viewer_asks_for() {
+fn a_recording_is_played_from_the_requested_time_and_speed() {
     let _machine = machine();
     let folder = tempfile::tempdir().unwrap();
     let file = recorded(folder.path());
@@ -99,7 +99,7 @@ fn at_end(recording: &Recording) -> u64 {
 }
 
 #[test]
-fn the_page_shows_the_place_of_the_recording_that_its_slider_is_at() {
+fn the_page_shows_the_recording_at_its_slider() {
     if without_browser() {
         return;
     }

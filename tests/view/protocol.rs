@@ -1,4 +1,5 @@
-//! The protocol, spoken by a client that knows nothing of the viewer: channels, values, parameters, commands, files.
+//! The protocol, spoken by a client that knows nothing of the viewer: channels, values, parameters, commands,
+//! files.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::Relaxed;
@@ -16,7 +17,7 @@ use crate::viewer::{Viewer, installed};
 const SUBPROTOCOL: &str = "foxglove.sdk.v1";
 const STATE: &str = "panda/joint_state";
 
-/// A run of the Panda that goes on, and a viewer of it.
+/// A running Panda, and a viewer of it.
 fn viewed() -> (Run, Viewer) {
     let run = Run::start(&panda_reach(), &["--for", "300s"]);
     let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
@@ -24,10 +25,11 @@ fn viewed() -> (Run, Viewer) {
 }
 
 #[test]
-fn what_a_viewer_subscribes_to_is_what_is_in_the_shared_memory_of_the_run() {
+fn subscriptions_match_the_shared_memory_of_the_run() {
     let _machine = machine();
     let (run, viewer) = viewed();
-    // One that is met before the viewer has found the run may be greeted with a session that is none of a run.
+    // A client that connects before the viewer has found the run may be greeted with a session that belongs
+    // to no run.
     Client::connect(viewer.port, "", SUBPROTOCOL).unwrap().await_channels(&[STATE]);
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&[
@@ -100,7 +102,7 @@ fn what_a_viewer_subscribes_to_is_what_is_in_the_shared_memory_of_the_run() {
 }
 
 #[test]
-fn the_pictures_of_a_camera_come_whole_in_the_form_that_it_tells() {
+fn camera_pictures_arrive_whole_in_the_announced_form() {
     use foxglove::Decode as _;
     let _machine = machine();
     let graph = workspace().join("graphs/camera-servo.toml");
@@ -190,7 +192,7 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
         })
     };
     told(&mut guest, wanted);
-    // what somebody else sets is told as well
+    // values set by others are reported as well
     let table = ParameterTable::open(&run.folder.domain().unwrap(), run.folder.plan().unwrap()).unwrap();
     table.set(&name, min.into()).unwrap();
     told(&mut guest, min);
@@ -226,7 +228,7 @@ fn the_stop_service_stops_the_robot_and_resume_releases_it() {
 }
 
 #[test]
-fn another_run_of_the_graph_takes_the_place_of_one_that_has_ended() {
+fn another_run_of_the_graph_replaces_an_ended_one() {
     let _machine = machine();
     let (run, viewer) = viewed();
     let first = run.folder.id().to_string();
@@ -263,7 +265,7 @@ fn another_run_of_the_graph_takes_the_place_of_one_that_has_ended() {
 }
 
 #[test]
-fn a_viewer_that_is_told_to_end_ends_the_graph_that_it_has_started() {
+fn a_viewer_that_ends_also_ends_the_graph_it_started() {
     let _machine = machine();
     let mut viewer = Viewer::start(&["graphs/panda-reach.toml", "--", "--for", "300s"], &[]);
     await_that("the graph runs", || viewer.descendants().len() > 5);
@@ -274,7 +276,7 @@ fn a_viewer_that_is_told_to_end_ends_the_graph_that_it_has_started() {
 }
 
 #[test]
-fn a_graph_that_cannot_start_is_told_once_and_ends_the_viewer_with_the_exit_code_of_its_mistake() {
+fn a_graph_that_cannot_start_ends_the_viewer_with_its_code() {
     let installed = installed();
     let view = |graph: &str| {
         let output = std::process::Command::new(installed.path().join("motorium"))
@@ -293,7 +295,7 @@ fn a_graph_that_cannot_start_is_told_once_and_ends_the_viewer_with_the_exit_code
 }
 
 #[test]
-fn the_port_serves_the_page_and_files_of_robots_and_nothing_else() {
+fn the_port_serves_only_the_page_and_robot_files() {
     let _machine = machine();
     let packages = tempfile::tempdir().unwrap();
     let mesh = packages.path().join("arm/meshes/hand.stl");

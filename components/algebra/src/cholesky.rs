@@ -107,8 +107,8 @@ impl Cholesky {
         2.0 * (0..self.n).map(|i| self.factor[i * self.stride + i].ln()).sum::<f64>()
     }
 
-    /// Writes the lower triangle of `A^-1` to `out`, whose rows are [`stride`](Self::stride) apart. What lies right
-    /// of the diagonal is unspecified.
+    /// Writes the lower triangle of `A^-1` to `out`, whose rows are [`stride`](Self::stride) apart. What lies
+    /// right of the diagonal is unspecified.
     ///
     /// # Panics
     /// When `out` is not `stride * stride` long.

@@ -35,10 +35,11 @@ const ROUNDING: f64 = 1e-15;
 
 /// The leading left singular vectors of a matrix.
 ///
-/// The Gram matrix of the shorter side holds squares, and resolves singular values `s` only to
-/// `eps s_1^2 / s`. So only vectors with `s >= 1e-3 s_1` are taken from it; the matrix is projected onto what they
-/// leave, and the rest is found there, in the same way, until enough are found. All singular values with a vector are
-/// so exact to a few `eps s_1`, as with a direct method. A tall matrix is first reduced to its triangle (QR).
+/// The Gram matrix of the shorter side holds squares, and resolves singular values `s` only to `eps s_1^2 /
+/// s`. So only vectors with `s >= 1e-3 s_1` are taken from it; the matrix is projected onto what they leave,
+/// and the rest is found there, in the same way, until enough are found. All singular values with a vector
+/// are so exact to a few `eps s_1`, as with a direct method. A tall matrix is first reduced to its triangle
+/// (QR).
 pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
     let (rows, columns) = matrix.shape();
     if rows == 0 || columns == 0 {

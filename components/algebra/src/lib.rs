@@ -4,12 +4,12 @@
 //! - [`Cholesky`]: a blocked factorisation with inverse, solves, and one row appended or removed.
 //! - [`symmetric_eigen`]: Householder tridiagonalisation and divide and conquer.
 //! - [`eigen_of_rank_one_update`]: eigenvalues of `diag(d) + z z^T` from their secular equation.
-//! - [`left_singular`]: singular values and left singular vectors from Gram matrices, one for each scale of singular
-//!   values, so that squaring them costs no accuracy.
+//! - [`left_singular`]: singular values and left singular vectors from Gram matrices, one for each scale of
+//!   singular values, so that squaring them costs no accuracy.
 //!
-//! References: Gu, Eisenstat, *A divide-and-conquer algorithm for the symmetric tridiagonal eigenproblem*, SIAM J.
-//! Matrix Anal. Appl. 16, 1995. Li, *Solving secular equations stably and efficiently*, LAPACK Working Note 89, 1993.
-//! Golub, Van Loan, *Matrix Computations*, 4th ed., sections 4.2, 6.5, 8.3 and 8.4.
+//! References: Gu, Eisenstat, *A divide-and-conquer algorithm for the symmetric tridiagonal eigenproblem*,
+//! SIAM J. Matrix Anal. Appl. 16, 1995. Li, *Solving secular equations stably and efficiently*, LAPACK
+//! Working Note 89, 1993. Golub, Van Loan, *Matrix Computations*, 4th ed., sections 4.2, 6.5, 8.3 and 8.4.
 
 mod cholesky;
 mod left;

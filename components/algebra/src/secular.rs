@@ -13,10 +13,10 @@ pub struct RankOne {
 
 /// Solves the eigenproblem of `diag(d) + z z^T` for `d` in ascending order.
 ///
-/// The eigenvalues are the roots of `1 + sum(z_j^2 / (d_j - x)) = 0`, one between each two neighbours of `d`. Entries
-/// with a negligible `z_j`, and all but one of equal `d_j`, are eigenvalues as they stand (deflation). The vectors are
-/// made from the `z` for which the computed roots are exact (Gu and Eisenstat), so they are orthogonal to rounding however
-/// close the roots lie.
+/// The eigenvalues are the roots of `1 + sum(z_j^2 / (d_j - x)) = 0`, one between each two neighbours of `d`.
+/// Entries with a negligible `z_j`, and all but one of equal `d_j`, are eigenvalues as they stand
+/// (deflation). The vectors are made from the `z` for which the computed roots are exact (Gu and Eisenstat),
+/// so they are orthogonal to rounding however close the roots lie.
 ///
 /// # Panics
 /// When `d` and `z` differ in length.
@@ -183,7 +183,8 @@ fn sums(squares: &[f64], gaps: &[f64], tau: f64) -> [f64; 2] {
     out
 }
 
-/// The step to the root of a constant and two poles, with the value and the slopes of the function ("middle way").
+/// The step to the root of a constant and two poles, with the value and the slopes of the function ("middle
+/// way").
 fn interpolate(value: f64, slopes: [f64; 2], [left, right]: [f64; 2]) -> f64 {
     let c = value - left * slopes[0] - right * slopes[1];
     let a = (left + right) * value - left * right * (slopes[0] + slopes[1]);

@@ -22,8 +22,8 @@ impl Simd {
         Self(arch)
     }
 
-    /// Runs `operation` compiled for the widest instructions of the machine, so that its loops over slices become
-    /// vector instructions. `operation` must be marked `#[inline(always)]`, and so must what it calls.
+    /// Runs `operation` compiled for the widest instructions of the machine, so that its loops over slices
+    /// become vector instructions. `operation` must be marked `#[inline(always)]`, and so must what it calls.
     pub fn run<R>(self, operation: impl FnOnce() -> R) -> R {
         self.0.dispatch(operation)
     }

@@ -1,7 +1,7 @@
 //! Products of panels of rows, by tiles that stay in registers.
 //!
-//! Every sum runs over the rows in ascending order, with fused multiply-adds where the machine has them, so a result
-//! does not depend on the width of the instructions.
+//! Every sum runs over the rows in ascending order, with fused multiply-adds where the machine has them, so a
+//! result does not depend on the width of the instructions.
 
 use std::ops::Range;
 
@@ -58,7 +58,8 @@ fn scale<S: Simd>(simd: S, factor: f64, row: &mut [f64]) {
     }
 }
 
-/// Overwrites the upper triangle of a symmetric matrix with `U` of `U^T U`; the pivot and its row if it is not positive.
+/// Overwrites the upper triangle of a symmetric matrix with `U` of `U^T U`; the pivot and its row if it is
+/// not positive.
 pub(super) struct Factor<'a> {
     pub(super) matrix: &'a mut [f64],
     pub(super) stride: usize,

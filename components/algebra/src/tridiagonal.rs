@@ -74,7 +74,8 @@ impl Tridiagonal {
     }
 }
 
-/// The reflection that leaves of `x` only its first entry: `x` becomes its vector; returns its factor and that entry.
+/// The reflection that leaves of `x` only its first entry: `x` becomes its vector; returns its factor and
+/// that entry.
 fn reflection(x: &mut [f64]) -> (f64, f64) {
     let scale = x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let rest = x[1..].iter().fold(0.0_f64, |m, x| m.max(x.abs()));

@@ -116,6 +116,6 @@ fn the_successor_of_a_killed_reader_takes_its_pin_over() {
 }
 
 #[test]
-fn the_last_whole_value_outlives_a_writer_killed_in_the_middle_of_the_next() {
+fn the_last_complete_value_outlives_a_killed_writer() {
     holds_only_with(&[], 3, a_killed_writer);
 }

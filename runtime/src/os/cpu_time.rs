@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_that_works_uses_its_core_and_one_that_sleeps_does_not() {
+    fn a_working_thread_uses_its_core_and_a_sleeping_one_does_not() {
         let before = thread_cpu_ns();
         std::thread::sleep(std::time::Duration::from_millis(30));
         let slept = thread_cpu_ns() - before;

@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn without_scheduler_data_a_late_start_is_waiting_and_a_gap_stolen() {
+    fn late_starts_count_as_waiting_without_scheduler_data() {
         let late = Evidence { wake_ns: 1_950, end_ns: 2_050, waited_ns: None, ..in_time() };
         assert_eq!(late.cause(), Some(MissCause::LateWake));
         let gap = Evidence { end_ns: 2_100, cpu_ns: 100, waited_ns: None, ..in_time() };

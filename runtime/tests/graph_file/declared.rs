@@ -81,7 +81,7 @@ fn told(checked: &Checked) -> Vec<String> {
 }
 
 #[test]
-fn a_component_knows_its_clock_and_its_period_also_at_the_end_of_a_trigger_chain() {
+fn a_component_knows_its_period_at_the_end_of_a_chain() {
     let text = r#"
         name = "chain"
         [component.third]
@@ -129,7 +129,7 @@ fn a_component_without_a_known_period_is_asked_all_the_same() {
 }
 
 #[test]
-fn a_warning_of_a_component_stands_at_its_key_or_at_the_component() {
+fn a_component_warning_is_shown_at_its_key_or_component() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("graph.toml");
     let text = "name = \"doubts\"\n[component.mine]\nkind = \"test.surveyor\"\nrate = \"1 kHz\"\n\
@@ -203,7 +203,7 @@ fn downwards(path: &Path) -> Result<[f64; 3], ConfigError> {
 }
 
 #[test]
-fn a_kind_that_reads_gravity_gets_the_three_numbers_of_the_file_of_the_world() {
+fn a_kind_that_reads_gravity_gets_it_from_the_world_file() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("moon.txt"), "1.62").expect("written");
     let path = folder.path().join("graph.toml");

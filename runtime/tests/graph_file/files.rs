@@ -5,8 +5,8 @@ use serde_json::Value as Json;
 
 use super::{anywhere, good, graphs, load, stem};
 
-/// The graphs of a folder that are refused as they are read. One there is well-formed and asks for more time than there
-/// is: that it is refused too is tested where admission is.
+/// The graphs of a folder that are refused as they are read. One there is well-formed and asks for more time
+/// than there is: that it is refused too is tested where admission is.
 fn refused(folder: &str) -> impl Iterator<Item = std::path::PathBuf> {
     graphs(folder).into_iter().filter(|path| stem(path) != "overloaded")
 }
@@ -113,7 +113,7 @@ fn a_file_that_is_not_text_is_refused_at_its_first_bad_byte() {
 }
 
 #[test]
-fn events_release_a_component_no_sooner_than_its_interval_and_what_it_triggers_has_the_same_period() {
+fn events_respect_the_interval_and_pass_on_its_period() {
     use motorium::plan::{Activation, SchedulingClass, Spin};
     let plan = |set: &[&str]| super::load_with(&good("on-events"), set).expect("a good graph").plan;
     let bus = &plan(&[]).components[0];
@@ -136,7 +136,7 @@ fn a_plan_survives_the_way_to_a_worker() {
 }
 
 #[test]
-fn the_seed_of_a_component_depends_on_its_name_and_not_on_its_place() {
+fn the_seed_of_a_component_depends_only_on_its_name() {
     let plan = load(&good("panda-reach")).expect("a good graph").plan;
     let text = std::fs::read_to_string(good("panda-reach")).expect("the file");
     let folder = tempfile::tempdir().expect("a folder");

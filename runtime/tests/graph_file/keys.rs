@@ -7,7 +7,8 @@ use serde_json::Value as Json;
 
 use super::{good, kinds, load, load_with};
 
-/// For every key of the graph file another value than `everything.toml` has. What is taken with it makes it possible.
+/// For every key of the graph file another value than `everything.toml` has. What is taken with it makes it
+/// possible.
 const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Graph.name", &["name=other"]),
     ("Graph.clock", &["clock=realtime"]),
@@ -94,8 +95,9 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
     ("Graph.expect", &["expect.physics.steps=> 5"]),
 ];
 
-/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, `world`,
-/// `activate` (there are no events in lockstep), `robots`, those of episodes (the kinds of this test cannot be reset), and those by which files are laid over one another.
+/// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`,
+/// `world`, `activate` (there are no events in lockstep), `robots`, those of episodes (the kinds of this test
+/// cannot be reset), and those by which files are laid over one another.
 const TABLES: [&str; 21] = [
     "Component.activate",
     "Activate.on",

@@ -1,5 +1,5 @@
-//! Stand-ins for built-in kinds, for graph files that are only checked: the runtime itself has no kinds. Their ports
-//! and configurations are chosen for these tests; those of the real kinds stand in `components/`.
+//! Stand-ins for built-in kinds, for graph files that are only checked: the runtime itself has no kinds.
+//! Their ports and configurations are chosen for these tests; those of the real kinds stand in `components/`.
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};

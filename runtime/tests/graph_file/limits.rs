@@ -18,7 +18,7 @@ fn errors(text: String) -> (Vec<String>, String, Duration) {
 }
 
 #[test]
-fn of_very_many_syntax_errors_five_are_told_and_the_others_counted() {
+fn five_of_many_syntax_errors_are_shown_and_the_rest_counted() {
     let (messages, rendered, _) = errors("[[a]]x\n".repeat(5_027));
     assert_eq!(messages.len(), 6, "{messages:?}");
     assert_eq!(messages[5], "and 5,022 more errors");
@@ -29,8 +29,8 @@ fn of_very_many_syntax_errors_five_are_told_and_the_others_counted() {
     assert!(!messages[5].contains("more"), "{messages:?}");
 }
 
-/// True if work of `long` takes less than the square of what its size says over that of `short`: by the exponent of
-/// growth, in the best of three.
+/// True if work of `long` takes less than the square of what its size says over that of `short`: by the
+/// exponent of growth, in the best of three.
 fn grows_like_its_length(text: impl Fn(usize) -> String, short: usize) {
     const TIMES: usize = 8;
     let took = |size: usize| (0..3).map(|_| errors(text(size)).2).min().expect("three of them").as_secs_f64();
@@ -40,13 +40,13 @@ fn grows_like_its_length(text: impl Fn(usize) -> String, short: usize) {
 }
 
 #[test]
-fn the_time_to_tell_syntax_errors_grows_with_the_length_of_the_file() {
+fn reporting_syntax_errors_takes_linear_time() {
     grows_like_its_length(|count| "[[a]]x\n".repeat(count), 1_000);
     grows_like_its_length(|count| "<a> ".repeat(count), 1_000);
 }
 
 #[test]
-fn the_time_to_tell_other_errors_grows_with_the_length_of_the_file() {
+fn reporting_other_errors_takes_linear_time() {
     let unknown = |count: usize| {
         (0..count).map(|i| format!("[component.c{i}]\nkind = \"no.such\"\nrate = 3\n")).collect::<String>()
     };
@@ -54,7 +54,7 @@ fn the_time_to_tell_other_errors_grows_with_the_length_of_the_file() {
 }
 
 #[test]
-fn a_graph_of_more_components_than_run_is_refused_before_its_times_are_analysed() {
+fn a_graph_with_too_many_components_is_refused_early() {
     let many = |count: usize| {
         let component = |i| format!("[component.c{i}]\nkind = \"sensor.joint_encoder\"\nrate = \"1 Hz\"\n");
         format!("name = \"many\"\n{}", (0..count).map(component).collect::<String>())

@@ -1,4 +1,5 @@
-//! A good file, damaged at random: whatever it then is, reading it ends with a plan or with errors that can be shown.
+//! A good file, damaged at random: whatever it then is, reading it ends with a plan or with errors that can
+//! be shown.
 
 use motorium::graph::check;
 use proptest::prelude::*;

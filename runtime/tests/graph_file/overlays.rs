@@ -41,7 +41,7 @@ fn a_graph_that_extends_another_is_that_graph_but_for_what_it_says() {
 }
 
 #[test]
-fn files_are_laid_over_one_another_in_their_order_and_overrides_last() {
+fn files_are_layered_in_order_and_overrides_come_last() {
     let variant = plan(load(&overlay("twice.toml")));
     assert_eq!((variant.name.as_str(), variant.seed), ("variant", 8));
     assert_eq!(variant.components[1].config, serde_json::json!({ "velocity_noise": 1e-3 }));

@@ -6,7 +6,8 @@ use std::sync::Mutex;
 
 use super::load;
 
-/// A program is written and then started: another thread that starts one in between would hold it open for writing.
+/// A program is written and then started: another thread that starts one in between would hold it open for
+/// writing.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -53,7 +54,7 @@ fn declaration(ports: &[&str]) -> String {
 }
 
 #[test]
-fn a_program_is_told_its_period_its_clock_and_its_folder_and_its_warnings_are_shown() {
+fn a_program_gets_its_period_clock_and_folder() {
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     let folder = tempfile::tempdir().expect("a folder");
     let program = folder.path().join("my-component");

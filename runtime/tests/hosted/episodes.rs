@@ -13,7 +13,8 @@ use motorium::worker::{Kind, Registry, RobotSource};
 #[serde(deny_unknown_fields)]
 struct NoConfig {}
 
-/// Publishes its step, and that of the episode's seed, as a stream of single values, of slices, and as a state.
+/// Publishes its step, and that of the episode's seed, as a stream of single values, of slices, and as a
+/// state.
 struct Feed {
     single: Output<Wrench>,
     slices: SliceOutput<f64>,

@@ -5,7 +5,7 @@
 mod hosted_graph;
 
 #[test]
-fn the_filter_of_the_examples_answers_a_step_as_a_first_order_low_pass_does() {
+fn the_example_filter_responds_as_a_first_order_low_pass() {
     let samples = hosted_graph::step_response().unwrap();
     assert_eq!(samples.len(), 50);
     // 1 - (tau / (tau + dt))^n after n steps

@@ -80,7 +80,7 @@ fn a_graph_that_is_refused_says_why_in_the_words_of_check() {
 }
 
 #[test]
-fn a_step_of_closures_allocates_nothing_and_an_allocating_one_is_counted() {
+fn only_an_allocating_closure_step_counts_allocations() {
     let probe = Probe::<Wrench>::of("doubled");
     let report = doubling().with(&probe).run("500 ms").unwrap();
     for component in &report.components {

@@ -78,7 +78,7 @@ fn check(text: &str) -> Result<motorium::plan::Plan, String> {
 }
 
 #[test]
-fn choices_and_arrays_begin_as_the_graph_has_them_and_several_change_at_once_or_none() {
+fn choices_and_arrays_start_as_configured_and_change_together() {
     let plan = check(GRAPH).unwrap();
     let mut session = Session::launch(plan, &registry(), &Options::inline()).unwrap();
     let next = |session: &mut Session<'_>| {
@@ -116,7 +116,7 @@ fn choices_and_arrays_begin_as_the_graph_has_them_and_several_change_at_once_or_
 }
 
 #[test]
-fn a_graph_file_with_another_choice_or_length_is_refused_in_its_place() {
+fn an_invalid_choice_or_length_is_refused_at_its_position() {
     let refused = |from: &str, to: &str| check(&GRAPH.replace(from, to)).unwrap_err();
     let text = refused("\"pitch\"", "\"picth\"");
     assert!(text.contains("knobs.toml:8:") && text.contains("did you mean `pitch`?"), "{text}");

@@ -126,7 +126,7 @@ fn refused(report: &Report) -> u64 {
 }
 
 #[test]
-fn in_lockstep_a_source_time_travels_down_the_chain_and_counts_in_latencies_and_in_the_gate() {
+fn a_source_time_passes_down_the_chain_in_lockstep() {
     let (report, samples) = ages(graph("lockstep", 15));
     assert_eq!(samples.len(), 500);
     assert!(
@@ -143,7 +143,7 @@ fn in_lockstep_a_source_time_travels_down_the_chain_and_counts_in_latencies_and_
 }
 
 #[test]
-fn in_real_time_a_live_component_that_publishes_old_measurements_is_refused_by_the_gate() {
+fn the_gate_refuses_a_live_component_with_old_measurements() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let (report, samples) = ages(graph("realtime", 30));
     assert!(samples.len() > 50, "{} samples", samples.len());
@@ -153,7 +153,7 @@ fn in_real_time_a_live_component_that_publishes_old_measurements_is_refused_by_t
 }
 
 #[test]
-fn a_source_time_in_the_future_is_refused_and_counted_but_for_a_millisecond() {
+fn a_source_time_beyond_a_millisecond_ahead_is_refused() {
     let (report, samples) = ages(graph("lockstep", -2));
     assert_eq!((samples.len(), refused(&report)), (0, 500));
     let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
@@ -165,7 +165,7 @@ fn a_source_time_in_the_future_is_refused_and_counted_but_for_a_millisecond() {
 }
 
 #[test]
-fn the_deadline_of_a_step_is_a_period_after_its_time_and_in_lockstep_all_of_it_is_left() {
+fn the_deadline_of_a_step_is_a_period_after_its_time() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     for (clock, kind) in [("lockstep", ClockKind::Lockstep), ("realtime", ClockKind::Realtime)] {
         let left = Probe::<Wrench>::of("left").triggered();

@@ -11,7 +11,8 @@ fn state() -> JointState {
     state
 }
 
-/// A source at 500 Hz and a chain of two functions that it triggers; the samples of the source and of the chain's end.
+/// A source at 500 Hz and a chain of two functions that it triggers; the samples of the source and of the
+/// chain's end.
 fn chain(clock: &str) -> [Vec<Sample<JointState>>; 2] {
     let [first, last] = ["first", "last"].map(Probe::<JointState>::of);
     let copy = |name: &str, from: &str, to: &str| {
@@ -51,7 +52,7 @@ fn in_lockstep_a_state_is_for_the_tick_that_made_it() {
 }
 
 #[test]
-fn in_real_time_a_state_is_for_the_scheduled_release_however_late_it_is_published() {
+fn a_state_in_real_time_has_its_scheduled_release() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let [first, last] = chain("realtime");
     for samples in [&first, &last] {

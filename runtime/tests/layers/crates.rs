@@ -74,9 +74,9 @@ pub(crate) fn wrong_dependencies(root: &Path) -> Vec<String> {
     found
 }
 
-/// Files of the wings outside of their `component` modules that name the runtime. Its plain units are allowed: the
-/// settings of an algorithm may be the configuration of its component. Policies, interfaces and bridges are
-/// components alone.
+/// Files of the wings outside of their `component` modules that name the runtime. Its plain units are
+/// allowed: the settings of an algorithm may be the configuration of its component. Policies, interfaces and
+/// bridges are components alone.
 pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
     let wings = members(root).into_values().filter(|folder| folder.starts_with("components/"));
     let mut found = Vec::new();
@@ -101,7 +101,8 @@ pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
     found
 }
 
-/// Functions that offer kinds and may be inlined, against the advice of `Kind::of`; and the number of all that were found.
+/// Functions that offer kinds and may be inlined, against the advice of `Kind::of`; and the number of all
+/// that were found.
 pub(crate) fn inlined_kinds(root: &Path) -> (Vec<String>, usize) {
     let offers = |line: &str| {
         let given = line.strip_prefix("pub fn ").and_then(|rest| rest.split_once("() -> "));

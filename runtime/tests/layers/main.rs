@@ -1,5 +1,6 @@
-//! The layers of the house: the arrows between the modules of the runtime and between the crates of the workspace,
-//! drawn from the sources. An arrow that runs back up, or a cycle, fails; so does a layer that outgrows its ceiling.
+//! The layers of the house: the arrows between the modules of the runtime and between the crates of the
+//! workspace, drawn from the sources. An arrow that runs back up, or a cycle, fails; so does a layer that
+//! outgrows its ceiling.
 
 mod crates;
 mod paths;
@@ -168,7 +169,7 @@ fn of(text: &str) -> Vec<(String, String)> {
 }
 
 #[test]
-fn what_steps_is_compiled_in_the_crate_of_its_kind_and_not_with_its_callers() {
+fn step_code_is_compiled_in_the_crate_of_its_kind() {
     let (inlined, found) = crates::inlined_kinds(&root());
     assert!(inlined.is_empty(), "see `Kind::of`: {}", inlined.join("\n"));
     assert!(found >= 10, "{found} functions of kinds found");

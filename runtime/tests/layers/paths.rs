@@ -39,7 +39,8 @@ pub(crate) fn exported_macros(module: &[String], tokens: &[Token]) -> Vec<(Strin
     found
 }
 
-/// All arrows of one file. `macros` are those that stand at the root of the crate, by name, with their module.
+/// All arrows of one file. `macros` are those that stand at the root of the crate, by name, with their
+/// module.
 pub(crate) fn arrows(module: &[String], tokens: &[Token], macros: &BTreeMap<String, String>) -> Vec<Arrow> {
     let mut found = Vec::new();
     // the brace depth at which each inner module ends

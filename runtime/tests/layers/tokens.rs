@@ -133,8 +133,8 @@ fn prefixed(text: &[char], from: usize) -> Option<usize> {
     }
 }
 
-/// The tokens without items under `#[cfg(test)]` and `#[cfg(doc)]`; modules in files of their own keep a trace,
-/// `#[cfg(test)] mod tests;`, by which [`super::paths::test_modules`] finds them.
+/// The tokens without items under `#[cfg(test)]` and `#[cfg(doc)]`; modules in files of their own keep a
+/// trace, `#[cfg(test)] mod tests;`, by which [`super::paths::test_modules`] finds them.
 pub(crate) fn product(tokens: Vec<Token>) -> Vec<Token> {
     let mut kept = Vec::new();
     let mut at = 0;

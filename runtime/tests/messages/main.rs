@@ -2,7 +2,8 @@
 
 use motorium::state::{Decoder, encode, numbered};
 
-/// A changed hash is a change for every file and every program that knows the type: give a new type a new number.
+/// A changed hash is a change for every file and every program that knows the type: give a new type a new
+/// number.
 #[test]
 fn the_layouts_are_those_that_files_and_programs_know() {
     let known = include_str!("layouts.txt");

@@ -1,9 +1,10 @@
-//! Tells when nothing ran on a computer for a while: it sleeps for a millisecond again and again, and prints a line where that took
-//! much longer, until it is ended.
+//! Tells when nothing ran on a computer for a while: it sleeps for a millisecond again and again, and prints
+//! a line where that took much longer, until it is ended.
 //!
-//! A line is the seconds since the computer started, the milliseconds that the sleep took, and those of them in which its processors
-//! were idle. At the highest priority nothing but the kernel can hold it up, and where the processor was idle meanwhile not even that
-//! did: then the clock of the machine leapt over its release.
+//! A line is the seconds since the computer started, the milliseconds that the sleep took, and those of them
+//! in which its processors were idle. At the highest priority nothing but the kernel can hold it up, and
+//! where the processor was idle meanwhile not even that did: then the clock of the machine leapt over its
+//! release.
 
 use std::fs::File;
 use std::io::Error;
@@ -12,7 +13,7 @@ use std::time::{Duration, Instant};
 
 /// A sleep.
 const SLEEP: Duration = Duration::from_millis(1);
-/// A sleep from this time on is told.
+/// Sleeps of at least this duration are reported.
 const LONG: Duration = Duration::from_millis(3);
 
 /// The seconds since the computer started, and those in which its processors were idle.

@@ -33,7 +33,7 @@ enum Fault {
     ConfigureHangAgain,
     /// The process ends while it is configured.
     ConfigureExit,
-    /// The step takes more and more memory, until there is none.
+    /// The step allocates more and more memory until there is none left.
     Devour,
     /// The step opens files until there are no descriptors left.
     Open,

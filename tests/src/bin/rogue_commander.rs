@@ -1,4 +1,5 @@
-//! A user's component that commands nonsense on order, measures what the joints do, and presses an emergency stop.
+//! A user's component that commands nonsense on order, measures what the joints do, and presses an emergency
+//! stop.
 //!
 //! Triggered by the true state of the joints it sees every step of the simulation.
 

@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn more_rates_than_priorities_still_never_rank_a_slower_one_higher() {
+    fn more_rates_than_priorities_never_rank_a_slower_one_higher() {
         let periods: Vec<u64> = (1..=300).collect();
         let priorities = rate_monotonic(&periods, 80, 5);
         assert!(priorities.windows(2).all(|pair| pair[0] >= pair[1]));

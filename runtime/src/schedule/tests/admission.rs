@@ -96,7 +96,7 @@ fn an_overloaded_core_is_refused_with_the_sum() {
 }
 
 #[test]
-fn what_the_kernel_would_throttle_is_refused_and_the_reason_named() {
+fn a_graph_the_kernel_would_throttle_is_refused_with_reason() {
     let admission = check(&reach(325), &[]);
     assert_eq!(
         errors(&admission),
@@ -144,7 +144,7 @@ fn a_late_wake_is_hidden_by_spinning_before_the_release() {
 }
 
 #[test]
-fn the_clock_costs_more_than_a_hand_over_and_looking_for_the_next_publication_is_counted() {
+fn a_clock_wake_up_and_polling_are_part_of_the_cost() {
     let machine = Overheads { timer_ns: 20 * US, look_ns: 10 * US, ..MACHINE };
     let nodes = [
         node("sensor", KHZ, 100 * US),
@@ -281,7 +281,7 @@ fn phases_keep_components_of_one_core_out_of_each_others_way() {
 }
 
 #[test]
-fn phases_of_a_component_that_may_leave_its_grid_count_for_nothing() {
+fn phases_of_a_component_that_may_leave_its_grid_are_ignored() {
     let mut nodes = [node("a", KHZ, 300 * US), node("b", When::Every(1_000 * US, 500 * US), 300 * US)];
     nodes[0].on_overrun = OnOverrun::Rephase;
     let responses: Vec<_> =

@@ -21,14 +21,14 @@ fn responses(reserved: &[(i64, i64)], cores: usize) -> Vec<Option<i64>> {
 }
 
 #[test]
-fn on_one_core_the_earliest_deadline_first_uses_all_of_it_and_no_more() {
+fn earliest_deadline_first_uses_exactly_one_core() {
     // C. Liu, J. Layland 1973: utilisation 1 is enough and necessary
     assert!(responses(&[(2, 5), (4, 10), (2, 10)], 1).iter().all(Option::is_some));
     assert!(responses(&[(2, 5), (4, 10), (3, 10)], 1).iter().all(Option::is_none));
 }
 
 #[test]
-fn a_long_one_beside_many_short_ones_may_be_late_however_little_they_take() {
+fn a_long_task_among_many_short_ones_may_be_late() {
     // S. Dhall, C. Liu, *On a real-time scheduling problem*, 1978: short ones have the earlier deadlines,
     // take all cores first, and the long one no longer fits in
     let short = (2, 100);
@@ -102,7 +102,7 @@ fn what_is_triggered_by_a_deadline_comes_after_its_bound() {
 }
 
 #[test]
-fn more_deadlines_than_the_kernel_takes_are_refused_with_the_sum() {
+fn excess_deadline_bandwidth_is_refused_with_its_sum() {
     let nodes = [
         node("a", KHZ, 650 * US).by_deadline(650 * US, 0),
         node("b", KHZ, 650 * US).by_deadline(650 * US, 0),

@@ -52,7 +52,7 @@ fn with_waits(set: &[(i64, i64, i64)]) -> Vec<Option<i64>> {
 }
 
 #[test]
-fn waiting_counts_for_the_one_that_waits_and_not_as_load_of_the_core() {
+fn waiting_counts_for_the_waiter_and_not_as_core_load() {
     // As work, 60 + 50 of 100 would leave no bound to the second. One job of the first that has waited and
     // the next that has not may both come within one of the second: 50 + 2 * 10.
     assert_eq!(with_waits(&[(10, 50, 100), (50, 0, 100)]), [Some(60), Some(70)]);
@@ -94,7 +94,7 @@ fn lehoczky_two_tasks_whose_worst_job_is_not_the_first() {
 }
 
 #[test]
-fn a_task_beyond_a_full_core_has_no_bound_and_those_above_it_keep_theirs() {
+fn a_task_on_a_full_core_is_unbounded_and_higher_ones_are_not() {
     assert_eq!(of(&[(3, 6), (2, 8), (6, 20)]), [Some(3), Some(5), None]);
 }
 
@@ -106,7 +106,7 @@ fn equals_that_share_a_period_wait_for_all_others() {
 }
 
 #[test]
-fn a_fast_task_waits_for_a_slow_one_of_its_own_priority_but_not_below_it() {
+fn a_fast_task_waits_for_equal_but_not_lower_priority() {
     let mut equals = tasks(&[(1, 10), (6, 100)]);
     equals[1].priority = equals[0].priority;
     assert_eq!(responses(equals), [Some(7), Some(7)]);
@@ -126,7 +126,7 @@ fn who_joins_the_queue_later_waits_however_equal_it_is() {
 }
 
 #[test]
-fn phases_that_keep_tasks_apart_take_them_out_of_each_others_way() {
+fn phases_that_separate_tasks_remove_interference() {
     let mut apart = tasks(&[(4, 10), (4, 10)]);
     assert_eq!(responses(apart.clone()), [Some(4), Some(8)]);
     (apart[0].offset, apart[1].offset) = (Some(0), Some(5));
@@ -140,7 +140,7 @@ fn phases_that_keep_tasks_apart_take_them_out_of_each_others_way() {
 }
 
 #[test]
-fn who_is_released_again_before_it_is_through_does_not_go_back_to_the_end_of_the_queue() {
+fn a_task_released_again_early_keeps_its_queue_position() {
     let mut equals = tasks(&[(3, 10), (1, 100)]);
     equals[1].priority = equals[0].priority;
     assert_eq!(responses(equals.clone())[1], Some(4));

@@ -140,7 +140,7 @@ impl Case {
 }
 
 #[test]
-fn an_equal_may_come_between_the_stages_of_a_chain_more_than_once() {
+fn an_equal_may_interrupt_a_chain_more_than_once() {
     let nodes = [
         node("head", When::Every(400, 0), 60),
         node("second", When::After(0), 30),
@@ -159,7 +159,7 @@ fn an_equal_may_come_between_the_stages_of_a_chain_more_than_once() {
 }
 
 #[test]
-fn an_equal_does_not_come_between_the_stages_of_a_chain_whose_priorities_rise() {
+fn an_equal_does_not_interrupt_a_chain_of_rising_priority() {
     let nodes = [
         node("head", When::Every(400, 0), 60),
         node("second", When::After(0), 30).rising(1),
@@ -174,7 +174,7 @@ fn an_equal_does_not_come_between_the_stages_of_a_chain_whose_priorities_rise() 
 }
 
 #[test]
-fn of_several_that_one_triggers_each_may_come_last_where_priorities_rise() {
+fn any_triggered_task_may_run_last_if_priorities_rise() {
     let nodes = [
         node("head", When::Every(400, 0), 10),
         node("left", When::After(0), 20).rising(1),
@@ -209,7 +209,7 @@ fn events_that_come_as_fast_as_they_may_come_up_to_the_bounds() {
 }
 
 #[test]
-fn the_age_of_what_events_have_brought_has_no_bound_where_it_is_read_at_a_rate() {
+fn the_age_of_event_data_read_at_a_rate_is_unbounded() {
     let nodes = [node("goal", When::OnEvents(500), 10), node("policy", When::Every(100, 0), 10).reading(0)];
     let admission = admit(&graph(&nodes, 0, &[(0, 1, 1_000)]), &Overheads::NONE, RtLimit::NONE);
     assert_eq!((admission.verdict, admission.latencies[0].bound_ns), (Verdict::NotProvable, None));
@@ -233,7 +233,7 @@ fn late_behind_an_urgent(equal: [Node; 2]) -> (u64, i64) {
 }
 
 #[test]
-fn what_waits_for_the_clock_lets_those_go_first_that_are_triggered_before_it_has_the_core() {
+fn a_task_waiting_for_the_clock_yields_to_triggered_ones() {
     let far = node("far", When::Every(100, 3), 7).core(2);
     // released at 2; triggered at 10; both have to wait until 20
     assert_eq!(late_behind_an_urgent([far.clone(), node("equal", When::After(2), 10)]), (33, 33));
@@ -242,7 +242,7 @@ fn what_waits_for_the_clock_lets_those_go_first_that_are_triggered_before_it_has
 }
 
 #[test]
-fn a_margin_that_tunes_itself_may_let_a_component_join_the_queue_as_late_as_its_release() {
+fn an_adaptive_margin_may_delay_queueing_to_the_release() {
     let nodes = [node("own", When::Every(100, 50), 5), node("equal", When::Every(100, 40), 10)];
     let mut plan = graph(&nodes, 20, &[]);
     // spinning from 30 until 50 it comes before the equal, which spins from 20 until 40 only if it always

@@ -17,7 +17,7 @@ fn spans(lane: &Lane) -> Vec<(u64, u64)> {
 }
 
 #[test]
-fn a_chain_runs_one_after_the_other_and_spins_before_its_release() {
+fn a_chain_runs_in_order_and_spins_before_its_release() {
     let nodes = [node("head", When::Every(100, 20), 30), node("tail", When::After(0), 25)];
     let drawn = of(&nodes, 10, MS);
     assert_eq!((drawn.length_ns, drawn.hyperperiod_ns), (100, Some(100)));

@@ -254,7 +254,7 @@ fn a_set_parameter_takes_effect_at_the_next_tick() {
 }
 
 #[test]
-fn several_parameters_of_a_component_change_together_or_not_at_all() {
+fn parameters_of_a_component_change_together_or_not_at_all() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut reader = ParameterReader::open(&bench.node, &bench.plan.components[1]).unwrap();
     let handle = |name: &str| {
