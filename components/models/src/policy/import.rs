@@ -406,7 +406,7 @@ normaliser = { mean = "norm.mean", variance = "norm.var", epsilon = 0.25 }
             network.observation_mut().copy_from_slice(&[x[0] as f32, x[1] as f32]);
             let found = f64::from(network.run()[0]);
             let z = [(x[0] - 0.4) / 1.5, (x[1] + 0.1) / 0.5];
-            let hidden =
+            let hidden: [f64; 3] =
                 [0.5 * z[0] - z[1] + 0.1, 2.0 * z[0] + 0.25 * z[1] - 0.2, -0.75 * z[0] + 1.5 * z[1] + 0.3];
             let expected = hidden[0].tanh() - 2.0 * hidden[1].tanh() + 0.5 * hidden[2].tanh() + 0.05;
             assert!((found - expected).abs() < 2e-6, "{found} {expected}");

@@ -113,8 +113,10 @@ fn permuted_policies_give_the_same_motion_or_an_error() {
         policy.action.joints = order.iter().map(|index| names[*index].to_owned()).collect();
         policy.action.scale = Numbers::Each(pick(&scale));
         policy.action.default_pose = pick(&pose);
-        let rows =
-            order.iter().flat_map(|row| order.iter().map(|column| weights[row * count + column] as f32));
+        let rows = order.iter().flat_map(|row| {
+            let weights = &weights;
+            order.iter().map(move |column| weights[row * count + column] as f32)
+        });
         let layer = (rows.collect(), pick(&bias).iter().map(|bias| *bias as f32).collect());
         let bytes = write_mlp(count, &[layer], Unary::Relu, &[]);
         let program = Model::read(&bytes).and_then(|model| model.program(1)).expect("a network");
@@ -151,7 +153,7 @@ fn recurrent_states_carry_over_and_reset() {
     let mut policy = Policy::parse(TEXT).expect("a policy");
     policy.observations = vec![Observation::new(Term::Command)];
     let mut network = PolicyNetwork::new(&policy, program.clone()).expect("it fits");
-    let mut run = |network: &mut PolicyNetwork| {
+    let run = |network: &mut PolicyNetwork| {
         network.observation_mut().copy_from_slice(&[0.3, -0.2, 0.9]);
         network.run().to_vec()
     };

@@ -12,7 +12,7 @@ use serde::Deserialize;
 /// ```
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct NetworkConfig {
+pub struct NetworkPolicyConfig {
     /// Folder of the policy, with `policy.toml` and its network, relative to the graph file.
     #[schemars(extend("format" = "path"))]
     pub policy: String,

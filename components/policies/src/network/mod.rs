@@ -2,7 +2,7 @@
 
 mod config;
 
-pub use config::{AttitudeSource, BaseVelocitySource, NetworkConfig};
+pub use config::{AttitudeSource, BaseVelocitySource, NetworkPolicyConfig};
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -35,7 +35,7 @@ pub struct NetworkPolicy {
     inputs: Inputs,
     output: Output<Action>,
     default_command: ParameterArray,
-    config: NetworkConfig,
+    config: NetworkPolicyConfig,
     imu_rotation: UnitQuaternion<f64>,
     /// Values of one term.
     scratch: Vec<f64>,
@@ -68,7 +68,7 @@ enum Port {
     Heights,
 }
 
-impl NetworkConfig {
+impl NetworkPolicyConfig {
     /// The port that a term reads.
     fn port(&self, term: Term) -> Option<Port> {
         Some(match term {
@@ -111,7 +111,7 @@ pub(crate) fn refused(key: &str, error: &PolicyFolderError) -> ConfigError {
 }
 
 fn load(
-    config: &NetworkConfig,
+    config: &NetworkPolicyConfig,
     base: &Path,
     robot: Option<&motorium::declare::RobotReference>,
 ) -> Result<Loaded, ConfigError> {
@@ -154,9 +154,9 @@ impl Component for NetworkPolicy {
     const KIND: &'static str = "policy.network";
     const SUMMARY: &'static str = "runs a trained network: observation terms from topics to actions";
     const RESETS: bool = true;
-    type Config = NetworkConfig;
+    type Config = NetworkPolicyConfig;
 
-    fn declare(config: &NetworkConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(config: &NetworkPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let Loaded { policy, .. } = load(config, declare.folder(), declare.robot())?;
         if let Some(period) = declare.period() {
             let found = period.as_secs_f64().recip();
@@ -195,7 +195,7 @@ impl Component for NetworkPolicy {
         Ok(())
     }
 
-    fn configure(config: NetworkConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+    fn configure(config: NetworkPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
         let Loaded { policy, network, targets } = load(&config, setup.folder(), Some(&robot))?;
         let assembly = Assembly::new(&policy);
