@@ -5,7 +5,8 @@
 //! difference *fades*, without a step in position, velocity or effort.
 //!
 //! A command that keeps accelerating is never near. Therefore the limits of the approach rise after [`GENTLE_FOR`], and from
-//! then on it ends as soon as the difference can fade within [`LONGEST_FADE`].
+//! then on it ends as soon as the difference can fade within [`LONGEST_FADE`]. After [`PATIENT_FOR`] longer fades are
+//! allowed, up to the remainder of [`RESUME_WITHIN`], with a larger share of the limits.
 
 use super::limits::{JointLimits, JointSetpoint};
 use super::states::{HOLD_EFFORT_BLEND, Joint};
@@ -21,6 +22,14 @@ const GENTLE_FOR: f64 = 0.6;
 const RISES_FOR: f64 = 0.4;
 /// Longest time in which the remaining difference fades where the command was not met, s.
 const LONGEST_FADE: f64 = 0.3;
+/// Time after which larger differences may fade, s.
+const PATIENT_FOR: f64 = 1.0;
+/// Time in which the additional share of a fade rises to its full value, s.
+const LOSES_PATIENCE_FOR: f64 = 0.5;
+/// Share of the limits that a fade may use in addition then.
+const MORE_FADE: f64 = 0.3;
+/// Growth of the longest fade, seconds per second.
+const FADE_GROWTH: f64 = 0.7;
 /// Time after which the approach ends for a command that it cannot meet otherwise, s.
 const URGENT_AFTER: f64 = 3.0;
 /// Share of the limits of an approach that lasts longer.
@@ -232,6 +241,20 @@ impl Resume {
         SHARE + (LAST_SHARE - SHARE) * ((self.elapsed - GENTLE_FOR) / RISES_FOR).clamp(0.0, 1.0)
     }
 
+    /// Progress of the additional share, from 0 before [`PATIENT_FOR`] to 1.
+    fn impatience(&self) -> f64 {
+        ((self.elapsed - PATIENT_FOR) / LOSES_PATIENCE_FOR).clamp(0.0, 1.0)
+    }
+
+    /// Longest time in which a difference may fade that starts to fade now, s.
+    fn longest_fade(&self) -> f64 {
+        if self.is_urgent() {
+            return URGENT_FADE;
+        }
+        let grown = LONGEST_FADE + FADE_GROWTH * (self.elapsed - PATIENT_FOR).max(0.0);
+        grown.min(RESUME_WITHIN - self.elapsed).max(LONGEST_FADE)
+    }
+
     /// One joint's setpoint on the way to `command`; whether it is met.
     pub(super) fn advance(
         &mut self,
@@ -273,9 +296,9 @@ impl Resume {
                     .map(|(rest, limits)| rest.shortest_fade(limits, velocity_share, acceleration_share));
                 times.fold(FADE, f64::max)
             };
-            let share = self.share();
+            let share = (self.share() + MORE_FADE * self.impatience()).min(URGENT_SHARE);
             let hard = shortest(share, share);
-            let longest = if self.is_urgent() { URGENT_FADE } else { LONGEST_FADE };
+            let longest = self.longest_fade();
             if hard <= longest {
                 self.fade_time = shortest(SHARE, FADE_SHARE).min(longest).max(hard);
                 self.faded_for = 0.0;
