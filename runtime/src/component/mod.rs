@@ -27,7 +27,7 @@ pub(crate) use helper::Helpers;
 pub use helper::StopRequest;
 pub use observer::Observer;
 pub(crate) use setup::Prepared;
-pub use setup::{EpisodeEnd, Setup};
+pub use setup::{EpisodeDriver, EpisodeEnd, Setup};
 pub use weights::{TakeWeights, WeightsInput};
 
 use std::time::Duration;
@@ -43,10 +43,12 @@ use std::time::Duration;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Number of the step in its episode, from 0; it goes on through restarts of the component.
+    /// Number of the step since the last reset, or since the start of the run, from 0; restarts of the component and new episodes
+    /// of real time do not set it back.
     pub index: u64,
-    /// Nanoseconds since the run, or its present episode, began for which the step computes: the scheduled release of a time-triggered
-    /// component, the publish time of the sample that woke a triggered one, the arrival of the event that released a sporadic one.
+    /// Nanoseconds since the run began, or since the last reset in lockstep, for which the step computes: the scheduled release of
+    /// a time-triggered component, the publish time of the sample that woke a triggered one, the arrival of the event that released
+    /// a sporadic one.
     pub time_ns: u64,
     /// Deadline of the step, ns on the clock of `time_ns`: a period after it, when the next step of a time-triggered
     /// component is due. In lockstep it is the same number, and no step is ever late: time stands still while a component
@@ -57,12 +59,16 @@ pub struct Tick {
     pub period: Duration,
     /// Number of the episode, from 0; always 0 in a run that is not divided into episodes.
     pub episode: u64,
+    /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the run, after
+    /// [`reset`](Component::reset) in lockstep, after [`begin_episode`](Component::begin_episode) in real time.
+    pub begins_episode: bool,
     /// True for an actuator once the run is over or stops: it brings its robot to rest. What it counts and measures of the run
     /// ends here. No other component steps then.
     pub settling: bool,
 }
 
-/// An episode of a run: a stretch of simulated time from a reset of all components to the next.
+/// An episode of a run. In lockstep it is the simulated time from a reset of all components to the next. In real time it is
+/// a numbered stretch of the run, without a reset.
 ///
 /// ```
 /// use motorium::component::Episode;
@@ -72,7 +78,7 @@ pub struct Tick {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Episode {
-    /// Its number in the run, from 0: the first begins with the start of the run, without a reset.
+    /// Its number in the run, from 0: the first begins with the start of the run, without a call.
     pub index: u64,
     /// The component's own seed for it, as [`Setup::seed`] gives that of the first: derived from the seed of the episode
     /// and the component's name.
@@ -90,6 +96,7 @@ impl Tick {
             deadline_ns: time_ns.saturating_add(period_ns),
             period,
             episode: 0,
+            begins_episode: index == 0,
             settling: false,
         }
     }
@@ -253,6 +260,49 @@ pub trait Component: Sized + 'static {
     /// The component cannot go on: the run ends.
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         Err(StepError::failed("it cannot be reset"))
+    }
+
+    /// Begins an episode in real time: the robot, time and the ports continue as they are. Called at the start of the first
+    /// step in the episode and part of it, so the rules of [`step`](Self::step) apply. Publishes nothing.
+    ///
+    /// A component that starts a task over does it here: the next movement, new random numbers, an empty history.
+    ///
+    /// ```
+    /// # use motorium::prelude::*;
+    /// /// Reports the height of its robot above the place where the episode began.
+    /// struct Climb { base: Input<BaseState>, begins: bool, from: f64, climbed: f64 }
+    ///
+    /// impl Component for Climb {
+    ///     fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
+    ///         self.begins = true;
+    ///         Ok(())
+    ///     }
+    /// #   const KIND: &'static str = "example.climb";
+    /// #   const SUMMARY: &'static str = "measures a climb";
+    /// #   type Config = ();
+    /// #   fn declare(_: &(), declare: &mut Declare) -> Result<(), ConfigError> {
+    /// #       declare.input::<BaseState>("base", "state of the base");
+    /// #       Ok(())
+    /// #   }
+    /// #   fn configure(_: (), setup: &mut Setup) -> Result<Self, ConfigureError> {
+    /// #       Ok(Self { base: setup.input("base")?, begins: true, from: 0.0, climbed: 0.0 })
+    /// #   }
+    ///
+    ///     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+    ///         let Some(base) = self.base.latest() else { return Ok(()) };
+    ///         if std::mem::take(&mut self.begins) {
+    ///             self.from = base.position[2];
+    ///         }
+    ///         self.climbed = base.position[2] - self.from;
+    ///         Ok(())
+    ///     }
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The component cannot begin the episode; the policy `on_error` of the graph file decides on the consequence.
+    fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
+        Ok(())
     }
 
     /// Runs once when the run ends in an orderly way. Not called when the process is killed.

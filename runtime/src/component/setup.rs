@@ -329,6 +329,39 @@ impl Setup {
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
         self.component().ends_episode.then(|| EpisodeEnd { context: self.context().clone() })
     }
+
+    /// The right to begin episodes in real time, for a component that declared
+    /// [`may_begin_episodes`](crate::declare::Declare::may_begin_episodes); `None` unless the graph says
+    /// `begins_episodes = true`.
+    pub fn episode_driver(&self) -> Option<EpisodeDriver> {
+        self.component().begins_episodes.then(|| EpisodeDriver { context: self.context().clone() })
+    }
+}
+
+/// The right of one component to begin the episodes of its graph in real time: a pedal, a button of a teleoperator, a task
+/// that counts its attempts.
+///
+/// ```
+/// use motorium::component::EpisodeDriver;
+///
+/// /// Begins an episode when a pedal is pressed. The seed is the number of times that it was.
+/// fn press(driver: &Option<EpisodeDriver>, presses: u64) -> bool {
+///     driver.as_ref().is_some_and(|driver| driver.begin(presses))
+/// }
+/// ```
+#[derive(Debug)]
+pub struct EpisodeDriver {
+    context: Rc<Context>,
+}
+
+impl EpisodeDriver {
+    /// Begins the next episode, with this seed. Every component sees it at its next step, this one too.
+    ///
+    /// Returns false, and begins nothing, while the launcher has not noted the present episode: for up to 20 ms after its
+    /// start.
+    pub fn begin(&self, seed: u64) -> bool {
+        self.context.region().header().begin_next_episode(seed, crate::os::monotonic_ns())
+    }
 }
 
 /// The right of one component to end the episodes of its graph: a task is solved, or failed.
@@ -349,7 +382,7 @@ pub struct EpisodeEnd {
 }
 
 impl EpisodeEnd {
-    /// Ends the present episode when the round of this step is over.
+    /// Ends the present episode: in lockstep when the round of this step is over, in real time within 20 ms.
     pub fn end(&self) {
         self.context.region().header().end_episode();
     }

@@ -12,11 +12,11 @@ use crate::transport::Input;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TakeWeights {
-    /// Before the next step. A new episode begins with the weights of the configuration.
+    /// Before the next step. After a reset an episode begins with the weights of the configuration.
     #[default]
     Step,
-    /// Before the first step of an episode; those that arrive later wait for the next one. They stay through resets. In a run
-    /// without episodes only those are taken that are there at the first step.
+    /// Before the first step of an episode, under either clock; those that arrive later wait for the next one. They stay through
+    /// resets. In a run without episodes only those are taken that are there at the first step.
     Episode,
 }
 
@@ -99,10 +99,11 @@ impl WeightsInput {
         if let Some(block) = self.input.next_unread() {
             self.store.offer(&block);
         }
-        self.store.take(tick.index == 0)
+        self.store.take(tick.begins_episode)
     }
 
-    /// Begins an episode: call it in `reset`, and go back to the weights of the configuration.
+    /// Begins an episode of simulated time: call it in `reset`, and go back to the weights of the configuration. Not needed in
+    /// [`Component::begin_episode`](super::Component::begin_episode), which resets nothing.
     pub fn begin_episode(&mut self) {
         self.store.begin_episode();
     }

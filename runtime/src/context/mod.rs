@@ -14,8 +14,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use crate::os::{current_core, monotonic_ns};
-use crate::plan::{Activation, OnOverrun, Plan};
-use crate::region::{Command, ComponentBlock, Region, TraceEvent, TraceWriter, add};
+use crate::plan::{Activation, ClockKind, OnOverrun, Plan};
+use crate::region::{Command, ComponentBlock, EpisodeStart, Region, TraceEvent, TraceWriter, add};
 use crate::state::{FUTURE_TOLERANCE_NS, Stamp};
 
 pub(crate) use causality::Causality;
@@ -77,7 +77,11 @@ impl Context {
             first_lines: FirstLines::default(),
             signals: Arc::default(),
             trace: None,
-            episode: Cell::new(region.header().episode.load(Relaxed)),
+            episode: Cell::new(match plan.clock {
+                ClockKind::Lockstep => region.header().episode.load(Relaxed),
+                // A successor enters the episode that began while it was away.
+                ClockKind::Realtime => region.components()[index].episode.load(Relaxed),
+            }),
             era: Cell::new(0),
             core: Cell::new((0, 0)),
             region,
@@ -174,7 +178,26 @@ impl Context {
         self.era.get()
     }
 
-    /// Begins an episode: the clock starts anew, inputs have nothing to read, outputs have published nothing.
+    /// The start of an episode of real time that began since the last call; it is the present one from now on. One load
+    /// where none did.
+    #[inline]
+    pub(crate) fn enter_new_episode(&self) -> Option<EpisodeStart> {
+        if self.region.header().episode.load(Relaxed) == self.episode.get() {
+            None
+        } else {
+            self.enter_episode()
+        }
+    }
+
+    #[cold]
+    fn enter_episode(&self) -> Option<EpisodeStart> {
+        // In lockstep the launcher resets every component before it steps in a new episode.
+        let start = self.region.header().episode_start().filter(|_| !self.clock.is_lockstep())?;
+        self.episode.set(start.index);
+        Some(start)
+    }
+
+    /// Begins an episode of simulated time: the clock restarts, inputs have nothing to read, outputs have published nothing.
     pub(crate) fn begin_episode(&self, index: u64) {
         self.episode.set(index);
         self.era.set(self.era.get().wrapping_add(1));

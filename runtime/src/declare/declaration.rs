@@ -27,6 +27,9 @@ pub struct Declaration {
     /// True if it can end an episode.
     #[serde(default)]
     pub may_end_episodes: bool,
+    /// True if it can begin episodes in real time.
+    #[serde(default)]
+    pub may_begin_episodes: bool,
     /// True if a file descriptor can release its steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
@@ -231,6 +234,12 @@ impl Declare {
     /// says `ends_episode = true`.
     pub fn may_end_episodes(&mut self) {
         self.declaration.may_end_episodes = true;
+    }
+
+    /// This component can begin episodes in real time (`Setup::episode_driver`), in a graph that
+    /// says `begins_episodes = true`.
+    pub fn may_begin_episodes(&mut self) {
+        self.declaration.may_begin_episodes = true;
     }
 
     /// This component has a file descriptor, such as a socket, that can release its steps: a graph may say

@@ -46,7 +46,7 @@ pub(super) struct GraphTable<'i> {
     /// Seed of all random numbers: every component derives its own from this and its name.
     #[schemars(extend("default" = defaults::SEED))]
     pub seed: Option<At<u64>>,
-    /// Division of the run into episodes, in lockstep: each begins with a reset of all components.
+    /// Division of the run into episodes. In lockstep each begins with a reset of all components, in real time without one.
     pub episodes: Option<At<EpisodesTable>>,
     /// Use of the cores.
     pub cores: Option<At<CoresTable>>,
@@ -277,6 +277,9 @@ pub(super) struct ComponentTable<'i> {
     /// True: the component may end an episode before its time. One component of a graph, of a kind that can.
     #[schemars(extend("default" = false))]
     pub ends_episode: Option<At<bool>>,
+    /// True: the component begins the episodes of a run in real time. One component of a graph, of a kind that can.
+    #[schemars(extend("default" = false))]
+    pub begins_episodes: Option<At<bool>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
@@ -288,7 +291,7 @@ impl<'i> Read<'i> for ComponentTable<'i> {
         let mut table = take_fields!(
             keys, kind, exec, robot, robots, rate, trigger, activate, phase, budget, schedule, priority, spin, core, subscribe, publish,
             params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within,
-            ends_episode; meant: Vec::new()
+            ends_episode, begins_episodes; meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)

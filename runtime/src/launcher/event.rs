@@ -54,6 +54,13 @@ pub enum Event<'a> {
         /// Its seed.
         seed: u64,
     },
+    /// An episode of real time began.
+    EpisodeBegan {
+        /// Number of the episode.
+        episode: u64,
+        /// Its seed.
+        seed: u64,
+    },
     /// Steps of a component ended after their deadline.
     Missed {
         /// The component.
@@ -210,6 +217,7 @@ impl Event<'_> {
             Self::LauncherBack { .. } => EventKind::LauncherBack,
             Self::LauncherEnded { .. } => EventKind::LauncherEnded,
             Self::GuardActed { .. } => EventKind::GuardActed,
+            Self::EpisodeBegan { .. } => EventKind::EpisodeBegan,
             Self::Status(_) => return None,
         })
     }
@@ -258,7 +266,7 @@ impl Event<'_> {
         let seconds = |ns: u64| ns as f64 * 1e-9;
         match self {
             Self::Restarted { after_ns, .. } | Self::Safe { after_ns } => seconds(*after_ns),
-            Self::Reset { episode, .. } => *episode as f64,
+            Self::Reset { episode, .. } | Self::EpisodeBegan { episode, .. } => *episode as f64,
             Self::Missed { misses, .. } => misses.missed() as f64,
             Self::LatencyMissed { count, .. } => *count as f64,
             Self::Refused { refused, .. } => refused.iter().map(|(_, count)| *count).sum::<u64>() as f64,
@@ -273,6 +281,7 @@ impl Event<'_> {
         matches!(
             self,
             Self::Reset { .. }
+                | Self::EpisodeBegan { .. }
                 | Self::Missed { .. }
                 | Self::LatencyMissed { .. }
                 | Self::Refused { .. }

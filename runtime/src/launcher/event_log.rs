@@ -32,7 +32,7 @@ pub struct LoggedEvent {
     /// In lockstep: the simulated time in its episode, s; `null` in real time.
     #[serde(default)]
     pub simulated_s: Option<f64>,
-    /// In lockstep: number of the episode; `null` in real time.
+    /// Number of the episode; `null` in logs of versions that did not number episodes of real time.
     #[serde(default)]
     pub episode: Option<u64>,
     /// Its severity.
@@ -57,8 +57,8 @@ impl LoggedEvent {
         };
         Self {
             time_s: record.time_ns.wrapping_sub(start_ns) as i64 as f64 * 1e-9,
-            simulated_s: record.simulated.map(|(_, ns)| ns as f64 * 1e-9),
-            episode: record.simulated.map(|(episode, _)| episode),
+            simulated_s: record.simulated_ns.map(|ns| ns as f64 * 1e-9),
+            episode: Some(record.episode),
             severity: record.severity,
             component: record
                 .component
@@ -105,7 +105,8 @@ impl EventWriter {
         };
         self.region.events().write(&EventRecord {
             time_ns,
-            simulated: (self.clock == ClockKind::Lockstep).then(|| self.simulated()),
+            episode: self.region.header().episode.load(Relaxed),
+            simulated_ns: (self.clock == ClockKind::Lockstep).then(|| self.simulated_ns()),
             severity: event.severity(),
             kind,
             component,
@@ -114,10 +115,10 @@ impl EventWriter {
         });
     }
 
-    /// The episode, and the simulated time that was handed out last, ns.
-    fn simulated(&self) -> (u64, u64) {
+    /// The simulated time that was handed out last, ns.
+    fn simulated_ns(&self) -> u64 {
         let ticks = self.region.components().iter().map(|block| block.tick_time_ns.load(Relaxed));
-        (self.region.header().episode.load(Relaxed), ticks.max().unwrap_or(0))
+        ticks.max().unwrap_or(0)
     }
 }
 

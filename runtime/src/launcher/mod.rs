@@ -10,6 +10,7 @@ mod barrier;
 mod child;
 mod cores;
 mod ending;
+mod episodes;
 mod error;
 mod event;
 mod event_log;
@@ -46,6 +47,7 @@ use crate::run_folder::RunFolder;
 use crate::worker::{Host, Registry, Rounds};
 use accounts::Accounts;
 use child::Child;
+use episodes::Began;
 use event_log::{EventWriter, logging};
 use guarding::Guard;
 use idle_states::IdleStates;
@@ -101,6 +103,8 @@ pub(crate) struct Launch {
     reached_ns: u64,
     /// Simulated time of the episodes before, ns.
     before_ns: u64,
+    /// Real time: the episodes that have begun.
+    episodes: Vec<Began>,
     /// Time of the next status, and of the next look at everything in real time, `CLOCK_MONOTONIC` ns.
     next_status_ns: u64,
     due_ns: u64,
@@ -156,6 +160,7 @@ impl Launch {
             cores: None,
             reached_ns: 0,
             before_ns: 0,
+            episodes: Vec::new(),
             next_status_ns: 0,
             due_ns: 0,
             _placement: Placement::remember(),
@@ -204,6 +209,9 @@ impl Launch {
         let wall = if start == 0 { 0 } else { monotonic_ns().saturating_sub(start) };
         let lockstep = self.plan.clock == ClockKind::Lockstep;
         let simulated = if lockstep { self.before_ns + self.reached_ns } else { wall };
+        if !lockstep && start != 0 {
+            self.note_episodes(observe);
+        }
         let cores = self.cores.take().map(|watch| watch.stop());
         let in_good_order = matches!(exit, Exit::Finished | Exit::Interrupted);
         if self.plan.clock == ClockKind::Realtime && start != 0 && in_good_order {

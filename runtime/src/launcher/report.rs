@@ -46,7 +46,8 @@ pub struct Report {
     pub realtime_factor: f64,
     /// Digest of everything published, in lockstep: equal for equal runs. `null` in real time.
     pub state_hash: Option<String>,
-    /// The episodes of a run that was reset, in order; the last one is that of `state_hash` and `results`.
+    /// The episodes of a run that was divided, in order. In lockstep `state_hash` and `results` are of the last one, in real time
+    /// `results` are of the whole run.
     #[serde(default)]
     pub episodes: Vec<EpisodeReport>,
     /// The end of the run.
@@ -88,14 +89,14 @@ pub struct Report {
 pub struct EpisodeReport {
     /// Its number, from 0.
     pub index: u64,
-    /// Its seed: a run with this seed publishes the same.
+    /// Its seed: in lockstep a run with this seed publishes the same.
     pub seed: u64,
-    /// Simulated time from its start to its end, s.
+    /// Time from its start to its end, s: simulated in lockstep.
     pub duration_s: f64,
     /// Steps of all components in it.
     pub steps: u64,
-    /// Digest of everything published in it.
-    pub state_hash: String,
+    /// Digest of everything published in it, in lockstep. `null` in real time.
+    pub state_hash: Option<String>,
 }
 
 /// One component in the report.
@@ -228,7 +229,7 @@ impl Launch {
             duration_s: duration_ns as f64 * 1e-9,
             realtime_factor: 1.0,
             state_hash: lockstep.then(|| self.state_hash()),
-            episodes: Vec::new(),
+            episodes: self.episode_reports(line_ns),
             exit,
             lost: self.lost.clone(),
             warnings: self.warnings.clone(),

@@ -102,16 +102,20 @@ impl Supervision {
 }
 
 impl Launch {
-    /// Supervises a run in real time until a time after its start, ns. The exit, if it ended before: by a signal, or
-    /// because something failed for good.
+    /// Supervises a run in real time until a time after its start, ns, or until a component ends the episode. The exit, if the
+    /// run ended before: by a signal, or because something failed permanently.
     pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         crate::os::wake_soon();
         let observe = &mut logging(&self.log, observe);
         let end = self.region.header().start_ns.load(Relaxed).saturating_add(until_ns);
+        let was_over = self.region.header().is_episode_over();
         let mut supervision = core::mem::take(&mut self.supervision);
         let exit = loop {
             if let Some(outcome) = self.look(end, &mut supervision, observe) {
                 break outcome;
+            }
+            if !was_over && self.region.header().is_episode_over() {
+                break None;
             }
             self.wait_for_something(self.due_ns);
         };
@@ -168,6 +172,7 @@ impl Launch {
         self.look_at_places(observe);
         self.tell_stops(observe);
         self.tell_accounts(now, observe);
+        self.note_episodes(observe);
         if now >= self.next_status_ns {
             self.next_status_ns = now + STATUS_NS;
             observe(Event::Status(&self.status()));

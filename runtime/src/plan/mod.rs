@@ -55,6 +55,13 @@ pub struct Plan {
     pub trace_events: usize,
 }
 
+impl Plan {
+    /// The component that begins the episodes of a run in real time.
+    pub fn episode_driver(&self) -> Option<&ComponentPlan> {
+        self.components.iter().find(|component| component.begins_episodes)
+    }
+}
+
 /// The episodes of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EpisodesPlan {
@@ -283,6 +290,9 @@ pub struct ComponentPlan {
     /// True if it may end an episode.
     #[serde(default)]
     pub ends_episode: bool,
+    /// True if it begins the episodes of a run in real time.
+    #[serde(default)]
+    pub begins_episodes: bool,
     /// The consequence of a late step.
     pub on_overrun: OnOverrun,
     /// Its limits on standing still, computing and losing steps.

@@ -82,8 +82,10 @@ pub struct ComponentBlock {
     pub tick_resets: AtomicU32,
     /// 1 if the program that launched the run takes its place: it gets no ticks. Written by the launcher.
     pub played: AtomicU32,
-    /// Steps done before the present episode.
+    /// Steps done before the present episode of simulated time.
     pub episode_first: AtomicU64,
+    /// Number of the episode that it has entered last.
+    pub(crate) episode: AtomicU64,
     /// Lockstep: publications of its trigger at its last tick. Written by the giver of the turn.
     pub trigger_seen: AtomicU64,
     /// Steps begun, through restarts: one more than `steps` while it steps.

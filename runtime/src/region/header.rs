@@ -71,8 +71,8 @@ pub struct Header {
     command: AtomicU32,
     /// Start of the run on `CLOCK_MONOTONIC`, ns.
     pub start_ns: AtomicU64,
-    /// Time at which the safe stop was ordered, `CLOCK_MONOTONIC` ns; 0 before.
-    pub safe_stop_ns: AtomicU64,
+    /// Number of the episode. On the line that workers read in every step.
+    pub episode: AtomicU64,
     /// Process id of the launcher.
     pub launcher: AtomicU32,
     /// Process id of the guard.
@@ -85,10 +85,12 @@ pub struct Header {
     pub launcher_alive_ns: AtomicU64,
     /// Time at which the guard last checked the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
     pub guard_alive_ns: AtomicU64,
-    /// Lockstep: number of the episode.
-    pub episode: AtomicU64,
-    /// Lockstep: seed of the episode.
-    pub episode_seed: AtomicU64,
+    /// Time at which the safe stop was ordered, `CLOCK_MONOTONIC` ns; 0 before.
+    pub safe_stop_ns: AtomicU64,
+    /// The starts of the present episode and of the one before, by the last bit of their numbers.
+    episode_starts: [StartBlock; 2],
+    /// Real time: number of the episode that the launcher has noted last.
+    episode_noted: AtomicU64,
     /// 1 once a component has ended the episode. Written by that component.
     episode_over: AtomicU32,
     /// 1 while simulated time is held. Written by tools, and by the program that drives the run.
@@ -102,6 +104,28 @@ pub struct Header {
     /// Lockstep: the right to step.
     pub turn: TurnBlock,
 }
+
+/// The start of an episode. Written before its number is.
+#[derive(Debug, Default)]
+#[repr(C)]
+struct StartBlock {
+    seed: AtomicU64,
+    began_ns: AtomicU64,
+}
+
+/// The start of an episode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EpisodeStart {
+    /// Number of the episode, from 0.
+    pub index: u64,
+    /// Seed of the episode.
+    pub seed: u64,
+    /// Real time: its start on `CLOCK_MONOTONIC`, ns; 0 for the first one, which starts with the run.
+    pub began_ns: u64,
+}
+
+/// Attempts to read the start of an episode while others begin.
+const READ_ATTEMPTS: u32 = 8;
 
 impl Header {
     /// The current command.
@@ -133,12 +157,49 @@ impl Header {
         self.episode_over.load(Relaxed) != 0
     }
 
-    /// Begins an episode.
+    /// Begins an episode of simulated time.
     pub(crate) fn begin_episode(&self, index: u64, seed: u64) {
-        self.episode.store(index, Relaxed);
-        self.episode_seed.store(seed, Relaxed);
-        self.episode_over.store(0, Relaxed);
+        self.start_episode(EpisodeStart { index, seed, began_ns: 0 });
         self.reached_ns.store(0, Relaxed);
+    }
+
+    /// Begins an episode of this number: workers see it at their next step.
+    fn start_episode(&self, start: EpisodeStart) {
+        let block = &self.episode_starts[start.index as usize % 2];
+        block.seed.store(start.seed, Release);
+        block.began_ns.store(start.began_ns, Release);
+        self.episode_over.store(0, Relaxed);
+        self.episode.store(start.index, Release);
+    }
+
+    /// Begins the next episode in real time. For its one driver. Returns false, and does nothing, while the launcher has not
+    /// [noted](Self::note_episode) the present one.
+    pub(crate) fn begin_next_episode(&self, seed: u64, now_ns: u64) -> bool {
+        let index = self.episode.load(Relaxed);
+        let is_noted = self.episode_noted.load(Acquire) == index;
+        if is_noted {
+            self.start_episode(EpisodeStart { index: index + 1, seed, began_ns: now_ns });
+        }
+        is_noted
+    }
+
+    /// Allows the next episode to begin: this one is in the account of the launcher.
+    pub(crate) fn note_episode(&self, index: u64) {
+        self.episode_noted.store(index, Release);
+    }
+
+    /// The start of the present episode. `None` while others begin faster than they can be read: only in a damaged control
+    /// block.
+    pub fn episode_start(&self) -> Option<EpisodeStart> {
+        for _ in 0..READ_ATTEMPTS {
+            let index = self.episode.load(Acquire);
+            let block = &self.episode_starts[index as usize % 2];
+            let (seed, began_ns) = (block.seed.load(Acquire), block.began_ns.load(Acquire));
+            if self.episode.load(Acquire) == index {
+                return Some(EpisodeStart { index, seed, began_ns });
+            }
+        }
+        None
     }
 
     /// Holds simulated time, or lets it go on.
@@ -183,6 +244,19 @@ impl Header {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_episode_waits_until_the_one_before_is_noted() {
+        let header = Header::default();
+        assert!(header.begin_next_episode(7, 100));
+        assert_eq!(header.episode_start(), Some(EpisodeStart { index: 1, seed: 7, began_ns: 100 }));
+        assert!(!header.begin_next_episode(8, 200), "the launcher has not seen episode 1");
+        header.end_episode();
+        header.note_episode(1);
+        assert!(header.begin_next_episode(8, 300));
+        assert_eq!(header.episode_start(), Some(EpisodeStart { index: 2, seed: 8, began_ns: 300 }));
+        assert!(!header.is_episode_over(), "a new episode is not over");
+    }
 
     #[test]
     fn a_late_safe_stop_takes_back_no_stop_and_a_late_run_no_safe_stop() {

@@ -20,11 +20,19 @@ impl Session<'_> {
     /// A component cannot be reset between two episodes.
     pub fn run(&mut self) -> Result<(), SessionError> {
         let plan = self.launch.plan();
-        let (end, seed) = (plan.duration_ns.map_or(Duration::MAX, Duration::from_nanos), plan.seed);
+        if plan.episode_driver().is_some() {
+            return self.run_driven();
+        }
+        let (clock, end, seed) =
+            (plan.clock, plan.duration_ns.map_or(Duration::MAX, Duration::from_nanos), plan.seed);
         let episodes = plan.episodes.unwrap_or(EpisodesPlan { count: 1, vary_seed: false });
         for index in 0..episodes.count {
             if index > 0 && self.exit.is_none() {
-                self.reset(episodes.seed(seed, index))?;
+                let seed = episodes.seed(seed, index);
+                match clock {
+                    ClockKind::Lockstep => self.reset(seed)?,
+                    ClockKind::Realtime => drop(self.begin_episode(seed)?),
+                }
             }
             while self.exit.is_none() && self.time() < end && !self.is_episode_over() {
                 let held = self.launch.region().header().is_paused();
@@ -33,6 +41,15 @@ impl Session<'_> {
                     return went_on;
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Runs the plan to the end of its duration, while a component begins episodes.
+    fn run_driven(&mut self) -> Result<(), SessionError> {
+        let end_ns = self.launch.plan().duration_ns.unwrap_or(u64::MAX);
+        if self.exit.is_none() {
+            self.exit = self.launch.supervise(end_ns, &mut *self.observe);
         }
         Ok(())
     }

@@ -20,6 +20,20 @@ pub enum SessionError {
         /// The value that was asked for.
         what: &'static str,
     },
+    /// Simulated time is set back for an episode.
+    #[error("{what}: the run is in lockstep; use `Session::reset`")]
+    SimulatedTime {
+        /// The operation.
+        what: &'static str,
+    },
+    /// A component begins the episodes of the run.
+    #[error(
+        "component `{component}` begins the episodes of this graph; remove its `begins_episodes` to begin them from here"
+    )]
+    EpisodeDriver {
+        /// The component.
+        component: String,
+    },
     /// A component cannot be reset for a new episode.
     #[error(
         "component `{component}` cannot be reset: {advice}",

@@ -9,8 +9,10 @@
 //! `step_until` waits, and the components are supervised while it does.
 //!
 //! # Episodes
-//! [`reset`](Session::reset) sets all components and simulated time back. What an episode publishes depends on its seed, on
-//! parameters, and on what the session publishes and when, on nothing else: with the same it is equal to the last bit.
+//! In lockstep [`reset`](Session::reset) sets all components and simulated time back. What an episode publishes depends on its
+//! seed, on parameters, and on what the session publishes and when, on nothing else: with the same it is equal to the last bit.
+//!
+//! In real time [`begin_episode`](Session::begin_episode) begins the next numbered stretch of the run. Nothing is reset.
 //!
 //! # Ending
 //! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at once. Neither
@@ -159,12 +161,12 @@ impl<'o> Session<'o> {
 
     /// Time since the start of the run, or of its present episode: simulated in lockstep.
     pub fn time(&self) -> Duration {
-        Duration::from_nanos(self.launch.time_ns())
+        Duration::from_nanos(self.launch.time_ns().saturating_sub(self.launch.episode_ns()))
     }
 
     /// Number of the present episode, from 0.
     pub fn episode(&self) -> u64 {
-        self.episode.0
+        self.launch.region().header().episode.load(Relaxed)
     }
 
     /// True if a component has ended the present episode.
@@ -187,7 +189,7 @@ impl<'o> Session<'o> {
         self.events.lost()
     }
 
-    /// Lets time pass until it has reached `time`: in lockstep all rounds before it, in real time it waits. Returns earlier
+    /// Lets time pass until [`time`](Self::time) has reached `time`: in lockstep all rounds before it, in real time it waits. Returns earlier
     /// if a component ends the episode.
     ///
     /// # Errors
@@ -196,7 +198,10 @@ impl<'o> Session<'o> {
         self.check_alive()?;
         let until_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
         let exit = match (self.launch.plan().clock, self.pace) {
-            (ClockKind::Realtime, _) => self.launch.supervise(until_ns, &mut *self.observe),
+            (ClockKind::Realtime, _) => {
+                let until_ns = until_ns.saturating_add(self.launch.episode_ns());
+                self.launch.supervise(until_ns, &mut *self.observe)
+            }
             (ClockKind::Lockstep, None) => {
                 self.launch.run_rounds(Limit { until_ns, rounds: u64::MAX }, &mut *self.observe)
             }
@@ -237,6 +242,39 @@ impl<'o> Session<'o> {
         self.episode = (index, seed);
         self.pace = self.pace.map(|pace| pace.anchored(monotonic_ns(), 0));
         self.ended(exit)
+    }
+
+    /// Begins the next episode in real time, with this seed: a numbered stretch of the run without a reset. Returns its number.
+    ///
+    /// Each component sees it at its next step: stamps carry its number, weights that wait for an episode are taken, and
+    /// [`Component::begin_episode`](crate::component::Component::begin_episode) is called. [`time`](Self::time) restarts at zero;
+    /// robots, topics, parameters and [`Tick::time_ns`](crate::component::Tick::time_ns) continue as they are.
+    ///
+    /// ```no_run
+    /// # use std::time::Duration;
+    /// # use motorium::session::{Session, SessionError};
+    /// /// Three attempts of 2 s each on a robot.
+    /// fn attempts(session: &mut Session<'_>) -> Result<(), SessionError> {
+    ///     session.step_until(Duration::from_secs(2))?;
+    ///     for seed in [1, 2] {
+    ///         session.begin_episode(seed)?;
+    ///         session.step_until(Duration::from_secs(2))?;
+    ///     }
+    ///     Ok(())
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The run is in lockstep, a component begins its episodes, or it has ended.
+    pub fn begin_episode(&mut self, seed: u64) -> Result<u64, SessionError> {
+        if self.launch.plan().clock == ClockKind::Lockstep {
+            return Err(SessionError::SimulatedTime { what: "an episode without a reset" });
+        }
+        if let Some(driver) = self.launch.plan().episode_driver() {
+            return Err(SessionError::EpisodeDriver { component: driver.name.clone() });
+        }
+        self.check_alive()?;
+        Ok(self.launch.begin_episode(seed, &mut *self.observe))
     }
 
     /// Sets a parameter of a component, such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It takes effect at the component's next step, and stays
@@ -304,13 +342,16 @@ impl<'o> Session<'o> {
 
     /// Ends the run in good order: actuators go to their safe state, components save their results.
     pub fn stop(mut self) -> Report {
-        let planned = self.launch.plan().episodes.is_some();
-        if self.episode.0 > 0 || planned {
+        let plan = self.launch.plan();
+        let (planned, clock) = (plan.episodes.is_some(), plan.clock);
+        if clock == ClockKind::Lockstep && (self.episode.0 > 0 || planned) {
             self.note_episode();
         }
         let exit = self.exit.take().unwrap_or(Exit::Finished);
         let mut report = self.launch.finish(exit, &mut *self.observe);
-        report.episodes = core::mem::take(&mut self.episodes);
+        if clock == ClockKind::Lockstep {
+            report.episodes = core::mem::take(&mut self.episodes);
+        }
         report
     }
 
@@ -326,7 +367,7 @@ impl<'o> Session<'o> {
             seed,
             duration_s: self.launch.time_ns() as f64 * 1e-9,
             steps: blocks.iter().map(steps).sum(),
-            state_hash: self.launch.state_hash(),
+            state_hash: Some(self.launch.state_hash()),
         });
     }
 
@@ -355,3 +396,7 @@ impl<'o> Session<'o> {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "tests/episodes.rs"]
+mod tests;

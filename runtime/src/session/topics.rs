@@ -167,6 +167,7 @@ impl Session<'_> {
         let output = output.downcast_mut::<Output<T>>();
         let output =
             output.ok_or_else(|| refused("it was published with another type before".to_string()))?;
+        context.enter_new_episode();
         context.enter_step(now_ns, now_ns, u64::MAX);
         let sent = output.loan().and_then(|mut loan| {
             *loan = *value;
@@ -216,6 +217,7 @@ impl Session<'_> {
             return Err(SessionError::NotOurs { topic: topic.name.clone(), writer: writer.clone() });
         }
         let context = Rc::new(Context::new(plan, topic.writer, self.launch.region().clone()));
+        context.enter_new_episode();
         let participant = Participant::new(node.clone(), context.clone());
         let is_emergency_stop = plan.is_emergency_stop(index);
         let place = OutputPlace { index, topic, probes: Vec::new(), wakes_late: false, is_emergency_stop };

@@ -41,9 +41,11 @@ pub(super) fn run(
         }
         if block.tick_resets.load(Acquire) != 0 {
             let header = region.header();
-            let (episode, seed) = (header.episode.load(Acquire), header.episode_seed.load(Acquire));
-            ports.iter().for_each(|port| port.begin_episode());
-            stepper.reset(episode, seed)?;
+            // Nobody begins another episode while a component has the turn for its reset.
+            if let Some(start) = header.episode_start() {
+                ports.iter().for_each(|port| port.begin_episode());
+                stepper.reset(start.index, start.seed)?;
+            }
             turn.give_back(index);
         } else {
             let time_ns = block.tick_time_ns.load(Acquire);

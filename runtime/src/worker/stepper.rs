@@ -26,6 +26,7 @@ const COMPONENT_LINES: usize = 8;
 /// A component of any type, so that the loops around its steps are compiled once: their instructions then lie together.
 pub(super) trait AnyComponent {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
+    fn begin_episode(&mut self, episode: &Episode) -> Result<(), StepError>;
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError>;
     fn stop(&mut self);
     fn result(&self) -> Option<serde_json::Value>;
@@ -34,6 +35,10 @@ pub(super) trait AnyComponent {
 impl<C: Component> AnyComponent for C {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         Component::step(self, tick)
+    }
+
+    fn begin_episode(&mut self, episode: &Episode) -> Result<(), StepError> {
+        Component::begin_episode(self, episode)
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
@@ -56,7 +61,7 @@ pub(super) struct Stepper {
     parameters: ParameterReader,
     plan: ComponentPlan,
     period: Duration,
-    /// Steps before the present episode.
+    /// Steps before the present episode of simulated time.
     first: u64,
     own_steps: u64,
     faults_before: u64,
@@ -128,6 +133,7 @@ impl Stepper {
         let context = &*self.context;
         let block = context.block();
         let steps = block.steps.load(Relaxed);
+        let begun = context.enter_new_episode();
         let start_ns = context.clock().start_ns();
         let tick = Tick {
             index: steps - self.first,
@@ -135,6 +141,7 @@ impl Stepper {
             deadline_ns: timing.deadline_ns.saturating_sub(start_ns),
             period: self.period,
             episode: context.episode(),
+            begins_episode: steps == self.first || begun.is_some(),
             settling: context.region().header().command() != Command::Run,
         };
         context.enter_step(timing.release_ns, timing.wake_ns, timing.deadline_ns);
@@ -148,7 +155,15 @@ impl Stepper {
         let before = allocations();
         self.parameters.refresh();
         let component = &mut self.component;
-        let result = failure::guard(|| component.step(&tick).map_err(Wrong::Error));
+        let name = &self.plan.name;
+        let result = failure::guard(|| {
+            if let Some(start) = begun {
+                block.episode.store(start.index, Relaxed);
+                let episode = Episode { index: start.index, seed: component_seed(start.seed, name) };
+                component.begin_episode(&episode).map_err(Wrong::Error)?;
+            }
+            component.step(&tick).map_err(Wrong::Error)
+        });
         let after = allocations();
         let end = if context.clock().is_lockstep() {
             timing.release_ns
@@ -180,6 +195,7 @@ impl Stepper {
         let tick = self.context.block().steps.load(Relaxed);
         self.first = tick;
         self.context.begin_episode(index);
+        self.context.block().episode.store(index, Relaxed);
         let episode = Episode { index, seed: component_seed(seed, &self.plan.name) };
         let component = &mut self.component;
         failure::guard(|| component.reset(&episode).map_err(|error| error.to_string()))

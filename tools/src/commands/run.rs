@@ -51,7 +51,7 @@ pub(crate) struct Run {
     /// In lockstep: the core of everything in the run; as the graph says if not given
     #[arg(long, hide = true)]
     core: Option<usize>,
-    /// Divide the run into so many episodes, each begun by a reset of all components
+    /// Number of episodes; each begins with a reset of all components in lockstep, without one in real time
     #[arg(long, value_name = "N")]
     episodes: Option<u64>,
     /// Give each episode a seed of its own: that of the graph plus its number

@@ -61,6 +61,7 @@ fn component(
         restart: RestartPlan { when: RestartWhen::Never, at_most: 5, window_ns: 1, within_ns: 1 },
         resets: false,
         ends_episode: false,
+        begins_episodes: false,
         order: index,
     }
 }

@@ -96,10 +96,13 @@ pub(crate) fn summary(report: &Report) -> String {
     }
     text.push_str("\n\n");
     for episode in &report.episodes {
-        let (index, seed, hash) = (episode.index, episode.seed, &episode.state_hash);
+        let (index, seed) = (episode.index, episode.seed);
         let (steps, time) = (episode.steps, episode.duration_s);
-        let _ =
-            writeln!(text, " episode {index}: seed {seed}, {time:.3} s, {steps} steps, state hash {hash}");
+        let _ = write!(text, " episode {index}: seed {seed}, {time:.3} s, {steps} steps");
+        if let Some(hash) = &episode.state_hash {
+            let _ = write!(text, ", state hash {hash}");
+        }
+        text.push('\n');
     }
     if !report.episodes.is_empty() {
         text.push('\n');

@@ -53,7 +53,7 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     }
     let spans = Spans::of(recording, episode)?;
     if let Some(episode) = episode.filter(|_| spans.count() == 0) {
-        let count = Spans::of(recording, None)?.count();
+        let count = spans.episodes();
         let episodes = if count == 1 { "one".to_string() } else { count.to_string() };
         return Err(missing(format!("it has no episode {episode}, but {episodes}, counted from 0")));
     }

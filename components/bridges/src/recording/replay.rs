@@ -133,7 +133,7 @@ impl Component for Replay {
                 outputs.push((port.port.clone(), setup.raw_output(&port.port)?));
             }
         }
-        let mut spans = Spans::new(config.episode);
+        let mut spans = Spans::new(recorded.clock, config.episode);
         for sample in recording.samples() {
             let sample = sample.map_err(ConfigureError::failed)?;
             if recording.topics()[sample.topic].name == EVENTS {

@@ -6,23 +6,27 @@ use motorium::state::Stamp;
 
 use super::{EVENTS, ReadError, Recording};
 
-/// The times of the first and the last publication of each episode, as the stamps tell them.
+/// The times of the first and the last publication of each stretch of a recording that is replayed from one reset to the next:
+/// of each episode in lockstep, of the whole recording in real time, which has no resets.
 pub(super) struct Spans {
-    /// The one episode that is looked at.
+    /// The one episode that is read.
     only: Option<u64>,
+    clock: ClockKind,
+    /// Episodes up to the last one found.
+    episodes: u64,
     first_ns: Option<u64>,
     last_ns: Vec<u64>,
 }
 
 impl Spans {
-    /// Of no sample yet. With `only`, other episodes are passed over.
-    pub(super) fn new(only: Option<u64>) -> Self {
-        Self { only, first_ns: None, last_ns: Vec::new() }
+    /// Spans without samples, of a recording with this clock. With `only`, other episodes are passed over.
+    pub(super) fn new(clock: ClockKind, only: Option<u64>) -> Self {
+        Self { only, clock, episodes: 0, first_ns: None, last_ns: Vec::new() }
     }
 
-    /// Of all samples of a recording.
+    /// The spans of all samples of a recording.
     pub(super) fn of(recording: &Recording, only: Option<u64>) -> Result<Self, ReadError> {
-        let mut spans = Self::new(only);
+        let mut spans = Self::new(recording.plan()?.clock, only);
         for sample in recording.samples() {
             let sample = sample?;
             if recording.topics()[sample.topic].name != EVENTS {
@@ -32,12 +36,13 @@ impl Spans {
         Ok(spans)
     }
 
-    /// Adds a sample. Returns the index of its episode among those that are replayed; `None` if its episode is left out.
+    /// Adds a sample. Returns the index of its span among those that are replayed; `None` if its episode is left out.
     pub(super) fn add(&mut self, stamp: &Stamp) -> Option<u64> {
-        let index = match self.only {
-            Some(only) if only != stamp.episode => return None,
-            Some(_) => 0,
-            None => stamp.episode,
+        self.episodes = self.episodes.max(stamp.episode.saturating_add(1));
+        let index = match (self.only, self.clock) {
+            (Some(only), _) if only != stamp.episode => return None,
+            (None, ClockKind::Lockstep) => stamp.episode,
+            (Some(_), _) | (None, ClockKind::Realtime) => 0,
         };
         let place = usize::try_from(index).ok()?;
         if self.last_ns.len() <= place {
@@ -48,7 +53,12 @@ impl Spans {
         Some(index)
     }
 
-    /// Number of the episodes.
+    /// Number of the episodes, of all samples that were added or passed over.
+    pub(super) fn episodes(&self) -> u64 {
+        self.episodes
+    }
+
+    /// Number of the spans.
     pub(super) fn count(&self) -> u64 {
         self.last_ns.len() as u64
     }

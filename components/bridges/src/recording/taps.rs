@@ -58,8 +58,9 @@ pub(super) struct Recorded {
 pub(super) struct Clock {
     /// Time since 1970 at time zero of the stamps; 0 in lockstep.
     pub(super) zero_ns: u64,
-    /// In lockstep: the episode, the time in the file at which it began, and the last one in it.
-    episode: (u64, u64, u64),
+    /// In lockstep, where time restarts with each episode: the episode, the time in the file at which it began, and the last one
+    /// in it.
+    episode: Option<(u64, u64, u64)>,
 }
 
 impl Clock {
@@ -68,11 +69,13 @@ impl Clock {
             ClockKind::Realtime => unix_ns().saturating_sub(observer.now_ns()),
             ClockKind::Lockstep => 0,
         };
-        Self { zero_ns, episode: (0, 0, 0) }
+        Self { zero_ns, episode: (plan.clock == ClockKind::Lockstep).then_some((0, 0, 0)) }
     }
 
     fn of(&mut self, stamp: &Stamp) -> u64 {
-        let (episode, began, last) = &mut self.episode;
+        let Some((episode, began, last)) = &mut self.episode else {
+            return self.zero_ns + stamp.publish_time;
+        };
         if stamp.episode > *episode {
             (*episode, *began) = (stamp.episode, *last);
         }
@@ -137,17 +140,13 @@ impl Readers {
         for record in self.observer.events(&mut self.events.reader) {
             self.events.told += 1;
             batch.has_failed |= record.severity == EventSeverity::Error;
-            let (episode, publish_time) = match record.simulated {
-                Some(simulated) if lockstep => simulated,
-                _ if lockstep => (0, 0),
-                _ => (0, record.time_ns),
-            };
+            let publish_time = if lockstep { record.simulated_ns.unwrap_or(0) } else { record.time_ns };
             let stamp = Stamp {
                 sequence: self.events.told,
                 source_time: publish_time,
                 publish_time,
                 state_time: publish_time,
-                episode,
+                episode: record.episode,
                 publisher: record.component.map_or(u32::MAX, |index| index as u32),
                 restart_count: 0,
             };

@@ -170,7 +170,7 @@ pub fn verify(
         .iter()
         .map(|topic| (topic.name.clone(), plan.components[topic.writer].period_ns()))
         .collect();
-    let recorded_episodes = Spans::of(recording, None)?.count();
+    let recorded_episodes = Spans::of(recording, None)?.episodes();
     if recorded_episodes == 0 {
         return Err(VerifyError::Nothing);
     }

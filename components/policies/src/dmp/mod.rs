@@ -23,7 +23,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use couplings::Couplings;
 use imitation::PathRecord;
-use motorium_primitives::reach::{PoseReach, ReachPhase};
+use motorium_primitives::reach::{PoseReach, ReachPhase, SteerError};
 use start_pose::StartPose;
 use waypoints::Waypoints;
 use weights::LiveWeights;
@@ -33,6 +33,9 @@ use weights::LiveWeights;
 /// It starts from the measured pose of the end effector (or a configured one) with the first joint state it sees, and
 /// publishes nothing before. Time passes by the ticks: when the component was held up, the target goes on from where it
 /// was, it does not leap. After a crash it goes on towards the goal that was under way.
+///
+/// In real time a new episode breaks off the movement under way: the target stops where it is, and sets out from there for the
+/// first goal, with weights that have arrived.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,
@@ -58,6 +61,8 @@ pub struct DmpPolicy {
     clock: RunClock,
     /// Time that the step before was for, ns since the run began.
     last_ns: Option<u64>,
+    /// Pose of the target at the end of the last episode of real time, from which the coming one starts.
+    left_at: Option<Isometry3<f64>>,
 }
 
 impl Component for DmpPolicy {
@@ -71,7 +76,7 @@ impl Component for DmpPolicy {
         waypoints.reach()?;
         StartPose::declare(config, &waypoints, declare)?;
         Couplings::declare(config, declare)?;
-        LiveWeights::declare(&waypoints, config.take_weights, declare);
+        LiveWeights::declare(&waypoints, declare);
         declare.may_end_episodes();
         declare.output::<PoseTarget>(
             "target",
@@ -115,6 +120,7 @@ impl Component for DmpPolicy {
             memory: setup.checkpoint(Memory::NUMBERS)?,
             clock: setup.clock(),
             last_ns: None,
+            left_at: None,
         })
     }
 
@@ -128,8 +134,13 @@ impl Component for DmpPolicy {
         let now_ns = self.clock.grid_ns(tick, state_ns);
         let last_ns = self.last_ns.replace(now_ns);
         if self.reach.phase() == ReachPhase::Waiting {
-            let Some(start) = self.start_pose.find()? else { return Ok(()) };
-            self.begin(start)?;
+            match self.left_at.take() {
+                Some(pose) => self.begin_at(pose)?,
+                None => {
+                    let Some(start) = self.start_pose.find()? else { return Ok(()) };
+                    self.begin(start)?;
+                }
+            }
         } else {
             let measures = self.couplings.needs_end_effector();
             let end_effector = if measures { self.start_pose.end_effector() } else { None };
@@ -155,6 +166,14 @@ impl Component for DmpPolicy {
         self.publish()
     }
 
+    fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
+        if self.reach.phase() != ReachPhase::Waiting {
+            self.left_at = Some(self.reach.pose());
+            self.reach.halt();
+        }
+        Ok(())
+    }
+
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         self.reach = self.start_reach.clone();
         self.record = self.waypoints.record();
@@ -162,7 +181,7 @@ impl Component for DmpPolicy {
         self.weights.iter_mut().for_each(LiveWeights::reset);
         self.couplings.reset();
         self.rate = 1.0;
-        (self.exchanges, self.goals_before, self.last_ns) = (0, 0, None);
+        (self.exchanges, self.goals_before, self.last_ns, self.left_at) = (0, 0, None, None);
         Ok(())
     }
 
@@ -207,13 +226,17 @@ impl DmpPolicy {
         Ok(())
     }
 
+    /// Begins with the first goal at `start`.
+    fn begin_at(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
+        self.waypoints.set_goals(&mut self.reach, &start).map_err(refused)?;
+        self.reach.start(start).map_err(refused)
+    }
+
     /// Begins at `start`, or goes on after a crash with what was under way.
     fn begin(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
-        let refused = |_| StepError::failed("the end effector has no finite pose to start from");
         let memory = self.memory.resume().and_then(|numbers| Memory::read(&numbers));
         let Some(memory) = memory.filter(|memory| memory.segment < self.reach.segments()) else {
-            self.waypoints.set_goals(&mut self.reach, &start).map_err(refused)?;
-            return self.reach.start(start).map_err(refused);
+            return self.begin_at(start);
         };
         self.waypoints.set_goals(&mut self.reach, &memory.origin).map_err(refused)?;
         self.goals_before = memory.goals - 1;
@@ -247,6 +270,10 @@ impl DmpPolicy {
         };
         target.publish()
     }
+}
+
+fn refused(_: SteerError) -> StepError {
+    StepError::failed("the end effector has no finite pose to start from")
 }
 
 /// State that is restored after a crash.

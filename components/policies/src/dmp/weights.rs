@@ -1,7 +1,7 @@
 //! Primitives whose weights arrive while the policy runs.
 
 use motorium::component::{ConfigureError, Declare, Setup, TakeWeights, Tick, WeightsInput};
-use motorium::declare::{ClockKind, StepError};
+use motorium::declare::StepError;
 
 use motorium_primitives::dmp::DmpModel;
 use motorium_primitives::reach::{PoseReach, ReachPhase};
@@ -31,17 +31,11 @@ struct LivePrimitive {
 }
 
 impl LiveWeights {
-    pub(super) fn declare(waypoints: &Waypoints, take: TakeWeights, declare: &mut Declare) {
+    pub(super) fn declare(waypoints: &Waypoints, declare: &mut Declare) {
         if waypoints.weighted().is_empty() {
             return;
         }
         declare.weights(PORT, "weights of the primitives of all goals with the shape `weights`");
-        if take == TakeWeights::Episode && declare.clock() == ClockKind::Realtime {
-            declare
-                .warn("a run in real time has no episodes: weights that arrive after its first step are never taken")
-                .at("take_weights")
-                .advise("say `take_weights = \"step\"`, or `clock = \"lockstep\"` for the graph");
-        }
     }
 
     /// `None` if no goal has the shape `weights`.

@@ -219,6 +219,44 @@ fn weights_for_episodes_wait_for_the_next_one_and_stay() {
 }
 
 #[test]
+fn weights_are_taken_at_an_episode_of_real_time() {
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds());
+    let text = graph("take_weights = \"episode\"")
+        .replace("clock = \"lockstep\"", "clock = \"realtime\"")
+        .replace("rate = \"1 kHz\"", "rate = \"500 Hz\"\nschedule = \"normal\"")
+        .replace("trigger = \"target\"", "trigger = \"target\"\nschedule = \"normal\"");
+    let checked = graph::check(Path::new("weights.toml"), text, &[], &registry, &Machine::detect());
+    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let options = Options::threads().leaving_signals().standing_in_for("learner");
+    let mut session = Session::launch(plan, &registry, &options).unwrap();
+    // Until the target has passed a place along x: y there, and the number of the goal.
+    let passed = |session: &mut Session<'_>, episode: u64| loop {
+        session.step_until(session.time() + Duration::from_millis(2)).unwrap();
+        let Some(read) = session.read::<PoseTarget>("target").unwrap() else { continue };
+        if read.stamp.episode == episode && read.value.position[0] > 0.2 {
+            break (read.value.position[1], read.value.goal);
+        }
+    };
+    assert_eq!(passed(&mut session, 0), (0.0, 1));
+    session.publish("weights", &*weights(1, 30.0)).unwrap();
+    let before = session.read::<PoseTarget>("target").unwrap().unwrap();
+    session.begin_episode(2).unwrap();
+    let first = loop {
+        let read = session.read::<PoseTarget>("target").unwrap().unwrap();
+        if read.stamp.episode == 1 {
+            break read;
+        }
+    };
+    let leap = (first.value.position[0] - before.value.position[0]).abs();
+    assert!(leap < 0.05, "it starts from where the target is: {leap} m");
+    let (y, goal) = passed(&mut session, 1);
+    assert!(y.abs() > 1e-4 && goal == 2, "the way to the first goal again, with the weights: {y}, {goal}");
+    let report = session.stop();
+    assert_eq!(report.results["policy"]["weights"]["taken"], 1);
+    assert_eq!(report.episodes.len(), 2);
+}
+
+#[test]
 fn a_shape_of_weights_says_how_many_kernels_or_names_a_file() {
     let refuse = |shape: serde_json::Value| {
         let goal = json!({ "position": [0.1, 0.0, 0.0], "duration": "1 s", "shape": { "weights": shape } });

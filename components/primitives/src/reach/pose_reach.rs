@@ -127,6 +127,11 @@ impl PoseReach {
         Ok(())
     }
 
+    /// Leaves the movement under way and waits for another [`start`](Self::start). The pose stays where it is.
+    pub fn halt(&mut self) {
+        self.phase = ReachPhase::Waiting;
+    }
+
     /// Replaces the goal of a segment from its next start. See [`redirect`](Self::redirect) for the one
     /// that is under way.
     ///

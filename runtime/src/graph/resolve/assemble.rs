@@ -88,6 +88,7 @@ impl Parts<'_, '_> {
             seed: component_seed(seed, draft.name),
             resets: declaration.resets,
             ends_episode: good_or(&draft.table.ends_episode, false),
+            begins_episodes: good_or(&draft.table.begins_episodes, false),
             on_overrun: good_or(&draft.table.on_overrun, defaults::ON_OVERRUN),
             liveness: self.liveness[index],
             overruns_tolerated: good(&draft.table.overruns_tolerated).copied(),

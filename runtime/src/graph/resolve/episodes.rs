@@ -1,50 +1,76 @@
-//! Episodes: whether all components of a graph can be reset, and who ends an episode.
+//! Episodes: whether all components of a graph can be reset, and who begins and ends an episode.
 
 use super::Draft;
+use crate::declare::Declaration;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
-use crate::graph::model::GraphTable;
-use crate::graph::read::{good, good_or};
+use crate::graph::model::{ComponentTable, GraphTable};
+use crate::graph::read::{At, good, good_or};
+use crate::graph::source::Span;
 use crate::plan::ClockKind;
+
+/// A right that one component of a graph may have.
+struct Right {
+    key: &'static str,
+    verb: &'static str,
+    table: for<'t> fn(&'t ComponentTable<'_>) -> Option<&'t At<bool>>,
+    is_declared: fn(&Declaration) -> bool,
+    advice: &'static str,
+}
+
+const ENDS: Right = Right {
+    key: "ends_episode",
+    verb: "end",
+    table: |table| table.ends_episode.as_ref(),
+    is_declared: |declaration| declaration.may_end_episodes,
+    advice: "remove `ends_episode`: the episode ends after the `duration` of the graph",
+};
+
+const BEGINS: Right = Right {
+    key: "begins_episodes",
+    verb: "begin",
+    table: |table| table.begins_episodes.as_ref(),
+    is_declared: |declaration| declaration.may_begin_episodes,
+    advice: "remove `begins_episodes`: the run is then divided by `[episodes]`, or by the program that drives it",
+};
 
 /// Checks the division of a graph into episodes.
 pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Report) {
-    let mut ending: Option<&str> = None;
-    for draft in drafts {
-        let Some(at) = draft.table.ends_episode.as_ref().filter(|at| at.get() == Some(&true)) else {
-            continue;
-        };
-        if let Some(other) = ending {
+    let ending = holder(&ENDS, drafts, report);
+    let beginning = holder(&BEGINS, drafts, report);
+    let clock = good_or(&graph.clock, defaults::CLOCK);
+    if let Some((name, span)) = &beginning {
+        if clock == ClockKind::Lockstep {
             report
-                .error(format!("components `{other}` and `{}` both end episodes", draft.name))
-                .at(&at.span, "the second one")
-                .advise("one component of a graph ends its episodes: remove one `ends_episode`");
-        } else if draft.declaration.as_ref().is_some_and(|declaration| !declaration.may_end_episodes) {
-            report
-                .error(format!("component `{}` cannot end an episode", draft.name))
-                .at(&at.span, format!("{} does not declare that it can", draft.what()))
-                .advise("remove `ends_episode`: the episode ends after the `duration` of the graph");
+                .error(format!("component `{name}` begins episodes in lockstep"))
+                .at(span, "an episode of simulated time begins with a reset, which no component can order")
+                .advise("add `clock = \"realtime\"`, or divide the run by `[episodes]`");
         }
-        ending = Some(draft.name);
+        if let Some((other, end)) = &ending {
+            report
+                .error(format!("component `{name}` begins episodes and `{other}` ends them"))
+                .at(end, "between its end and the next start no episode would run")
+                .advise("remove `ends_episode`: each episode lasts until the next one begins");
+        }
     }
     let Some(at) = graph.episodes.as_ref() else { return };
     let Some(table) = at.get() else { return };
     if let Some(count) = table.count.as_ref().filter(|count| count.get() == Some(&0)) {
         report.error("a run of no episodes").at(&count.span, "expected at least 1");
     }
-    if good_or(&graph.clock, defaults::CLOCK) != ClockKind::Lockstep {
+    if let Some((name, span)) = &beginning {
         report
-            .error("episodes in real time")
-            .at(&at.span, "a reset sets time back, which only simulated time can be")
-            .advise("add `clock = \"lockstep\"`, or `--clock lockstep`");
-    }
-    if good(&graph.duration).is_none() && ending.is_none() {
+            .error(format!("`[episodes]` and component `{name}` both divide the run"))
+            .at(&at.span, "a fixed number of episodes")
+            .and(span, "begins episodes when it decides to")
+            .advise("remove one of them");
+    } else if good(&graph.duration).is_none() && ending.is_none() {
         report
             .error("episodes without an end")
             .at(&at.span, "no `duration`, and no component that ends an episode")
             .advise("add `duration = \"10 s\"`, or `ends_episode = true` to a component that can");
     }
-    for draft in drafts {
+    for draft in drafts.iter().filter(|_| clock == ClockKind::Lockstep) {
         if draft.declaration.as_ref().is_some_and(|declaration| !declaration.resets) {
             report
                 .error(format!("component `{}` cannot be reset for a new episode", draft.name))
@@ -53,4 +79,28 @@ pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &m
                 .advise("leave the component out, or remove `episodes`");
         }
     }
+}
+
+/// The component with a right, and the place at which the graph gives it. Reports a second one, and one that cannot use it.
+fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -> Option<(&'g str, Span)> {
+    let mut holder: Option<(&str, Span)> = None;
+    for draft in drafts {
+        let Some(at) = (right.table)(draft.table).filter(|at| at.get() == Some(&true)) else { continue };
+        if let Some((other, _)) = &holder {
+            report
+                .error(format!("components `{other}` and `{}` both {} episodes", draft.name, right.verb))
+                .at(&at.span, "the second one")
+                .advise(format!(
+                    "one component of a graph {}s its episodes: remove one `{}`",
+                    right.verb, right.key
+                ));
+        } else if draft.declaration.as_ref().is_some_and(|declaration| !(right.is_declared)(declaration)) {
+            report
+                .error(format!("component `{}` cannot {} an episode", draft.name, right.verb))
+                .at(&at.span, format!("{} does not declare that it can", draft.what()))
+                .advise(right.advice);
+        }
+        holder = Some((draft.name, at.span.clone()));
+    }
+    holder
 }

@@ -31,6 +31,7 @@ impl fmt::Display for Event<'_> {
                 write!(f, "`{component}` steps again after {:.1} ms", milliseconds(after_ns))
             }
             Self::Reset { episode, seed } => write!(f, "reset for episode {episode}, seed {seed}"),
+            Self::EpisodeBegan { episode, seed } => write!(f, "episode {episode} began, seed {seed}"),
             Self::Missed { component, misses } => {
                 let steps = count_of(misses.missed(), "step");
                 write!(f, "`{component}` missed the deadline of {steps}: {}", causes(misses))

@@ -117,6 +117,8 @@ kinds! {
     LauncherEnded = 24, "launcher_ended";
     /// The guard has brought the robot to its safe state, as far as its actuators were there.
     GuardActed = 25, "guard_acted";
+    /// An episode of real time began, without a reset. Its value is the number of the episode.
+    EpisodeBegan = 26, "episode_began";
 }
 
 #[cfg(test)]

@@ -46,8 +46,10 @@ pub struct EventLog {
 pub struct EventRecord {
     /// Time at which it happened, or was found, `CLOCK_MONOTONIC` ns.
     pub time_ns: u64,
-    /// In lockstep: the episode, and the simulated time in it, ns.
-    pub simulated: Option<(u64, u64)>,
+    /// Number of the episode.
+    pub episode: u64,
+    /// In lockstep: the simulated time in the episode, ns.
+    pub simulated_ns: Option<u64>,
     /// Its severity.
     pub severity: EventSeverity,
     /// Its kind.
@@ -191,10 +193,9 @@ fn encode(record: &EventRecord) -> [u64; WORDS] {
     let mut words = [0; WORDS];
     let text = &record.text[..record.text.floor_char_boundary(EVENT_TEXT_BYTES)];
     let component = record.component.and_then(|index| u16::try_from(index + 1).ok()).unwrap_or(0);
-    let (episode, simulated_ns) = record.simulated.unwrap_or((0, NONE));
     words[0] = record.time_ns;
-    words[1] = episode;
-    words[2] = simulated_ns;
+    words[1] = record.episode;
+    words[2] = record.simulated_ns.unwrap_or(NONE);
     words[3] = u64::from(record.kind as u32) << 32 | u64::from(component);
     words[4] = record.value.to_bits();
     words[5] = text.len() as u64;
@@ -213,7 +214,8 @@ fn decode(words: &[u64; WORDS], severity: EventSeverity) -> Option<EventRecord> 
     let bytes: Vec<u8> = words[HEAD..].iter().flat_map(|word| word.to_le_bytes()).take(length).collect();
     Some(EventRecord {
         time_ns: words[0],
-        simulated: (words[2] != NONE).then_some((words[1], words[2])),
+        episode: words[1],
+        simulated_ns: Some(words[2]).filter(|ns| *ns != NONE),
         severity,
         kind: EventKind::from_number((words[3] >> 32) as u32)?,
         component: usize::from(words[3] as u16).checked_sub(1),

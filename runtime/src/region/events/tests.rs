@@ -7,7 +7,8 @@ fn log() -> EventLog {
 fn event(time_ns: u64, severity: EventSeverity, text: &str) -> EventRecord {
     EventRecord {
         time_ns,
-        simulated: None,
+        episode: 0,
+        simulated_ns: None,
         severity,
         kind: EventKind::Warning,
         component: None,
@@ -23,7 +24,8 @@ fn an_event_is_read_as_it_was_written() {
     let log = log();
     let written = EventRecord {
         time_ns: 17,
-        simulated: Some((3, 250_000_000)),
+        episode: 3,
+        simulated_ns: Some(250_000_000),
         severity: Error,
         kind: EventKind::Failed,
         component: Some(0),

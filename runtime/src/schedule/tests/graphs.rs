@@ -142,6 +142,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
             resets: false,
             ends_episode: false,
+            begins_episodes: false,
             order: index,
         }
     });

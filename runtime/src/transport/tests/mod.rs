@@ -55,6 +55,7 @@ fn component(name: &str) -> ComponentPlan {
         restart: RestartPlan { when: RestartWhen::Never, at_most: 0, window_ns: 1, within_ns: 1 },
         resets: false,
         ends_episode: false,
+        begins_episodes: false,
         order: 0,
     }
 }

@@ -38,8 +38,8 @@ pub(super) fn line<'a>(
     sequence: u64,
     value: &'a Decoded<'a>,
 ) -> Line<'a> {
-    let time_ns = match (run.plan.clock, record.simulated) {
-        (ClockKind::Lockstep, Some((_, simulated_ns))) => simulated_ns,
+    let time_ns = match (run.plan.clock, record.simulated_ns) {
+        (ClockKind::Lockstep, Some(simulated_ns)) => simulated_ns,
         _ => record.time_ns,
     };
     let now_ns = if run.plan.clock == ClockKind::Lockstep { run.now_ns() } else { monotonic_ns() };
@@ -54,7 +54,7 @@ pub(super) fn line<'a>(
         publisher: component.map(|component| component.name.as_str()),
         restart_count: 0,
         joints: None,
-        episode: 0,
+        episode: record.episode,
         value,
     }
 }

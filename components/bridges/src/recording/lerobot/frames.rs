@@ -118,8 +118,10 @@ impl Frames {
             return samples.next().map_or(Ok(()), |failed| Ok(failed.map(drop)?));
         };
         let (number, begun_ns) = (first.stamp.episode, first.time_ns);
+        // In real time each component enters an episode at its next step: a slow one still publishes in the last episode after a fast
+        // one has begun the next.
         let in_episode = |sample: &Result<RecordedSample, SignalsError>| {
-            sample.as_ref().map_or(true, |sample| sample.stamp.episode == number)
+            sample.as_ref().map_or(true, |sample| sample.stamp.episode <= number)
         };
         let pictured = self.pictures.iter().map(|pictures| pictures.first_from(begun_ns).unwrap_or(u64::MAX));
         let pictured_ns = pictured.max().unwrap_or(0);
