@@ -168,7 +168,8 @@ pub fn describe(kinds: &[Kind]) -> ExitCode {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),
     };
-    print(&DescribeAnswer { motorium: env!("CARGO_PKG_VERSION").to_string(), declaration, error })
+    let motorium = env!("CARGO_PKG_VERSION").to_string();
+    print(&DescribeAnswer { motorium, memory: crate::region::layout_digest(), declaration, error })
 }
 
 /// Runs one component of a run in this process; `kinds` finds the component's type.

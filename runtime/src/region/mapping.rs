@@ -108,6 +108,9 @@ pub(crate) fn layout_digest() -> String {
     digest.write_u64(MAGIC);
     for size in [
         size_of::<Header>(),
+        core::mem::offset_of!(Header, start_ns),
+        core::mem::offset_of!(Header, episode),
+        core::mem::offset_of!(Header, turn),
         size_of::<EventLog>(),
         size_of::<ComponentBlock>(),
         core::mem::offset_of!(ComponentBlock, lateness),

@@ -41,6 +41,9 @@ pub struct DescribeRequest {
 pub struct DescribeAnswer {
     /// Version of motorium the program was built with.
     pub motorium: String,
+    /// Digest of the layout of a run's shared memory, as in [`KindsAnswer`]; empty from builds that did not report it.
+    #[serde(default)]
+    pub memory: String,
     /// The declaration, unless the configuration was refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub declaration: Option<Declaration>,

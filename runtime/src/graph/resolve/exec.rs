@@ -69,7 +69,7 @@ pub enum ExecProblem {
         /// Its version.
         found: String,
     },
-    /// Its shared memory has another layout.
+    /// It is another build of the same version, whose shared memory has another layout.
     #[error("program `{}` lays shared memory out in another way than this motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
@@ -134,6 +134,7 @@ pub fn describe(
     let request = serde_json::to_string(request)
         .map_err(|error| ExecProblem::Start { path: path.to_path_buf(), reason: error.to_string() })?;
     let reply: DescribeAnswer = answer(path, DESCRIBE, request)?;
+    same_memory(path, &reply.memory)?;
     match (reply.declaration, reply.error) {
         (_, Some(DescribeError { key, message, advice })) => Ok(Err(ConfigError { key, message, advice })),
         (Some(declaration), None) => Ok(Ok(declaration)),
@@ -152,10 +153,13 @@ pub fn describe(
 /// The program does not answer as one of this version does.
 pub fn kinds(path: &Path) -> Result<Vec<KindAnswer>, ExecProblem> {
     let reply: KindsAnswer = answer(path, KINDS, String::new())?;
-    if reply.memory != layout_digest() {
-        return Err(ExecProblem::Memory(path.to_path_buf()));
-    }
+    same_memory(path, &reply.memory)?;
     Ok(reply.kinds)
+}
+
+/// Two builds of one version may differ in the layout of shared memory: they would meet in a control block that neither can read.
+fn same_memory(path: &Path, digest: &str) -> Result<(), ExecProblem> {
+    if digest == layout_digest() { Ok(()) } else { Err(ExecProblem::Memory(path.to_path_buf())) }
 }
 
 /// The answer of the program, of this version, to a request.
