@@ -288,9 +288,9 @@ impl Trial {
 
     /// True while a running actuator follows a command older than ten times `stale_after` and 100 ms.
     fn outage(&self, victim: Option<usize>, now_ns: u64) -> bool {
-        // Ten times what is allowed: the looks of this process are late, too.
-        let allowed_ns = 10 * self.plan.safety.stale_after_ns + 100_000_000;
         self.plan.components.iter().zip(self.region.components()).enumerate().any(|(index, (plan, block))| {
+            // Ten times what is allowed: the looks of this process are late, too.
+            let allowed_ns = 10 * self.plan.safety_of(plan).stale_after_ns + 100_000_000;
             let commands = plan.inputs.iter().filter_map(|port| port.topic);
             let stale = commands
                 .filter(|topic| self.plan.topics[*topic].layout.type_name == JointCommand::NAME)

@@ -70,7 +70,7 @@ impl Context {
             index,
             actuator: component.actuator,
             hold_late_outputs: component.on_overrun == OnOverrun::Hold,
-            settle_ns: plan.safety.settle_ns,
+            settle_ns: plan.safety_of(component).settle_ns,
             clock: Clock::new(plan.clock, region.clone()),
             causality: Causality::new(matches!(component.activation, Activation::Triggered { .. })),
             deferred: Deferred::new(region.clone()),

@@ -28,7 +28,7 @@ pub struct Declaration {
     #[serde(default)]
     pub may_end_episodes: bool,
     /// True if it can begin episodes in real time.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub may_begin_episodes: bool,
     /// True if a file descriptor can release its steps.
     #[serde(default)]

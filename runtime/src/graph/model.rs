@@ -23,7 +23,7 @@ mod safety;
 
 pub(super) use activate::ActivateTable;
 pub(super) use robot::{BaseTable, RobotTable};
-pub(super) use safety::SafetyTable;
+pub(super) use safety::{ActuatorSafetyTable, SafetyTable};
 
 /// A graph of components that share state: the components, their wiring, their times and their safety.
 #[derive(Debug, JsonSchema)]
@@ -280,6 +280,8 @@ pub(super) struct ComponentTable<'i> {
     /// True: the component begins the episodes of a run in real time. One component of a graph, of a kind that can.
     #[schemars(extend("default" = false))]
     pub begins_episodes: Option<At<bool>>,
+    /// The safety of an actuator, where it differs from `[safety]`.
+    pub safety: Option<At<ActuatorSafetyTable>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
@@ -291,7 +293,7 @@ impl<'i> Read<'i> for ComponentTable<'i> {
         let mut table = take_fields!(
             keys, kind, exec, robot, robots, rate, trigger, activate, phase, budget, schedule, priority, spin, core, subscribe, publish,
             params, config, on_overrun, hang_after, cpu_limit, lost_steps, overruns_tolerated, on_error, on_failure, restart, stop_within,
-            ends_episode, begins_episodes; meant: Vec::new()
+            ends_episode, begins_episodes, safety; meant: Vec::new()
         );
         table.meant = keys.finish(&format!("component `{key}`"));
         Some(table)

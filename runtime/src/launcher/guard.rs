@@ -54,7 +54,7 @@ pub fn main(folder: &RunFolder) -> ExitCode {
     region.header().safe_stop_ns.store(noticed, Relaxed);
     region.header().order(Command::SafeStop);
     workers.iter().for_each(|(_, watch)| watch.signal(Signal::USR2));
-    std::thread::sleep(Duration::from_nanos(plan.safety.settle_ns));
+    std::thread::sleep(Duration::from_nanos(plan.settle_ns()));
     let (safe, is_safe) = describe_safety(&plan, &region, &workers, noticed);
     log.write(&Event::GuardActed { actuators: &safe, is_safe });
     region.header().order(Command::Stop);
@@ -244,13 +244,13 @@ fn describe_safety(
     workers: &[(String, Watch)],
     noticed: u64,
 ) -> (String, bool) {
-    let state = serde_json::to_value(plan.safety.gate.safe_state).unwrap_or_default();
-    let state = state.as_str().unwrap_or_default();
     let (mut words, mut are_safe) = (Vec::new(), true);
     for (component, block) in plan.components.iter().zip(region.components()) {
         if !component.actuator {
             continue;
         }
+        let state = serde_json::to_value(plan.safety_of(component).gate.safe_state).unwrap_or_default();
+        let state = state.as_str().unwrap_or_default();
         let name = &component.name;
         let worker = workers.iter().find(|(worker, _)| worker == name);
         let ended = worker.is_none_or(|(_, watch)| watch.has_ended());

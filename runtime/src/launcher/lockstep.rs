@@ -226,7 +226,7 @@ impl Launch {
         // A second signal ends the settling too.
         self.signals.forget();
         self.region.header().order(Command::SafeStop);
-        let end = time + self.plan.safety.settle_ns;
+        let end = time + self.plan.settle_ns();
         let mut now_ns = monotonic_ns();
         for index in 0..supervision.len() {
             let component = &self.plan.components[index];

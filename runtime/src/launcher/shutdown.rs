@@ -181,7 +181,7 @@ impl Launch {
         header.order(Command::SafeStop);
         self.signal_all();
         observe(Event::SafeStop { reason });
-        let settle = Duration::from_nanos(self.plan.safety.settle_ns);
+        let settle = Duration::from_nanos(self.plan.settle_ns());
         let until = Instant::now() + settle;
         let mut told = false;
         while Instant::now() < until {
@@ -222,7 +222,7 @@ impl Launch {
 
     /// Notes the actuators that did not hold their safe state until the end of the settling time.
     fn note_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
-        if self.plan.safety.settle_ns == 0 || self.all_actuators_safe_since(noticed).is_some() {
+        if self.plan.settle_ns() == 0 || self.all_actuators_safe_since(noticed).is_some() {
             return;
         }
         self.tell_unsafe(noticed, observe);
@@ -270,7 +270,7 @@ impl Launch {
             header.safe_stop_ns.store(noticed, Relaxed);
             header.order(Command::SafeStop);
             self.signal_all();
-            std::thread::sleep(Duration::from_nanos(self.plan.safety.settle_ns));
+            std::thread::sleep(Duration::from_nanos(self.plan.settle_ns()));
             self.note_unsafe(noticed, observe);
         }
         // What was kept for restarts is room for results.

@@ -83,7 +83,8 @@ fn cause(plan: &Plan, latch: Latch, component: Option<usize>, silent: Option<usi
         }
         Latch::SafeState => {
             let actuator = component.map_or("an actuator", |index| &plan.components[index].name);
-            match plan.safety.gate.resume {
+            let own = component.map(|index| plan.safety_of(&plan.components[index]));
+            match own.map_or(plan.safety.gate, |own| own.gate).resume {
                 ResumeRule::Latch => {
                     format!("since `{actuator}` entered its safe state and `resume` is \"latch\"")
                 }

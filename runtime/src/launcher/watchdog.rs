@@ -108,7 +108,7 @@ impl Watchdog {
             // An actuator steps by itself when its trigger or its descriptor is silent for `stale_after`.
             hang_after_ns: match (&component.activation, component.actuator) {
                 (Activation::Triggered { .. } | Activation::Descriptor { .. }, true) => {
-                    hang_after_ns.saturating_add(plan.safety.stale_after_ns)
+                    hang_after_ns.saturating_add(plan.safety_of(component).stale_after_ns)
                 }
                 _ => hang_after_ns,
             },

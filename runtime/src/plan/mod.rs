@@ -18,7 +18,7 @@ use crate::state::{Digest, TypeLayout};
 pub use expectation::{Comparison, Expectation, ExpectationError};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
-pub use safety::{GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
+pub use safety::{ActuatorSafety, GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
 pub use topics::{LatencyPlan, OnMiss, TopicPlan};
 
 /// A graph, resolved.
@@ -56,6 +56,17 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// The safety of an actuator: its own, or the graph's.
+    pub fn safety_of(&self, component: &ComponentPlan) -> ActuatorSafety {
+        component.safety.unwrap_or_else(|| self.safety.of_actuators())
+    }
+
+    /// Longest time for which an actuator stays in its safe state before it is stopped, ns: at least the graph's.
+    pub fn settle_ns(&self) -> u64 {
+        let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
+        own.fold(self.safety.settle_ns, u64::max)
+    }
+
     /// The component that begins the episodes of a run in real time.
     pub fn episode_driver(&self) -> Option<&ComponentPlan> {
         self.components.iter().find(|component| component.begins_episodes)
@@ -282,6 +293,9 @@ pub struct ComponentPlan {
     pub robots: Vec<RobotReference>,
     /// True if it applies commands to a robot.
     pub actuator: bool,
+    /// The safety of an actuator for which the graph overrides its `[safety]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<ActuatorSafety>,
     /// Seed of its random numbers, derived from the run's seed and its name.
     pub seed: u64,
     /// True if it can be reset for a new episode.
@@ -291,7 +305,7 @@ pub struct ComponentPlan {
     #[serde(default)]
     pub ends_episode: bool,
     /// True if it begins the episodes of a run in real time.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub begins_episodes: bool,
     /// The consequence of a late step.
     pub on_overrun: OnOverrun,

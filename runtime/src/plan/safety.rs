@@ -73,11 +73,35 @@ pub struct SafetyPlan {
     pub stop_together: bool,
 }
 
+/// The safety of one actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ActuatorSafety {
+    /// A command older than this is never applied, ns.
+    pub stale_after_ns: u64,
+    /// A command computed from a measurement older than this is never applied, ns.
+    pub source_stale_after_ns: u64,
+    /// The rules of its gates.
+    #[serde(flatten)]
+    pub gate: GateRules,
+    /// Time for which it stays in the safe state when it has to end without the launcher, ns.
+    pub settle_ns: u64,
+}
+
 fn is_zero(number: &u64) -> bool {
     *number == 0
 }
 
 impl SafetyPlan {
+    /// The safety of an actuator for which the graph says nothing else.
+    pub(crate) fn of_actuators(&self) -> ActuatorSafety {
+        ActuatorSafety {
+            stale_after_ns: self.stale_after_ns,
+            source_stale_after_ns: self.source_stale_after_ns,
+            gate: self.gate,
+            settle_ns: self.settle_ns,
+        }
+    }
+
     /// The defaults of a graph, for plans that tests make by hand.
     #[cfg(test)]
     pub(crate) fn for_tests() -> Self {

@@ -135,7 +135,7 @@ impl Setup {
         place: usize,
     ) -> Result<CommandGate, ConfigureError> {
         let emergency_stop = StopInput::open(self)?;
-        let safety = &self.plan().safety;
+        let safety = self.plan().safety_of(self.component());
         let context = self.context().clone();
         let mut gate = Gate::new(joints, safety.gate);
         if context.restart_count() > 0 {

@@ -176,7 +176,7 @@ fn live(
         match (plan.clock, &component.activation, trigger) {
             (ClockKind::Lockstep, ..) => lockstep::run(&mut stepper, &ports, (plan, region), index)?,
             (ClockKind::Realtime, Activation::Triggered { .. }, Some(trigger)) => {
-                let longest_wait = component.actuator.then_some(plan.safety.stale_after_ns);
+                let longest_wait = component.actuator.then(|| plan.safety_of(component).stale_after_ns);
                 let rest = rest::Rest::new(component);
                 realtime::run_triggered(&mut stepper, &trigger, longest_wait, rest)?;
             }
@@ -193,7 +193,7 @@ fn live(
                 let Some(descriptor) = descriptor else { return Err(at_setup(NO_DESCRIPTOR.to_string())) };
                 let readiness = os::Readiness::of(descriptor)
                     .map_err(|error| at_setup(format!("waiting for its descriptor: {error}")))?;
-                let longest_wait = component.actuator.then_some(plan.safety.stale_after_ns);
+                let longest_wait = component.actuator.then(|| plan.safety_of(component).stale_after_ns);
                 sporadic::run(&mut stepper, &readiness, longest_wait, rest::Rest::new(component))?;
             }
             (ClockKind::Realtime, Activation::Triggered { .. }, None) => {

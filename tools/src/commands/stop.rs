@@ -158,7 +158,7 @@ fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
         .context("its launcher has ended; its guard brings the robot to its safe state and ends the rest")?;
     let began = Instant::now();
     launcher.signal(Signal::INT);
-    let within = END_WITHIN + Duration::from_nanos(run.plan.safety.settle_ns);
+    let within = END_WITHIN + Duration::from_nanos(run.plan.settle_ns());
     if !launcher.wait(Some(within)) {
         anyhow::bail!(
             "its launcher does not end the run within {} s; `motorium stop --now` stops the robot without it",

@@ -62,6 +62,7 @@ fn component(
         resets: false,
         ends_episode: false,
         begins_episodes: false,
+        safety: None,
         order: index,
     }
 }

@@ -63,13 +63,14 @@ pub(super) fn facts(component: &ComponentPlan, plan: &Plan) -> Vec<String> {
         facts.push(format!("robot {}", robot.name));
     }
     if component.actuator {
-        let safe_state = match plan.safety.gate.safe_state {
+        let safety = plan.safety_of(component);
+        let safe_state = match safety.gate.safe_state {
             SafeState::Hold => "hold",
             SafeState::Damp => "damp",
             SafeState::ZeroTorque => "zero torque",
             SafeState::Brake => "brake",
         };
-        facts.push(format!("stale after {}: {safe_state}", time(plan.safety.stale_after_ns)));
+        facts.push(format!("stale after {}: {safe_state}", time(safety.stale_after_ns)));
     }
     facts
 }

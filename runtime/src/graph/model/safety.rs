@@ -63,3 +63,28 @@ impl<'i> Read<'i> for SafetyTable {
         Some(table)
     }
 }
+
+/// The safety of one actuator, in place of what `[safety]` says of all.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "ActuatorSafety")]
+pub(in crate::graph) struct ActuatorSafetyTable {
+    /// A command older than this is never applied: at least a period of the component that writes the commands. The limit on the age
+    /// of measurements changes by as much.
+    pub stale_after: Option<At<TimeSpan>>,
+    /// State applied instead.
+    pub safe_state: Option<At<SafeState>>,
+    /// The way out of the safe state once commands are fresh again.
+    pub resume: Option<At<ResumeRule>>,
+    /// Time for which this actuator stays in the safe state before it is stopped, at every end of a run. All actuators wait for
+    /// the one with the longest.
+    pub settle: Option<At<TimeSpan>>,
+}
+
+impl<'i> Read<'i> for ActuatorSafetyTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(key, value, report)?;
+        let table = take_fields!(keys, stale_after, safe_state, resume, settle);
+        keys.finish("the `safety` of a component");
+        Some(table)
+    }
+}

@@ -11,7 +11,7 @@ use crate::graph::model::{EpisodesTable, GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Name;
 use crate::plan::{
-    Activation, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan, PortPlan,
+    Activation, ActuatorSafety, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan, PortPlan,
     RestartPlan, SafetyPlan, TopicPlan, component_seed,
 };
 
@@ -28,6 +28,8 @@ pub(super) struct Parts<'g, 'i> {
     /// Values kept for taps, by topic.
     pub histories: Vec<usize>,
     pub safety: SafetyPlan,
+    /// By component.
+    pub actuators: Vec<Option<ActuatorSafety>>,
     pub expectations: Vec<Expectation>,
     pub order: Vec<usize>,
 }
@@ -85,6 +87,7 @@ impl Parts<'_, '_> {
             robot: draft.robot.clone(),
             robots: draft.robots.clone(),
             actuator: declaration.actuator,
+            safety: self.actuators[index],
             seed: component_seed(seed, draft.name),
             resets: declaration.resets,
             ends_episode: good_or(&draft.table.ends_episode, false),

@@ -134,6 +134,7 @@ pub(super) fn resolve(
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);
     let histories = history::resolve(graph, &drafts, &wiring, report);
     let safety = safety::resolve(graph, &drafts, &wiring, &timing, &latencies.causes, report);
+    let actuators = safety::of_actuators(&safety, &drafts, &wiring, &timing, report);
     episodes::check(graph, &drafts, report);
     let expectations = expectations::resolve(graph, &drafts, report);
     if report.has_errors() {
@@ -154,6 +155,7 @@ pub(super) fn resolve(
         latencies,
         histories,
         safety,
+        actuators,
         expectations,
         order,
     };

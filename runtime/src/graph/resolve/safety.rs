@@ -1,8 +1,10 @@
 //! The safety settings and the restart policies.
 
+mod actuators;
 mod bounds;
 mod emergency;
 
+pub(super) use actuators::resolve as of_actuators;
 pub(super) use emergency::emergency_stop;
 
 use super::Draft;
@@ -13,6 +15,7 @@ use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::{At, good, good_or};
+use crate::graph::source::Span;
 use crate::plan::{Activation, GateRules, SafetyPlan};
 use crate::state::{JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
@@ -88,7 +91,7 @@ pub(super) fn resolve(
 fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes: &[Option<usize>]) -> u64 {
     let mut longest = 0;
     for (component, draft) in drafts.iter().enumerate() {
-        if !draft.declaration.as_ref().is_some_and(|declaration| declaration.actuator) {
+        if !is_actuator(draft) {
             continue;
         }
         for (index, port) in draft.ports(Direction::Input).enumerate() {
@@ -119,6 +122,27 @@ fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: &mut Report
     }
 }
 
+/// The slowest source of the commands of an actuator: the place of its wire, its index and its period, ns.
+fn slowest_source(
+    component: usize,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    timing: &Timing,
+) -> Option<(Span, usize, u64)> {
+    let commands = drafts[component].ports(Direction::Input).enumerate();
+    let commands = commands.filter(|(_, port)| port.layout.type_name == JointCommand::NAME);
+    let sources = commands.filter_map(|(index, _)| {
+        let wire = wiring.of_port(component, Direction::Input, index)?;
+        let writer = wiring.writer(wire.topic?)?.component;
+        Some((wire.span.clone(), writer, timing.period_ns(writer)?))
+    });
+    sources.max_by_key(|(.., period_ns)| *period_ns)
+}
+
+fn is_actuator(draft: &Draft<'_, '_>) -> bool {
+    draft.declaration.as_ref().is_some_and(|declaration| declaration.actuator)
+}
+
 /// Commands that come more slowly than they grow stale hold the robot in its safe state half of the time.
 fn stale_commands(
     stale_after: TimeSpan,
@@ -129,43 +153,33 @@ fn stale_commands(
     report: &mut Report,
 ) {
     for (component, draft) in drafts.iter().enumerate() {
-        if !draft.declaration.as_ref().is_some_and(|declaration| declaration.actuator) {
+        if !is_actuator(draft) || actuators::stale_after(draft).is_some() {
             continue;
         }
-        for (index, port) in draft.ports(Direction::Input).enumerate() {
-            let command = port.layout.type_name == JointCommand::NAME;
-            let wire = wiring.of_port(component, Direction::Input, index).filter(|_| command);
-            let Some(wire) = wire else { continue };
-            let writer = wire.topic.and_then(|topic| wiring.writer(topic)).map(|writer| writer.component);
-            let Some((writer, period_ns)) =
-                writer.and_then(|writer| Some((writer, timing.period_ns(writer)?)))
-            else {
-                continue;
-            };
-            if stale_after.ns >= period_ns || stale_after.ns == 0 {
-                continue;
+        let Some((span, writer, period_ns)) = slowest_source(component, drafts, wiring, timing) else {
+            continue;
+        };
+        if stale_after.ns >= period_ns || stale_after.ns == 0 {
+            continue;
+        }
+        let period = TimeSpan { ns: period_ns };
+        let name = drafts[writer].name;
+        let diagnostic = report
+            .warning(format!(
+                "commands grow stale before the next one comes: `{name}` writes one every {period}"
+            ))
+            .advise(format!(
+                "set `stale_after` in `[safety]` to more than {period}, or run `{name}` faster"
+            ));
+        match at {
+            Some(at) => {
+                diagnostic
+                    .at(&at.span, format!("shorter than {period}"))
+                    .and(&span, format!("`{}` applies its commands", draft.name));
             }
-            let period = TimeSpan { ns: period_ns };
-            let name = drafts[writer].name;
-            let diagnostic = report
-                .warning(format!(
-                    "commands grow stale before the next one comes: `{name}` writes one every {period}"
-                ))
-                .advise(format!(
-                    "set `stale_after` in `[safety]` to more than {period}, or run `{name}` faster"
-                ));
-            match at {
-                Some(at) => {
-                    diagnostic
-                        .at(&at.span, format!("shorter than {period}"))
-                        .and(&wire.span, format!("`{}` applies its commands", draft.name));
-                }
-                None => {
-                    diagnostic.at(
-                        &wire.span,
-                        format!("`stale_after` is {stale_after} unless the graph says otherwise"),
-                    );
-                }
+            None => {
+                diagnostic
+                    .at(&span, format!("`stale_after` is {stale_after} unless the graph says otherwise"));
             }
         }
     }

@@ -143,6 +143,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             resets: false,
             ends_episode: false,
             begins_episodes: false,
+            safety: None,
             order: index,
         }
     });

@@ -56,6 +56,7 @@ fn component(name: &str) -> ComponentPlan {
         resets: false,
         ends_episode: false,
         begins_episodes: false,
+        safety: None,
         order: 0,
     }
 }

@@ -61,7 +61,8 @@ fn safe_within(plan: &Plan) -> String {
     }
     for (index, component) in plan.components.iter().enumerate().filter(|(_, component)| component.actuator) {
         let time = |ns: u64| TimeSpan { ns };
-        let (stale_after, period) = (plan.safety.stale_after_ns, component.period_ns());
+        let safety = plan.safety_of(component);
+        let (stale_after, period) = (safety.stale_after_ns, component.period_ns());
         let by = plan.longest_hold_up(index);
         let held_up = by.map_or(0, |(_, limit_ns)| limit_ns);
         let name = &component.name;

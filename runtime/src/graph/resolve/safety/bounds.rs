@@ -2,7 +2,7 @@
 
 use crate::graph::diagnostic::Report;
 use crate::graph::model::SafetyTable;
-use crate::graph::read::good;
+use crate::graph::read::At;
 use crate::units::TimeSpan;
 
 const MILLISECOND: u64 = 1_000_000;
@@ -19,26 +19,8 @@ const LONGEST_SETTLE: TimeSpan = TimeSpan { ns: 60 * SECOND };
 
 /// Refuses and warns of times that mean nothing.
 pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, report: &mut Report) {
-    let ages = [("stale_after", &table.stale_after), ("source_stale_after", &table.source_stale_after)];
-    for (key, at) in ages {
-        let Some((at, age)) = at.as_ref().and_then(|at| Some((at, *at.get()?))) else { continue };
-        let allowed = if key == "stale_after" { LONG.ns } else { LONG.ns.max(4 * chains_ns) };
-        if age > LONGEST {
-            report
-                .error(format!("`{key}` is {age}: a robot would go on for so long without its controller"))
-                .at(&at.span, format!("expected at most {LONGEST}"))
-                .advise(
-                    "a few periods of the component that writes the commands are usual, such as \"5 ms\"",
-                );
-        } else if age.ns > allowed {
-            report
-                .warning(format!("`{key}` is {age}: a robot goes on for so long without its controller"))
-                .at(&at.span, format!("more than {}", TimeSpan { ns: allowed }))
-                .advise(
-                    "a few periods of the component that writes the commands are usual, such as \"5 ms\"",
-                );
-        }
-    }
+    check_age("stale_after", table.stale_after.as_ref(), 0, report);
+    check_age("source_stale_after", table.source_stale_after.as_ref(), chains_ns, report);
     if let Some(at) = &table.source_stale_after
         && let Some(age) = at.get()
         && age.ns < stale_after.ns + chains_ns
@@ -49,21 +31,38 @@ pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, 
             .at(&at.span, format!("`stale_after` and the periods from sensor to command are {needed}"))
             .advise("leave it out for a default that fits the graph");
     }
-    if let Some(at) = &table.settle
-        && let Some(settle) = good(&table.settle)
-    {
-        if *settle > LONGEST_SETTLE {
-            report
-                .error(format!("`settle` is {settle}: every end of a run would take so long"))
-                .at(&at.span, format!("expected at most {LONGEST_SETTLE}"))
-                .advise("leave it out for the default");
-        } else if *settle < SHORT_SETTLE {
-            report
-                .warning(format!(
-                    "`settle` is {settle}: the actuators are stopped while the robot still moves"
-                ))
-                .at(&at.span, format!("less than {SHORT_SETTLE}"))
-                .advise("leave it out for the default");
-        }
+    check_settle(table.settle.as_ref(), report);
+}
+
+/// Checks the longest age of a command, or of a measurement that becomes one through components with these periods, ns.
+pub(super) fn check_age(key: &str, at: Option<&At<TimeSpan>>, chains_ns: u64, report: &mut Report) {
+    let Some((at, age)) = at.and_then(|at| Some((at, *at.get()?))) else { return };
+    let allowed = LONG.ns.max(4 * chains_ns);
+    if age > LONGEST {
+        report
+            .error(format!("`{key}` is {age}: a robot would go on for so long without its controller"))
+            .at(&at.span, format!("expected at most {LONGEST}"))
+            .advise("a few periods of the component that writes the commands are usual, such as \"5 ms\"");
+    } else if age.ns > allowed {
+        report
+            .warning(format!("`{key}` is {age}: a robot goes on for so long without its controller"))
+            .at(&at.span, format!("more than {}", TimeSpan { ns: allowed }))
+            .advise("a few periods of the component that writes the commands are usual, such as \"5 ms\"");
+    }
+}
+
+/// Checks the time for which actuators stay in the safe state.
+pub(super) fn check_settle(at: Option<&At<TimeSpan>>, report: &mut Report) {
+    let Some((at, settle)) = at.and_then(|at| Some((at, *at.get()?))) else { return };
+    if settle > LONGEST_SETTLE {
+        report
+            .error(format!("`settle` is {settle}: every end of a run would take so long"))
+            .at(&at.span, format!("expected at most {LONGEST_SETTLE}"))
+            .advise("leave it out for the default");
+    } else if settle < SHORT_SETTLE {
+        report
+            .warning(format!("`settle` is {settle}: the actuators are stopped while the robot still moves"))
+            .at(&at.span, format!("less than {SHORT_SETTLE}"))
+            .advise("leave it out for the default");
     }
 }

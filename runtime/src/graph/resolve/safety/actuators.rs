@@ -1,0 +1,67 @@
+//! The table `[component.X.safety]`: the safety of one actuator.
+
+use super::super::Draft;
+use super::super::timing::Timing;
+use super::super::wiring::Wiring;
+use super::{bounds, is_actuator, not_zero, slowest_source};
+use crate::graph::diagnostic::Report;
+use crate::graph::read::{At, good, good_or};
+use crate::plan::{ActuatorSafety, GateRules, SafetyPlan};
+use crate::units::TimeSpan;
+
+/// The `stale_after` of a component, where it overrides the graph's.
+pub(super) fn stale_after<'d>(draft: &'d Draft<'_, '_>) -> Option<&'d At<TimeSpan>> {
+    good(&draft.table.safety).and_then(|table| table.stale_after.as_ref())
+}
+
+/// Resolves and checks the safety of each component; `None` where the graph's holds.
+pub(in super::super) fn resolve(
+    graph: &SafetyPlan,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    timing: &Timing,
+    report: &mut Report,
+) -> Vec<Option<ActuatorSafety>> {
+    let each = drafts.iter().enumerate().map(|(index, draft)| {
+        let at = draft.table.safety.as_ref()?;
+        let table = at.get()?;
+        if draft.declaration.is_some() && !is_actuator(draft) {
+            report
+                .error(format!("component `{}` is no actuator", draft.name))
+                .at(&at.span, format!("{} applies no commands to a robot", draft.what()))
+                .advise("move the table to the component that moves the robot, or remove it");
+            return None;
+        }
+        not_zero("stale_after", table.stale_after.as_ref(), "every command would be stale at once", report);
+        bounds::check_age("stale_after", table.stale_after.as_ref(), 0, report);
+        bounds::check_settle(table.settle.as_ref(), report);
+        if let Some(at) = &table.stale_after
+            && let Some(age) = at.get()
+            && let Some((span, writer, period_ns)) = slowest_source(index, drafts, wiring, timing)
+            && age.ns < period_ns
+        {
+            let (period, name) = (TimeSpan { ns: period_ns }, drafts[writer].name);
+            report
+                .error(format!("commands of `{}` are stale before the next one comes", draft.name))
+                .at(&at.span, format!("{age}, shorter than {period}"))
+                .and(&span, format!("`{name}` writes one every {period}"))
+                .advise(format!("set `stale_after` to more than {period}, or run `{name}` faster"));
+        }
+        let stale_after_ns = good_or(&table.stale_after, TimeSpan { ns: graph.stale_after_ns }).ns;
+        let longer_ns = stale_after_ns.saturating_sub(graph.stale_after_ns);
+        let shorter_ns = graph.stale_after_ns.saturating_sub(stale_after_ns);
+        Some(ActuatorSafety {
+            stale_after_ns,
+            source_stale_after_ns: (graph.source_stale_after_ns.saturating_add(longer_ns))
+                .saturating_sub(shorter_ns)
+                .max(stale_after_ns),
+            gate: GateRules {
+                safe_state: good_or(&table.safe_state, graph.gate.safe_state),
+                limits: graph.gate.limits,
+                resume: good_or(&table.resume, graph.gate.resume),
+            },
+            settle_ns: good_or(&table.settle, TimeSpan { ns: graph.settle_ns }).ns,
+        })
+    });
+    each.collect()
+}
