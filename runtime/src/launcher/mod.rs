@@ -242,6 +242,11 @@ impl Launch {
         report
     }
 
+    /// The report of a run that continues.
+    pub(crate) fn report_so_far(&self, exit: Exit) -> Report {
+        self.report(exit, self.before_ns + self.time_ns())
+    }
+
     /// True if the launching program takes the place of a component.
     pub(crate) fn stands_in_for(&self, component: &str) -> bool {
         self.options.stand_in.iter().any(|name| name == component)

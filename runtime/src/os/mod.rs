@@ -4,6 +4,7 @@
 
 mod backoff;
 mod cpu_time;
+mod fork;
 mod futex;
 pub(crate) mod held_word;
 mod idle;
@@ -20,6 +21,8 @@ mod wait;
 
 pub(crate) use backoff::Backoff;
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
+pub use fork::OtherProcess;
+pub(crate) use fork::Owned;
 pub(crate) use futex::{futex_sleep, futex_wake_low};
 pub use idle::IdleLimit;
 pub use lock::{Lock, is_held};

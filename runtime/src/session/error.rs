@@ -1,6 +1,7 @@
 //! The error of a session.
 
 use crate::launcher::{Exit, LaunchError};
+use crate::os::OtherProcess;
 use crate::parameter::ParameterError;
 use crate::transport::PortError;
 
@@ -14,6 +15,9 @@ pub enum SessionError {
     /// stop the session.
     #[error("the run has ended: {}", told(.0))]
     Ended(Exit),
+    /// The session belongs to the process that this one was forked from.
+    #[error("the session: {0}")]
+    OtherProcess(#[from] OtherProcess),
     /// Only simulated time can be held, set back or made to pass faster.
     #[error("{what}: the run is in real time; launch it with the clock `lockstep`")]
     RealTime {

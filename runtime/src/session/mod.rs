@@ -14,6 +14,11 @@
 //!
 //! In real time [`begin_episode`](Session::begin_episode) begins the next numbered stretch of the run. Nothing is reset.
 //!
+//! # Forks
+//! A session belongs to the process that launched it. In a forked child, of Python's `multiprocessing` say, every call is an error
+//! ([`SessionError::OtherProcess`]) and dropping it does nothing: the run of the parent continues. The same holds for its
+//! readers and [taps](crate::transport::Tap).
+//!
 //! # Ending
 //! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at once. Neither
 //! leaves anything in shared memory.
@@ -34,7 +39,7 @@ use std::time::Duration;
 
 use crate::declare::ParameterValue;
 use crate::launcher::{EpisodeReport, Event, Exit, Launch, LaunchError, Limit, LoggedEvent, Options, Report};
-use crate::os::monotonic_ns;
+use crate::os::{Owned, monotonic_ns};
 use crate::parameter::ParameterTable;
 use crate::plan::{ClockKind, Plan};
 use crate::region::EventReader;
@@ -100,9 +105,9 @@ use topics::Ports;
 /// # Ok::<(), motorium::session::SessionError>(())
 /// ```
 pub struct Session<'o> {
-    ports: Ports,
-    parameters: Option<ParameterTable>,
-    launch: Launch,
+    ports: Owned<Ports>,
+    parameters: Owned<Option<ParameterTable>>,
+    launch: Owned<Launch>,
     observe: Box<dyn FnMut(Event<'_>) + 'o>,
     exit: Option<Exit>,
     pace: Option<Pace>,
@@ -143,9 +148,9 @@ impl<'o> Session<'o> {
         let mut observe: Box<dyn FnMut(Event<'_>) + 'o> = Box::new(observe);
         let seed = plan.seed;
         let (launch, exit) = Launch::start(plan, registry, options, &mut *observe)?;
-        let (ports, episodes) = (Ports::default(), Vec::new());
-        let (parameters, pace, events) = (None, None, EventReader::default());
-        let episode = (0, seed);
+        let (ports, parameters, launch) =
+            (Owned::new(Ports::default()), Owned::new(None), Owned::new(launch));
+        let (episodes, pace, events, episode) = (Vec::new(), None, EventReader::default(), (0, seed));
         Ok(Self { ports, parameters, launch, observe, exit, pace, episode, episodes, events })
     }
 
@@ -267,6 +272,7 @@ impl<'o> Session<'o> {
     /// # Errors
     /// The run is in lockstep, a component begins its episodes, or it has ended.
     pub fn begin_episode(&mut self, seed: u64) -> Result<u64, SessionError> {
+        self.launch.check()?;
         if self.launch.plan().clock == ClockKind::Lockstep {
             return Err(SessionError::SimulatedTime { what: "an episode without a reset" });
         }
@@ -301,11 +307,12 @@ impl<'o> Session<'o> {
         component: &str,
         values: impl IntoIterator<Item = (&'a str, ParameterValue)>,
     ) -> Result<(), SessionError> {
+        self.launch.check()?;
         if self.parameters.is_none() {
             let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
-            self.parameters = Some(ParameterTable::open(&domain, self.launch.plan().clone())?);
+            *self.parameters = Some(ParameterTable::open(&domain, self.launch.plan().clone())?);
         }
-        if let Some(table) = &self.parameters {
+        if let Some(table) = &*self.parameters {
             let paths: Vec<(String, ParameterValue)> = values
                 .into_iter()
                 .map(|(parameter, value)| (format!("{component}.{parameter}"), value))
@@ -340,8 +347,12 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Ends the run in good order: actuators go to their safe state, components save their results.
+    /// Ends the run in good order: actuators go to their safe state, components save their results. In a forked child it ends
+    /// nothing: the report is of the run so far.
     pub fn stop(mut self) -> Report {
+        if let Err(error) = self.launch.check() {
+            return self.launch.report_so_far(Exit::SafeStop { reason: format!("the session: {error}") });
+        }
         let plan = self.launch.plan();
         let (planned, clock) = (plan.episodes.is_some(), plan.clock);
         if clock == ClockKind::Lockstep && (self.episode.0 > 0 || planned) {
@@ -377,10 +388,12 @@ impl<'o> Session<'o> {
     }
 
     fn check_alive(&self) -> Result<(), SessionError> {
+        self.launch.check()?;
         self.exit.clone().map_or(Ok(()), |exit| Err(SessionError::Ended(exit)))
     }
 
     fn in_lockstep(&self, what: &'static str) -> Result<(), SessionError> {
+        self.launch.check()?;
         match self.launch.plan().clock {
             ClockKind::Lockstep => Ok(()),
             ClockKind::Realtime => Err(SessionError::RealTime { what }),
@@ -398,5 +411,4 @@ impl<'o> Session<'o> {
 }
 
 #[cfg(test)]
-#[path = "tests/episodes.rs"]
 mod tests;

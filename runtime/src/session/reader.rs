@@ -10,7 +10,7 @@ use iceoryx2::node::Node;
 
 use crate::declare::TopicPattern;
 use crate::domain::{Domain, Shared};
-use crate::os::Lock;
+use crate::os::{Lock, OtherProcess, Owned};
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
 use crate::transport::latest::StateReader;
@@ -36,12 +36,12 @@ use crate::transport::{PortError, TopicMemory, open_queue, refused, same_layout,
 #[derive(Debug)]
 pub struct TopicReader {
     topic: TopicPlan,
-    source: Source,
+    source: Owned<Source>,
     /// The type whose layout was last found to be the topic's.
     known: Cell<Option<TypeId>>,
     /// Held for as long as the pin is used; dropped after it.
-    _place: Option<Lock>,
-    _node: Option<Node<Shared>>,
+    _place: Owned<Option<Lock>>,
+    _node: Owned<Option<Node<Shared>>>,
 }
 
 #[derive(Debug)]
@@ -57,8 +57,9 @@ impl TopicReader {
     /// The run or the topic cannot be reached, or four other programs read it.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
-        let reader = Self::join(domain, &node, topic)?;
-        Ok(Self { _node: Some(node), ..reader })
+        let mut reader = Self::join(domain, &node, topic)?;
+        *reader._node = Some(node);
+        Ok(reader)
     }
 
     /// As [`open`](Self::open), through a node of the domain that outlives the reader.
@@ -73,7 +74,8 @@ impl TopicReader {
                 (Source::Stream { queue: open_queue(node, topic)?, newest: None }, None)
             }
         };
-        Ok(Self { topic: topic.clone(), source, known: Cell::new(None), _place: place, _node: None })
+        let (source, topic) = (Owned::new(source), topic.clone());
+        Ok(Self { topic, source, known: Cell::new(None), _place: Owned::new(place), _node: Owned::new(None) })
     }
 
     /// The layout of the topic's values; of one element, where it carries slices.
@@ -81,9 +83,20 @@ impl TopicReader {
         &self.topic.layout
     }
 
+    /// Checks that this process has opened the reader: in a forked child it reads nothing, and dropping it does nothing.
+    ///
+    /// # Errors
+    /// Another process has opened it.
+    pub fn check(&self) -> Result<(), OtherProcess> {
+        self.source.check()
+    }
+
     /// Pins the newest value. Returns true if it is another one than before.
     pub fn poll(&mut self) -> bool {
-        match &mut self.source {
+        if !self.source.is_own() {
+            return false;
+        }
+        match &mut *self.source {
             Source::State(reader) => {
                 if reader.newest() < reader.seen() {
                     // A new episode has begun and takes back what was published before.
@@ -116,8 +129,9 @@ impl TopicReader {
     /// The pinned value as a type; `None` before the first publication.
     ///
     /// # Errors
-    /// The topic has another layout than `T`, or carries slices.
+    /// The topic has another layout than `T`, or carries slices; or this process is a forked child.
     pub fn value<T: StateBuffer>(&self) -> Result<Option<&T>, PortError> {
+        self.check().map_err(|error| refused(&self.topic.name, "reading a value")(&error))?;
         if self.known.get() != Some(TypeId::of::<T>()) {
             same_layout::<T>(&self.topic, "the reader")?;
             if matches!(self.topic.pattern, TopicPattern::Slices { .. }) {
@@ -133,7 +147,7 @@ impl TopicReader {
 
     /// Forgets what was read in the episode before.
     pub(crate) fn begin_episode(&mut self) {
-        match &mut self.source {
+        match &mut *self.source {
             Source::State(reader) => reader.begin_episode(),
             Source::Stream { queue, newest } => {
                 while receive(queue).is_some() {}
@@ -143,7 +157,7 @@ impl TopicReader {
     }
 
     fn pinned(&self) -> Option<(&Stamp, &[u8])> {
-        match &self.source {
+        match self.source.is_own().then_some(&*self.source)? {
             Source::State(reader) => reader.current_bytes(),
             Source::Stream { newest, .. } => newest.as_ref().map(parts),
         }

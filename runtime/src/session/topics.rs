@@ -182,6 +182,7 @@ impl Session<'_> {
     }
 
     fn topic(&self, name: &str) -> Result<usize, SessionError> {
+        self.launch.check()?;
         let topics = &self.launch.plan().topics;
         topics.iter().position(|topic| topic.name == name).ok_or_else(|| SessionError::NoTopic {
             topic: name.to_string(),
@@ -203,7 +204,8 @@ impl Session<'_> {
         let plan = &self.launch.plan().topics[index];
         let Some(node) = &self.ports.node else { return Err(not_joined(plan)) };
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
-        self.ports.readers.push((index, TopicReader::join(&domain, node, plan)?));
+        let reader = TopicReader::join(&domain, node, plan)?;
+        self.ports.readers.push((index, reader));
         Ok(self.ports.readers.len() - 1)
     }
 

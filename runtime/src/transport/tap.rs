@@ -8,7 +8,7 @@ use super::topic::open_queue;
 use super::{PortError, refused};
 use crate::declare::TopicPattern;
 use crate::domain::{Domain, Shared};
-use crate::os::Lock;
+use crate::os::{Lock, OtherProcess, Owned};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
@@ -21,8 +21,8 @@ use crate::state::{Digest, Stamp, TypeLayout};
 #[derive(Debug)]
 pub struct Tap {
     layout: TypeLayout,
-    source: Source,
-    _node: Node<Shared>,
+    source: Owned<Source>,
+    _node: Owned<Node<Shared>>,
 }
 
 #[derive(Debug)]
@@ -102,7 +102,7 @@ impl Tap {
         } else {
             Source::Stream { queue: open_queue(&node, topic)?, last: (0, 0), missed: 0 }
         };
-        Ok(Self { layout: topic.layout.clone(), source, _node: node })
+        Ok(Self { layout: topic.layout.clone(), source: Owned::new(source), _node: Owned::new(node) })
     }
 
     /// The layout of the topic's values.
@@ -112,15 +112,26 @@ impl Tap {
 
     /// Values that were overwritten before they could be read.
     pub fn missed(&self) -> u64 {
-        match &self.source {
+        match &*self.source {
             Source::State(tap) => tap.missed(),
             Source::Stream { missed, .. } => *missed,
         }
     }
 
+    /// Checks that this process has opened the tap: in a forked child it reads nothing, and dropping it does nothing.
+    ///
+    /// # Errors
+    /// Another process has opened it.
+    pub fn check(&self) -> Result<(), OtherProcess> {
+        self.source.check()
+    }
+
     /// Hands the next unread value to `read` where it lies: its stamp and its bytes. False if there is none yet.
     pub fn read(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
-        match &mut self.source {
+        if !self.source.is_own() {
+            return false;
+        }
+        match &mut *self.source {
             Source::State(tap) => tap.next(read),
             Source::Stream { queue, last, missed } => {
                 let Some(sample) = receive(queue) else { return false };

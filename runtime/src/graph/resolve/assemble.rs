@@ -11,8 +11,8 @@ use crate::graph::model::{EpisodesTable, GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Name;
 use crate::plan::{
-    Activation, ActuatorSafety, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan, PortPlan,
-    RestartPlan, SafetyPlan, TopicPlan, component_seed,
+    Activation, ActuatorSafety, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan,
+    PortPlan, RestartPlan, SafetyPlan, TopicPlan, component_seed,
 };
 
 /// Everything that was resolved.

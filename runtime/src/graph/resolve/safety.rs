@@ -168,9 +168,7 @@ fn stale_commands(
             .warning(format!(
                 "commands grow stale before the next one comes: `{name}` writes one every {period}"
             ))
-            .advise(format!(
-                "set `stale_after` in `[safety]` to more than {period}, or run `{name}` faster"
-            ));
+            .advise(format!("set `stale_after` in `[safety]` to more than {period}, or run `{name}` faster"));
         match at {
             Some(at) => {
                 diagnostic

@@ -101,12 +101,12 @@ fn graph(more: &str, settings: &[(&str, &str)]) -> Result<Session<'static>, Grap
     Ok(Session::launch(checked.plan, &registry, &Options::threads().leaving_signals()).expect("it starts"))
 }
 
-fn launch(more: &str, settings: &[(&str, &str)]) -> Session<'static> {
+pub(super) fn launch(more: &str, settings: &[(&str, &str)]) -> Session<'static> {
     graph(more, settings).unwrap_or_else(|error| panic!("{}", error.render(false)))
 }
 
 /// Steps until a topic was published in an episode; the newest number.
-fn await_episode(session: &mut Session<'_>, topic: &str, episode: u64) -> f64 {
+pub(super) fn await_episode(session: &mut Session<'_>, topic: &str, episode: u64) -> f64 {
     loop {
         session.step_until(session.time() + Duration::from_millis(2)).unwrap();
         let newest = session.read::<Wrench>(topic).unwrap();
