@@ -15,7 +15,7 @@ use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
     Connect, Input, InputPlace, Output, OutputPlace, Participant, PortError, Probe, RawInput, RawOutput,
-    SliceInput, SliceOutput, Trigger,
+    RawStreamInput, RawStreamOutput, SliceInput, SliceOutput, Trigger,
 };
 
 /// The set-up of one component: it opens the ports and parameters that the component declared.
@@ -237,6 +237,32 @@ impl Setup {
         let (index, plan) = find(&self.component().outputs, port)?;
         let Some(topic) = plan.topic else { return RawOutput::unwired(plan, self.context().clone()) };
         RawOutput::open(&self.participant, self.output_place(index, topic), plan)
+    }
+
+    /// Opens a declared input of a stream or of slices as bytes, of whatever type its topic is.
+    ///
+    /// # Errors
+    /// It is not declared, was declared as a state, or its topic cannot be joined.
+    pub fn raw_stream_input(&mut self, port: &str) -> Result<RawStreamInput, PortError> {
+        let (index, plan) = find(&self.component().inputs, port)?;
+        let Some(place) = self.input_place(index, plan) else {
+            return Ok(RawStreamInput::unwired(self.context().clone()));
+        };
+        let input = RawStreamInput::open(&self.participant, &place)?;
+        self.ports.extend(input.connection());
+        Ok(input)
+    }
+
+    /// Opens a declared output of a stream or of slices for bytes of its layout.
+    ///
+    /// # Errors
+    /// It is not declared, was declared as a state, its layout cannot be checked, or its topic cannot be joined.
+    pub fn raw_stream_output(&mut self, port: &str) -> Result<RawStreamOutput, PortError> {
+        let (index, plan) = find(&self.component().outputs, port)?;
+        let Some(topic) = plan.topic else { return RawStreamOutput::unwired(plan, self.context().clone()) };
+        let output = RawStreamOutput::open(&self.participant, self.output_place(index, topic), plan)?;
+        self.ports.extend(output.connection());
+        Ok(output)
     }
 
     /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of their own.

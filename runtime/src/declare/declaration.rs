@@ -202,11 +202,25 @@ impl Declare {
         self.any_input(name, false, doc);
     }
 
+    /// An input that the graph must wire, to a stream of any type: every value as bytes.
+    pub fn raw_stream_input(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.any_port(name, TopicPattern::Stream { capacity }, true, doc);
+    }
+
+    /// An input that the graph must wire, to a stream of slices of any type: every slice as bytes and the number of its elements.
+    pub fn raw_slice_input(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.any_port(name, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
+    }
+
     fn any_input(&mut self, name: &str, required: bool, doc: &str) {
+        self.any_port(name, TopicPattern::State, required, doc);
+    }
+
+    fn any_port(&mut self, name: &str, pattern: TopicPattern, required: bool, doc: &str) {
         self.add(PortDeclaration {
             name: name.to_string(),
             direction: Direction::Input,
-            pattern: TopicPattern::State,
+            pattern,
             layout: TypeLayout::any(),
             required,
             doc: doc.to_string(),
@@ -215,10 +229,31 @@ impl Declare {
 
     /// An output of a type that the configuration names.
     pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
+        self.raw_port(name, layout, TopicPattern::State, doc);
+    }
+
+    /// An output of a type that the configuration names, whose readers may read every value.
+    pub fn raw_stream_output(&mut self, name: &str, layout: TypeLayout, capacity: usize, doc: &str) {
+        self.raw_port(name, layout, TopicPattern::Stream { capacity }, doc);
+    }
+
+    /// An output of slices of up to `longest` elements of a type that the configuration names.
+    pub fn raw_slice_output(
+        &mut self,
+        name: &str,
+        layout: TypeLayout,
+        longest: usize,
+        capacity: usize,
+        doc: &str,
+    ) {
+        self.raw_port(name, layout, TopicPattern::Slices { capacity, longest }, doc);
+    }
+
+    fn raw_port(&mut self, name: &str, layout: TypeLayout, pattern: TopicPattern, doc: &str) {
         self.add(PortDeclaration {
             name: name.to_string(),
             direction: Direction::Output,
-            pattern: TopicPattern::State,
+            pattern,
             layout,
             required: false,
             doc: doc.to_string(),

@@ -162,6 +162,40 @@ impl ContentCheck {
         Ok(())
     }
 
+    /// As [`check`](Self::check), of any number of elements of the layout one after the other.
+    ///
+    /// # Errors
+    /// The first defect; the indices of fields and entries are of its element.
+    pub fn check_all(&self, bytes: &[u8]) -> Result<(), ContentDefect> {
+        if self.size == 0 || !bytes.len().is_multiple_of(self.size) {
+            return Err(ContentDefect::Size { found: bytes.len(), expected: self.size });
+        }
+        match self.number() {
+            // Pictures and maps: one pass over all numbers.
+            Some(part) => match part.not_finite(bytes) {
+                Some(_) => Err(ContentDefect::NotFinite { field: 0, index: 0 }),
+                None => Ok(()),
+            },
+            None => bytes.chunks_exact(self.size).try_for_each(|element| self.check(element)),
+        }
+    }
+
+    /// The part of a layout that is a single number.
+    fn number(&self) -> Option<&Part> {
+        match self.parts.as_slice() {
+            [part] if part.count.is_none() && part.number.bytes() == self.size => Some(part),
+            _ => None,
+        }
+    }
+
+    /// Adds the meaningful content of checked elements, one after the other, to a digest.
+    pub(crate) fn digest_all(&self, bytes: &[u8], digest: &mut Digest) {
+        match self.number() {
+            Some(_) => digest.write(bytes),
+            None => bytes.chunks_exact(self.size.max(1)).for_each(|element| self.digest(element, digest)),
+        }
+    }
+
     /// Adds the meaningful content of a checked buffer to a digest.
     pub(crate) fn digest(&self, bytes: &[u8], digest: &mut Digest) {
         self.parts.iter().for_each(|part| digest.write(part.content(bytes)));
@@ -233,6 +267,23 @@ mod tests {
         assert_eq!(check.check(&bytes(&command)), Err(ContentDefect::NotFinite { field: 6, index: 2 }));
         command.set_count(2);
         assert_eq!(check.check(&bytes(&command)), Ok(()));
+    }
+
+    #[test]
+    fn elements_are_checked_one_by_one_and_numbers_at_once() {
+        let numbers = [1.0_f32, -2.0, f32::NAN];
+        let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_ne_bytes()).collect();
+        let check = check::<f32>();
+        assert_eq!(check.check_all(&bytes[..8]), Ok(()));
+        assert_eq!(check.check_all(&[]), Ok(()));
+        assert_eq!(check.check_all(&bytes), Err(ContentDefect::NotFinite { field: 0, index: 0 }));
+        assert_eq!(check.check_all(&bytes[..7]), Err(ContentDefect::Size { found: 7, expected: 4 }));
+        let mut target = PoseTarget::default();
+        let good = super::tests::bytes(&target);
+        target.position[1] = f64::INFINITY;
+        let both = [good, super::tests::bytes(&target)].concat();
+        let defect = ContentDefect::NotFinite { field: 0, index: 1 };
+        assert_eq!(self::check::<PoseTarget>().check_all(&both), Err(defect));
     }
 
     #[test]

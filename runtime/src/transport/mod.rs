@@ -7,7 +7,8 @@
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
 //! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`] reads every
-//! value from outside of the graph. [`RawInput`] and [`RawOutput`] carry types known at run time only.
+//! value from outside of the graph. [`RawInput`], [`RawOutput`], [`RawStreamInput`] and [`RawStreamOutput`] carry types known at
+//! run time only.
 //! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
 
 mod error;
@@ -19,6 +20,7 @@ mod participant;
 mod publication;
 mod raw_input;
 mod raw_output;
+mod raw_stream;
 pub(crate) mod stream;
 mod tap;
 #[cfg(test)]
@@ -38,6 +40,7 @@ pub(crate) use participant::Participant;
 pub(crate) use publication::{OutputPlace, Probe};
 pub use raw_input::{RawInput, RawReading};
 pub use raw_output::{RawError, RawOutput};
+pub use raw_stream::{RawSlice, RawStreamInput, RawStreamOutput};
 pub(crate) use stream::Connect;
 pub use stream::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use tap::side_pin;

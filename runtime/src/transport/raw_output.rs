@@ -31,6 +31,17 @@ pub enum RawError {
     /// Its content must not reach a reader.
     #[error(transparent)]
     Content(#[from] ContentDefect),
+    /// A slice is longer than its output declares, or a stream of single values was given another number of them.
+    #[error("{found} elements, expected {}", if *longest == 1 { "1".to_string() } else { format!("at most {longest}") })]
+    Length {
+        /// Elements found.
+        found: usize,
+        /// Elements that fit.
+        longest: usize,
+    },
+    /// Readers hold all samples of the stream.
+    #[error("the sample was not sent")]
+    NotSent,
     /// The step is past its deadline, and the component's `on_overrun` is `hold`.
     #[error("the step is past its deadline")]
     Late,
@@ -121,12 +132,13 @@ impl RawOutput {
     }
 }
 
-impl From<Unpublished<ContentDefect>> for RawError {
-    fn from(reason: Unpublished<ContentDefect>) -> Self {
+impl<D: Into<RawError>> From<Unpublished<D>> for RawError {
+    fn from(reason: Unpublished<D>) -> Self {
         match reason {
             Unpublished::Invalid(defect) => defect.into(),
             Unpublished::Withheld(Withheld::InFuture { ahead_ns }) => Self::SourceInFuture { ahead_ns },
-            Unpublished::Withheld(Withheld::Late) | Unpublished::NotSent => Self::Late,
+            Unpublished::Withheld(Withheld::Late) => Self::Late,
+            Unpublished::NotSent => Self::NotSent,
         }
     }
 }

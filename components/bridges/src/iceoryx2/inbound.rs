@@ -112,7 +112,12 @@ impl Inbound {
                 }
                 Err(RawError::Content(defect)) => self.counts.refuse(defect),
                 // The time of a step is never in the future.
-                Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
+                Err(
+                    RawError::Late
+                    | RawError::SourceInFuture { .. }
+                    | RawError::Length { .. }
+                    | RawError::NotSent,
+                ) => self.counts.too_late += 1,
             }
         }
     }
@@ -128,7 +133,12 @@ impl Inbound {
                 self.published_ns = Some(time_ns);
             }
             Err(RawError::Content(defect)) => self.counts.refuse(defect),
-            Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
+            Err(
+                RawError::Late
+                | RawError::SourceInFuture { .. }
+                | RawError::Length { .. }
+                | RawError::NotSent,
+            ) => self.counts.too_late += 1,
         }
     }
 

@@ -214,7 +214,12 @@ impl UdpSensor {
             Ok(()) => self.counts.published += 1,
             Err(RawError::Content(defect)) => self.counts.refuse(defect),
             // a receive time is never in the future
-            Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
+            Err(
+                RawError::Late
+                | RawError::SourceInFuture { .. }
+                | RawError::Length { .. }
+                | RawError::NotSent,
+            ) => self.counts.too_late += 1,
         }
     }
 }

@@ -1,0 +1,240 @@
+//! Streams and slices whose type is known at run time only.
+
+use std::rc::Rc;
+
+use super::publication::{TopicWriter, checked};
+use super::stream::{Lent, StreamReader, StreamWriter};
+use super::topic::fits;
+use super::{Connect, InputPlace, OutputPlace, Participant, PortError, RawError, refused};
+use crate::context::{Context, ReadEffects};
+use crate::declare::TopicPattern;
+use crate::plan::PortPlan;
+use crate::state::{ContentCheck, Digest, Stamp, TypeLayout};
+
+/// An input port that reads every value of a stream, or every slice, in order and in place, as bytes of the topic's layout.
+///
+/// Declare it with [`Declare::raw_stream_input`](crate::declare::Declare::raw_stream_input) or
+/// [`Declare::raw_slice_input`](crate::declare::Declare::raw_slice_input).
+///
+/// ```
+/// # use motorium::transport::RawStreamInput;
+/// fn bytes_per_element(cloud: &mut RawStreamInput) -> Option<usize> {
+///     let reading = cloud.next_unread()?;
+///     Some(reading.bytes.len() / reading.count.max(1))
+/// }
+/// ```
+#[derive(Debug)]
+pub struct RawStreamInput {
+    wired: Option<Wired>,
+    effects: ReadEffects,
+}
+
+#[derive(Debug)]
+struct Wired {
+    topic: String,
+    layout: TypeLayout,
+    pattern: TopicPattern,
+    check: ContentCheck,
+    queue: StreamReader<u8>,
+}
+
+/// A value of a stream, or a slice, in shared memory.
+#[derive(Debug, Clone, Copy)]
+pub struct RawSlice<'a> {
+    /// The time and the publisher of the value.
+    pub stamp: &'a Stamp,
+    /// All elements one after the other, each in the layout of the topic.
+    pub bytes: &'a [u8],
+    /// Number of elements; 1 in a stream of single values.
+    pub count: usize,
+}
+
+fn check_of(layout: &TypeLayout, port: &str) -> Result<ContentCheck, PortError> {
+    ContentCheck::new(layout).map_err(|error| refused(port, "reading the layout of its type")(&error))
+}
+
+impl RawStreamInput {
+    pub(crate) fn unwired(context: Rc<Context>) -> Self {
+        Self { wired: None, effects: ReadEffects::none(context) }
+    }
+
+    pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
+        let topic = place.topic;
+        if topic.pattern == TopicPattern::State {
+            return Err(refused(&topic.name, "opening a port for every value")(&"it is a state"));
+        }
+        let wired = Wired {
+            topic: topic.name.clone(),
+            layout: topic.layout.clone(),
+            pattern: topic.pattern,
+            check: check_of(&topic.layout, place.port)?,
+            queue: StreamReader::open(participant, place)?,
+        };
+        Ok(Self { wired: Some(wired), effects: place.effects(participant) })
+    }
+
+    /// The connection to be made before the first step.
+    pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
+        self.wired.as_ref().map(|wired| wired.queue.connection())
+    }
+
+    /// Name of the topic, if the graph wires this input.
+    pub fn topic(&self) -> Option<&str> {
+        self.wired.as_ref().map(|wired| wired.topic.as_str())
+    }
+
+    /// Layout of a value, or of one element of a slice, if the graph wires this input.
+    pub fn layout(&self) -> Option<&TypeLayout> {
+        self.wired.as_ref().map(|wired| &wired.layout)
+    }
+
+    /// Pattern of the topic, if the graph wires this input: with the length of the longest slice.
+    pub fn pattern(&self) -> Option<TopicPattern> {
+        self.wired.as_ref().map(|wired| wired.pattern)
+    }
+
+    /// The next value that was not read, in order. It stays where it is until the next call. One whose content must not reach a
+    /// reader is refused and counted.
+    pub fn next_unread(&mut self) -> Option<RawSlice<'_>> {
+        let begins = self.effects.begins_episode();
+        let Wired { check, queue, .. } = self.wired.as_mut()?;
+        if begins {
+            queue.begin_episode();
+        }
+        if !queue.take(self.effects.context(), |bytes| check.check_all(bytes).is_ok()) {
+            return None;
+        }
+        let reading = self.current()?;
+        self.effects.first_read(reading.stamp);
+        self.effects.read(reading.stamp);
+        Some(reading)
+    }
+
+    /// The value read last.
+    pub fn current(&self) -> Option<RawSlice<'_>> {
+        let wired = self.wired.as_ref().filter(|_| self.effects.is_of_this_episode())?;
+        let (stamp, bytes) = wired.queue.current()?;
+        Some(RawSlice { stamp, bytes, count: bytes.len() / wired.layout.size.max(1) })
+    }
+
+    /// Values that were overwritten before they were read.
+    pub fn lost(&self) -> u64 {
+        self.wired.as_ref().map_or(0, |wired| wired.queue.lost())
+    }
+}
+
+/// An output port that writes every value of a stream, or slices, of a layout given at run time.
+///
+/// Declare it with [`Declare::raw_stream_output`](crate::declare::Declare::raw_stream_output) or
+/// [`Declare::raw_slice_output`](crate::declare::Declare::raw_slice_output). Values published on an output that the graph leaves
+/// unwired are checked, and read by nobody.
+#[derive(Debug)]
+pub struct RawStreamOutput {
+    layout: TypeLayout,
+    check: ContentCheck,
+    pattern: TopicPattern,
+    wired: Option<(String, StreamWriter<u8>, TopicWriter)>,
+    context: Rc<Context>,
+}
+
+impl RawStreamOutput {
+    pub(crate) fn unwired(port: &PortPlan, context: Rc<Context>) -> Result<Self, PortError> {
+        if port.pattern == TopicPattern::State {
+            return Err(refused(&port.port, "opening a port for every value")(&"it was declared as a state"));
+        }
+        let (layout, check) = (port.layout.clone(), check_of(&port.layout, &port.port)?);
+        Ok(Self { layout, check, pattern: port.pattern, wired: None, context })
+    }
+
+    pub(crate) fn open(
+        participant: &Participant,
+        place: OutputPlace<'_>,
+        port: &PortPlan,
+    ) -> Result<Self, PortError> {
+        let topic = place.topic;
+        fits(&port.layout, topic, &port.port)?;
+        let mut output = Self::unwired(port, participant.context().clone())?;
+        output.pattern = topic.pattern;
+        let stream = StreamWriter::open(participant, topic, output.longest())?;
+        let name = topic.name.clone();
+        let writer = TopicWriter::new(participant, place, participant.memory(topic)?, None);
+        output.wired = Some((name, stream, writer));
+        Ok(output)
+    }
+
+    /// The connection to be made before the first step.
+    pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
+        self.wired.as_ref().map(|(_, stream, _)| stream.connection())
+    }
+
+    /// Name of the topic, if the graph wires this output.
+    pub fn topic(&self) -> Option<&str> {
+        self.wired.as_ref().map(|(name, ..)| name.as_str())
+    }
+
+    /// Layout of a value, or of one element of a slice.
+    pub fn layout(&self) -> &TypeLayout {
+        &self.layout
+    }
+
+    /// The longest slice, elements; 1 for a stream of single values.
+    pub fn longest(&self) -> usize {
+        if let TopicPattern::Slices { longest, .. } = self.pattern { longest } else { 1 }
+    }
+
+    /// Checks the content of a value, or of all elements of a slice, without publishing it.
+    ///
+    /// # Errors
+    /// The first defect, or another number of elements than the port carries.
+    pub fn check(&self, bytes: &[u8]) -> Result<(), RawError> {
+        let found = bytes.len() / self.layout.size.max(1);
+        let fits = match self.pattern {
+            TopicPattern::Slices { longest, .. } => found <= longest,
+            TopicPattern::State | TopicPattern::Stream { .. } => found == 1,
+        };
+        if !fits {
+            return Err(RawError::Length { found, longest: self.longest() });
+        }
+        Ok(self.check.check_all(bytes)?)
+    }
+
+    /// Publishes a copy of a value, or of all elements of a slice, under a stamp of this component and wakes the components that
+    /// it triggers.
+    ///
+    /// # Errors
+    /// It is not published: it holds a number that is not finite or a count that does not fit, is longer than declared, no part of
+    /// a whole number of elements, or comes too late; or readers hold all samples.
+    pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
+        self.finish(bytes, None)
+    }
+
+    /// As [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
+    /// [`Loan::publish_from`](super::Loan::publish_from).
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish); and the source time is in the future by more than 1 ms.
+    pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), RawError> {
+        self.finish(bytes, Some(source_ns))
+    }
+
+    fn finish(&mut self, bytes: &[u8], source_ns: Option<u64>) -> Result<(), RawError> {
+        checked(&self.context, Self::check(self, bytes))?;
+        let is_slice = matches!(self.pattern, TopicPattern::Slices { .. });
+        let Self { layout, check, wired, context, .. } = self;
+        let Some((_, stream, topic)) = wired else { return Ok(()) };
+        let stop = || bytes.first_chunk().map_or(0, |stop| u64::from_ne_bytes(*stop));
+        topic.latch_if_pressed(context, stop);
+        let count = bytes.len() / layout.size.max(1);
+        let Some(mut sample) = stream.lend(count) else { return Err(RawError::NotSent) };
+        sample.payload_mut().copy_from_slice(bytes);
+        let digest = |sample: &Lent<u8>, digest: &mut Digest| {
+            if is_slice {
+                digest.write_u64(count as u64);
+            }
+            check.digest_all(sample.payload(), digest);
+        };
+        let good = |_: &Lent<u8>| Ok::<(), RawError>(());
+        topic.publish((context, source_ns), sample, good, digest, |sample, stamp| sample.send(stamp))?;
+        Ok(())
+    }
+}
