@@ -9,7 +9,9 @@ use motorium::launcher::{Exit, Options, Report};
 use motorium::session;
 use motorium::state::{JointState, Stamp, from_bytes};
 use motorium::testing::machine;
-use motorium_bridges::recording::{Recording, What, recover, verify};
+use motorium_bridges::recording::{
+    Dataset, Recording, Signal, What, recover, replayed, verify, write_lerobot,
+};
 
 use walk::{GRAPH, recorder, registry, run};
 
@@ -100,6 +102,42 @@ fn episodes_are_recorded_to_their_ends_and_verified() {
     assert!(times.last().unwrap() >= &460_000_000, "the episodes follow on one another");
     let verified = verify(&recording, &registry(), &Options::inline(), &[]).unwrap();
     assert_eq!((verified.samples, verified.difference), (2 * 3 * 155, None));
+}
+
+#[test]
+fn episodes_of_real_time_are_exported_one_by_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    // Two rates: after the fast component has entered an episode, the slow one still publishes in the one before.
+    let slow = "[component.slow]\nkind = \"test.walk\"\nrate = \"50 Hz\"\nschedule = \"normal\"\npublish = { wrench = \"slow\" }\n";
+    let text = GRAPH
+        .replace("lockstep", "realtime")
+        .replace("\"1 s\"", "\"300 ms\"\nepisodes = { count = 3 }")
+        .replace("rate    = \"1 kHz\"", "rate = \"200 Hz\"\nschedule = \"normal\"")
+        .replace("trigger   = \"wrench\"", "trigger = \"wrench\"\nschedule = \"normal\"");
+    let report = run(&(text + slow + &recorder(&file)), &Options::threads().leaving_signals());
+    assert_eq!(report.episodes.len(), 3);
+    let recording = Recording::open(&file).unwrap();
+    let signal = |text: &str| text.parse::<Signal>().unwrap();
+    let dataset = Dataset {
+        state: vec![signal("sum.position[0]"), signal("slow.force")],
+        action: vec![signal("wrench.force")],
+        cameras: Vec::new(),
+        fps: 20,
+        task: "walk".to_string(),
+        robot: None,
+        names: [Vec::new(), Vec::new()],
+    };
+    let counts = write_lerobot(&recording, &dataset, &folder.path().join("three")).unwrap();
+    assert_eq!(counts.episodes, 3);
+    assert!((9..=18).contains(&counts.frames), "{} frames of 3 x 300 ms at 20 Hz", counts.frames);
+    // Without a reset a replay repeats all of it as one stretch of time, or one episode alone.
+    let whole = replayed(&recording, &[], None).unwrap();
+    let last = replayed(&recording, &[], Some(2)).unwrap();
+    assert!(whole.episodes.is_none() && last.episodes.is_none());
+    assert!(whole.duration_ns.unwrap() > 2 * last.duration_ns.unwrap(), "{whole:?}");
+    let missing = replayed(&recording, &[], Some(3)).unwrap_err().to_string();
+    assert!(missing.contains("no episode 3, but 3"), "{missing}");
 }
 
 #[test]
