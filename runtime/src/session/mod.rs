@@ -32,7 +32,7 @@ mod topics;
 pub use drive::run;
 pub use error::SessionError;
 pub use reader::TopicReader;
-pub use topics::Value;
+pub use topics::{TopicWriter, Value};
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;

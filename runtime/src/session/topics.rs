@@ -10,9 +10,11 @@ use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::launcher::LaunchError;
 use crate::nearest::suggest;
-use crate::plan::TopicPlan;
-use crate::state::{Stamp, StateBuffer};
-use crate::transport::{Output, OutputPlace, Participant, Shared, Tap};
+use crate::plan::{PortPlan, TopicPlan};
+use crate::state::{Stamp, StateBuffer, TypeLayout};
+use crate::transport::{
+    Connect, Output, OutputPlace, Participant, PortError, RawError, RawOutput, Shared, Tap,
+};
 
 /// A value of a topic as it was when the session read it.
 ///
@@ -30,6 +32,55 @@ pub struct Value<T> {
     /// Its content.
     pub value: T,
 }
+
+/// A writer of a topic in the place of a component, at the time at which [`Session::writer`] was called.
+#[derive(Debug)]
+pub struct TopicWriter<'s> {
+    output: &'s mut RawOutput,
+    context: &'s Rc<Context>,
+    now_ns: u64,
+}
+
+impl TopicWriter<'_> {
+    /// Layout of the topic's values.
+    pub fn layout(&self) -> &TypeLayout {
+        self.output.layout()
+    }
+
+    /// Publishes a value in the [layout](Self::layout) of the topic. Components that it triggers step in the next round.
+    ///
+    /// # Errors
+    /// It has another size, a number that is not finite, or a count that does not fit.
+    pub fn publish(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
+        self.finish(|output| output.publish(bytes))
+    }
+
+    /// As [`publish`](Self::publish), with the time at which the value was measured, ns on the clock of
+    /// [`Session::stamp_ns`].
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish), and a time more than 1 ms ahead.
+    pub fn publish_from(&mut self, bytes: &[u8], source_ns: u64) -> Result<(), SessionError> {
+        self.finish(|output| output.publish_from(bytes, source_ns))
+    }
+
+    fn finish(
+        &mut self,
+        send: impl FnOnce(&mut RawOutput) -> Result<(), RawError>,
+    ) -> Result<(), SessionError> {
+        self.context.enter_new_episode();
+        self.context.enter_step(self.now_ns, self.now_ns, u64::MAX);
+        send(self.output).map_err(|error| SessionError::Topic {
+            topic: self.output.topic().unwrap_or_default().to_string(),
+            reason: error.to_string(),
+        })?;
+        self.context.deferred().finish(self.context);
+        Ok(())
+    }
+}
+
+/// An output of any type, and the connection to be made before it is used.
+type Opened = (Box<dyn Any>, Option<Rc<dyn Connect>>);
 
 /// The ports of a session, opened when they are first used.
 #[derive(Default)]
@@ -149,6 +200,43 @@ impl Session<'_> {
         self.publish_at(topic, value, Some(source_ns))
     }
 
+    /// A writer of a topic whose type is known at run time only, in the place of the component that writes it, at the present time of
+    /// the run.
+    ///
+    /// ```no_run
+    /// # use motorium::session::{Session, SessionError};
+    /// /// Publishes a value that another program has sent as bytes.
+    /// fn forward(session: &mut Session<'_>, bytes: &[u8]) -> Result<(), SessionError> {
+    ///     let mut writer = session.writer("panda/target")?;
+    ///     assert_eq!(writer.layout().size, bytes.len());
+    ///     writer.publish(bytes)
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the topic is no state, or
+    /// was published as a type before.
+    pub fn writer(&mut self, topic: &str) -> Result<TopicWriter<'_>, SessionError> {
+        self.check_alive()?;
+        let index = self.topic(topic)?;
+        let now_ns = self.stamp_ns();
+        let place = match self.ports.writers.iter().position(|(open, ..)| *open == index) {
+            Some(place) => place,
+            None => self.open_writer(index, |participant, place| {
+                let (name, topic) = (place.topic.name.clone(), place.topic);
+                let (pattern, layout) = (topic.pattern, topic.layout.clone());
+                let port = PortPlan { port: name, topic: Some(place.index), pattern, layout };
+                Ok((Box::new(RawOutput::open(participant, place, &port)?), None))
+            })?,
+        };
+        let (_, output, context) = &mut self.ports.writers[place];
+        let output = output.downcast_mut::<RawOutput>().ok_or_else(|| SessionError::Topic {
+            topic: topic.to_string(),
+            reason: "it was published as a type before".to_string(),
+        })?;
+        Ok(TopicWriter { output, context, now_ns })
+    }
+
     fn publish_at<T: StateBuffer>(
         &mut self,
         topic: &str,
@@ -160,7 +248,11 @@ impl Session<'_> {
         let now_ns = self.stamp_ns();
         let place = match self.ports.writers.iter().position(|(open, ..)| *open == index) {
             Some(place) => place,
-            None => self.open_writer::<T>(index)?,
+            None => self.open_writer(index, |participant, place| {
+                let output = Output::<T>::open(participant, place, "the session")?;
+                let connection = output.connection();
+                Ok((Box::new(output), connection))
+            })?,
         };
         let refused = |reason: String| SessionError::Topic { topic: topic.to_string(), reason };
         let (_, output, context) = &mut self.ports.writers[place];
@@ -209,7 +301,11 @@ impl Session<'_> {
         Ok(self.ports.readers.len() - 1)
     }
 
-    fn open_writer<T: StateBuffer>(&mut self, index: usize) -> Result<usize, SessionError> {
+    fn open_writer(
+        &mut self,
+        index: usize,
+        open: impl FnOnce(&Participant, OutputPlace<'_>) -> Result<Opened, PortError>,
+    ) -> Result<usize, SessionError> {
         self.join()?;
         let plan = self.launch.plan();
         let topic: &TopicPlan = &plan.topics[index];
@@ -223,12 +319,12 @@ impl Session<'_> {
         let participant = Participant::new(node.clone(), context.clone());
         let is_emergency_stop = plan.is_emergency_stop(index);
         let place = OutputPlace { index, topic, probes: Vec::new(), wakes_late: false, is_emergency_stop };
-        let output = Output::<T>::open(&participant, place, "the session")?;
-        if let Some(port) = output.connection() {
+        let (output, connection) = open(&participant, place)?;
+        if let Some(port) = connection {
             let refused = |reason| SessionError::Topic { topic: topic.name.clone(), reason };
             port.connect().map_err(refused)?;
         }
-        self.ports.writers.push((index, Box::new(output), context));
+        self.ports.writers.push((index, output, context));
         Ok(self.ports.writers.len() - 1)
     }
 }

@@ -8,7 +8,7 @@ use crate::graph::{self, GraphError, Machine, Override};
 use crate::launcher::{Exit, Options};
 use crate::region::EventKind;
 use crate::session::{Session, SessionError};
-use crate::state::Wrench;
+use crate::state::{StateBuffer as _, Wrench};
 use crate::transport::Output;
 use crate::worker::{Kind, Registry, RobotSource};
 
@@ -84,7 +84,21 @@ impl Component for Counter {
     }
 }
 
+/// A run in lockstep whose slow component the session replaces.
+fn standing_in() -> Session<'static> {
+    let options = Options::inline().standing_in_for("slow");
+    launched("", &[("clock", "lockstep")], &options).unwrap_or_else(|error| panic!("{}", error.render(false)))
+}
+
 fn graph(more: &str, settings: &[(&str, &str)]) -> Result<Session<'static>, GraphError> {
+    launched(more, settings, &Options::threads().leaving_signals())
+}
+
+fn launched(
+    more: &str,
+    settings: &[(&str, &str)],
+    options: &Options,
+) -> Result<Session<'static>, GraphError> {
     let text = format!(
         "name = \"episodes\"\nclock = \"realtime\"\nseed = 7\n{more}\n\
          [component.fast]\nkind = \"test.counter\"\nrate = \"500 Hz\"\nschedule = \"normal\"\n\
@@ -98,7 +112,7 @@ fn graph(more: &str, settings: &[(&str, &str)]) -> Result<Session<'static>, Grap
         .collect();
     let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Counter>()]);
     let checked = graph::check("e.toml".as_ref(), text, &overrides, &registry, &Machine::detect())?;
-    Ok(Session::launch(checked.plan, &registry, &Options::threads().leaving_signals()).expect("it starts"))
+    Ok(Session::launch(checked.plan, &registry, options).expect("it starts"))
 }
 
 pub(super) fn launch(more: &str, settings: &[(&str, &str)]) -> Session<'static> {
@@ -191,6 +205,26 @@ fn an_episode_needs_a_reset_in_lockstep() {
     let error = session.begin_episode(1).unwrap_err();
     assert!(error.to_string().contains("use `Session::reset`"), "{error}");
     session.step().unwrap();
+}
+
+#[test]
+fn a_session_writes_a_topic_by_its_layout() {
+    let mut session = standing_in();
+    let value = Wrench { force: [1.5, 0.0, 0.0], ..Wrench::default() };
+    let mut bytes = vec![0; Wrench::layout().size];
+    bytes[..8].copy_from_slice(&1.5_f64.to_ne_bytes());
+    let mut writer = session.writer("slow").unwrap();
+    assert_eq!(*writer.layout(), Wrench::layout());
+    writer.publish(&bytes).unwrap();
+    assert!(writer.publish(&bytes[1..]).unwrap_err().to_string().contains("bytes"));
+    let read = session.read::<Wrench>("slow").unwrap().unwrap();
+    assert_eq!((read.value, read.stamp.sequence, read.stamp.publish_time), (value, 1, 0));
+    session.step_until(Duration::from_millis(4)).unwrap();
+    session.writer("slow").unwrap().publish(&bytes).unwrap();
+    assert_eq!(session.read::<Wrench>("slow").unwrap().unwrap().stamp.publish_time, 4_000_000);
+    assert!(matches!(session.writer("fast"), Err(SessionError::NotOurs { .. })));
+    let error = session.publish("slow", &value).unwrap_err().to_string();
+    assert!(error.contains("another type"), "{error}");
 }
 
 #[test]
