@@ -109,7 +109,8 @@ fn episodes_of_real_time_are_exported_one_by_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
-    // Two rates: after the fast component has entered an episode, the slow one still publishes in the one before.
+    // Two rates: after the fast component has entered an episode, the slow one still publishes in the one
+    // before.
     let slow = "[component.slow]\nkind = \"test.walk\"\nrate = \"50 Hz\"\nschedule = \"normal\"\npublish = { wrench = \"slow\" }\n";
     let text = GRAPH
         .replace("lockstep", "realtime")

@@ -43,12 +43,12 @@ use std::time::Duration;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
-    /// Number of the step since the last reset, or since the start of the run, from 0; restarts of the component and new episodes
-    /// of real time do not set it back.
+    /// Number of the step since the last reset, or since the start of the run, from 0; restarts of the
+    /// component and new episodes of real time do not set it back.
     pub index: u64,
-    /// Nanoseconds since the run began, or since the last reset in lockstep, for which the step computes: the scheduled release of
-    /// a time-triggered component, the publish time of the sample that woke a triggered one, the arrival of the event that released
-    /// a sporadic one.
+    /// Nanoseconds since the run began, or since the last reset in lockstep, for which the step computes: the
+    /// scheduled release of a time-triggered component, the publish time of the sample that woke a triggered
+    /// one, the arrival of the event that released a sporadic one.
     pub time_ns: u64,
     /// Deadline of the step, ns on the clock of `time_ns`: a period after it, when the next step of a time-triggered
     /// component is due. In lockstep it is the same number, and no step is ever late: time stands still while a component
@@ -59,16 +59,17 @@ pub struct Tick {
     pub period: Duration,
     /// Number of the episode, from 0; always 0 in a run that is not divided into episodes.
     pub episode: u64,
-    /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the run, after
-    /// [`reset`](Component::reset) in lockstep, after [`begin_episode`](Component::begin_episode) in real time.
+    /// True in the first step of an episode: after [`configure`](Component::configure) at the start of the
+    /// run, after [`reset`](Component::reset) in lockstep, after [`begin_episode`](Component::begin_episode)
+    /// in real time.
     pub begins_episode: bool,
     /// True for an actuator once the run is over or stops: it brings its robot to rest. What it counts and measures of the run
     /// ends here. No other component steps then.
     pub settling: bool,
 }
 
-/// An episode of a run. In lockstep it is the simulated time from a reset of all components to the next. In real time it is
-/// a numbered stretch of the run, without a reset.
+/// An episode of a run. In lockstep it is the simulated time from a reset of all components to the next. In
+/// real time it is a numbered stretch of the run, without a reset.
 ///
 /// ```
 /// use motorium::component::Episode;
@@ -262,10 +263,12 @@ pub trait Component: Sized + 'static {
         Err(StepError::failed("it cannot be reset"))
     }
 
-    /// Begins an episode in real time: the robot, time and the ports continue as they are. Called at the start of the first
-    /// step in the episode and part of it, so the rules of [`step`](Self::step) apply. Publishes nothing.
+    /// Begins an episode in real time: the robot, time and the ports continue as they are. Called at the
+    /// start of the first step in the episode and part of it, so the rules of [`step`](Self::step) apply.
+    /// Publishes nothing.
     ///
-    /// A component that starts a task over does it here: the next movement, new random numbers, an empty history.
+    /// A component that starts a task over does it here: the next movement, new random numbers, an empty
+    /// history.
     ///
     /// ```
     /// # use motorium::prelude::*;
@@ -300,7 +303,8 @@ pub trait Component: Sized + 'static {
     /// ```
     ///
     /// # Errors
-    /// The component cannot begin the episode; the policy `on_error` of the graph file decides on the consequence.
+    /// The component cannot begin the episode; the policy `on_error` of the graph file decides on the
+    /// consequence.
     fn begin_episode(&mut self, _: &Episode) -> Result<(), StepError> {
         Ok(())
     }

@@ -115,7 +115,7 @@ impl Setup {
         self.participant.context()
     }
 
-    fn component(&self) -> &ComponentPlan {
+    pub(crate) fn component(&self) -> &ComponentPlan {
         &self.plan.components[self.index]
     }
 
@@ -256,7 +256,8 @@ impl Setup {
     /// Opens a declared output of a stream or of slices for bytes of its layout.
     ///
     /// # Errors
-    /// It is not declared, was declared as a state, its layout cannot be checked, or its topic cannot be joined.
+    /// It is not declared, was declared as a state, its layout cannot be checked, or its topic cannot be
+    /// joined.
     pub fn raw_stream_output(&mut self, port: &str) -> Result<RawStreamOutput, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         let Some(topic) = plan.topic else { return RawStreamOutput::unwired(plan, self.context().clone()) };
@@ -364,8 +365,8 @@ impl Setup {
     }
 }
 
-/// The right of one component to begin the episodes of its graph in real time: a pedal, a button of a teleoperator, a task
-/// that counts its attempts.
+/// The right of one component to begin the episodes of its graph in real time: a pedal, a button of a
+/// teleoperator, a task that counts its attempts.
 ///
 /// ```
 /// use motorium::component::EpisodeDriver;
@@ -383,8 +384,8 @@ pub struct EpisodeDriver {
 impl EpisodeDriver {
     /// Begins the next episode, with this seed. Every component sees it at its next step, this one too.
     ///
-    /// Returns false, and begins nothing, while the launcher has not noted the present episode: for up to 20 ms after its
-    /// start.
+    /// Returns false, and begins nothing, while the launcher has not noted the present episode: for up to 20
+    /// ms after its start.
     pub fn begin(&self, seed: u64) -> bool {
         self.context.region().header().begin_next_episode(seed, crate::os::monotonic_ns())
     }
@@ -410,7 +411,7 @@ pub struct EpisodeEnd {
 impl EpisodeEnd {
     /// Ends the present episode: in lockstep when the round of this step is over, in real time within 20 ms.
     pub fn end(&self) {
-        self.context.region().header().end_episode();
+        self.context.region().header().end_episode(self.context.episode());
     }
 }
 

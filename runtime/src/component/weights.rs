@@ -15,8 +15,9 @@ pub enum TakeWeights {
     /// Before the next step. After a reset an episode begins with the weights of the configuration.
     #[default]
     Step,
-    /// Before the first step of an episode, under either clock; those that arrive later wait for the next one. They stay through
-    /// resets. In a run without episodes only those are taken that are there at the first step.
+    /// Before the first step of an episode, under either clock; those that arrive later wait for the next
+    /// one. They stay through resets. In a run without episodes only those are taken that are there at the
+    /// first step.
     Episode,
 }
 
@@ -102,8 +103,9 @@ impl WeightsInput {
         self.store.take(tick.begins_episode)
     }
 
-    /// Begins an episode of simulated time: call it in `reset`, and go back to the weights of the configuration. Not needed in
-    /// [`Component::begin_episode`](super::Component::begin_episode), which resets nothing.
+    /// Begins an episode of simulated time: call it in `reset`, and go back to the weights of the
+    /// configuration. Not needed in [`Component::begin_episode`](super::Component::begin_episode), which
+    /// resets nothing.
     pub fn begin_episode(&mut self) {
         self.store.begin_episode();
     }

@@ -178,8 +178,8 @@ impl Context {
         self.era.get()
     }
 
-    /// The start of an episode of real time that began since the last call; it is the present one from now on. One load
-    /// where none did.
+    /// The start of an episode of real time that began since the last call; it is the present one from now
+    /// on. One load where none did.
     #[inline]
     pub(crate) fn enter_new_episode(&self) -> Option<EpisodeStart> {
         if self.region.header().episode.load(Relaxed) == self.episode.get() {
@@ -197,7 +197,8 @@ impl Context {
         Some(start)
     }
 
-    /// Begins an episode of simulated time: the clock restarts, inputs have nothing to read, outputs have published nothing.
+    /// Begins an episode of simulated time: the clock restarts, inputs have nothing to read, outputs have
+    /// published nothing.
     pub(crate) fn begin_episode(&self, index: u64) {
         self.episode.set(index);
         self.era.set(self.era.get().wrapping_add(1));

@@ -207,7 +207,8 @@ impl Declare {
         self.any_port(name, TopicPattern::Stream { capacity }, true, doc);
     }
 
-    /// An input that the graph must wire, to a stream of slices of any type: every slice as bytes and the number of its elements.
+    /// An input that the graph must wire, to a stream of slices of any type: every slice as bytes and the
+    /// number of its elements.
     pub fn raw_slice_input(&mut self, name: &str, capacity: usize, doc: &str) {
         self.any_port(name, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
     }

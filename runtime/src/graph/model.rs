@@ -46,7 +46,8 @@ pub(super) struct GraphTable<'i> {
     /// Seed of all random numbers: every component derives its own from this and its name.
     #[schemars(extend("default" = defaults::SEED))]
     pub seed: Option<At<u64>>,
-    /// Division of the run into episodes. In lockstep each begins with a reset of all components, in real time without one.
+    /// Division of the run into episodes. In lockstep each begins with a reset of all components, in real
+    /// time without one.
     pub episodes: Option<At<EpisodesTable>>,
     /// Use of the cores.
     pub cores: Option<At<CoresTable>>,
@@ -277,7 +278,8 @@ pub(super) struct ComponentTable<'i> {
     /// True: the component may end an episode before its time. One component of a graph, of a kind that can.
     #[schemars(extend("default" = false))]
     pub ends_episode: Option<At<bool>>,
-    /// True: the component begins the episodes of a run in real time. One component of a graph, of a kind that can.
+    /// True: the component begins the episodes of a run in real time. One component of a graph, of a kind
+    /// that can.
     #[schemars(extend("default" = false))]
     pub begins_episodes: Option<At<bool>>,
     /// The safety of an actuator, where it differs from `[safety]`.

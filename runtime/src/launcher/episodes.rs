@@ -1,4 +1,5 @@
-//! Episodes of real time: numbered stretches of a run without a reset, in the log of events and in the report.
+//! Episodes of real time: numbered stretches of a run without a reset, in the log of events and in the
+//! report.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -27,7 +28,8 @@ impl Launch {
         region.header().episode.load(Relaxed)
     }
 
-    /// Enters an episode that has begun since the last call into the account and the log, so that the next one may begin.
+    /// Enters an episode that has begun since the last call into the account and the log, so that the next
+    /// one may begin.
     pub(super) fn note_episodes(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let header = self.region.header();
         if header.episode.load(Relaxed) == self.episodes.last().map_or(0, |last| last.start.index) {
@@ -49,13 +51,15 @@ impl Launch {
         began_ns.saturating_sub(header.start_ns.load(Relaxed))
     }
 
-    /// The episodes of a run in real time that ended at `end_ns` on `CLOCK_MONOTONIC`; empty if it was not divided.
+    /// The episodes of a run in real time that ended at `end_ns` on `CLOCK_MONOTONIC`; empty if it was not
+    /// divided.
     pub(super) fn episode_reports(&self, end_ns: u64) -> Vec<EpisodeReport> {
         let driven = self.plan.episodes.is_some() || self.plan.episode_driver().is_some();
-        if self.plan.clock == ClockKind::Lockstep || (self.episodes.is_empty() && !driven) {
+        let began_ns = self.region.header().start_ns.load(Relaxed);
+        let is_divided = driven || !self.episodes.is_empty();
+        if self.plan.clock == ClockKind::Lockstep || began_ns == 0 || !is_divided {
             return Vec::new();
         }
-        let began_ns = self.region.header().start_ns.load(Relaxed);
         let first = Began { start: EpisodeStart { index: 0, seed: self.plan.seed, began_ns }, steps: 0 };
         let began: Vec<Began> = [first].into_iter().chain(self.episodes.iter().copied()).collect();
         let ends = began.iter().skip(1).map(|next| (next.start.began_ns, next.steps));

@@ -46,8 +46,8 @@ pub struct Report {
     pub realtime_factor: f64,
     /// Digest of everything published, in lockstep: equal for equal runs. `null` in real time.
     pub state_hash: Option<String>,
-    /// The episodes of a run that was divided, in order. In lockstep `state_hash` and `results` are of the last one, in real time
-    /// `results` are of the whole run.
+    /// The episodes of a run that was divided, in order. In lockstep `state_hash` and `results` are of the
+    /// last one, in real time `results` are of the whole run.
     #[serde(default)]
     pub episodes: Vec<EpisodeReport>,
     /// The end of the run.

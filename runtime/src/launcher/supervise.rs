@@ -102,8 +102,8 @@ impl Supervision {
 }
 
 impl Launch {
-    /// Supervises a run in real time until a time after its start, ns, or until a component ends the episode. The exit, if the
-    /// run ended before: by a signal, or because something failed permanently.
+    /// Supervises a run in real time until a time after its start, ns, or until a component ends the episode.
+    /// The exit, if the run ended before: by a signal, or because something failed permanently.
     pub(crate) fn supervise(&mut self, until_ns: u64, observe: &mut dyn FnMut(Event<'_>)) -> Option<Exit> {
         crate::os::wake_soon();
         let observe = &mut logging(&self.log, observe);

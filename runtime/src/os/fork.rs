@@ -1,7 +1,7 @@
 //! Handles on shared memory that a forked child must leave alone.
 //!
-//! A fork copies a program with every handle that it holds. The child's copy must neither use nor drop them: it would release
-//! pins, kill processes and remove files of its parent.
+//! A fork copies a program with every handle that it holds. The child's copy must neither use nor drop them:
+//! it would release pins, kill processes and remove files of its parent.
 
 #![allow(unsafe_code)] // a handler is registered with libc
 
@@ -39,9 +39,9 @@ impl<T> Owned<T> {
     pub(crate) fn new(value: T) -> Self {
         static ONCE: Once = Once::new();
         ONCE.call_once(|| {
-            // SAFETY: the handler is a plain function that stays for the life of the program. It changes one atomic number, which
-            // is allowed in a child of a program with several threads. Without memory for it, no fork would be noticed: the call
-            // fails only then.
+            // SAFETY: the handler is a plain function that stays for the life of the program. It changes one
+            // atomic number, which is allowed in a child of a program with several threads. Without memory
+            // for it, no fork would be noticed: the call fails only then.
             unsafe { libc::pthread_atfork(None, None, Some(count_fork)) };
         });
         Self { value: ManuallyDrop::new(value), forks: FORKS.load(Relaxed), pid: std::process::id() }

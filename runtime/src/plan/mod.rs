@@ -61,7 +61,8 @@ impl Plan {
         component.safety.unwrap_or_else(|| self.safety.of_actuators())
     }
 
-    /// Longest time for which an actuator stays in its safe state before it is stopped, ns: at least the graph's.
+    /// Longest time for which an actuator stays in its safe state before it is stopped, ns: at least the
+    /// graph's.
     pub fn settle_ns(&self) -> u64 {
         let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
         own.fold(self.safety.settle_ns, u64::max)

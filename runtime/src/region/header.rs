@@ -91,8 +91,8 @@ pub struct Header {
     episode_starts: [StartBlock; 2],
     /// Real time: number of the episode that the launcher has noted last.
     episode_noted: AtomicU64,
-    /// 1 once a component has ended the episode. Written by that component.
-    episode_over: AtomicU32,
+    /// One more than the number of the episode that a component has ended last. Written by that component.
+    episode_over: AtomicU64,
     /// 1 while simulated time is held. Written by tools, and by the program that drives the run.
     paused: AtomicU32,
     /// Rounds of simulated time that a held run may still make, since its start. Written by tools.
@@ -146,15 +146,16 @@ impl Header {
         crate::os::futex_wake(&self.command);
     }
 
-    /// Ends the episode when the round is over.
-    pub fn end_episode(&self) {
-        self.episode_over.store(1, Relaxed);
+    /// Ends an episode when the round is over. One that has ended already does not end its successor: in real time a
+    /// component enters it at its next step.
+    pub fn end_episode(&self, episode: u64) {
+        self.episode_over.store(episode.wrapping_add(1), Relaxed);
     }
 
     /// True if a component has ended the episode.
     #[inline]
     pub fn is_episode_over(&self) -> bool {
-        self.episode_over.load(Relaxed) != 0
+        self.episode_over.load(Relaxed) == self.episode.load(Relaxed).wrapping_add(1)
     }
 
     /// Begins an episode of simulated time.
@@ -168,11 +169,11 @@ impl Header {
         let block = &self.episode_starts[start.index as usize % 2];
         block.seed.store(start.seed, Release);
         block.began_ns.store(start.began_ns, Release);
-        self.episode_over.store(0, Relaxed);
         self.episode.store(start.index, Release);
     }
 
-    /// Begins the next episode in real time. For its one driver. Returns false, and does nothing, while the launcher has not
+    /// Begins the next episode in real time. For its one driver. Returns false, and does nothing, while the
+    /// launcher has not
     /// [noted](Self::note_episode) the present one.
     pub(crate) fn begin_next_episode(&self, seed: u64, now_ns: u64) -> bool {
         let index = self.episode.load(Relaxed);
@@ -188,8 +189,8 @@ impl Header {
         self.episode_noted.store(index, Release);
     }
 
-    /// The start of the present episode. `None` while others begin faster than they can be read: only in a damaged control
-    /// block.
+    /// The start of the present episode. `None` while others begin faster than they can be read: only in a
+    /// damaged control block.
     pub fn episode_start(&self) -> Option<EpisodeStart> {
         for _ in 0..READ_ATTEMPTS {
             let index = self.episode.load(Acquire);
@@ -251,11 +252,13 @@ mod tests {
         assert!(header.begin_next_episode(7, 100));
         assert_eq!(header.episode_start(), Some(EpisodeStart { index: 1, seed: 7, began_ns: 100 }));
         assert!(!header.begin_next_episode(8, 200), "the launcher has not seen episode 1");
-        header.end_episode();
+        header.end_episode(1);
         header.note_episode(1);
         assert!(header.begin_next_episode(8, 300));
         assert_eq!(header.episode_start(), Some(EpisodeStart { index: 2, seed: 8, began_ns: 300 }));
         assert!(!header.is_episode_over(), "a new episode is not over");
+        header.end_episode(1);
+        assert!(!header.is_episode_over(), "a late component ends the episode that it is in");
     }
 
     #[test]

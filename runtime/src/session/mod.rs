@@ -9,15 +9,17 @@
 //! `step_until` waits, and the components are supervised while it does.
 //!
 //! # Episodes
-//! In lockstep [`reset`](Session::reset) sets all components and simulated time back. What an episode publishes depends on its
-//! seed, on parameters, and on what the session publishes and when, on nothing else: with the same it is equal to the last bit.
+//! In lockstep [`reset`](Session::reset) sets all components and simulated time back. What an episode
+//! publishes depends on its seed, on parameters, and on what the session publishes and when, on nothing else:
+//! with the same it is equal to the last bit.
 //!
-//! In real time [`begin_episode`](Session::begin_episode) begins the next numbered stretch of the run. Nothing is reset.
+//! In real time [`begin_episode`](Session::begin_episode) begins the next numbered stretch of the run.
+//! Nothing is reset.
 //!
 //! # Forks
-//! A session belongs to the process that launched it. In a forked child, of Python's `multiprocessing` say, every call is an error
-//! ([`SessionError::OtherProcess`]) and dropping it does nothing: the run of the parent continues. The same holds for its
-//! readers and [taps](crate::transport::Tap).
+//! A session belongs to the process that launched it. In a forked child, of Python's `multiprocessing` say,
+//! every call is an error ([`SessionError::OtherProcess`]) and dropping it does nothing: the run of the
+//! parent continues. The same holds for its readers and [taps](crate::transport::Tap).
 //!
 //! # Ending
 //! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at once. Neither
@@ -194,8 +196,8 @@ impl<'o> Session<'o> {
         self.events.lost()
     }
 
-    /// Lets time pass until [`time`](Self::time) has reached `time`: in lockstep all rounds before it, in real time it waits. Returns earlier
-    /// if a component ends the episode.
+    /// Lets time pass until [`time`](Self::time) has reached `time`: in lockstep all rounds before it, in
+    /// real time it waits. Returns earlier if a component ends the episode.
     ///
     /// # Errors
     /// The run has ended.
@@ -249,11 +251,13 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Begins the next episode in real time, with this seed: a numbered stretch of the run without a reset. Returns its number.
+    /// Begins the next episode in real time, with this seed: a numbered stretch of the run without a reset.
+    /// Returns its number.
     ///
-    /// Each component sees it at its next step: stamps carry its number, weights that wait for an episode are taken, and
-    /// [`Component::begin_episode`](crate::component::Component::begin_episode) is called. [`time`](Self::time) restarts at zero;
-    /// robots, topics, parameters and [`Tick::time_ns`](crate::component::Tick::time_ns) continue as they are.
+    /// Each component sees it at its next step: stamps carry its number, weights that wait for an episode are
+    /// taken, and [`Component::begin_episode`](crate::component::Component::begin_episode) is called.
+    /// [`time`](Self::time) restarts at zero; robots, topics, parameters and
+    /// [`Tick::time_ns`](crate::component::Tick::time_ns) continue as they are.
     ///
     /// ```no_run
     /// # use std::time::Duration;
@@ -347,8 +351,8 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Ends the run in good order: actuators go to their safe state, components save their results. In a forked child it ends
-    /// nothing: the report is of the run so far.
+    /// Ends the run in good order: actuators go to their safe state, components save their results. In a
+    /// forked child it ends nothing: the report is of the run so far.
     pub fn stop(mut self) -> Report {
         if let Err(error) = self.launch.check() {
             return self.launch.report_so_far(Exit::SafeStop { reason: format!("the session: {error}") });

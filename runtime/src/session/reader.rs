@@ -57,9 +57,8 @@ impl TopicReader {
     /// The run or the topic cannot be reached, or four other programs read it.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
-        let mut reader = Self::join(domain, &node, topic)?;
-        *reader._node = Some(node);
-        Ok(reader)
+        let reader = Self::join(domain, &node, topic)?;
+        Ok(Self { _node: Owned::new(Some(node)), ..reader })
     }
 
     /// As [`open`](Self::open), through a node of the domain that outlives the reader.
@@ -83,7 +82,8 @@ impl TopicReader {
         &self.topic.layout
     }
 
-    /// Checks that this process has opened the reader: in a forked child it reads nothing, and dropping it does nothing.
+    /// Checks that this process has opened the reader: in a forked child it reads nothing, and dropping it
+    /// does nothing.
     ///
     /// # Errors
     /// Another process has opened it.

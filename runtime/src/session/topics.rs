@@ -47,7 +47,8 @@ impl TopicWriter<'_> {
         self.output.layout()
     }
 
-    /// Publishes a value in the [layout](Self::layout) of the topic. Components that it triggers step in the next round.
+    /// Publishes a value in the [layout](Self::layout) of the topic. Components that it triggers step in the
+    /// next round.
     ///
     /// # Errors
     /// It has another size, a number that is not finite, or a count that does not fit.
@@ -200,8 +201,8 @@ impl Session<'_> {
         self.publish_at(topic, value, Some(source_ns))
     }
 
-    /// A writer of a topic whose type is known at run time only, in the place of the component that writes it, at the present time of
-    /// the run.
+    /// A writer of a topic whose type is known at run time only, in the place of the component that writes
+    /// it, at the present time of the run.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -214,8 +215,8 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the topic is no state, or
-    /// was published as a type before.
+    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
+    /// topic is no state, or was published as a type before.
     pub fn writer(&mut self, topic: &str) -> Result<TopicWriter<'_>, SessionError> {
         self.check_alive()?;
         let index = self.topic(topic)?;

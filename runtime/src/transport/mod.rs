@@ -6,10 +6,10 @@
 //! | stream | every value, in order, losses counted | a queue per reader ([`stream`]), iceoryx2 publish-subscribe |
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
-//! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`] reads every
-//! value from outside of the graph. [`RawInput`], [`RawOutput`], [`RawStreamInput`] and [`RawStreamOutput`] carry types known at
-//! run time only.
-//! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
+//! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`]
+//! reads every value from outside of the graph. [`RawInput`], [`RawOutput`], [`RawStreamInput`] and
+//! [`RawStreamOutput`] carry types known at run time only. [`Domain`] keeps runs apart; each topic is a
+//! service of it that `iox2` lists.
 
 mod error;
 mod input;

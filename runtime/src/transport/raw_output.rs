@@ -31,7 +31,8 @@ pub enum RawError {
     /// Its content must not reach a reader.
     #[error(transparent)]
     Content(#[from] ContentDefect),
-    /// A slice is longer than its output declares, or a stream of single values was given another number of them.
+    /// A slice is longer than its output declares, or a stream of single values was given another number of
+    /// them.
     #[error("{found} elements, expected {}", if *longest == 1 { "1".to_string() } else { format!("at most {longest}") })]
     Length {
         /// Elements found.

@@ -11,7 +11,8 @@ use crate::declare::TopicPattern;
 use crate::plan::PortPlan;
 use crate::state::{ContentCheck, Digest, Stamp, TypeLayout};
 
-/// An input port that reads every value of a stream, or every slice, in order and in place, as bytes of the topic's layout.
+/// An input port that reads every value of a stream, or every slice, in order and in place, as bytes of the
+/// topic's layout.
 ///
 /// Declare it with [`Declare::raw_stream_input`](crate::declare::Declare::raw_stream_input) or
 /// [`Declare::raw_slice_input`](crate::declare::Declare::raw_slice_input).
@@ -93,8 +94,8 @@ impl RawStreamInput {
         self.wired.as_ref().map(|wired| wired.pattern)
     }
 
-    /// The next value that was not read, in order. It stays where it is until the next call. One whose content must not reach a
-    /// reader is refused and counted.
+    /// The next value that was not read, in order. It stays where it is until the next call. One whose
+    /// content must not reach a reader is refused and counted.
     pub fn next_unread(&mut self) -> Option<RawSlice<'_>> {
         let begins = self.effects.begins_episode();
         let Wired { check, queue, .. } = self.wired.as_mut()?;
@@ -126,8 +127,8 @@ impl RawStreamInput {
 /// An output port that writes every value of a stream, or slices, of a layout given at run time.
 ///
 /// Declare it with [`Declare::raw_stream_output`](crate::declare::Declare::raw_stream_output) or
-/// [`Declare::raw_slice_output`](crate::declare::Declare::raw_slice_output). Values published on an output that the graph leaves
-/// unwired are checked, and read by nobody.
+/// [`Declare::raw_slice_output`](crate::declare::Declare::raw_slice_output). Values published on an output
+/// that the graph leaves unwired are checked, and read by nobody.
 #[derive(Debug)]
 pub struct RawStreamOutput {
     layout: TypeLayout,
@@ -198,12 +199,12 @@ impl RawStreamOutput {
         Ok(self.check.check_all(bytes)?)
     }
 
-    /// Publishes a copy of a value, or of all elements of a slice, under a stamp of this component and wakes the components that
-    /// it triggers.
+    /// Publishes a copy of a value, or of all elements of a slice, under a stamp of this component and wakes
+    /// the components that it triggers.
     ///
     /// # Errors
-    /// It is not published: it holds a number that is not finite or a count that does not fit, is longer than declared, no part of
-    /// a whole number of elements, or comes too late; or readers hold all samples.
+    /// It is not published: it holds a number that is not finite or a count that does not fit, is longer than
+    /// declared, no part of a whole number of elements, or comes too late; or readers hold all samples.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }

@@ -118,7 +118,8 @@ impl Tap {
         }
     }
 
-    /// Checks that this process has opened the tap: in a forked child it reads nothing, and dropping it does nothing.
+    /// Checks that this process has opened the tap: in a forked child it reads nothing, and dropping it does
+    /// nothing.
     ///
     /// # Errors
     /// Another process has opened it.

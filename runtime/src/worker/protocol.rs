@@ -41,7 +41,8 @@ pub struct DescribeRequest {
 pub struct DescribeAnswer {
     /// Version of motorium the program was built with.
     pub motorium: String,
-    /// Digest of the layout of a run's shared memory, as in [`KindsAnswer`]; empty from builds that did not report it.
+    /// Digest of the layout of a run's shared memory, as in [`KindsAnswer`]; empty from builds that did not
+    /// report it.
     #[serde(default)]
     pub memory: String,
     /// The declaration, unless the configuration was refused.

@@ -6,8 +6,8 @@ use motorium::state::Stamp;
 
 use super::{EVENTS, ReadError, Recording};
 
-/// The times of the first and the last publication of each stretch of a recording that is replayed from one reset to the next:
-/// of each episode in lockstep, of the whole recording in real time, which has no resets.
+/// The times of the first and the last publication of each stretch of a recording that is replayed from one
+/// reset to the next: of each episode in lockstep, of the whole recording in real time, which has no resets.
 pub(super) struct Spans {
     /// The one episode that is read.
     only: Option<u64>,
@@ -36,7 +36,8 @@ impl Spans {
         Ok(spans)
     }
 
-    /// Adds a sample. Returns the index of its span among those that are replayed; `None` if its episode is left out.
+    /// Adds a sample. Returns the index of its span among those that are replayed; `None` if its episode is
+    /// left out.
     pub(super) fn add(&mut self, stamp: &Stamp) -> Option<u64> {
         self.episodes = self.episodes.max(stamp.episode.saturating_add(1));
         let index = match (self.only, self.clock) {

@@ -58,8 +58,8 @@ pub(super) struct Recorded {
 pub(super) struct Clock {
     /// Time since 1970 at time zero of the stamps; 0 in lockstep.
     pub(super) zero_ns: u64,
-    /// In lockstep, where time restarts with each episode: the episode, the time in the file at which it began, and the last one
-    /// in it.
+    /// In lockstep, where time restarts with each episode: the episode, the time in the file at which it
+    /// began, and the last one in it.
     episode: Option<(u64, u64, u64)>,
 }
 

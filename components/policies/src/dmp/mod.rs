@@ -34,8 +34,8 @@ use weights::LiveWeights;
 /// publishes nothing before. Time passes by the ticks: when the component was held up, the target goes on from where it
 /// was, it does not leap. After a crash it goes on towards the goal that was under way.
 ///
-/// In real time a new episode breaks off the movement under way: the target stops where it is, and sets out from there for the
-/// first goal, with weights that have arrived.
+/// In real time a new episode breaks off the movement under way: the target stops where it is, and sets out
+/// from there for the first goal, with weights that have arrived.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,

@@ -127,7 +127,8 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Leaves the movement under way and waits for another [`start`](Self::start). The pose stays where it is.
+    /// Leaves the movement under way and waits for another [`start`](Self::start). The pose stays where it
+    /// is.
     pub fn halt(&mut self) {
         self.phase = ReachPhase::Waiting;
     }

@@ -68,15 +68,15 @@ impl<'i> Read<'i> for SafetyTable {
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "ActuatorSafety")]
 pub(in crate::graph) struct ActuatorSafetyTable {
-    /// A command older than this is never applied: at least a period of the component that writes the commands. The limit on the age
-    /// of measurements changes by as much.
+    /// A command older than this is never applied: at least a period of the component that writes the
+    /// commands. The limit on the age of measurements changes by as much.
     pub stale_after: Option<At<TimeSpan>>,
     /// State applied instead.
     pub safe_state: Option<At<SafeState>>,
     /// The way out of the safe state once commands are fresh again.
     pub resume: Option<At<ResumeRule>>,
-    /// Time for which this actuator stays in the safe state before it is stopped, at every end of a run. All actuators wait for
-    /// the one with the longest.
+    /// Time for which this actuator stays in the safe state before it is stopped, at every end of a run. All
+    /// actuators wait for the one with the longest.
     pub settle: Option<At<TimeSpan>>,
 }
 

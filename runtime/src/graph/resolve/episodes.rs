@@ -81,7 +81,8 @@ pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &m
     }
 }
 
-/// The component with a right, and the place at which the graph gives it. Reports a second one, and one that cannot use it.
+/// The component with a right, and the place at which the graph gives it. Reports a second one, and one that
+/// cannot use it.
 fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -> Option<(&'g str, Span)> {
     let mut holder: Option<(&str, Span)> = None;
     for draft in drafts {

@@ -157,7 +157,8 @@ pub fn kinds(path: &Path) -> Result<Vec<KindAnswer>, ExecProblem> {
     Ok(reply.kinds)
 }
 
-/// Two builds of one version may differ in the layout of shared memory: they would meet in a control block that neither can read.
+/// Two builds of one version may differ in the layout of shared memory: they would meet in a control block
+/// that neither can read.
 fn same_memory(path: &Path, digest: &str) -> Result<(), ExecProblem> {
     if digest == layout_digest() { Ok(()) } else { Err(ExecProblem::Memory(path.to_path_buf())) }
 }

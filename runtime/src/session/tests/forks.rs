@@ -8,10 +8,11 @@ use super::episodes::{await_episode, launch};
 use crate::session::{Session, SessionError};
 use crate::state::Wrench;
 
-/// Forks a child that runs `act` and ends with the number that it returns, without running any destructor of the program.
+/// Forks a child that runs `act` and ends with the number that it returns, without running any destructor of
+/// the program.
 fn in_child(act: impl FnOnce() -> i32) -> i32 {
-    // SAFETY: the child calls nothing that waits for a lock which another thread of this program may hold: it compares, reads and
-    // drops, and ends by `_exit`.
+    // SAFETY: the child calls nothing that waits for a lock which another thread of this program may hold: it
+    // compares, reads and drops, and ends by `_exit`.
     match unsafe { libc::fork() } {
         0 => {
             let code = act();
@@ -40,7 +41,7 @@ fn a_run_outlives_a_forked_child_that_drops_its_session() {
     let mut session = launch("", &[]);
     await_episode(&mut session, "fast", 0);
     let mut reader = session.reader("fast").unwrap();
-    let mut tap = session.tap("slow").unwrap();
+    let tap = session.tap("slow").unwrap();
     assert!(reader.poll());
     let id = session.id().to_string();
     let seen = reader.stamp().unwrap().sequence;

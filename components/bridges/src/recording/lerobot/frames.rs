@@ -118,8 +118,8 @@ impl Frames {
             return samples.next().map_or(Ok(()), |failed| Ok(failed.map(drop)?));
         };
         let (number, begun_ns) = (first.stamp.episode, first.time_ns);
-        // In real time each component enters an episode at its next step: a slow one still publishes in the last episode after a fast
-        // one has begun the next.
+        // In real time each component enters an episode at its next step: a slow one still publishes in the
+        // last episode after a fast one has begun the next.
         let in_episode = |sample: &Result<RecordedSample, SignalsError>| {
             sample.as_ref().map_or(true, |sample| sample.stamp.episode <= number)
         };

@@ -34,7 +34,8 @@ pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, 
     check_settle(table.settle.as_ref(), report);
 }
 
-/// Checks the longest age of a command, or of a measurement that becomes one through components with these periods, ns.
+/// Checks the longest age of a command, or of a measurement that becomes one through components with these
+/// periods, ns.
 pub(super) fn check_age(key: &str, at: Option<&At<TimeSpan>>, chains_ns: u64, report: &mut Report) {
     let Some((at, age)) = at.and_then(|at| Some((at, *at.get()?))) else { return };
     let allowed = LONG.ns.max(4 * chains_ns);
