@@ -412,7 +412,7 @@ pub struct EpisodeEnd {
 impl EpisodeEnd {
     /// Ends the present episode: in lockstep when the round of this step is over, in real time within 20 ms.
     pub fn end(&self) {
-        self.context.region().header().end_episode();
+        self.context.region().header().end_episode(self.context.episode());
     }
 }
 

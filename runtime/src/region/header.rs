@@ -148,15 +148,16 @@ impl Header {
         crate::os::futex_wake(&self.command);
     }
 
-    /// Ends the episode when the round is over.
-    pub fn end_episode(&self) {
-        self.episode_over.store(1, Relaxed);
+    /// Ends an episode when the round is over. One that has ended already does not end its successor: in real time a
+    /// component enters it at its next step.
+    pub fn end_episode(&self, episode: u64) {
+        self.episode_over.store(episode.wrapping_add(1), Relaxed);
     }
 
     /// True if a component has ended the episode.
     #[inline]
     pub fn is_episode_over(&self) -> bool {
-        self.episode_over.load(Relaxed) != 0
+        self.episode_over.load(Relaxed) == self.episode.load(Relaxed).wrapping_add(1)
     }
 
     /// Begins an episode of simulated time.
