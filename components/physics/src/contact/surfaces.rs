@@ -26,8 +26,17 @@ const DEPTH: f64 = 0.03;
 /// Begin of the numbers of contacts with edges.
 const EDGES: u32 = 1 << 29;
 
+/// Two edges touch where their normal separates better than the face by this \[m\].
+const CROSSING: f64 = 1e-5;
+
 /// Squared sine of the angle below which two edges count as parallel.
 const PARALLEL: f64 = 1e-6;
+
+/// Squared sine of the angle below which an edge touches a round side in a line.
+const PARALLEL_SIDES: f64 = 4e-4;
+
+/// Shorter lines that an edge and a round side share are points \[m\].
+const SHARED: f64 = 5e-5;
 
 /// A triangle that a feature touches.
 #[derive(Clone, Copy)]
@@ -136,7 +145,11 @@ impl Mover<'_> {
         let reach = Vector3::repeat(self.margin.max(DEPTH) + radius);
         let mut touches: [Option<Touch>; MOST] = [None; MOST];
         let mut nearest: Option<Touch> = None;
+        let mut side = Side::default();
         surface.visit(&(place - reach), &(place + reach), &mut |_, triangle| {
+            if radius == 0.0 {
+                side.look(triangle, &place);
+            }
             if !takes(triangle) {
                 return;
             }
@@ -153,6 +166,12 @@ impl Mover<'_> {
                 keep(&mut touches, touch);
             }
         });
+        // What is beyond the other side of a rail is behind this side of it, but not in it.
+        if side.outside {
+            let deepest = -2.0 * self.margin;
+            touches.iter_mut().for_each(|slot| *slot = slot.filter(|touch| touch.distance > deepest));
+            nearest = nearest.filter(|touch| touch.distance > deepest);
+        }
         // A face wins against its own sides.
         let beside = nearest.filter(|touch| {
             let faces = touches.iter().flatten();
@@ -200,17 +219,16 @@ impl Mover<'_> {
         found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
     ) {
         let number = EDGES | (index as u32 & 0x07ff_ffff) << 1;
-        if let ConvexShape::Capsule { radius, half_length } = self.collider.shape {
-            let ends = [-half_length, half_length].map(|z| self.pose * Point3::new(0.0, 0.0, z));
-            let [near, on_axis] = nearest_of_segments(&edge.ends, &ends);
-            let out = on_axis - near;
-            let length = out.norm();
-            let distance = length - radius;
-            if length > 1e-9 && distance < self.margin && edge.points_out(&(out / length)) {
-                let normal = out / length;
-                found(number, near + normal * (0.5 * distance), normal, distance);
+        let side = match self.collider.shape {
+            ConvexShape::Capsule { radius, half_length } => Some(([radius, half_length], true)),
+            ConvexShape::Cylinder { radius, half_length } => Some(([radius, half_length], false)),
+            _ => None,
+        };
+        if let Some((size, caps)) = side {
+            let mut found = |end: u32, point, normal, distance| found(number | end, point, normal, distance);
+            if self.side(edge, size, caps, &mut found) {
+                return;
             }
-            return;
         }
         let ends = edge.ends.map(|end| self.pose.inverse_transform_point(&end).coords);
         let mut room = [(Vector3::zeros(), 0.0); SIDES];
@@ -234,9 +252,11 @@ impl Mover<'_> {
                 best[place] = Some((least, face, part));
             }
         }
-        let Some((_, face, part)) = best[0] else { return };
+        let Some((least, face, part)) = best[0] else { return };
+        // Where two edges cross, their normal separates better than the face does.
         if let Some((_, other, _)) = best[1]
             && let Some((normal, point, distance)) = self.crossing(edge, &ends, &faces, [face, other])
+            && distance > least + CROSSING
         {
             if distance < self.margin && distance > -DEPTH {
                 found(number, self.pose * Point3::from(point), self.pose.rotation * normal, distance);
@@ -253,6 +273,48 @@ impl Mover<'_> {
                 found(number | end as u32, middle, out(&normal), distance);
             }
         }
+    }
+
+    /// Contact of an edge with the side of a capsule or a cylinder of this radius and half length: in a point, or at the ends of the
+    /// line that both share. False where the edge may touch the end of one that has no round `caps`.
+    fn side(
+        &self,
+        edge: &SurfaceEdge,
+        [radius, half_length]: [f64; 2],
+        caps: bool,
+        found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
+    ) -> bool {
+        let along = self.pose.rotation * Vector3::z();
+        let axis = [-half_length, half_length].map(|z| self.centre + along * z);
+        let mut touch = |end: u32, near: Point3<f64>, on_axis: Point3<f64>| {
+            let out = on_axis - near;
+            let length = out.norm();
+            let distance = length - radius;
+            if length > 1e-9 && distance < self.margin && edge.points_out(&(out / length)) {
+                let normal = out / length;
+                found(end, near + normal * (0.5 * distance), normal, distance);
+            }
+        };
+        let across = edge.ends[1] - edge.ends[0];
+        if along.cross(&across).norm_squared() < PARALLEL_SIDES * across.norm_squared() {
+            let ends = edge.ends.map(|end| along.dot(&(end - self.centre)));
+            let [low, high] = [ends[0].min(ends[1]).max(-half_length), ends[0].max(ends[1]).min(half_length)];
+            if high - low > SHARED {
+                for (end, at) in (0..).zip([low, high]) {
+                    let near = edge.ends[0] + across * ((at - ends[0]) / (ends[1] - ends[0]));
+                    touch(end, near, self.centre + along * at);
+                }
+                return true;
+            }
+        }
+        let [near, on_axis] = nearest_of_segments(&edge.ends, &axis);
+        // The end is nearer than the side.
+        let inside = half_length - along.dot(&(on_axis - self.centre)).abs();
+        if !caps && inside < (radius - (on_axis - near).norm()).max(1e-9) {
+            return false;
+        }
+        touch(0, near, on_axis);
+        true
     }
 
     /// Contact of an edge with the edge of the collider between two of its faces, in the frame of the collider: the normal to it, the point, the distance.
@@ -293,6 +355,32 @@ impl Mover<'_> {
         let within = (0.0..=(ends[1] - ends[0]).norm()).contains(&at)
             && faces.planes().iter().all(|(n, h)| n.dot(&place) - h < self.margin.max(-distance) + 1e-6);
         within.then(|| (normal, place + normal * (0.5 * distance), distance))
+    }
+}
+
+/// The side of the nearest triangle on which a point is.
+struct Side {
+    /// Squared distance \[m2\], and the height above the triangle relative to it.
+    nearest: f64,
+    height: f64,
+    outside: bool,
+}
+
+impl Default for Side {
+    fn default() -> Self {
+        Self { nearest: f64::INFINITY, height: 0.0, outside: false }
+    }
+}
+
+impl Side {
+    fn look(&mut self, triangle: &SurfaceTriangle, place: &Point3<f64>) {
+        let out = place - triangle.nearest(place);
+        let (square, height) = (out.norm_squared(), triangle.normal.dot(&out));
+        // Of the triangles that meet in the nearest point, the one that faces it most decides.
+        let same = (square - self.nearest).abs() <= 1e-9 * square;
+        if square < self.nearest && !same || same && height.abs() > self.height.abs() {
+            (self.nearest, self.height, self.outside) = (square, height, height > 0.0);
+        }
     }
 }
 

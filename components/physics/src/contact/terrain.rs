@@ -1,7 +1,7 @@
 //! Contact points with the terrain.
 //!
-//! A round feature touches the faces that its centre stands over, and the edge or corner that is nearest to it if that is nearer
-//! than all faces; a sharp one the face below it. Where a box, a cylinder, a capsule or the hull of an object lies across a peak, the peak
+//! A round feature touches the faces that its centre stands over, and the edges and corners to which it is nearer than to the faces around
+//! them; a sharp one the face below it. Where a box, a cylinder, a capsule or the hull of an object lies across a peak, the peak
 //! touches it.
 //! Edges between faces of one plane are no edges.
 
@@ -23,6 +23,12 @@ const ALIKE: f64 = 0.95;
 
 /// A feature whose direction from the surface differs less from the normal of a face stands over it.
 const OVER: f64 = 1e-9;
+
+/// Triangles near a round feature of which all edges are looked at. Of more, the nearest edge counts.
+const MOST_NEAR: usize = 32;
+
+/// Distances that differ by less are equal \[m\].
+const LEVEL: f64 = 1e-9;
 
 /// Begin of the numbers of contacts with the terrain.
 const TERRAIN: u64 = 1 << 63;
@@ -158,7 +164,7 @@ fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -
         }
         return touches;
     }
-    let mut nearest: Option<(Touch, bool)> = None;
+    let mut beside = Beside::default();
     field.visit_near(place, radius + margin, &mut |triangle| {
         let out = place - triangle.nearest;
         let length = out.norm();
@@ -168,17 +174,69 @@ fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -
         if over {
             keep(&mut touches, touch);
         }
-        // a face wins against its own edge
-        let before =
-            nearest.map_or(f64::INFINITY, |(other, over)| other.distance - if over { 1e-12 } else { 0.0 });
-        if touch.distance < before || over && touch.distance <= before {
-            nearest = Some((touch, over));
-        }
+        beside.add(Near { touch, at: triangle.nearest, over });
     });
-    if let Some((touch, false)) = nearest {
-        keep(&mut touches, touch);
-    }
+    beside.visit_edges(field, &mut |touch| keep(&mut touches, touch));
     touches
+}
+
+/// A triangle near a round feature, and its point nearest to that.
+#[derive(Clone, Copy)]
+struct Near {
+    touch: Touch,
+    at: Point3<f64>,
+    /// The feature stands over the triangle.
+    over: bool,
+}
+
+/// The triangles near a round feature.
+#[derive(Default)]
+struct Beside {
+    near: [Option<Near>; MOST_NEAR],
+    count: usize,
+    /// The nearest of all.
+    nearest: Option<Near>,
+}
+
+impl Beside {
+    fn add(&mut self, near: Near) {
+        if let Some(free) = self.near.get_mut(self.count) {
+            *free = Some(near);
+        }
+        self.count += 1;
+        // A face wins against its own edge.
+        let before = self
+            .nearest
+            .map_or(f64::INFINITY, |other| other.touch.distance - if other.over { 1e-12 } else { 0.0 });
+        if near.touch.distance < before || near.over && near.touch.distance <= before {
+            self.nearest = Some(near);
+        }
+    }
+
+    /// Passes the edges and corners that the feature touches to `visit`: those to which it is nearer than to all else around them.
+    fn visit_edges(&self, field: &HeightField, visit: &mut dyn FnMut(Touch)) {
+        if self.count > MOST_NEAR {
+            // There is no room for all: the nearest alone.
+            if let Some(Near { touch, over: false, .. }) = self.nearest {
+                visit(touch);
+            }
+            return;
+        }
+        let all = || self.near.iter().flatten();
+        for edge in all().filter(|near| !near.over) {
+            let nearer = |near: &Near| {
+                let distance = near.touch.distance;
+                distance < edge.touch.distance - LEVEL || near.over && distance <= edge.touch.distance + LEVEL
+            };
+            let mut least = true;
+            field.visit_near(&edge.at, LEVEL, &mut |around| {
+                least &= !all().any(|near| near.touch.triangle == around.index && nearer(near));
+            });
+            if least {
+                visit(edge.touch);
+            }
+        }
+    }
 }
 
 /// Keeps a point; of two with nearly the same normal the deeper, and where there is no room the deepest.

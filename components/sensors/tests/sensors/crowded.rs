@@ -1,4 +1,4 @@
-//! More contact points than a message holds: the rest is counted, and impulses are whole.
+//! More contact points than a message holds: the rest is merged and counted, and forces, moments and impulses are whole.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -63,6 +63,16 @@ fn contacts_beyond_the_room_of_a_message_are_counted() {
     let [before, after] = [sums[sums.len() - 101], sums[sums.len() - 1]];
     let force = (upwards(&after) - upwards(&before)) / 0.1;
     assert!((force - 13.1 * 9.81).abs() < 0.1 && after.cut == 0, "{force} N");
+    let whole: f64 = last.force_z().iter().sum();
+    assert!((whole - 13.1 * 9.81).abs() < 0.1, "{whole} N");
+    let about_y: f64 = (0..64)
+        .map(|index| {
+            last.position_z()[index] * last.force_x()[index]
+                - last.position_x()[index] * last.force_z()[index]
+        })
+        .sum();
+    let moment = (after.moment_y()[0] - before.moment_y()[0]) / 0.1;
+    assert!(moment < -40.0 && (about_y - moment).abs() < 0.1, "{about_y} N m, by impulses {moment} N m");
     let result = &report.results["physics"];
     assert!(result["contacts_left_out"].as_u64().unwrap() >= 16 * 400);
     let row = &result["contacts"][0];
