@@ -1,9 +1,9 @@
 //! The atomic operations of the protocols in shared memory, so that each protocol is written once.
 //!
-//! [`Native`] operations are the processor's own. The models in `runtime/src/model` run the same protocol code
-//! with loom's atomics, which try every interleaving and every value that a weakly ordered processor may show.
-//! Each place where a protocol relies on an ordering is named by a [`Site`]: a model can weaken one of them at
-//! a time and must then find a fault.
+//! [`Native`] operations are the processor's own. The models in `runtime/src/model` run the same protocol
+//! code with loom's atomics, which try every interleaving and every value that a weakly ordered processor may
+//! show. Each place where a protocol relies on an ordering is named by a [`Site`]: a model can weaken one of
+//! them at a time and must then find a fault.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{self, Relaxed, Release, SeqCst};

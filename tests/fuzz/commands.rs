@@ -1,8 +1,8 @@
 //! Commands that read a user's file, run on damaged ones as a user would run them.
 //!
-//! Each input gets 5 s of processor time and 200 MB of memory for data, which the system enforces. A command that needs more, or
-//! panics, or waits for ever, fails. `MOTORIUM_FUZZ_CASES` sets the number of damaged inputs of all commands together (about
-//! 10,000 for a thorough run); without it each command gets one batch.
+//! Each input gets 5 s of processor time and 200 MB of memory for data, which the system enforces. A command
+//! that needs more, or panics, or waits for ever, fails. `MOTORIUM_FUZZ_CASES` sets the number of damaged
+//! inputs of all commands together (about 10,000 for a thorough run); without it each command gets one batch.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -15,7 +15,8 @@ const LONGEST_S: u32 = 5;
 /// Memory for data of one command, kB.
 const LARGEST_KB: u32 = 200 * 1024;
 
-/// A reader: arguments of `motorium` in which `FILE` is the damaged file, the ending of that, and its undamaged files.
+/// A reader: arguments of `motorium` in which `FILE` is the damaged file, the ending of that, and its
+/// undamaged files.
 struct Reader {
     arguments: &'static [&'static str],
     ending: &'static str,
@@ -26,7 +27,8 @@ fn reader(arguments: &'static [&'static str], ending: &'static str, corpus: Vec<
     Reader { arguments, ending, corpus }
 }
 
-/// The command under the limits of one input. A shell sets them, since they pass to the program that it becomes.
+/// The command under the limits of one input. A shell sets them, since they pass to the program that it
+/// becomes.
 fn limited(arguments: &[String], folder: &Path) -> Command {
     let limits = format!("ulimit -c 0; ulimit -t {LONGEST_S}; ulimit -d {LARGEST_KB}; exec \"$@\"");
     let mut command = Command::new("timeout");
@@ -250,7 +252,8 @@ fn motion_libraries() {
     );
 }
 
-/// A recording of a graph that users run, and the same with its checksums removed: damage then reaches what lies behind them.
+/// A recording of a graph that users run, and the same with its checksums removed: damage then reaches what
+/// lies behind them.
 fn recordings() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("run.mcap");

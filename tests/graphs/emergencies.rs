@@ -153,7 +153,8 @@ fn pressing() -> Duration {
     Duration::from_secs(seconds.unwrap_or(3))
 }
 
-/// Presses at random moments, and ends the feeder at others; each must latch. The graph grants the feeder 1 s.
+/// Presses at random moments, and ends the feeder at others; each must latch. The graph grants the feeder 1
+/// s.
 fn press_at_random(run: &Run, feed: &dyn Fn() -> Feeder, press: &dyn Fn(u64)) {
     let mut seed = 5_u64;
     let mut uniform = || {

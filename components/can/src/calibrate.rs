@@ -70,8 +70,9 @@ const ANSWER_TIMEOUT: u32 = 300;
 /// Largest difference of two positions of a joint that stands still, rad or m.
 const STILL: f64 = 0.05;
 
-/// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a position for each of
-/// `joints`; those that are homed are left out. No drive is enabled. `pass` lets time pass on `buses`, those of the table in its order, and returns the time, ns.
+/// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a
+/// position for each of `joints`; those that are homed are left out. No drive is enabled. `pass` lets time
+/// pass on `buses`, those of the table in its order, and returns the time, ns.
 ///
 /// # Errors
 /// A drive is commanded by another program, is set otherwise than the table says, does not answer, or moves.

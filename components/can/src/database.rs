@@ -103,7 +103,8 @@ enum Form {
 pub struct Decoded<'a> {
     /// Name of the message.
     pub name: &'a str,
-    /// Its signals, in the order of the database; those that the frame is too short for, or that are not there now, left out.
+    /// Its signals, in the order of the database; those that the frame is too short for, or that are not
+    /// there now, left out.
     pub signals: Vec<SignalValue<'a>>,
 }
 
@@ -157,7 +158,8 @@ impl Database {
     /// Reads a DBC file.
     ///
     /// # Errors
-    /// The text is no database, a signal does not fit into its message, or two messages have the same identifier.
+    /// The text is no database, a signal does not fit into its message, or two messages have the same
+    /// identifier.
     pub fn parse(text: &str) -> Result<Self, DatabaseError> {
         let file = Dbc::try_from(text).map_err(|error| DatabaseError::Syntax(error.to_string()))?;
         let mut read = Self { messages: BTreeMap::new(), mask: ALL };
@@ -184,7 +186,8 @@ impl Database {
         }
     }
 
-    /// The same messages, of which only these bits of the identifiers count: a database of node 0 describes all nodes then.
+    /// The same messages, of which only these bits of the identifiers count: a database of node 0 describes
+    /// all nodes then.
     ///
     /// # Errors
     /// Two messages differ in the other bits only.

@@ -30,9 +30,9 @@ impl Id {
         (id < 1 << 29).then_some(Self::Extended(id))
     }
 
-    /// The bits of the arbitration field in the order in which they are sent, remote bit apart: of two frames that begin
-    /// together the one with the smaller number is sent. A standard identifier wins over an extended one with the same
-    /// first 11 bits.
+    /// The bits of the arbitration field in the order in which they are sent, remote bit apart: of two frames
+    /// that begin together the one with the smaller number is sent. A standard identifier wins over an
+    /// extended one with the same first 11 bits.
     pub fn arbitration(self) -> u32 {
         match self {
             Self::Standard(id) => u32::from(id) << 21,
@@ -115,7 +115,8 @@ impl Frame {
         Self::new(Id::Standard(device.into()), Form::Packet, bytes)
     }
 
-    /// A frame of any form; `None` if it cannot have so many bytes. CAN FD knows 0 to 8, 12, 16, 20, 24, 32, 48 and 64.
+    /// A frame of any form; `None` if it cannot have so many bytes. CAN FD knows 0 to 8, 12, 16, 20, 24, 32,
+    /// 48 and 64.
     pub fn new(id: Id, form: Form, data: &[u8]) -> Option<Self> {
         let length = data.len();
         let is_length =

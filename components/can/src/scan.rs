@@ -28,7 +28,8 @@ pub enum DeviceKind {
         master: u16,
         /// Its watchdog, ns, 0 for off; `None` if it did not tell.
         watchdog_ns: Option<u64>,
-        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for one that it did not tell.
+        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for one that it did
+        /// not tell.
         ranges: [Option<f64>; 3],
     },
     /// An ODrive: its heartbeat, with the state and the errors of its axis.
@@ -84,13 +85,14 @@ pub enum FdSearch {
     },
 }
 
-/// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for the heartbeats of ODrives
-/// and CANopen nodes. `pass` lets time pass.
+/// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for
+/// the heartbeats of ODrives and CANopen nodes. `pass` lets time pass.
 ///
-/// With `has_errors`, which tells whether the bus has reported an error since it was opened, the registers of moteus are read
-/// afterwards, by frames of CAN FD. A node that knows classic frames only disturbs those, and the controller repeats them until it
-/// leaves the bus: none is sent once a classic frame or an error has been received, and no more after the first error. A classic node
-/// that has been silent is not known: want this only where every node knows CAN FD.
+/// With `has_errors`, which tells whether the bus has reported an error since it was opened, the registers of
+/// moteus are read afterwards, by frames of CAN FD. A node that knows classic frames only disturbs those, and
+/// the controller repeats them until it leaves the bus: none is sent once a classic frame or an error has
+/// been received, and no more after the first error. A classic node that has been silent is not known: want
+/// this only where every node knows CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;
@@ -196,7 +198,8 @@ impl Found {
                 None => self.devices.push(device),
             }
         } else {
-            // commands of another program look like heartbeats now and then; those of an ODrive are heartbeats always
+            // commands of another program look like heartbeats now and then; those of an ODrive are
+            // heartbeats always
             self.devices.retain(|device| {
                 !(matches!(device.kind, DeviceKind::Odrive { .. })
                     && frame.id == Id::Standard(u16::from(device.node) << 5 | 1))

@@ -27,8 +27,8 @@ const ALL: Duration = Duration::from_millis(300);
 /// Time for the answer of one servo.
 const ONE: Duration = Duration::from_millis(3);
 
-/// Finds the servos on a line at the speed that it was opened with, by asking each number up to `last` whether it is there,
-/// which changes nothing. `pass` lets time pass.
+/// Finds the servos on a line at the speed that it was opened with, by asking each number up to `last`
+/// whether it is there, which changes nothing. `pass` lets time pass.
 ///
 /// ```no_run
 /// use motorium_can::{SERVO_SPEEDS, ServoBus, scan_servos};

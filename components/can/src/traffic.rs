@@ -94,7 +94,8 @@ fn mistake(frame: &str) -> Option<String> {
 }
 
 impl Record {
-    /// Reads a frame alone, such as `123#0102`, for an interface. Dots may stand between the bytes of its data.
+    /// Reads a frame alone, such as `123#0102`, for an interface. Dots may stand between the bytes of its
+    /// data.
     ///
     /// # Errors
     /// It is no frame.

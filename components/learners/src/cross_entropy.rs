@@ -9,8 +9,8 @@ use rand_pcg::Pcg64;
 pub struct CrossEntropySettings {
     /// Share of a generation that the next one is drawn around: its best. Above 0, at most 1; default 0.25.
     pub elite: f64,
-    /// Weight of the elite in the next mean and deviation, the rest being that of those before. Above 0, at most 1; default
-    /// 0.7: smaller values search longer and are lost less easily to noise.
+    /// Weight of the elite in the next mean and deviation, the rest being that of those before. Above 0, at
+    /// most 1; default 0.7: smaller values search longer and are lost less easily to noise.
     pub smoothing: f64,
     /// Smallest deviation, as a share of the first. Default 0.02: the search does not come to a standstill.
     pub least: f64,
@@ -24,20 +24,20 @@ impl Default for CrossEntropySettings {
 
 /// A search for the parameters of the largest reward, one generation at a time.
 ///
-/// A generation is drawn from `N(mean, diag(deviation^2))` and kept within bounds. With the mean `m` and the standard
-/// deviation `s` of the best of them, and the smoothing `a`:
+/// A generation is drawn from `N(mean, diag(deviation^2))` and kept within bounds. With the mean `m` and the
+/// standard deviation `s` of the best of them, and the smoothing `a`:
 ///
 /// ```text
 /// mean'      = a m + (1 - a) mean
 /// deviation' = max(a s + (1 - a) deviation, least deviation)
 /// ```
 ///
-/// Only the order of the rewards matters. What is drawn depends on the seed and the rewards alone, not on the order in which
-/// candidates are tried.
+/// Only the order of the rewards matters. What is drawn depends on the seed and the rewards alone, not on the
+/// order in which candidates are tried.
 ///
-/// Source: Rubinstein, *The cross-entropy method for combinatorial and continuous optimization*, Methodology and Computing
-/// in Applied Probability 1, 1999; the smoothing after de Boer, Kroese, Mannor, Rubinstein, *A tutorial on the cross-entropy
-/// method*, Annals of Operations Research 134, 2005.
+/// Source: Rubinstein, *The cross-entropy method for combinatorial and continuous optimization*, Methodology
+/// and Computing in Applied Probability 1, 1999; the smoothing after de Boer, Kroese, Mannor, Rubinstein, *A
+/// tutorial on the cross-entropy method*, Annals of Operations Research 134, 2005.
 ///
 /// ```
 /// use motorium_learners::{CrossEntropy, CrossEntropySettings};

@@ -1,6 +1,7 @@
 //! Learners of the weights of movements, without the runtime.
 //!
-//! - [`Power`]: policy search by weighted exploration, for weights of a motion library or of a movement primitive.
+//! - [`Power`]: policy search by weighted exploration, for weights of a motion library or of a movement
+//!   primitive.
 //! - [`CrossEntropy`]: black-box search by whole generations, whose candidates can be tried at the same time.
 //! - [`perception`]: from the picture of a letter to the movement that writes it.
 //! - [`experiments`]: experiments of a thesis with them, as numbers.

@@ -21,19 +21,19 @@ impl Default for PowerSettings {
 
 /// A search for the parameters `theta` of the largest reward, one rollout at a time.
 ///
-/// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal. Of all rollouts seen, the best are
-/// kept (importance sampling), and with their rewards `R_j > 0`, `eps_j = theta_j - theta`:
+/// Each rollout explores with `theta + eps`, `eps ~ N(0, Sigma)`, `Sigma` diagonal. Of all rollouts seen, the
+/// best are kept (importance sampling), and with their rewards `R_j > 0`, `eps_j = theta_j - theta`:
 ///
 /// ```text
 /// theta' = theta + (sum_j R_j Sigma_j^-1)^-1 sum_j R_j Sigma_j^-1 eps_j
 /// Sigma' = diag(sum_j R_j eps_j^2 / sum_j R_j), within bounds
 /// ```
 ///
-/// For weights of a motion library, `k^2 s_i^2 / N` (the variance of the weights in the library, `k` about 0.6) is the
-/// natural first exploration: large where movements differ.
+/// For weights of a motion library, `k^2 s_i^2 / N` (the variance of the weights in the library, `k` about
+/// 0.6) is the natural first exploration: large where movements differ.
 ///
-/// Source: Kober, Peters, *Policy search for motor primitives in robotics*, Machine Learning 84, 2011, the episodic
-/// form; the update of the variance after their appendix.
+/// Source: Kober, Peters, *Policy search for motor primitives in robotics*, Machine Learning 84, 2011, the
+/// episodic form; the update of the variance after their appendix.
 ///
 /// ```
 /// use motorium_learners::{Power, PowerSettings};

@@ -1,4 +1,5 @@
-//! Interface that models share: predictions, with variances where there are any, parameters as one vector, and their class.
+//! Interface that models share: predictions, with variances where there are any, parameters as one vector,
+//! and their class.
 //!
 //! ```
 //! use motorium_models::approximator::{Approximator, Data};
@@ -228,7 +229,8 @@ pub trait Approximator {
     /// When a slice does not fit.
     fn predict(&mut self, x: &[f64], mean: &mut [f64]);
 
-    /// Writes the mean and the variance of the outputs; false for a model without variances, which writes the mean only.
+    /// Writes the mean and the variance of the outputs; false for a model without variances, which writes the
+    /// mean only.
     ///
     /// # Panics
     /// When a slice does not fit.

@@ -1,7 +1,7 @@
 //! Arithmetic of networks: single precision for use, double precision to check gradients.
 //!
-//! The functions on `f32` use only additions, multiplications, divisions and fused multiply-adds, each rounded once, so
-//! that they vectorise and give the same bits on every processor.
+//! The functions on `f32` use only additions, multiplications, divisions and fused multiply-adds, each
+//! rounded once, so that they vectorise and give the same bits on every processor.
 
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 

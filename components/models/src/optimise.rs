@@ -1,7 +1,7 @@
 //! Minimisation of smooth functions by L-BFGS.
 //!
-//! Two-loop recursion over the last 10 steps and a line search for the strong Wolfe conditions. References: Nocedal,
-//! Wright, *Numerical Optimization*, 2nd ed., algorithms 7.4, 3.5 and 3.6.
+//! Two-loop recursion over the last 10 steps and a line search for the strong Wolfe conditions. References:
+//! Nocedal, Wright, *Numerical Optimization*, 2nd ed., algorithms 7.4, 3.5 and 3.6.
 
 use std::collections::VecDeque;
 
@@ -46,9 +46,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Lowers `function` from `x`, and leaves the lowest point that was found in `x`.
 ///
-/// `function` writes the gradient at its first argument to its second and returns the value. A value that is not
-/// finite is a point outside of the domain: the line search steps back from it. If the value at the start is not finite,
-/// `x` stays.
+/// `function` writes the gradient at its first argument to its second and returns the value. A value that is
+/// not finite is a point outside of the domain: the line search steps back from it. If the value at the start
+/// is not finite, `x` stays.
 pub fn minimise(
     x: &mut [f64],
     options: &Options,

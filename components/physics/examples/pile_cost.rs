@@ -1,4 +1,5 @@
-//! Cost of a step of one millisecond while boxes fall into a pile, and when they lie there; with `awake` none may sleep.
+//! Cost of a step of one millisecond while boxes fall into a pile, and when they lie there; with `awake` none
+//! may sleep.
 //!
 //! ```sh
 //! cargo run --release -p motorium-physics --example pile_cost -- 20 100

@@ -18,10 +18,12 @@ impl Air {
         Self { wind: world.wind.into(), density: world.air_density }
     }
 
-    /// Velocity \[m/s\] of a body of this drag area \[m2\] and mass \[kg\] after `h` \[s\] in the air, from `velocity`.
+    /// Velocity \[m/s\] of a body of this drag area \[m2\] and mass \[kg\] after `h` \[s\] in the air, from
+    /// `velocity`.
     ///
-    /// The drag is that at the end: the speed `s` relative to the air obeys `s + h k s^2 = s_0` with `k = density drag / (2 mass)`,
-    /// which has one solution for any `h`, and whose limit under gravity is the terminal velocity itself.
+    /// The drag is that at the end: the speed `s` relative to the air obeys `s + h k s^2 = s_0` with `k =
+    /// density drag / (2 mass)`, which has one solution for any `h`, and whose limit under gravity is the
+    /// terminal velocity itself.
     pub(crate) fn slowed(&self, (drag, mass): (f64, f64), velocity: Vector3<f64>, h: f64) -> Vector3<f64> {
         if drag == 0.0 {
             return velocity;

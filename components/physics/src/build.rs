@@ -195,8 +195,8 @@ pub enum BuildWarning {
 }
 
 impl BuildWarning {
-    /// The warnings as texts: one for all shapes that are ignored, one for all objects that overlap, one for all pairs of links that start
-    /// too close.
+    /// The warnings as texts: one for all shapes that are ignored, one for all objects that overlap, one for
+    /// all pairs of links that start too close.
     ///
     /// ```
     /// use motorium_physics::BuildWarning;

@@ -8,13 +8,13 @@
 /// tau = clamp(kp (position - q) + kd (velocity - v) + effort, -limit, +limit)
 /// ```
 ///
-/// with `limit` the effort limit of the joint: the impedance law of torque-controlled drives ("MIT mode"). `kp = kd =
-/// 0` is pure effort control, `kp = 0` velocity control. `q` and `v` are those at the *end* of the step (implicit),
-/// so gains of any size are stable; a drive without `kd` is damped by the integration.
+/// with `limit` the effort limit of the joint: the impedance law of torque-controlled drives ("MIT mode").
+/// `kp = kd = 0` is pure effort control, `kp = 0` velocity control. `q` and `v` are those at the *end* of the
+/// step (implicit), so gains of any size are stable; a drive without `kd` is damped by the integration.
 ///
-/// A joint that moves beyond `min_velocity` or `max_velocity` is braked, whatever the rest of the command: the highest
-/// effort in the direction of its motion falls from `limit` at that velocity to `-limit` over a twentieth of the larger of
-/// both.
+/// A joint that moves beyond `min_velocity` or `max_velocity` is braked, whatever the rest of the command:
+/// the highest effort in the direction of its motion falls from `limit` at that velocity to `-limit` over a
+/// twentieth of the larger of both.
 ///
 /// # Example
 ///
@@ -60,12 +60,14 @@ impl JointCommand {
         Self { effort, ..Self::default() }
     }
 
-    /// A command to hold `position` \[rad or m\] with gains `kp` \[Nm/rad or N/m\] and `kd` \[Nms/rad or Ns/m\].
+    /// A command to hold `position` \[rad or m\] with gains `kp` \[Nm/rad or N/m\] and `kd` \[Nms/rad or
+    /// Ns/m\].
     pub fn hold(position: f64, kp: f64, kd: f64) -> Self {
         Self { position, kp, kd, ..Self::default() }
     }
 
-    /// True when setpoints and gains are finite, no gain is negative and zero velocity lies within the limits.
+    /// True when setpoints and gains are finite, no gain is negative and zero velocity lies within the
+    /// limits.
     pub fn is_valid(&self) -> bool {
         [self.position, self.velocity, self.effort, self.kp, self.kd].iter().all(|x| x.is_finite())
             && self.kp >= 0.0

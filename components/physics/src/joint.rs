@@ -29,8 +29,8 @@ pub struct JointProperties {
 impl JointProperties {
     /// The properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
     ///
-    /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint it
-    /// follows. Its spring acts there with `multiplier^2` times its stiffness.
+    /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint
+    /// it follows. Its spring acts there with `multiplier^2` times its stiffness.
     pub fn of(model: &Model, armature: f64) -> Vec<Self> {
         let mut joints: Vec<Self> = (0..model.joint_count())
             .map(|index| Self {
@@ -62,8 +62,8 @@ impl JointProperties {
         joints
     }
 
-    /// Velocity beyond which the simulation no longer means anything \[rad/s or m/s\]: 20 times the limit and at least
-    /// 100, or 1000 without a limit.
+    /// Velocity beyond which the simulation no longer means anything \[rad/s or m/s\]: 20 times the limit and
+    /// at least 100, or 1000 without a limit.
     pub fn divergence_bound(&self) -> f64 {
         if self.velocity_limit.is_finite() { (20.0 * self.velocity_limit).max(100.0) } else { 1000.0 }
     }

@@ -41,16 +41,18 @@ pub struct Surface {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Properties {
-    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes are those of the simulation.
+    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes are those of the
+    /// simulation.
     pub model: Model,
     /// Of several [articulations](crate::Articulation), the models of those after the first.
     pub others: Vec<Model>,
-    /// The world: gravity, and mass and start of its objects. Which there are, their shapes, and the ground are those of
-    /// the simulation; the surfaces here play no part.
+    /// The world: gravity, and mass and start of its objects. Which there are, their shapes, and the ground
+    /// are those of the simulation; the surfaces here play no part.
     pub world: World,
     /// The surfaces of all colliders: those of the robot, of the objects, of the ground or the terrain.
     pub surfaces: Vec<Surface>,
-    /// The actuators of each articulation, one per joint; empty where all are ideal. Those that are ideal stay so.
+    /// The actuators of each articulation, one per joint; empty where all are ideal. Those that are ideal
+    /// stay so.
     pub actuators: Vec<Vec<Option<ActuatorSettings>>>,
 }
 
@@ -66,11 +68,11 @@ impl<E: Engine> Simulation<E> {
         }
     }
 
-    /// [`reset`](crate::Simulator::reset) with these properties, which stay until the next call. Nothing is built anew: the
-    /// shapes and pairs of the contact detection stay.
+    /// [`reset`](crate::Simulator::reset) with these properties, which stay until the next call. Nothing is
+    /// built anew: the shapes and pairs of the contact detection stay.
     ///
-    /// A [saved state](crate::Simulator::save) holds gravity and the objects' masses, but not the robot's properties: restore it
-    /// under those under which it was saved.
+    /// A [saved state](crate::Simulator::save) holds gravity and the objects' masses, but not the robot's
+    /// properties: restore it under those under which it was saved.
     ///
     /// # Errors
     ///
@@ -87,12 +89,13 @@ impl<E: Engine> Simulation<E> {
         crate::Simulator::reset(self, q, v)
     }
 
-    /// Takes over properties in the midst of motion: gravity, and those of robots, surfaces and actuators. Objects and terrain stay as they
-    /// are. It may allocate.
+    /// Takes over properties in the midst of motion: gravity, and those of robots, surfaces and actuators.
+    /// Objects and terrain stay as they are. It may allocate.
     ///
     /// # Errors
     ///
-    /// [`ResetError`], also for an engine that [cannot](crate::Capabilities::changes); nothing has changed then.
+    /// [`ResetError`], also for an engine that [cannot](crate::Capabilities::changes); nothing has changed
+    /// then.
     pub fn change(&mut self, properties: &Properties) -> Result<(), ResetError> {
         if !E::CAPABILITIES.changes {
             let reason = format!("the {} engine takes other properties at resets alone", E::NAME);
@@ -179,7 +182,8 @@ fn same_robot(a: &Model, b: &Model) -> bool {
         && a.frames().iter().zip(b.frames()).all(|(a, b)| a.name == b.name && a.placement == b.placement)
 }
 
-/// True for two terrains of the same size and the same layers, whatever is drawn for them and however high they are.
+/// True for two terrains of the same size and the same layers, whatever is drawn for them and however high
+/// they are.
 fn same_terrain(a: Option<&Terrain>, b: Option<&Terrain>) -> bool {
     match (a, b) {
         (Some(a), Some(b)) => *a == Terrain { seed: a.seed, scale: a.scale, ..b.clone() },

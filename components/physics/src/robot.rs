@@ -56,8 +56,8 @@ impl From<Model> for RobotSetup {
 }
 
 impl RobotSetup {
-    /// The setup of a loaded robot. Rotors are those of its profile, and act on a floating base only; the friction of its
-    /// feet is that of the profile, too.
+    /// The setup of a loaded robot. Rotors are those of its profile, and act on a floating base only; the
+    /// friction of its feet is that of the profile, too.
     ///
     /// # Errors
     ///
@@ -80,8 +80,8 @@ pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
 /// An articulation: a kinematic tree of a simulation with a base of its own.
 ///
-/// A robot is one, and several robots with fixed bases may be one together ([`Model::world`]). Each has its range of the
-/// vectors of a [`Simulator`](crate::Simulator).
+/// A robot is one, and several robots with fixed bases may be one together ([`Model::world`]). Each has its
+/// range of the vectors of a [`Simulator`](crate::Simulator).
 ///
 /// ```
 /// use motorium_physics::{ArticulatedSimulator, Options, RobotSetup, Simulator, World};

@@ -4,7 +4,8 @@ use motorium_robots::{FrameId, Model, Profile, Spin, UnknownFrame};
 
 use crate::JointCommand;
 
-/// A rotor that pulls along the z axis of its frame by the effort of its command \[N\], from zero to its limit.
+/// A rotor that pulls along the z axis of its frame by the effort of its command \[N\], from zero to its
+/// limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RotorDrive {
     /// Name of the drive.

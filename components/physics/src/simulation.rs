@@ -12,8 +12,8 @@ use crate::{
 
 /// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
 ///
-/// The robot's state, commands and limits, the checks before and after a step and the description of the world are
-/// those of the simulation; an engine holds the objects of the world and its own workspace.
+/// The robot's state, commands and limits, the checks before and after a step and the description of the
+/// world are those of the simulation; an engine holds the objects of the world and its own workspace.
 pub trait Engine: Sized {
     /// All of the engine's state that later steps depend on.
     type State: Send + Sync + 'static;
@@ -24,8 +24,9 @@ pub trait Engine: Sized {
     /// The abilities of the engine.
     const CAPABILITIES: Capabilities;
 
-    /// Sets the engine up for `robot`, of one articulation for each of `setups`, in `world`. The state of the robot is not set yet: [`reset`](Self::reset)
-    /// follows. Doubtful input that can still be simulated is added to `warnings`.
+    /// Sets the engine up for `robot`, of one articulation for each of `setups`, in `world`. The state of the
+    /// robot is not set yet: [`reset`](Self::reset) follows. Doubtful input that can still be simulated is
+    /// added to `warnings`.
     ///
     /// # Errors
     ///
@@ -41,8 +42,8 @@ pub trait Engine: Sized {
     /// The surfaces of all colliders.
     fn surfaces(&self) -> Vec<Surface>;
 
-    /// Takes over these surfaces, one for each collider, the inertias and joints of `robot` and the masses of `world`.
-    /// [`reset`](Self::reset) follows.
+    /// Takes over these surfaces, one for each collider, the inertias and joints of `robot` and the masses of
+    /// `world`. [`reset`](Self::reset) follows.
     ///
     /// # Errors
     ///
@@ -68,8 +69,8 @@ pub trait Engine: Sized {
         Ok(())
     }
 
-    /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during the next step, besides
-    /// those applied before.
+    /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during
+    /// the next step, besides those applied before.
     fn apply_wrench(
         &mut self,
         robot: &Robot,
@@ -81,8 +82,8 @@ pub trait Engine: Sized {
     /// Starts from the robot's current state, the objects at rest where the world has them.
     fn reset(&mut self, robot: &Robot, world: &World);
 
-    /// Excludes pairs of links that start too close from self-collision, and reports links that start inside something. Objects
-    /// may be at rest afterwards, whatever velocity they had.
+    /// Excludes pairs of links that start too close from self-collision, and reports links that start inside
+    /// something. Objects may be at rest afterwards, whatever velocity they had.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
     /// Computes the robot's next state, `dt` \[s\] after the current one, and that of the objects.
@@ -102,8 +103,8 @@ pub trait Engine: Sized {
     /// The state that later steps depend on, that of the robot apart.
     fn save(&self) -> Self::State;
 
-    /// Goes back to a saved state. The robot's has been restored already. `false`, and nothing has changed, where it does
-    /// not fit.
+    /// Goes back to a saved state. The robot's has been restored already. `false`, and nothing has changed,
+    /// where it does not fit.
     fn restore(&mut self, robot: &Robot, state: &Self::State) -> bool;
 
     /// Wakes all objects that sleep.
@@ -124,7 +125,8 @@ pub trait Engine: Sized {
     /// Velocity of object `index`: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>);
 
-    /// Sets the velocity of object `index`, if it moves: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
+    /// Sets the velocity of object `index`, if it moves: linear at its centre \[m/s\] and angular \[rad/s\],
+    /// world axes.
     fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>);
 
     /// Connects two parts as they stand: see [`Simulator::connect`]. `lasting` where a reset keeps it.
@@ -144,12 +146,12 @@ pub trait Engine: Sized {
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Passes the contacts' impulse on each collider that a contact touched during the last step, of `dt` \[s\], to `visit`: its name, the
-    /// impulse \[N s\] and its moment about the origin of the world \[N m s\], friction included. A collider, or one of several with a name,
-    /// may come more than once.
+    /// Passes the contacts' impulse on each collider that a contact touched during the last step, of `dt`
+    /// \[s\], to `visit`: its name, the impulse \[N s\] and its moment about the origin of the world \[N m
+    /// s\], friction included. A collider, or one of several with a name, may come more than once.
     ///
-    /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act for the whole step; an engine with several integration
-    /// steps in one adds up theirs.
+    /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act for the whole step; an
+    /// engine with several integration steps in one adds up theirs.
     #[expect(clippy::type_complexity, reason = "a visitor of three values")]
     fn visit_impulses(&self, dt: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
         self.visit_contacts(&mut |contact| {
@@ -164,7 +166,8 @@ pub trait Engine: Sized {
 /// A robot in a world, moved by an engine `E`.
 ///
 /// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
-/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and the trait [`Simulator`].
+/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and the trait
+/// [`Simulator`].
 pub struct Simulation<E> {
     pub(crate) robot: Robot,
     pub(crate) engine: E,
@@ -188,8 +191,9 @@ impl<E: Engine> Simulation<E> {
         Self::of_robots([robot.into()], world, q, options)
     }
 
-    /// A simulation of several robots in `world`, an [`Articulation`] each, at rest at `q`, which is theirs one after the
-    /// other. Links and joints must differ in their names ([`Model::prefixed`](motorium_robots::Model::prefixed)).
+    /// A simulation of several robots in `world`, an [`Articulation`] each, at rest at `q`, which is theirs
+    /// one after the other. Links and joints must differ in their names
+    /// ([`Model::prefixed`](motorium_robots::Model::prefixed)).
     ///
     /// # Errors
     ///

@@ -33,7 +33,8 @@ pub struct Contact<'a> {
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
-    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not tell it.
+    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not tell
+    /// it.
     pub friction: Vector3<f64>,
 }
 
@@ -50,8 +51,8 @@ pub struct RayHit<'a> {
     pub normal: Vector3<f64>,
 }
 
-/// The abilities of a simulator beyond those that every one has: robots with fixed bases, several of them as one model,
-/// free and fixed objects, contacts, rays, commands, reset, save and restore.
+/// The abilities of a simulator beyond those that every one has: robots with fixed bases, several of them as
+/// one model, free and fixed objects, contacts, rays, commands, reset, save and restore.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
     /// Robots whose base moves freely, and several of them in one world.
@@ -64,9 +65,11 @@ pub struct Capabilities {
     pub conveyors: bool,
     /// Surfaces that give way, and such whose friction differs by direction.
     pub textures: bool,
-    /// [Meshes](motorium_robots::MeshCollision) of objects touch by their triangles; by convex parts they touch in every engine.
+    /// [Meshes](motorium_robots::MeshCollision) of objects touch by their triangles; by convex parts they
+    /// touch in every engine.
     pub triangles: bool,
-    /// Physical [properties](crate::Properties) may change [in the midst of motion](crate::Simulation::change).
+    /// Physical [properties](crate::Properties) may change [in the midst of
+    /// motion](crate::Simulation::change).
     pub changes: bool,
     /// A choice of the method of integration.
     pub integrators: bool,
@@ -110,9 +113,9 @@ pub struct StepReport {
 ///
 /// Vectors have one entry per drive: the independent joints of the robot, in the order of
 /// [`motorium_robots::Model::joint_names`], then its rotors, if it has any. With several
-/// [articulations](Simulator::articulations) they are theirs one after the other. Poses are in the world, which is the base
-/// frame of a robot with a fixed base. After construction and the first step nothing here allocates, unless an engine
-/// says so.
+/// [articulations](Simulator::articulations) they are theirs one after the other. Poses are in the world,
+/// which is the base frame of a robot with a fixed base. After construction and the first step nothing here
+/// allocates, unless an engine says so.
 ///
 /// # Example
 ///
@@ -169,8 +172,8 @@ pub trait Simulator {
     /// Velocities v \[rad/s or m/s\].
     fn velocities(&self) -> &[f64];
 
-    /// Efforts tau the drives applied during the last step, after clamping \[Nm or N\]. Joint friction, damping and
-    /// limit stops are not part of it. With substeps, that of the last one.
+    /// Efforts tau the drives applied during the last step, after clamping \[Nm or N\]. Joint friction,
+    /// damping and limit stops are not part of it. With substeps, that of the last one.
     fn efforts(&self) -> &[f64];
 
     /// The commands, one per joint; they stay until changed.
@@ -183,8 +186,8 @@ pub trait Simulator {
     /// [`StepError`]; the robot's state is then that before the step. The state never contains NaN.
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses and the velocities of the world description.
-    /// Commands become zero efforts.
+    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses and the velocities of the
+    /// world description. Commands become zero efforts.
     ///
     /// # Errors
     ///
@@ -204,8 +207,9 @@ pub trait Simulator {
     /// [`ForeignState`] when a simulator of another engine, robot or world made it; nothing has changed then.
     fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState>;
 
-    /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, axes of the link\] of a link during the next
-    /// step, besides those that have been applied before it. A link that is fixed to the world does not move.
+    /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, axes of the link\] of a
+    /// link during the next step, besides those that have been applied before it. A link that is fixed to the
+    /// world does not move.
     fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>) {
         self.apply_wrench_to((0, link), point, force, torque);
     }
@@ -219,8 +223,8 @@ pub trait Simulator {
         torque: Vector3<f64>,
     );
 
-    /// The first surface within `range` \[m\] along a ray from `origin` in `direction` (of any length): of the robot, of
-    /// an object, of the ground. A ray that starts inside of something does not see it.
+    /// The first surface within `range` \[m\] along a ray from `origin` in `direction` (of any length): of
+    /// the robot, of an object, of the ground. A ray that starts inside of something does not see it.
     fn cast_ray(&self, origin: Point3<f64>, direction: Vector3<f64>, range: f64) -> Option<RayHit<'_>>;
 
     /// Acceleration of free fall in the world \[m/s2\].
@@ -257,12 +261,13 @@ pub trait Simulator {
     /// Velocity of an object: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
     fn object_velocity(&self, object: ObjectId) -> (Vector3<f64>, Vector3<f64>);
 
-    /// Sets the velocity of an object that moves: linear at its centre of mass \[m/s\] and angular \[rad/s\], world axes. A fixed one stays
-    /// at rest.
+    /// Sets the velocity of an object that moves: linear at its centre of mass \[m/s\] and angular \[rad/s\],
+    /// world axes. A fixed one stays at rest.
     fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>);
 
-    /// Connects two parts as they stand to one another, by a ball joint or rigidly. The connection stays until [`detach`](Self::detach),
-    /// over resets, too. The parts do not collide with one another meanwhile. Memory for it is allocated here, not in a step.
+    /// Connects two parts as they stand to one another, by a ball joint or rigidly. The connection stays
+    /// until [`detach`](Self::detach), over resets, too. The parts do not collide with one another meanwhile.
+    /// Memory for it is allocated here, not in a step.
     ///
     /// # Errors
     ///
@@ -293,7 +298,8 @@ pub trait Simulator {
     /// ```
     fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError>;
 
-    /// Fixes one part to another as they stand, such as an object to a hand, until [`detach`](Self::detach) or the next reset.
+    /// Fixes one part to another as they stand, such as an object to a hand, until [`detach`](Self::detach)
+    /// or the next reset.
     ///
     /// # Errors
     ///

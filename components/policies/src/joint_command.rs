@@ -16,14 +16,16 @@ use motorium_primitives::dmp::{Jet, Quintic};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointCommandConfig {
-    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Without it, that of the robot's profile.
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Without it, that of the robot's
+    /// profile.
     pub kp: Option<PerJoint>,
-    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Without it, that of the robot's profile.
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Without it, that of the
+    /// robot's profile.
     pub kd: Option<PerJoint>,
     /// Time of the transition from the robot's present position to the movement, such as "1 s". Default 1 s.
     pub ease: TimeSpan,
-    /// True to add the torque that holds the joints against gravity. A floating base is assumed to be upright and at
-    /// rest. Default true.
+    /// True to add the torque that holds the joints against gravity. A floating base is assumed to be upright
+    /// and at rest. Default true.
     pub gravity_compensation: bool,
 }
 
@@ -150,8 +152,8 @@ pub(crate) fn required(robot: Option<&RobotReference>) -> Result<&RobotReference
 }
 
 impl CommandedJoints {
-    /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config. `gravity` is
-    /// in the world frame, m/s^2.
+    /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config.
+    /// `gravity` is in the world frame, m/s^2.
     pub(crate) fn new<'a>(
         config: &JointCommandConfig,
         gravity: [f64; 3],
@@ -164,7 +166,8 @@ impl CommandedJoints {
         })
     }
 
-    /// As [`new`](Self::new) for a robot that is loaded, with the gains that `gains` finds for all its joints.
+    /// As [`new`](Self::new) for a robot that is loaded, with the gains that `gains` finds for all its
+    /// joints.
     pub(crate) fn with_gains<'a>(
         loaded: Loaded,
         robot: &str,
@@ -214,8 +217,8 @@ enum Drive<'a> {
     Effort(&'a [f64]),
 }
 
-/// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints, the others
-/// stay where they are found. Setpoints are kept within the position limits.
+/// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints,
+/// the others stay where they are found. Setpoints are kept within the position limits.
 #[derive(Debug)]
 pub(crate) struct JointCommandWriter {
     driven: CommandedJoints,

@@ -16,8 +16,8 @@
 //! The models themselves are plain libraries without the runtime: `motorium_primitives`, `motorium_library`
 //! and `motorium_models`.
 //!
-//! A program that hosts them registers their kinds, as the command does. Their ports can be asked for without running
-//! anything:
+//! A program that hosts them registers their kinds, as the command does. Their ports can be asked for without
+//! running anything:
 //!
 //! ```
 //! use motorium::worker::Kind;

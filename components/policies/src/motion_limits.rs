@@ -17,7 +17,8 @@ const TO_ACCELERATION: f64 = 0.05;
 pub struct MotionLimitsConfig {
     /// Velocity, rad/s or m/s. Default: that of the robot's model.
     pub velocity: Option<PerJoint>,
-    /// Acceleration, rad/s^2 or m/s^2. Default: that of the robot's profile, or the velocity in half a second.
+    /// Acceleration, rad/s^2 or m/s^2. Default: that of the robot's profile, or the velocity in half a
+    /// second.
     pub acceleration: Option<PerJoint>,
     /// Jerk, rad/s^3 or m/s^3. Default: the acceleration in 50 ms.
     pub jerk: Option<PerJoint>,

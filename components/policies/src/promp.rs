@@ -36,8 +36,8 @@ use motorium_robots::PerJoint;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProMpPolicyConfig {
-    /// The primitives, of which the parameter `primitive` chooses: files that `motorium primitive fit` wrote, relative
-    /// to the graph file, or tables.
+    /// The primitives, of which the parameter `primitive` chooses: files that `motorium primitive fit` wrote,
+    /// relative to the graph file, or tables.
     pub primitives: Vec<ProMpSource>,
     /// The joints that are moved, in the order of the primitive's dimensions. Default: all, in their order.
     #[serde(default)]
@@ -95,11 +95,12 @@ fn precise() -> f64 {
     1e-3
 }
 
-/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive; the former two are conditioned on
-/// the places they are to pass.
+/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive; the former two are
+/// conditioned on the places they are to pass.
 ///
-/// A movement begins with the first joint state, from where the robot is; the difference fades on the way. The
-/// parameter `primitive` exchanges the primitive with the next movement, without a jump; `speed` stretches time.
+/// A movement begins with the first joint state, from where the robot is; the difference fades on the way.
+/// The parameter `primitive` exchanges the primitive with the next movement, without a jump; `speed`
+/// stretches time.
 #[derive(Debug)]
 pub struct ProMpPolicy {
     writer: JointCommandWriter,

@@ -1,7 +1,7 @@
 //! Acclaim skeletons (`.asf`) and motions (`.amc`), the format of the CMU motion-capture database.
 //!
-//! A bone turns its direction by `C M C^-1`, where `C` is the rotation of its `axis` and `M` the rotations of its `dof`s, the
-//! first applied first.
+//! A bone turns its direction by `C M C^-1`, where `C` is the rotation of its `axis` and `M` the rotations of
+//! its `dof`s, the first applied first.
 
 use std::collections::BTreeMap;
 
@@ -172,7 +172,8 @@ impl Skeleton {
         assemble(path, last, root, &bones, &parents)
     }
 
-    /// Reads a motion of this skeleton in the format `.amc`, at `rate` samples a second; `path` is named in errors.
+    /// Reads a motion of this skeleton in the format `.amc`, at `rate` samples a second; `path` is named in
+    /// errors.
     ///
     /// # Errors
     /// A line that does not fit the skeleton, a rate that is not positive, or fewer than two samples.
@@ -361,7 +362,8 @@ mod tests {
         let row =
             |i: usize| found.values().row(i).iter().map(|v| (v * 1e9).round() / 1e9).collect::<Vec<_>>();
         assert_eq!(row(0), [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
-        // the lower bone turns about its own x, which is y of its parent: (0, 0, -1), and the parent turns it about z
+        // the lower bone turns about its own x, which is y of its parent: (0, 0, -1), and the parent turns it
+        // about z
         assert_eq!(row(1), [0.0, 1.0, 0.0, 0.0, 0.0, -1.0]);
     }
 

@@ -78,8 +78,8 @@ fn motion(words: &Words<'_>, word: &str) -> Result<Motion, RecordingError> {
 }
 
 impl Skeleton {
-    /// Reads a skeleton and its motion in the format `.bvh`; `path` is named in errors. The end of a chain is a joint named
-    /// `PARENT_end`.
+    /// Reads a skeleton and its motion in the format `.bvh`; `path` is named in errors. The end of a chain is
+    /// a joint named `PARENT_end`.
     ///
     /// # Errors
     /// A word that does not fit, or fewer than two samples.

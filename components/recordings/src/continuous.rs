@@ -35,9 +35,10 @@ const LARGEST_STEP: f64 = 0.25;
 impl Recording {
     /// The same movement with continuous angles and quaternions.
     ///
-    /// A channel is an angle if all its values are within one turn, from -pi to pi or from 0 to 2 pi (or the same in degrees),
-    /// and it changes by almost a turn between two samples. Four channels are a quaternion if they are named `qx`, `qy`, `qz`
-    /// and `qw`, in any order, with other beginnings or ends such as `orientation.x`, and all samples have the norm 1.
+    /// A channel is an angle if all its values are within one turn, from -pi to pi or from 0 to 2 pi (or the
+    /// same in degrees), and it changes by almost a turn between two samples. Four channels are a quaternion
+    /// if they are named `qx`, `qy`, `qz` and `qw`, in any order, with other beginnings or ends such as
+    /// `orientation.x`, and all samples have the norm 1.
     #[must_use]
     pub fn continuous(mut self) -> (Self, Vec<Removed>) {
         let mut removed = Vec::new();

@@ -51,7 +51,8 @@ impl fmt::Display for Place {
     }
 }
 
-/// An error of [`read`](crate::read) and [`read_all`](crate::read_all), or of a [`Recording`](crate::Recording).
+/// An error of [`read`](crate::read) and [`read_all`](crate::read_all), or of a
+/// [`Recording`](crate::Recording).
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The system refused to read.

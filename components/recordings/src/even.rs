@@ -14,8 +14,8 @@ const FEWEST_PERIODS: f64 = 0.1;
 const UNEVENNESS: f64 = 0.01;
 
 impl Recording {
-    /// As many evenly spaced samples as there are, samples x channels: the samples as they stand if their times are even
-    /// to 1 % of a step, else interpolated as by [`evenly`](Self::evenly).
+    /// As many evenly spaced samples as there are, samples x channels: the samples as they stand if their
+    /// times are even to 1 % of a step, else interpolated as by [`evenly`](Self::evenly).
     pub fn evenly_spaced(&self) -> DMatrix<f64> {
         let step = self.duration() / (self.samples() - 1) as f64;
         let is_even = self
@@ -26,12 +26,13 @@ impl Recording {
         if is_even { self.values.clone() } else { self.interpolated(self.samples()) }
     }
 
-    /// `samples` evenly spaced ones, samples x channels, by cubic interpolation; with `cutoff` (Hz), filtered.
+    /// `samples` evenly spaced ones, samples x channels, by cubic interpolation; with `cutoff` (Hz),
+    /// filtered.
     ///
-    /// The interpolation is the cubic Hermite one with the slopes of a parabola through each three neighbours. The filter is
-    /// a Gaussian of the standard deviation `sqrt(ln 2) / (2 pi cutoff)` in time, whose power at the cutoff is one half: no
-    /// delay, no overshoot. At the ends the recording is continued by point reflection, so that first and
-    /// last sample stay what they are.
+    /// The interpolation is the cubic Hermite one with the slopes of a parabola through each three
+    /// neighbours. The filter is a Gaussian of the standard deviation `sqrt(ln 2) / (2 pi cutoff)` in time,
+    /// whose power at the cutoff is one half: no delay, no overshoot. At the ends the recording is continued
+    /// by point reflection, so that first and last sample stay what they are.
     ///
     /// # Errors
     /// Fewer than two samples, or a cutoff that is not positive.

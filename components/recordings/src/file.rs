@@ -7,7 +7,8 @@ use std::path::Path;
 /// The content of a regular file of at most `longest` bytes.
 ///
 /// # Errors
-/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a file.
+/// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a
+/// file.
 pub fn read_bounded(path: &Path, longest: u64) -> Result<Vec<u8>> {
     // Asked before it is opened: opening a pipe waits for its other end.
     let metadata = std::fs::metadata(path)?;

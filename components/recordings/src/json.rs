@@ -65,7 +65,8 @@ pub(crate) fn recordings(
     items.iter().enumerate().map(recording).collect()
 }
 
-/// A list, or an object with a time, a field `value` or `position`, or with single numbers only, is one sample.
+/// A list, or an object with a time, a field `value` or `position`, or with single numbers only, is one
+/// sample.
 fn is_sample(value: &Value, selection: &Selection) -> bool {
     let Value::Object(object) = value else { return true };
     if object.get("positions").is_some_and(Value::is_array) {
@@ -238,7 +239,8 @@ fn whole(
     Ok(Recording { id, label, ..Recording::new(names, times, values)? })
 }
 
-/// Sums a velocity `vNAME` up to the position `NAME`: each sample adds its velocity times the time since the one before.
+/// Sums a velocity `vNAME` up to the position `NAME`: each sample adds its velocity times the time since the
+/// one before.
 fn integrate((name, values): &mut (String, Vec<f64>), times: &[f64]) {
     name.remove(0);
     let mut sum = 0.0;

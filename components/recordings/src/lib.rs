@@ -8,26 +8,31 @@
 //!
 //! **Tables.** A byte-order mark, quotes and CRLF are understood; lines that begin with `#` are comments.
 //!
-//! **Samples in JSON.** A list of numbers, or an object: of a state buffer (under `value` or not) the field `position`, of
-//! other objects all numbers.
+//! **Samples in JSON.** A list of numbers, or an object: of a state buffer (under `value` or not) the field
+//! `position`, of other objects all numbers.
 //!
-//! **Recordings in JSON.** An object with an array of numbers for each channel, or with `positions` (an array of samples)
-//! and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration` (s) or `rate` (Hz) says
-//! how long it takes. Arrays whose names all begin with `v` (`vx`, `vy`) are velocities and are summed up.
+//! **Recordings in JSON.** An object with an array of numbers for each channel, or with `positions` (an array
+//! of samples) and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration`
+//! (s) or `rate` (Hz) says how long it takes. Arrays whose names all begin with `v` (`vx`, `vy`) are
+//! velocities and are summed up.
 //!
-//! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time` or `log_time` holds the time of a sample;
-//! `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one, samples are evenly spaced at [`Selection::rate`].
+//! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time` or `log_time` holds the
+//! time of a sample; `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one, samples are
+//! evenly spaced at [`Selection::rate`].
 //!
-//! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit. Other names hold
-//! seconds, or times since 1970 in s, ms, us or ns, which their size shows. Numbers too far apart for seconds are refused, as is
-//! a gap of a clock that was set.
+//! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit.
+//! Other names hold seconds, or times since 1970 in s, ms, us or ns, which their size shows. Numbers too far
+//! apart for seconds are refused, as is a gap of a clock that was set.
 //!
-//! **Tables of `motorium export`.** Their columns `sequence`, `publish_time_ns`, `source_time_ns` and `episode` are not channels.
+//! **Tables of `motorium export`.** Their columns `sequence`, `publish_time_ns`, `source_time_ns` and
+//! `episode` are not channels.
 //!
-//! **Velocities.** A column `NAME_velocity` beside a column `NAME` is the velocity of that channel, and no channel itself.
+//! **Velocities.** A column `NAME_velocity` beside a column `NAME` is the velocity of that channel, and no
+//! channel itself.
 //!
-//! **Motion capture.** [`Skeleton`] reads skeletons and motions in the formats Acclaim (`.asf` and `.amc`) and Biovision (`.bvh`),
-//! and computes the directions of limbs; [`retarget`](mod@retarget) finds the joint positions of a robot whose limbs point there.
+//! **Motion capture.** [`Skeleton`] reads skeletons and motions in the formats Acclaim (`.asf` and `.amc`)
+//! and Biovision (`.bvh`), and computes the directions of limbs; [`retarget`](mod@retarget) finds the joint
+//! positions of a robot whose limbs point there.
 //!
 //! Every number is finite: NaN and infinite values are refused with their place.
 //!
@@ -75,10 +80,12 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// A recording of `values` (samples x channels) at increasing `times` (s, one a sample), without id and label.
+    /// A recording of `values` (samples x channels) at increasing `times` (s, one a sample), without id and
+    /// label.
     ///
     /// # Errors
-    /// Fewer than two samples, no channel, lengths that differ, times that do not increase, NaN or infinite values.
+    /// Fewer than two samples, no channel, lengths that differ, times that do not increase, NaN or infinite
+    /// values.
     pub fn new(names: Vec<String>, times: Vec<f64>, values: DMatrix<f64>) -> Result<Self, RecordingError> {
         if times.len() < 2 || values.nrows() != times.len() {
             let found = times.len().min(values.nrows());

@@ -4,8 +4,8 @@ use crate::error::{Place, RecordingError};
 use crate::read::Selection;
 use crate::time::Unit;
 
-/// Names of a column or field that holds the time, in s or in a unit that the size of its numbers shows; the first of them that
-/// exists is used.
+/// Names of a column or field that holds the time, in s or in a unit that the size of its numbers shows; the
+/// first of them that exists is used.
 pub(crate) const TIME: [&str; 7] = ["time_s", "time", "t", "timestamp", "timestamp_s", "__time", "log_time"];
 /// Beginnings of names that a unit follows.
 const TIME_IN: [&str; 3] = ["time", "t", "timestamp"];
@@ -150,7 +150,8 @@ fn channels_of_field(
     Ok(found)
 }
 
-/// The channels that match the patterns, in the order of the patterns; `*` ends a pattern that is a beginning.
+/// The channels that match the patterns, in the order of the patterns; `*` ends a pattern that is a
+/// beginning.
 fn chosen(
     place: &Place,
     all: &[(usize, String)],

@@ -16,10 +16,12 @@ const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 /// The part of a file that is read; [`Default`] takes all channels of position.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Field whose numbers are the channels, such as `velocity`: of a state buffer printed as JSON the field of that
-    /// name, of a table the columns `NAME_velocity`. Default `position` where there is one, else all numbers.
+    /// Field whose numbers are the channels, such as `velocity`: of a state buffer printed as JSON the field
+    /// of that name, of a table the columns `NAME_velocity`. Default `position` where there is one, else all
+    /// numbers.
     pub field: Option<String>,
-    /// Names of the channels to keep, in this order; a name that ends in `*` stands for all that begin so. Default all.
+    /// Names of the channels to keep, in this order; a name that ends in `*` stands for all that begin so.
+    /// Default all.
     pub channels: Vec<String>,
     /// Samples a second of recordings that hold no time. Default none: such recordings are refused.
     pub rate: Option<f64>,
@@ -58,7 +60,8 @@ pub fn read_text(name: &str, text: &str, selection: &Selection) -> Result<Record
 /// Reads all recordings of a file, or of the files in a folder in the order of their names.
 ///
 /// # Errors
-/// [`RecordingError`] names the file, the line and the column; a file or folder without recordings is refused.
+/// [`RecordingError`] names the file, the line and the column; a file or folder without recordings is
+/// refused.
 pub fn read_all(path: &Path, selection: &Selection) -> Result<Vec<Recording>, RecordingError> {
     let system = |source| RecordingError::System { path: path.display().to_string(), source };
     let mut files = vec![path.to_path_buf()];

@@ -195,15 +195,17 @@ fn spread(model: &Model, q: &[f64], seed: usize) -> Vec<f64> {
     made
 }
 
-/// True for a step of a joint that the limbs, which turned by `turned` (chord of unit vectors) at most, do not explain.
+/// True for a step of a joint that the limbs, which turned by `turned` (chord of unit vectors) at most, do
+/// not explain.
 fn changes_branch(step: f64, turned: f64, least: f64) -> bool {
     step.abs() > least.max(3.0 * turned)
 }
 
 /// Joint positions of a robot whose limbs point where the directions of a recording do.
 ///
-/// `directions` holds the channels `LIMB_x`, `LIMB_y` and `LIMB_z` of each limb, in the world frame of the robot; `home` is the
-/// configuration (`nq` numbers) that joints without an effect keep. The base stays where `home` has it.
+/// `directions` holds the channels `LIMB_x`, `LIMB_y` and `LIMB_z` of each limb, in the world frame of the
+/// robot; `home` is the configuration (`nq` numbers) that joints without an effect keep. The base stays where
+/// `home` has it.
 ///
 /// # Errors
 /// When a channel is missing, or `home` has another length.

@@ -1,4 +1,5 @@
-//! Skeletons of motion-capture files: from joint angles to the positions of joints, and the directions of limbs.
+//! Skeletons of motion-capture files: from joint angles to the positions of joints, and the directions of
+//! limbs.
 
 use nalgebra::{DMatrix, Rotation3, Unit, UnitQuaternion, Vector3};
 
@@ -31,7 +32,8 @@ pub(crate) struct SkeletonJoint {
 
 /// A skeleton: a tree of joints, and the channels that move them.
 ///
-/// Channels are named `JOINT_rx`, `JOINT_ty` and so on: rotations in degrees, translations in the file's unit of length.
+/// Channels are named `JOINT_rx`, `JOINT_ty` and so on: rotations in degrees, translations in the file's unit
+/// of length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {
     pub(crate) joints: Vec<SkeletonJoint>,
@@ -100,8 +102,8 @@ impl Skeleton {
         }
     }
 
-    /// Unit directions of limbs in the frame of the trunk (x forward, y left, z up), as channels `LIMB_x`, `LIMB_y` and
-    /// `LIMB_z`. Channels of the skeleton that the recording lacks are 0.
+    /// Unit directions of limbs in the frame of the trunk (x forward, y left, z up), as channels `LIMB_x`,
+    /// `LIMB_y` and `LIMB_z`. Channels of the skeleton that the recording lacks are 0.
     ///
     /// # Errors
     /// When a joint does not exist, a limb has no length, or the axes of the trunk are parallel.

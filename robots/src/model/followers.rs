@@ -6,8 +6,8 @@ use super::{Body, Coordinate, Joint, Limits};
 const SAME: f64 = 1e-9;
 
 impl Joint {
-    /// Positions of the joint it follows at which this joint is within its own limits: lower and upper \[rad or m\].
-    /// `None` for an independent joint and for one that its leader does not move.
+    /// Positions of the joint it follows at which this joint is within its own limits: lower and upper \[rad
+    /// or m\]. `None` for an independent joint and for one that its leader does not move.
     pub(crate) fn range_of_leader(&self) -> Option<[f64; 2]> {
         let Coordinate::Mimic { multiplier, offset, .. } = self.coordinate else { return None };
         if multiplier == 0.0 {
@@ -17,8 +17,8 @@ impl Joint {
         Some([a.min(b), a.max(b)])
     }
 
-    /// Velocity of the joint it follows at which this joint moves at its own limit \[rad/s or m/s\]. `None` as for
-    /// the range, and where the limit is 0, which files of followers write for an unknown one.
+    /// Velocity of the joint it follows at which this joint moves at its own limit \[rad/s or m/s\]. `None`
+    /// as for the range, and where the limit is 0, which files of followers write for an unknown one.
     pub(crate) fn velocity_of_leader(&self) -> Option<f64> {
         let Coordinate::Mimic { multiplier, .. } = self.coordinate else { return None };
         (multiplier != 0.0 && self.limits.velocity > 0.0).then(|| self.limits.velocity / multiplier.abs())
@@ -27,7 +27,8 @@ impl Joint {
 
 /// The limits of every independent joint, narrowed to where its followers are within theirs.
 ///
-/// A follower without a common position with its leader does not narrow it: some files limit a follower to a point.
+/// A follower without a common position with its leader does not narrow it: some files limit a follower to a
+/// point.
 pub(super) fn common_limits(bodies: &[Body], joint_bodies: &[usize]) -> Vec<Limits> {
     let mut common: Vec<Limits> = joint_bodies.iter().map(|&body| bodies[body].joint.limits).collect();
     for joint in bodies.iter().map(|body| &body.joint) {

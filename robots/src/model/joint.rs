@@ -149,8 +149,8 @@ pub struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// The body frame at joint position zero, in the parent body's frame; fixed joints between are folded in.
     pub placement: Isometry3<f64>,
-    /// Limits of this joint itself, mimic or not. [`Model::lower`](crate::Model::lower) and its siblings respect its
-    /// followers' limits, too.
+    /// Limits of this joint itself, mimic or not. [`Model::lower`](crate::Model::lower) and its siblings
+    /// respect its followers' limits, too.
     pub limits: Limits,
     /// Damping and friction.
     pub dynamics: JointDynamics,

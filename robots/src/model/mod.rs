@@ -247,8 +247,8 @@ impl Model {
         (0..self.frames.len()).filter(|index| carried[*index]).map(FrameId).collect()
     }
 
-    /// Lower position limits \[rad or m\], one per independent joint, -inf without a limit. The limits of followers
-    /// narrow this limit, the upper one and the velocity limit.
+    /// Lower position limits \[rad or m\], one per independent joint, -inf without a limit. The limits of
+    /// followers narrow this limit, the upper one and the velocity limit.
     pub fn lower(&self) -> &DVector<f64> {
         &self.lower
     }

@@ -42,8 +42,8 @@ fn warn_of_followers(model: &Model, warnings: &mut Vec<ModelWarning>) {
     }
 }
 
-/// Names links with a part longer than [`LONGEST`]: the inertia, a collision shape of a moving link, or the distance
-/// from the body that carries it. The base and the world may be larger.
+/// Names links with a part longer than [`LONGEST`]: the inertia, a collision shape of a moving link, or the
+/// distance from the body that carries it. The base and the world may be larger.
 fn warn_of_sizes(model: &Model, warnings: &mut Vec<ModelWarning>) {
     for frame in model.frames() {
         let Some(body) = frame.body.map(|body| &model.bodies()[body]) else { continue };
@@ -70,7 +70,8 @@ fn warn_of_sizes(model: &Model, warnings: &mut Vec<ModelWarning>) {
     }
 }
 
-/// The longest side of a shape \[m\]; `None` of a mesh in a file of its own, which readers of robots leave closed.
+/// The longest side of a shape \[m\]; `None` of a mesh in a file of its own, which readers of robots leave
+/// closed.
 fn length(shape: &Shape) -> Option<f64> {
     Some(match &shape.geometry {
         Geometry::Box { size } => size.max(),
@@ -89,8 +90,8 @@ fn longest_side(mesh: &TriangleMesh, scale: &Vector3<f64>) -> f64 {
 }
 
 impl ModelWarning {
-    /// Doubts about the sizes of the meshes of moving links, whose files are read for it. A mesh that cannot be read
-    /// is left out; distances and contacts refuse it.
+    /// Doubts about the sizes of the meshes of moving links, whose files are read for it. A mesh that cannot
+    /// be read is left out; distances and contacts refuse it.
     pub fn of_meshes(model: &Model) -> Vec<Self> {
         let mut warnings = Vec::new();
         for shape in model.bodies().iter().flat_map(|body| &body.shapes) {

@@ -63,8 +63,8 @@ pub struct Tick {
     /// run, after [`reset`](Component::reset) in lockstep, after [`begin_episode`](Component::begin_episode)
     /// in real time.
     pub begins_episode: bool,
-    /// True for an actuator once the run is over or stops: it brings its robot to rest. What it counts and measures of the run
-    /// ends here. No other component steps then.
+    /// True for an actuator once the run is over or stops: it brings its robot to rest. What it counts and
+    /// measures of the run ends here. No other component steps then.
     pub settling: bool,
 }
 

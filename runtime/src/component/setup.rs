@@ -124,17 +124,18 @@ impl Setup {
         &self.component().name
     }
 
-    /// Returns the robot that the graph assigns to this component.
+    /// The robot the graph gives this component.
     ///
     /// # Errors
-    /// The graph assigns none. Reject this in `declare`, so that `check` reports it.
+    /// The graph gives it none. Refuse that in `declare` already, so that `check` reports it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component().robot.as_ref().ok_or_else(|| {
             ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")
         })
     }
 
-    /// Returns the robots assigned by `robots`; empty for a single `robot` or none.
+    /// The robots the graph gives this component by `robots`; empty where it gives it one by `robot`, or
+    /// none.
     pub fn robots(&self) -> &[RobotReference] {
         &self.component().robots
     }
@@ -149,8 +150,8 @@ impl Setup {
         RunClock::new(self.context().clone())
     }
 
-    /// Folder for relative paths in the `config` table; the same as
-    /// [`Declare::folder`](crate::declare::Declare::folder).
+    /// The folder in which relative paths of the `config` table start, as
+    /// [`Declare::folder`](crate::declare::Declare::folder) gave it.
     pub fn folder(&self) -> &Path {
         &self.component().folder
     }
@@ -163,7 +164,7 @@ impl Setup {
     /// Opens a declared input.
     ///
     /// # Errors
-    /// The input is not declared, has another type, or its topic cannot be joined.
+    /// It is not declared, or was declared with another type, or its topic cannot be joined.
     pub fn input<T: StateBuffer>(&mut self, port: &str) -> Result<Input<T>, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -266,12 +267,13 @@ impl Setup {
         Ok(output)
     }
 
-    /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of their own.
+    /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of
+    /// their own.
     pub fn domain(&self) -> &Domain {
         &self.domain
     }
 
-    /// Connection of an input in the graph; `None` if unwired.
+    /// The place of an input in the graph; `None` if it is unwired.
     fn input_place<'a>(&'a self, index: usize, plan: &'a PortPlan) -> Option<InputPlace<'a>> {
         let topic = plan.topic?;
         Some(InputPlace {
@@ -299,7 +301,7 @@ impl Setup {
     /// Opens a declared output.
     ///
     /// # Errors
-    /// The output is not declared, has another type, or its topic cannot be joined.
+    /// It is not declared, or was declared with another type, or its topic cannot be joined.
     pub fn output<T: StateBuffer>(&mut self, port: &'static str) -> Result<Output<T>, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         same_type(&T::layout(), plan)?;
@@ -309,29 +311,29 @@ impl Setup {
         Ok(output)
     }
 
-    /// Opens a declared output with a name built at run time, for example one per robot.
+    /// Opens a declared output whose name is made at run time, such as that of one of several robots.
     ///
     /// # Errors
-    /// Same as [`output`](Self::output).
+    /// As [`output`](Self::output).
     pub fn named_output<T: StateBuffer>(&mut self, port: &str) -> Result<Output<T>, PortError> {
         // Errors of the hot path name their port and hold no heap memory: the few bytes stay for the
         // process's life.
         self.output(Box::leak(port.to_owned().into_boxed_str()))
     }
 
-    /// Returns a declared parameter.
+    /// A declared parameter.
     ///
     /// # Errors
-    /// The parameter is not declared, or has another type.
+    /// It is not declared, or was declared with another type.
     pub fn parameter<T: AnyParameter>(&self, name: &str) -> Result<Parameter<T>, ConfigureError> {
         let (_, numbers, place) = self.find_parameter(name, T::KIND)?;
         Ok(Parameter::new(numbers.clone(), place))
     }
 
-    /// Returns a declared array parameter.
+    /// A declared array of numbers that is one parameter.
     ///
     /// # Errors
-    /// The parameter is not declared, or has another type.
+    /// It is not declared, or was declared with another type.
     pub fn parameter_array(&self, name: &str) -> Result<ParameterArray, ConfigureError> {
         let (declaration, numbers, place) = self.find_parameter(name, ParameterKind::Array)?;
         Ok(ParameterArray::new(numbers.clone(), place, declaration.numbers()))
@@ -351,8 +353,8 @@ impl Setup {
         Ok(found)
     }
 
-    /// Right to end episodes, for a component that declared
-    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes); `None` unless the graph has
+    /// The right to end episodes, for a component that declared
+    /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes); `None` unless the graph says
     /// `ends_episode = true`.
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
         self.component().ends_episode.then(|| EpisodeEnd { context: self.context().clone() })

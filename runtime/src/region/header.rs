@@ -67,7 +67,7 @@ pub struct Header {
     pub(super) topics: AtomicU32,
     pub(super) latencies: AtomicU32,
     pub(super) edges: AtomicU32,
-    /// Number of events kept in the trace of each component; 0 without a trace.
+    /// Events that the trace of each component keeps; 0 if the run is not traced.
     pub(super) traced: AtomicU32,
     command: AtomicU32,
     /// Start of the run on `CLOCK_MONOTONIC`, ns.
@@ -83,7 +83,7 @@ pub struct Header {
     latch: AtomicU32,
     /// Number of times that `resume` released the latches.
     resumes: AtomicU32,
-    /// Time of the launcher's last supervision, `CLOCK_MONOTONIC` ns; 0 before the run.
+    /// Time at which the launcher last supervised, `CLOCK_MONOTONIC` ns; 0 before the run.
     pub launcher_alive_ns: AtomicU64,
     /// Time at which the guard last checked the launcher, `CLOCK_MONOTONIC` ns. Written by the guard.
     pub guard_alive_ns: AtomicU64,
@@ -93,13 +93,13 @@ pub struct Header {
     episode_starts: [StartBlock; 2],
     /// Real time: number of the episode that the launcher has noted last.
     episode_noted: AtomicU64,
-    /// 1 once a component has ended the episode. Written by that component.
-    episode_over: AtomicU32,
+    /// One more than the number of the episode that a component has ended last. Written by that component.
+    episode_over: AtomicU64,
     /// 1 while simulated time is held. Written by tools, and by the program that drives the run.
     paused: AtomicU32,
-    /// Rounds of simulated time granted to a held run since its start. Written by tools.
+    /// Rounds of simulated time that a held run may still make, since its start. Written by tools.
     pub rounds_granted: AtomicU64,
-    /// Rounds completed by a held run since its start.
+    /// Rounds that a held run has made, since its start.
     pub rounds_taken: AtomicU64,
     /// Lockstep: simulated time reached in the episode, ns.
     pub reached_ns: AtomicU64,
@@ -141,15 +141,15 @@ impl Header {
         &self.command
     }
 
-    /// Orders a command for all workers. Commands only increase: a safe stop is never revoked, and a late one
-    /// of a component or the guard does not revoke a stop.
+    /// Orders a command of all workers. Commands only rise: a safe stop is never taken back, and a late one,
+    /// of a component or the guard, takes back no stop.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);
     }
 
-    /// Ends an episode when the round is over. One that has ended already does not end its successor: in real time a
-    /// component enters it at its next step.
+    /// Ends an episode when the round is over. One that has ended already does not end its successor: in real
+    /// time a component enters it at its next step.
     pub fn end_episode(&self, episode: u64) {
         self.episode_over.store(episode.wrapping_add(1), Relaxed);
     }
@@ -171,7 +171,6 @@ impl Header {
         let block = &self.episode_starts[start.index as usize % 2];
         block.seed.store(start.seed, Release);
         block.began_ns.store(start.began_ns, Release);
-        self.episode_over.store(0, Relaxed);
         self.episode.store(start.index, Release);
     }
 
@@ -216,7 +215,7 @@ impl Header {
         self.paused.load(Acquire) != 0
     }
 
-    /// Latches every command gate of the run in its safe state until [`release`](Self::release).
+    /// Keeps every command gate of the run in its safe state until [`release`](Self::release).
     pub fn latch(&self, latch: Latch) {
         if self.latch.load(Relaxed) & latch as u32 == 0 {
             self.latch.fetch_or(latch as u32, AcqRel);
@@ -255,11 +254,13 @@ mod tests {
         assert!(header.begin_next_episode(7, 100));
         assert_eq!(header.episode_start(), Some(EpisodeStart { index: 1, seed: 7, began_ns: 100 }));
         assert!(!header.begin_next_episode(8, 200), "the launcher has not seen episode 1");
-        header.end_episode();
+        header.end_episode(1);
         header.note_episode(1);
         assert!(header.begin_next_episode(8, 300));
         assert_eq!(header.episode_start(), Some(EpisodeStart { index: 2, seed: 8, began_ns: 300 }));
         assert!(!header.is_episode_over(), "a new episode is not over");
+        header.end_episode(1);
+        assert!(!header.is_episode_over(), "a late component ends the episode that it is in");
     }
 
     #[test]

@@ -36,7 +36,8 @@ struct Silence {
 }
 
 impl StopInput {
-    /// Opens the input that `[safety] emergency_stop` gives every actuator; `None` if the graph names no topic.
+    /// Opens the input that `[safety] emergency_stop` gives every actuator; `None` if the graph names no
+    /// topic.
     pub(super) fn open(setup: &mut Setup) -> Result<Option<Self>, ConfigureError> {
         if !setup.has_input(EMERGENCY_STOP_PORT) {
             return Ok(None);
@@ -66,7 +67,8 @@ impl Silence {
         if self.since_ns == 0 {
             self.since_ns = now_ns.max(1);
         }
-        // A value from before the first step, such as before a restart of the actuator, is given its time again.
+        // A value from before the first step, such as before a restart of the actuator, is given its time
+        // again.
         let heard_ns = newest.map_or(0, |(_, published_ns)| published_ns).max(self.since_ns);
         let is_silent = self.max_age_ns != 0 && now_ns.saturating_sub(heard_ns) > self.max_age_ns;
         match newest {

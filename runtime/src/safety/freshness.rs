@@ -8,10 +8,11 @@ const SUSPENDED_NS: u64 = 1_000_000;
 
 /// The present, on the clock of stamps.
 ///
-/// Stamps are taken on `CLOCK_MONOTONIC`, which stands still while the machine is suspended: a command from before would
-/// look fresh after it. So the present is read on `CLOCK_BOOTTIME`, less the distance between the two clocks, which only
-/// a suspend changes: one reading of one clock, as before. When a command looks stale, the distance is taken again; if it
-/// has grown, the machine was suspended, and no command from before is fresh ever again.
+/// Stamps are taken on `CLOCK_MONOTONIC`, which stands still while the machine is suspended: a command from
+/// before would look fresh after it. So the present is read on `CLOCK_BOOTTIME`, less the distance between
+/// the two clocks, which only a suspend changes: one reading of one clock, as before. When a command looks
+/// stale, the distance is taken again; if it has grown, the machine was suspended, and no command from before
+/// is fresh ever again.
 #[derive(Debug, Clone, Copy)]
 pub struct SuspendClock {
     /// `CLOCK_BOOTTIME` less `CLOCK_MONOTONIC`, ns.
@@ -83,7 +84,8 @@ impl Freshness {
 
     /// Checks a stamp at `now_ns`.
     ///
-    /// The age by publication finds a dead controller, the age by source a live one that computes from a dead sensor.
+    /// The age by publication finds a dead controller, the age by source a live one that computes from a dead
+    /// sensor.
     #[inline]
     pub fn check(&mut self, stamp: &Stamp, now_ns: u64) -> Age {
         let latest = now_ns.saturating_add(FUTURE_TOLERANCE_NS);

@@ -11,8 +11,8 @@ use crate::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use crate::region::{GateState, Refusal};
 use crate::state::Field as _;
 
-/// Time for which the positions of a command go on with its velocities where the next one is late, s, at least. Without
-/// it a late command would brake the robot harder than any safe state.
+/// Time for which the positions of a command go on with its velocities where the next one is late, s, at
+/// least. Without it a late command would brake the robot harder than any safe state.
 const GOES_ON_FOR: f64 = 0.02;
 
 /// Share of the velocity limits for a command and the difference that fades towards it.
@@ -20,9 +20,10 @@ const FADING_SHARE: f64 = 0.95;
 
 /// The command gate of one actuator: a state machine over the joints.
 ///
-/// Each step offers it the newest fresh command ([`offer`](Self::offer)), or none ([`make_safe`](Self::make_safe)); then
-/// [`setpoints`](Self::setpoints) are what the drives apply. A command within all limits passes to the last bit; while the
-/// next one is awaited, its positions go on with its velocities.
+/// Each step offers it the newest fresh command ([`offer`](Self::offer)), or none
+/// ([`make_safe`](Self::make_safe)); then [`setpoints`](Self::setpoints) are what the drives apply. A command
+/// within all limits passes to the last bit; while the next one is awaited, its positions go on with its
+/// velocities.
 ///
 /// ```
 /// use motorium::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
@@ -250,7 +251,8 @@ impl Gate {
         }
     }
 
-    /// Takes the command into `next`, with what does not depend on the step before clamped; the reason if it is refused.
+    /// Takes the command into `next`, with what does not depend on the step before clamped; the reason if it
+    /// is refused.
     #[inline]
     pub(super) fn take(&mut self, offer: &Offer<'_>, account: &impl Account) -> Result<(), Refusal> {
         let command = offer.command;
@@ -346,7 +348,8 @@ impl Gate {
         self.state == GateState::Resuming && self.resume.is_late()
     }
 
-    /// Leaves the safe state for the command in `next`: at once where it is within reach, else on the way back.
+    /// Leaves the safe state for the command in `next`: at once where it is within reach, else on the way
+    /// back.
     fn leave_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         self.in_safe = false;
         let joints = self.setpoints.iter().enumerate().map(|(i, setpoint)| {

@@ -4,8 +4,9 @@ use core::cell::Cell;
 
 use crate::region::{GateState, Latch};
 
-/// Time for which all robots must have had good commands before those that stop together go on together, ns. Without it a
-/// robot whose commands are refused now and then would throw the others into the safe state and out of it each time.
+/// Time for which all robots must have had good commands before those that stop together go on together, ns.
+/// Without it a robot whose commands are refused now and then would throw the others into the safe state and
+/// out of it each time.
 pub(super) const GO_ON_AFTER_NS: u64 = 500_000_000;
 
 /// State that the gates of one actuator share. Used by one thread.
@@ -81,7 +82,8 @@ impl Group {
         self.went_on.set(false);
     }
 
-    /// True if a gate must stay in its safe state at `now_ns`: another one has no good command, or they do not go on yet.
+    /// True if a gate must stay in its safe state at `now_ns`: another one has no good command, or they do
+    /// not go on yet.
     pub(super) fn holds(&self, now_ns: u64) -> bool {
         self.stops_together() && self.go_on_ns.get().is_none_or(|go_on_ns| now_ns < go_on_ns)
     }

@@ -2,18 +2,18 @@
 
 use crate::region::LimitKind;
 
-/// Position gain at which a drive gives its full effort at ten milliradians (or millimetres), per effort limit. A stiffer
-/// joint shakes at full effort, and with it the weaker ones that it carries.
+/// Position gain at which a drive gives its full effort at ten milliradians (or millimetres), per effort
+/// limit. A stiffer joint shakes at full effort, and with it the weaker ones that it carries.
 const KP_PER_EFFORT: f64 = 1e2;
-/// Velocity gain at which a drive gives its full effort at a thousandth of its velocity limit, per effort limit and
-/// velocity limit.
+/// Velocity gain at which a drive gives its full effort at a thousandth of its velocity limit, per effort
+/// limit and velocity limit.
 const KD_PER_EFFORT: f64 = 1e3;
 /// Largest gain of a drive without an effort limit.
 const LARGEST_GAIN: f64 = 1e9;
 /// A position setpoint may lie this share of the joint's range outside of it: sensor noise at a stop.
 const RANGE_TOLERANCE: f64 = 1e-3;
-/// Velocity limit of a joint whose model says zero, rad/s or m/s: drives brake between a limit and 1.05 times it, and that
-/// band must not be empty.
+/// Velocity limit of a joint whose model says zero, rad/s or m/s: drives brake between a limit and 1.05 times
+/// it, and that band must not be empty.
 pub(super) const SLOWEST_LIMIT: f64 = 1e-3;
 /// Rates may exceed their limit by this share: rounding of a setpoint that was integrated at the limit.
 pub(super) const ROUNDING: f64 = 1e-6;
@@ -48,19 +48,22 @@ pub struct JointLimits {
     pub effort_rate: f64,
     /// Largest position gain, N m/rad or N/m.
     pub max_kp: f64,
-    /// Largest velocity gain, N m s/rad or N s/m. A drive that computes its effort once per `dt` from the velocity at the
-    /// beginning is stable up to `2 inertia / dt`; one that knows its inertia states that here.
+    /// Largest velocity gain, N m s/rad or N s/m. A drive that computes its effort once per `dt` from the
+    /// velocity at the beginning is stable up to `2 inertia / dt`; one that knows its inertia states that
+    /// here.
     pub max_kd: f64,
-    /// Position gain of the safe states, N m/rad or N/m. `hold` keeps the last command's where that is larger.
+    /// Position gain of the safe states, N m/rad or N/m. `hold` keeps the last command's where that is
+    /// larger.
     pub kp: f64,
-    /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps the last command's where that is larger.
+    /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps the last command's where that is
+    /// larger.
     pub kd: f64,
 }
 
 /// The command of one drive that has passed the gate.
 ///
-/// The drive applies [`effort`](Self::effort_at): the impedance law of torque-controlled drives, within its effort
-/// limit, and braking where the joint moves beyond `min_velocity` or `max_velocity`.
+/// The drive applies [`effort`](Self::effort_at): the impedance law of torque-controlled drives, within its
+/// effort limit, and braking where the joint moves beyond `min_velocity` or `max_velocity`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointSetpoint {
     /// Position setpoint, rad or m.
@@ -97,9 +100,10 @@ impl JointSetpoint {
     /// tau = clamp(kp (position - q) + kd (velocity - v) + effort, low(v), high(v))
     /// ```
     ///
-    /// where `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort limit over a
-    /// twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a joint beyond that. A drive
-    /// without an effort limit brakes with the largest effort that its command requests up to twice these velocities.
+    /// where `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort
+    /// limit over a twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a
+    /// joint beyond that. A drive without an effort limit brakes with the largest effort that its command
+    /// requests up to twice these velocities.
     ///
     /// ```
     /// use motorium::safety::JointSetpoint;
@@ -120,8 +124,8 @@ impl JointSetpoint {
         if wanted.is_nan() { 0.0 } else { wanted.max(low).min(high) }
     }
 
-    /// Largest effort that the command requests at position `q` up to twice its velocities: the braking effort of a drive
-    /// without an effort limit, whose commands it leaves alone up to its velocity limit.
+    /// Largest effort that the command requests at position `q` up to twice its velocities: the braking
+    /// effort of a drive without an effort limit, whose commands it leaves alone up to its velocity limit.
     #[cold]
     fn braking_effort(&self, q: f64) -> f64 {
         let still = self.kp * (self.position - q) + self.kd * self.velocity + self.effort;
@@ -130,7 +134,8 @@ impl JointSetpoint {
     }
 }
 
-/// The limits of one joint as the numbers with which each of its commands is compared, one after the other in memory.
+/// The limits of one joint as the numbers with which each of its commands is compared, one after the other in
+/// memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(16))]
 pub(super) struct Bounds {
@@ -142,15 +147,16 @@ pub(super) struct Bounds {
     pub(super) upper: f64,
     pub(super) velocity: f64,
     pub(super) acceleration: f64,
-    /// Distance to the end of the range from which the velocity limit is smaller than the joint's: from there on the joint
-    /// can only just be brought to rest before the end.
+    /// Distance to the end of the range from which the velocity limit is smaller than the joint's: from there
+    /// on the joint can only just be brought to rest before the end.
     distance: f64,
     twice_acceleration: f64,
 }
 
 /// Acceleration of a joint whose model gives none: the velocity limit within this time, s.
 pub(super) const FULL_SPEED: f64 = 0.2;
-/// Share of the velocity limit that a joint may have at the very end of its range, or it could never leave it.
+/// Share of the velocity limit that a joint may have at the very end of its range, or it could never leave
+/// it.
 const CREEP: f64 = 0.05;
 
 impl Bounds {
@@ -227,8 +233,9 @@ impl JointLimits {
         if self.acceleration.is_finite() { self.acceleration } else { self.velocity / FULL_SPEED }
     }
 
-    /// Sets the effort limit, N m or N, and with it the largest gains that mean anything: a position gain that gives the
-    /// full effort at 10 mrad (or mm), and a velocity gain that gives it at a thousandth of the velocity limit.
+    /// Sets the effort limit, N m or N, and with it the largest gains that mean anything: a position gain
+    /// that gives the full effort at 10 mrad (or mm), and a velocity gain that gives it at a thousandth of
+    /// the velocity limit.
     #[must_use]
     pub fn with_effort(mut self, effort: f64) -> Self {
         self.effort = effort;
@@ -238,8 +245,8 @@ impl JointLimits {
         self
     }
 
-    /// Clamps what does not depend on the step before: position, velocity, effort and gains. Values within the limits
-    /// stay as they are, to the last bit.
+    /// Clamps what does not depend on the step before: position, velocity, effort and gains. Values within
+    /// the limits stay as they are, to the last bit.
     #[inline]
     pub(super) fn clamp(&self, setpoint: &mut JointSetpoint, mut exceeded: impl FnMut(LimitKind)) {
         if setpoint.kp > self.max_kp {
@@ -281,8 +288,8 @@ impl JointLimits {
         }
     }
 
-    /// Clamps the rates of change since the setpoint `before`, `dt` s ago. Positions change by at most `share` of the velocity
-    /// limit.
+    /// Clamps the rates of change since the setpoint `before`, `dt` s ago. Positions change by at most
+    /// `share` of the velocity limit.
     #[inline]
     pub(super) fn clamp_rates(
         &self,

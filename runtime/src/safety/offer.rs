@@ -9,8 +9,8 @@ pub struct Measured<'a> {
     pub position: &'a [f64],
     /// Velocities of the joints, rad/s or m/s.
     pub velocity: &'a [f64],
-    /// Writes the effort of each joint against gravity, N m or N. Called only where the gate needs it: in the safe states
-    /// `hold` and `brake`, at the entry into the others, and while resuming.
+    /// Writes the effort of each joint against gravity, N m or N. Called only where the gate needs it: in the
+    /// safe states `hold` and `brake`, at the entry into the others, and while resuming.
     pub gravity: &'a mut dyn FnMut(&mut [f64]),
 }
 

@@ -35,9 +35,9 @@ struct Shown {
 
 /// The gate through which the commands of an actuator pass, at every step.
 ///
-/// A command is applied only while it is fresh, valid and within the limits, and the run is neither stopping nor latched,
-/// whichever other processes still live. Otherwise the gate applies the safe state of the graph. One gate serves one
-/// command input; an actuator with two inputs makes two.
+/// A command is applied only while it is fresh, valid and within the limits, and the run is neither stopping
+/// nor latched, whichever other processes still live. Otherwise the gate applies the safe state of the graph.
+/// One gate serves one command input; an actuator with two inputs makes two.
 ///
 /// ```
 /// use motorium::prelude::*;
@@ -84,7 +84,8 @@ pub struct CommandGate {
     period_ns: u64,
     /// Time of the last step whose duration was asked for, ns.
     stepped_ns: u64,
-    /// Time of the last step in which a command was checked, ns: a step counts as one miss, however many periods it makes up for.
+    /// Time of the last step in which a command was checked, ns: a step counts as one miss, however many
+    /// periods it makes up for.
     checked_ns: u64,
     shown: Option<Shown>,
     /// Its memory is noted among the lines that a step needs first.
@@ -92,8 +93,8 @@ pub struct CommandGate {
     /// The gates of the same actuator, and this one's place among them.
     group: Rc<Group>,
     place: usize,
-    /// What the group says once and for all, at hand: a stale command of another gate stops this one, and the number of the first
-    /// joint among all of the actuator.
+    /// What the group says once and for all, at hand: a stale command of another gate stops this one, and the
+    /// number of the first joint among all of the actuator.
     stops_together: bool,
     first_joint: usize,
 }
@@ -108,8 +109,8 @@ impl Setup {
         Ok(self.command_gates(vec![joints])?.swap_remove(0))
     }
 
-    /// The gates of the command inputs of an actuator that moves several robots, for the joints of each. A stale command
-    /// stops its own robot, or, as `[safety] stop_together` has it, all of them.
+    /// The gates of the command inputs of an actuator that moves several robots, for the joints of each. A
+    /// stale command stops its own robot, or, as `[safety] stop_together` has it, all of them.
     ///
     /// # Errors
     /// As [`command_gate`](Self::command_gate); and all gates have more joints than a command holds.
@@ -176,14 +177,14 @@ impl CommandGate {
         self.gate.joints()
     }
 
-    /// Number of `motorium resume` that it has seen. An actuator with a latch of its own, such as one whose drive reported a
-    /// fault, releases it when this number changes.
+    /// Number of `motorium resume` that it has seen. An actuator with a latch of its own, such as one whose
+    /// drive reported a fault, releases it when this number changes.
     pub fn resumes(&self) -> u32 {
         self.resumes
     }
 
-    /// Keeps the safe state until `motorium resume`, for a reason of the actuator's own, such as a drive that reported a fault. The
-    /// run shows it as latched.
+    /// Keeps the safe state until `motorium resume`, for a reason of the actuator's own, such as a drive that
+    /// reported a fault. The run shows it as latched.
     pub fn trip(&mut self) {
         self.tripped = true;
     }
@@ -199,14 +200,15 @@ impl CommandGate {
         (self.offered, self.stepped_ns, self.checked_ns, self.shown) = (None, 0, 0, None);
     }
 
-    /// True while it keeps the safe state until `motorium resume` under `resume = "latch"`, such as after a restart of the actuator: a
-    /// motion that it does not judge, such as the homing of a drive, waits until then.
+    /// True while it keeps the safe state until `motorium resume` under `resume = "latch"`, such as after a
+    /// restart of the actuator: a motion that it does not judge, such as the homing of a drive, waits until
+    /// then.
     pub fn is_latched(&self) -> bool {
         self.gate.is_latched()
     }
 
-    /// Begins anew with joints of which it was not known where they were, such as after a homing. As [`reset`](Self::reset), but a
-    /// latch stays.
+    /// Begins anew with joints of which it was not known where they were, such as after a homing. As
+    /// [`reset`](Self::reset), but a latch stays.
     pub fn relocate(&mut self) {
         let latched = self.gate.is_latched();
         self.reset();
@@ -215,9 +217,9 @@ impl CommandGate {
         }
     }
 
-    /// Sets the [`setpoints`](Self::setpoints) of the safe state, whatever is commanded: a step in which no command may be judged, for
-    /// it is not known where the joints are. An emergency stop and `motorium resume` are seen. Call it instead of
-    /// [`check`](Self::check).
+    /// Sets the [`setpoints`](Self::setpoints) of the safe state, whatever is commanded: a step in which no
+    /// command may be judged, for it is not known where the joints are. An emergency stop and `motorium
+    /// resume` are seen. Call it instead of [`check`](Self::check).
     pub fn withhold(&mut self, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();
         let latch = self.latch();
@@ -226,14 +228,15 @@ impl CommandGate {
         verdict
     }
 
-    /// Checks the newest command, and sets the [`setpoints`](Self::setpoints) of this step. Call it once a step.
+    /// Checks the newest command, and sets the [`setpoints`](Self::setpoints) of this step. Call it once a
+    /// step.
     pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();
         self.check_for(input, measured, dt)
     }
 
-    /// Checks the newest command for a period of `dt` s of simulated time. An actuator that simulates several periods in
-    /// one step, because it was late, calls it for each of them.
+    /// Checks the newest command for a period of `dt` s of simulated time. An actuator that simulates several
+    /// periods in one step, because it was late, calls it for each of them.
     pub fn check_for(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>, dt: f64) -> Verdict {
         let stopping = self.context.is_stopping() || self.context.region().header().command() != Command::Run;
         let step_ns = self.context.clock().step_ns();
@@ -364,7 +367,8 @@ impl CommandGate {
         }
     }
 
-    /// Notes the memory of the common step among the lines that a step needs first, once the gate lies where it stays.
+    /// Notes the memory of the common step among the lines that a step needs first, once the gate lies where
+    /// it stays.
     fn note_first_lines(&mut self) {
         if core::mem::replace(&mut self.is_noted, true) {
             return;

@@ -5,8 +5,8 @@ use crate::plan::SafeState;
 
 /// Speed below which a joint counts as at rest, rad/s or m/s.
 pub const REST_SPEED: f64 = 0.05;
-/// Time in which `hold` and `brake` bring every joint to rest, s. A joint that is faster after it has not reached its safe
-/// state.
+/// Time in which `hold` and `brake` bring every joint to rest, s. A joint that is faster after it has not
+/// reached its safe state.
 pub const REST_WITHIN: f64 = 1.0;
 
 /// Time in a safe state, and the joints that are still moving.
@@ -39,8 +39,8 @@ impl Rest {
         self.moves
     }
 
-    /// False where a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move, and are reached at
-    /// their entry.
+    /// False where a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move, and
+    /// are reached at their entry.
     pub(super) fn is_reached(&self) -> bool {
         !self.moves || self.elapsed < REST_WITHIN
     }

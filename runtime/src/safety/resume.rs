@@ -1,18 +1,19 @@
 //! The way out of a safe state: from the held pose to the commanded setpoint, at limited rates.
 //!
-//! It has two parts. On the *approach* the reference of each joint moves towards its command, within limits of velocity,
-//! acceleration and jerk. When all joints have come near their commands, commands are followed, and the remaining
-//! difference *fades*, without a step in position, velocity or effort.
+//! It has two parts. On the *approach* the reference of each joint moves towards its command, within limits
+//! of velocity, acceleration and jerk. When all joints have come near their commands, commands are followed,
+//! and the remaining difference *fades*, without a step in position, velocity or effort.
 //!
-//! A command that keeps accelerating is never near. Therefore the limits of the approach rise after [`GENTLE_FOR`], and from
-//! then on it ends as soon as the difference can fade within [`LONGEST_FADE`]. After [`PATIENT_FOR`] longer fades are
-//! allowed, up to the remainder of [`RESUME_WITHIN`], with a larger share of the limits.
+//! A command that keeps accelerating is never near. Therefore the limits of the approach rise after
+//! [`GENTLE_FOR`], and from then on it ends as soon as the difference can fade within [`LONGEST_FADE`]. After
+//! [`PATIENT_FOR`] longer fades are allowed, up to the remainder of [`RESUME_WITHIN`], with a larger share of
+//! the limits.
 
 use super::limits::{JointLimits, JointSetpoint};
 use super::states::{HOLD_EFFORT_BLEND, Joint};
 
-/// Share of the limits that the approach uses at first: a drive overshoots its reference, and joints that turn round at
-/// once push one another.
+/// Share of the limits that the approach uses at first: a drive overshoots its reference, and joints that
+/// turn round at once push one another.
 const SHARE: f64 = 0.5;
 /// Share of the limits that the approach uses at last.
 const LAST_SHARE: f64 = 0.6;
@@ -36,14 +37,14 @@ const URGENT_AFTER: f64 = 3.0;
 const URGENT_SHARE: f64 = 0.9;
 /// Longest time in which the difference fades then, s.
 const URGENT_FADE: f64 = 0.9;
-/// Time within which commands are followed again unless they are too far away for the limits, s. A gate that takes longer
-/// is reported.
+/// Time within which commands are followed again unless they are too far away for the limits, s. A gate that
+/// takes longer is reported.
 pub const RESUME_WITHIN: f64 = 2.0;
 /// Time constant of the last part of the approach, s.
 const APPROACH: f64 = 0.08;
-/// Speed at which the reference gains on a near command, as a time at the acceleration of the approach, s. A controller
-/// that computes from the measured pose runs ahead of an arm that is slower than it expects, and turns back late: an arm
-/// that gained faster would overshoot, and swing to and fro.
+/// Speed at which the reference gains on a near command, as a time at the acceleration of the approach, s. A
+/// controller that computes from the measured pose runs ahead of an arm that is slower than it expects, and
+/// turns back late: an arm that gained faster would overshoot, and swing to and fro.
 const GAIN_FOR: f64 = 0.07;
 /// Time constant of the gain on a command that is far, s: farther than a controller runs ahead.
 const FAR: f64 = 0.5;
@@ -103,10 +104,12 @@ impl Reference {
         Self { position, velocity, acceleration: 0.0, effort }
     }
 
-    /// True if the rest of the difference changes the effort by little, and can fade within the acceleration limit.
+    /// True if the rest of the difference changes the effort by little, and can fade within the acceleration
+    /// limit.
     fn meets(&self, command: &JointSetpoint, limits: &JointLimits) -> bool {
         let fading = FADE_SHARE * limits.usual_acceleration() * FADE;
-        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its duration.
+        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its
+        // duration.
         let position = (MET * limits.effort / command.kp).min(fading * FADE / 5.8);
         let velocity = (MET * limits.velocity).min(fading / 4.0);
         (command.kp == 0.0 || (command.position - self.position).abs() <= position)
@@ -149,7 +152,8 @@ impl Reference {
 }
 
 impl Rest {
-    /// The difference of a setpoint from its command. Without its gain a setpoint means nothing, and may be anything.
+    /// The difference of a setpoint from its command. Without its gain a setpoint means nothing, and may be
+    /// anything.
     fn of(position: f64, velocity: f64, effort: f64, command: &JointSetpoint) -> Self {
         Self {
             position: if command.kp > 0.0 { position - command.position } else { 0.0 },
@@ -158,22 +162,22 @@ impl Rest {
         }
     }
 
-    /// Shortest fading in which the difference changes by no more than these shares of the velocity limit and of the
-    /// acceleration limit, s. A joint that may not move at all has no say.
+    /// Shortest fading in which the difference changes by no more than these shares of the velocity limit and
+    /// of the acceleration limit, s. A joint that may not move at all has no say.
     fn shortest_fade(&self, limits: &JointLimits, velocity_share: f64, acceleration_share: f64) -> f64 {
         let (fastest, largest) =
             (velocity_share * limits.velocity, acceleration_share * limits.usual_acceleration());
         if fastest <= 0.0 || largest <= 0.0 {
             return 0.0;
         }
-        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its duration; its
-        // slope is at most 1.875 times its height.
+        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its
+        // duration; its slope is at most 1.875 times its height.
         let (height, slope) = (5.8 * self.position.abs() / largest, 2.0 * self.velocity.abs() / largest);
         (slope + (slope * slope + height).sqrt()).max(1.875 * self.position.abs() / fastest)
     }
 
-    /// The difference at the share `s` of a fading that lasts `duration` s: the quintic that begins at this difference
-    /// and ends at zero, without acceleration at either end.
+    /// The difference at the share `s` of a fading that lasts `duration` s: the quintic that begins at this
+    /// difference and ends at zero, without acceleration at either end.
     fn faded(&self, s: f64, duration: f64) -> Self {
         let (s2, left) = (s * s, 1.0 - s);
         let height = 1.0 - s2 * s * (10.0 - 15.0 * s + 6.0 * s2);
@@ -280,8 +284,8 @@ impl Resume {
         (setpoint, effort && reference.meets(command, limits))
     }
 
-    /// Ends a step of `dt` s in which all joints were met, or not. The remaining difference fades from the end of the
-    /// approach on. Returns true if the commands were met, and count as followed while it fades.
+    /// Ends a step of `dt` s in which all joints were met, or not. The remaining difference fades from the
+    /// end of the approach on. Returns true if the commands were met, and count as followed while it fades.
     pub(super) fn end_step(&mut self, all_met: bool, limits: &[JointLimits], dt: f64) -> bool {
         self.elapsed += dt;
         self.met_for = if all_met { self.met_for + dt } else { 0.0 };

@@ -6,10 +6,12 @@ use crate::plan::SafeState;
 /// Damping of the brake, N m s/rad or N s/m: so large that the effort limit acts until the joint stands.
 const BRAKE: f64 = 1e6;
 
-/// Share of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with some overshoot.
+/// Share of the acceleration limit at which `hold` brings a moving joint to rest: the drives follow with some
+/// overshoot.
 const STOPPING_SHARE: f64 = 0.7;
 
-/// Time in which the feed-forward of `hold` goes over from the effort before to that against gravity, to a third, s.
+/// Time in which the feed-forward of `hold` goes over from the effort before to that against gravity, to a
+/// third, s.
 pub(super) const HOLD_EFFORT_BLEND: f64 = 0.03;
 
 /// A joint slower than this counts as standing, rad/s or m/s.
@@ -44,8 +46,8 @@ impl Joint {
     }
 }
 
-/// The setpoint with which a joint enters a safe state: a pure function of the joint as it is measured, its limits and
-/// the setpoint `last` that was applied before.
+/// The setpoint with which a joint enters a safe state: a pure function of the joint as it is measured, its
+/// limits and the setpoint `last` that was applied before.
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
@@ -66,8 +68,8 @@ impl Joint {
 pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &JointSetpoint) -> JointSetpoint {
     let none = JointSetpoint { position: joint.position, ..JointSetpoint::default() };
     match state {
-        // With gravity compensation, or the arm would sag; and never softer than the profile, since a compliant
-        // controller's gains may be too low to stop the arm.
+        // With gravity compensation, or the arm would sag; and never softer than the profile, since a
+        // compliant controller's gains may be too low to stop the arm.
         SafeState::Hold => {
             let (kp, kd) = (last.kp.max(limits.kp), last.kd.max(limits.kd));
             let velocity = if limits.acceleration.is_finite() { joint.velocity } else { 0.0 };
@@ -81,8 +83,8 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
 
 /// Returns the setpoint of a step in a safe state, `dt` s after `setpoint`.
 ///
-/// `hold` brings a moving joint to rest within its range, and its feed-forward to the gravity at the measured pose.
-/// `brake` compensates gravity and holds a joint once it stands.
+/// `hold` brings a moving joint to rest within its range, and its feed-forward to the gravity at the measured
+/// pose. `brake` compensates gravity and holds a joint once it stands.
 pub fn stay(
     state: SafeState,
     joint: &Joint,

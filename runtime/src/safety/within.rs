@@ -19,9 +19,9 @@ impl Envelope {
         &self.bounds
     }
 
-    /// Applies a new command to the setpoints that are followed, if it is valid and within all limits, those of its rates
-    /// over `over` s included. The joints are measured at positions `q` and velocities `v`. False if it is not: nothing has
-    /// changed then, and the joints are to be looked at one by one.
+    /// Applies a new command to the setpoints that are followed, if it is valid and within all limits, those
+    /// of its rates over `over` s included. The joints are measured at positions `q` and velocities `v`.
+    /// False if it is not: nothing has changed then, and the joints are to be looked at one by one.
     ///
     /// All comparisons of a joint are made, without a branch between them.
     #[inline]

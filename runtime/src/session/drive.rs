@@ -123,13 +123,14 @@ impl Session<'_> {
     }
 }
 
-/// Runs a plan to its end: its duration in each of its episodes, a signal, or a failure that its policies do not tolerate.
+/// Runs a plan to its end: its duration in each of its episodes, a signal, or a failure that its policies do
+/// not tolerate.
 ///
 /// `observe` is called with every [`Event`] while the graph runs; with a status about 20 times a second.
 ///
 /// # Errors
-/// The graph did not start; nothing is left behind then. A graph that ran and failed is no error: its report says how
-/// it ended.
+/// The graph did not start; nothing is left behind then. A graph that ran and failed is no error: its report
+/// says how it ended.
 pub fn run(
     plan: Plan,
     registry: &Registry,

@@ -11,8 +11,8 @@ pub enum SessionError {
     /// The graph did not start; nothing is left behind.
     #[error(transparent)]
     Launch(#[from] LaunchError),
-    /// The run has ended: a signal came, or something failed and the actuators went to their safe state. What remains is to
-    /// stop the session.
+    /// The run has ended: a signal came, or something failed and the actuators went to their safe state. What
+    /// remains is to stop the session.
     #[error("the run has ended: {}", told(.0))]
     Ended(Exit),
     /// The session belongs to the process that this one was forked from.

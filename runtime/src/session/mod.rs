@@ -1,12 +1,12 @@
 //! A run that a program drives: launched, stepped, read, set back and ended by its owner.
 //!
-//! A [`Session`] belongs to one thread. A program may have several at once, each in a thread of its own and on a core of its
-//! choice: roll-outs of a learner, say. `motorium run` is [`run`], a loop over a session.
+//! A [`Session`] belongs to one thread. A program may have several at once, each in a thread of its own and
+//! on a core of its choice: roll-outs of a learner, say. `motorium run` is [`run`], a loop over a session.
 //!
 //! # Time
 //! In lockstep time passes only within [`step_until`](Session::step_until), [`step`](Session::step) and
-//! [`run`](Session::run): as fast as the machine allows, or at a [`pace`](Session::pace). In real time it passes by itself,
-//! `step_until` waits, and the components are supervised while it does.
+//! [`run`](Session::run): as fast as the machine allows, or at a [`pace`](Session::pace). In real time it
+//! passes by itself, `step_until` waits, and the components are supervised while it does.
 //!
 //! # Episodes
 //! In lockstep [`reset`](Session::reset) sets all components and simulated time back. What an episode
@@ -22,8 +22,8 @@
 //! parent continues. The same holds for its readers and [taps](crate::transport::Tap).
 //!
 //! # Ending
-//! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at once. Neither
-//! leaves anything in shared memory.
+//! [`stop`](Session::stop) ends a run in good order and reports it. Dropping a session ends its components at
+//! once. Neither leaves anything in shared memory.
 
 mod drive;
 mod error;
@@ -137,7 +137,8 @@ impl Session<'static> {
 }
 
 impl<'o> Session<'o> {
-    /// Launches a plan and calls `observe` with every [`Event`]; with a status about 20 times a second while time passes.
+    /// Launches a plan and calls `observe` with every [`Event`]; with a status about 20 times a second while
+    /// time passes.
     ///
     /// # Errors
     /// As for [`launch`](Session::launch).
@@ -186,7 +187,8 @@ impl<'o> Session<'o> {
         self.launch.state_hash()
     }
 
-    /// The events of the run since the last call, oldest first: all that are still in its log at the first call.
+    /// The events of the run since the last call, oldest first: all that are still in its log at the first
+    /// call.
     pub fn events(&mut self) -> Vec<LoggedEvent> {
         self.launch.events(&mut self.events)
     }
@@ -228,7 +230,8 @@ impl<'o> Session<'o> {
         self.ended(exit)
     }
 
-    /// Sets all components and simulated time back, for an episode with this seed: the first had that of the plan.
+    /// Sets all components and simulated time back, for an episode with this seed: the first had that of the
+    /// plan.
     ///
     /// Parameters keep their values. Afterwards there is nothing to read, and time is zero.
     ///
@@ -287,8 +290,8 @@ impl<'o> Session<'o> {
         Ok(self.launch.begin_episode(seed, &mut *self.observe))
     }
 
-    /// Sets a parameter of a component, such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It takes effect at the component's next step, and stays
-    /// through resets.
+    /// Sets a parameter of a component, such as `1.5`, `3`, `true`, `"trot"` or `[0.0, 0.5]`. It takes effect
+    /// at the component's next step, and stays through resets.
     ///
     /// # Errors
     /// There is no such parameter, or the value has another type or is out of range.
@@ -301,8 +304,8 @@ impl<'o> Session<'o> {
         self.set_many(component, [(parameter, value.into())])
     }
 
-    /// Sets several parameters of a component at once: it sees all of them from its next step on, or none if one cannot be
-    /// set.
+    /// Sets several parameters of a component at once: it sees all of them from its next step on, or none if
+    /// one cannot be set.
     ///
     /// # Errors
     /// As [`set`](Self::set).
@@ -340,8 +343,9 @@ impl<'o> Session<'o> {
         Ok(())
     }
 
-    /// Holds simulated time in [`run`](Self::run), or lets it go on; `motorium step` does the same from another terminal.
-    /// [`step`](Self::step) and [`step_until`](Self::step_until) go on in a held run: a program that calls them means it.
+    /// Holds simulated time in [`run`](Self::run), or lets it go on; `motorium step` does the same from
+    /// another terminal. [`step`](Self::step) and [`step_until`](Self::step_until) go on in a held run: a
+    /// program that calls them means it.
     ///
     /// # Errors
     /// The run is in real time, which cannot be held.
@@ -404,8 +408,8 @@ impl<'o> Session<'o> {
         }
     }
 
-    /// The present on the clock of [`Stamp`](crate::state::Stamp)s, ns: `CLOCK_MONOTONIC` in real time, simulated time in
-    /// lockstep.
+    /// The present on the clock of [`Stamp`](crate::state::Stamp)s, ns: `CLOCK_MONOTONIC` in real time,
+    /// simulated time in lockstep.
     pub fn stamp_ns(&self) -> u64 {
         match self.launch.plan().clock {
             ClockKind::Lockstep => self.launch.time_ns(),

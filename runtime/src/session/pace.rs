@@ -28,7 +28,8 @@ impl Pace {
         self.wall_ns.saturating_add(since as u64)
     }
 
-    /// True if a time that was due at `due_ns` is so late that it is not made up for: the run goes on at its pace from here.
+    /// True if a time that was due at `due_ns` is so late that it is not made up for: the run goes on at its
+    /// pace from here.
     pub(super) fn has_fallen_behind(&self, due_ns: u64, wall_ns: u64) -> bool {
         wall_ns > due_ns.saturating_add(BEHIND_NS)
     }

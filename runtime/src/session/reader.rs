@@ -19,9 +19,10 @@ use crate::transport::{PortError, TopicMemory, open_queue, refused, same_layout,
 
 /// A reader of the newest value of a topic, in place, for programs outside the graph.
 ///
-/// The writer does nothing for it and never waits for it. [`poll`](Self::poll) pins the newest value; the value stays
-/// valid and unchanged until the next `poll`, whatever its size and however long the reader takes. A topic has places for
-/// four readers from outside at a time, shared with [taps](crate::transport::Tap); the place of a killed program is free at once.
+/// The writer does nothing for it and never waits for it. [`poll`](Self::poll) pins the newest value; the
+/// value stays valid and unchanged until the next `poll`, whatever its size and however long the reader
+/// takes. A topic has places for four readers from outside at a time, shared with
+/// [taps](crate::transport::Tap); the place of a killed program is free at once.
 ///
 /// Of a stream, `poll` skips to the newest value. Use a [`Tap`](crate::transport::Tap) to read every value.
 ///
@@ -121,7 +122,8 @@ impl TopicReader {
         self.pinned().map(|(stamp, _)| stamp)
     }
 
-    /// The pinned value in the [layout](Self::layout) of the topic: all elements of a slice, one after the other.
+    /// The pinned value in the [layout](Self::layout) of the topic: all elements of a slice, one after the
+    /// other.
     pub fn bytes(&self) -> Option<&[u8]> {
         self.pinned().map(|(_, bytes)| bytes)
     }
@@ -141,7 +143,8 @@ impl TopicReader {
             }
             self.known.set(Some(TypeId::of::<T>()));
         }
-        // SAFETY: the bytes are one value of this layout, aligned by the transport; every bit pattern is a valid value.
+        // SAFETY: the bytes are one value of this layout, aligned by the transport; every bit pattern is a
+        // valid value.
         Ok(self.bytes().map(|bytes| unsafe { &*bytes.as_ptr().cast::<T>() }))
     }
 

@@ -100,8 +100,8 @@ impl Ports {
 }
 
 impl Session<'_> {
-    /// A copy of the newest value of a topic in this episode; `None` before the first publication. Of a stream, the newest
-    /// value since the first call.
+    /// A copy of the newest value of a topic in this episode; `None` before the first publication. Of a
+    /// stream, the newest value since the first call.
     ///
     /// # Errors
     /// The graph has no such topic, it holds another type, or it carries slices.
@@ -118,7 +118,8 @@ impl Session<'_> {
         Ok(value.zip(reader.stamp()).map(|(value, stamp)| Value { stamp: *stamp, value: *value }))
     }
 
-    /// A reader of the newest value of a topic in place, without knowing its type. It belongs to the thread that opens it.
+    /// A reader of the newest value of a topic in place, without knowing its type. It belongs to the thread
+    /// that opens it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -141,8 +142,8 @@ impl Session<'_> {
         Ok(TopicReader::open(&domain, &self.launch.plan().topics[index])?)
     }
 
-    /// A reader of every value of a topic from now on, in order. Of slices, each value is the bytes of all elements. It
-    /// belongs to the thread that opens it.
+    /// A reader of every value of a topic from now on, in order. Of slices, each value is the bytes of all
+    /// elements. It belongs to the thread that opens it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -172,14 +173,14 @@ impl Session<'_> {
     /// Components that the topic triggers step in the next round.
     ///
     /// # Errors
-    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the topic holds
-    /// another type, or the value holds a number that is not finite.
+    /// The session does not stand in for the writer of the topic ([`Options`](crate::launcher::Options)), the
+    /// topic holds another type, or the value holds a number that is not finite.
     pub fn publish<T: StateBuffer>(&mut self, topic: &str, value: &T) -> Result<(), SessionError> {
         self.publish_at(topic, value, None)
     }
 
-    /// As [`publish`](Self::publish), with the time at which the value was measured, received or recorded, ns on the clock
-    /// of [`stamp_ns`](Self::stamp_ns): latencies and the ages of commands count from it.
+    /// As [`publish`](Self::publish), with the time at which the value was measured, received or recorded, ns
+    /// on the clock of [`stamp_ns`](Self::stamp_ns): latencies and the ages of commands count from it.
     ///
     /// ```no_run
     /// # use motorium::{session::{Session, SessionError}, state::PoseTarget};

@@ -22,8 +22,9 @@ counted_buffer! {
     /// ```
     pub struct Contacts as "motorium.Contacts", at most MAX_CONTACTS {
         plain {
-            /// Contact points without an entry, because the arrays are full. They are merged: two entries of their link have their
-            /// force and moment. With more than 32 links that touch some may be left out; [`ContactImpulses`] has the sum of all.
+            /// Contact points without an entry, because the arrays are full. They are merged: two entries of
+            /// their link have their force and moment. With more than 32 links that touch some may be left
+            /// out; [`ContactImpulses`] has the sum of all.
             cut: u64;
         }
         counted {

@@ -127,7 +127,8 @@ impl Tap {
         self.source.check()
     }
 
-    /// Hands the next unread value to `read` where it lies: its stamp and its bytes. False if there is none yet.
+    /// Hands the next unread value to `read` where it lies: its stamp and its bytes. False if there is none
+    /// yet.
     pub fn read(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
         if !self.source.is_own() {
             return false;

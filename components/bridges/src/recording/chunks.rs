@@ -160,8 +160,8 @@ fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8], bool)> {
     Some((header, body.get(40 + name..)?, is_consistent))
 }
 
-/// The header of a chunk as the index of the file has it, its stored bytes, and whether the chunk itself has the same header.
-/// The index has everything but the sum of the content.
+/// The header of a chunk as the index of the file has it, its stored bytes, and whether the chunk itself has
+/// the same header. The index has everything but the sum of the content.
 fn repaired<'a>(body: &'a [u8], index: &ChunkIndex) -> Option<(ChunkHeader, &'a [u8], bool)> {
     let header = ChunkHeader {
         message_start_time: index.message_start_time,

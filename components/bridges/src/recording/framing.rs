@@ -25,8 +25,8 @@ pub(super) struct Frame<'a> {
     pub(super) end: usize,
     /// The file ends with the record.
     pub(super) is_last: bool,
-    /// The length of the record is damaged or was never written; the content ends where the index, the next record or the file
-    /// does.
+    /// The length of the record is damaged or was never written; the content ends where the index, the next
+    /// record or the file does.
     pub(super) is_cut: bool,
     /// The chunk as the index lists it.
     pub(super) listed: Option<&'a ChunkIndex>,

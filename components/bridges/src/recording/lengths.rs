@@ -1,7 +1,7 @@
 //! Lengths inside records, checked before a record is parsed.
 //!
-//! The parser of the format reserves memory for a text of the stated length before it reads it: four damaged bytes would
-//! end the program for want of 4 GB.
+//! The parser of the format reserves memory for a text of the stated length before it reads it: four damaged
+//! bytes would end the program for want of 4 GB.
 
 use mcap::read::parse_record;
 use mcap::records::{Record, op};
@@ -21,7 +21,8 @@ enum Part {
 
 use Part::{Block, Blocks, Fixed, Long};
 
-/// The parts of a record of this kind. Bytes may follow them, but for an attachment, whose parser relies on its end.
+/// The parts of a record of this kind. Bytes may follow them, but for an attachment, whose parser relies on
+/// its end.
 fn parts(kind: u8) -> &'static [Part] {
     match kind {
         op::HEADER => &[Block, Block],

@@ -3,8 +3,8 @@
 use super::{Link, Phase};
 
 impl Link {
-    /// True if the answer of this cycle has come; of a drive that reports by itself, if no report is overdue. One whose heartbeat
-    /// is overdue counts as missing, whatever else it sends.
+    /// True if the answer of this cycle has come; of a drive that reports by itself, if no report is overdue.
+    /// One whose heartbeat is overdue counts as missing, whatever else it sends.
     pub(super) fn has_answered(&self) -> bool {
         match (self.dialogue.reports_every_ns(), self.received_ns) {
             (None, _) => self.answered && !self.is_state_overdue(),
@@ -15,10 +15,11 @@ impl Link {
         }
     }
 
-    /// Sorts an answer that was received at `time_ns` into the cycles, and counts it; false for one that is not to be taken.
+    /// Sorts an answer that was received at `time_ns` into the cycles, and counts it; false for one that is
+    /// not to be taken.
     ///
-    /// Answers carry no number. One that comes sooner than this cycle's frame can have been answered belongs to an earlier
-    /// one, and so does the first of two in a cycle after one without.
+    /// Answers carry no number. One that comes sooner than this cycle's frame can have been answered belongs
+    /// to an earlier one, and so does the first of two in a cycle after one without.
     pub(super) fn sort(&mut self, time_ns: u64) -> bool {
         if self.dialogue.reports_every_ns().is_some() {
             self.answered = true;
@@ -39,8 +40,8 @@ impl Link {
         true
     }
 
-    /// Ends the cycle in which it was left out, if it was: an answer proves that it is a cycle behind; without one the answer
-    /// that it owes is lost. True for the former.
+    /// Ends the cycle in which it was left out, if it was: an answer proves that it is a cycle behind;
+    /// without one the answer that it owes is lost. True for the former.
     pub(super) fn end_probe(&mut self) -> bool {
         if !core::mem::take(&mut self.is_probed) {
             return false;
@@ -55,8 +56,8 @@ impl Link {
         self.is_behind
     }
 
-    /// Leaves it out of the next cycle, if its answers may come a cycle late: one has not come, and those since are answers
-    /// to the frames before just as well.
+    /// Leaves it out of the next cycle, if its answers may come a cycle late: one has not come, and those
+    /// since are answers to the frames before just as well.
     pub(super) fn probe(&mut self) {
         let answers = self.dialogue.reports_every_ns().is_none();
         self.is_probed = answers && self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;

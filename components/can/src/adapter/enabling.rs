@@ -3,8 +3,8 @@
 use super::{Adapter, Link, Phase, WrongSetting};
 
 impl Adapter {
-    /// The same, with the lowest and highest position of each joint, and the distance beyond them (rad or m) at which its drive is
-    /// still enabled. Default: any position.
+    /// The same, with the lowest and highest position of each joint, and the distance beyond them (rad or m)
+    /// at which its drive is still enabled. Default: any position.
     #[must_use]
     pub fn with_limits(mut self, limits: &[([f64; 2], f64)]) -> Self {
         self.links.iter_mut().zip(limits).for_each(|(link, limits)| link.limits = *limits);
@@ -21,8 +21,8 @@ impl Adapter {
         self.links.iter().all(|link| link.is_released && link.is_off)
     }
 
-    /// Refuses to enable drives of which one reads a position outside of its joint's range. Once they have followed commands the
-    /// others stay as they are: it trips. True if one does.
+    /// Refuses to enable drives of which one reads a position outside of its joint's range. Once they have
+    /// followed commands the others stay as they are: it trips. True if one does.
     pub(super) fn refuse_out_of_range(&mut self) -> bool {
         let disabled = |link: &Link| if link.phase == Phase::Disabled { link.out_of_range() } else { None };
         let found = self.links.iter().enumerate();

@@ -1,7 +1,7 @@
 //! The homing of joints whose position is not known when their power comes on.
 //!
-//! A drive with a procedure of its own is asked for it, and says zero at its mark. Any other joint is led slowly into its
-//! mechanical stop by the adapter.
+//! A drive with a procedure of its own is asked for it, and says zero at its mark. Any other joint is led
+//! slowly into its mechanical stop by the adapter.
 
 mod stop;
 
@@ -103,8 +103,8 @@ impl Homing {
 }
 
 impl Adapter {
-    /// Lets homing go on, which it does by default, or stops it: joints under way let go at once, and begin anew when it may go on.
-    /// Joints that are held meanwhile follow [`set`](Self::set) until then.
+    /// Lets homing go on, which it does by default, or stops it: joints under way let go at once, and begin
+    /// anew when it may go on. Joints that are held meanwhile follow [`set`](Self::set) until then.
     pub fn allow_homing(&mut self, is_allowed: bool) {
         let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
         if !is_allowed {
@@ -192,7 +192,8 @@ impl Link {
         }
     }
 
-    /// Notes that a trip makes it let go, if it does: it has not done so by itself, and what it has found stays.
+    /// Notes that a trip makes it let go, if it does: it has not done so by itself, and what it has found
+    /// stays.
     pub(super) fn let_go(&mut self, on_trip: OnTrip) {
         self.interrupt_homing();
         let lets_go = self.phase == Phase::Enabled && on_trip == OnTrip::Disable;

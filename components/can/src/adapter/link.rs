@@ -36,7 +36,8 @@ pub struct Link {
     pub(super) answered: bool,
     /// It has answered once.
     pub(super) is_found: bool,
-    /// Frames that have not been answered yet, although their cycle is over: an answer may still be on its way.
+    /// Frames that have not been answered yet, although their cycle is over: an answer may still be on its
+    /// way.
     pub(super) owed: u32,
     /// It is left out of this cycle: what it sends nevertheless answers an earlier frame.
     pub(super) is_probed: bool,
@@ -156,7 +157,8 @@ impl Link {
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
     }
 
-    /// Begins anew with a drive that is let go, and has lost what it was told, or may have: its settings are checked again.
+    /// Begins anew with a drive that is let go, and has lost what it was told, or may have: its settings are
+    /// checked again.
     pub(super) fn begin_anew(&mut self) {
         if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
             self.dialogue.forget();

@@ -1,13 +1,15 @@
-//! The adapter as pure logic: one cycle of commands and answers after the other, without ports, clocks and processes.
+//! The adapter as pure logic: one cycle of commands and answers after the other, without ports, clocks and
+//! processes.
 //!
-//! In each cycle every drive is sent one frame and answers with one. A drive is checked first (a Damiao drive tells its ranges
-//! and its watchdog), then asked for its state while it is disabled, then enabled together with all others, then commanded. A
-//! drive that stays silent for three cycles, reports a fault or lets go trips the adapter: from then on all drives are damped
-//! or disabled until [`Adapter::resume`].
+//! In each cycle every drive is sent one frame and answers with one. A drive is checked first (a Damiao drive
+//! tells its ranges and its watchdog), then asked for its state while it is disabled, then enabled together
+//! with all others, then commanded. A drive that stays silent for three cycles, reports a fault or lets go
+//! trips the adapter: from then on all drives are damped or disabled until [`Adapter::resume`].
 //!
-//! Answers carry no number, and one that comes exactly a cycle late looks like one in time. So when a drive has missed a cycle
-//! and answers again, it is left out of one cycle: an answer that comes nevertheless proves it to be a cycle behind, and it
-//! counts as lost. If none comes, the one answer was lost, and the drive goes on.
+//! Answers carry no number, and one that comes exactly a cycle late looks like one in time. So when a drive
+//! has missed a cycle and answers again, it is left out of one cycle: an answer that comes nevertheless
+//! proves it to be a cycle behind, and it counts as lost. If none comes, the one answer was lost, and the
+//! drive goes on.
 
 mod answers;
 mod common_answer;
@@ -38,8 +40,8 @@ pub const LOST_AFTER: u32 = 3;
 /// The reaction of the other drives when one is lost or reports a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnTrip {
-    /// They brake softly: no position gain, the velocity gain of the safe states. Those that are commanded positions hold the
-    /// one at which they are.
+    /// They brake softly: no position gain, the velocity gain of the safe states. Those that are commanded
+    /// positions hold the one at which they are.
     #[default]
     Damp,
     /// They let go.
@@ -99,7 +101,8 @@ pub struct Adapter {
 }
 
 impl Adapter {
-    /// An adapter for the drives of a table, in this order, with the damping of each joint when it has tripped.
+    /// An adapter for the drives of a table, in this order, with the damping of each joint when it has
+    /// tripped.
     pub fn new(table: &Table, order: &[usize], damping: &[f64], on_trip: OnTrip) -> Self {
         let links =
             order.iter().zip(damping).map(|(index, damping)| Link::new(table, *index, *damping)).collect();
@@ -126,8 +129,8 @@ impl Adapter {
         Self { is_observer: true, ..self }
     }
 
-    /// The same, with the position gain of each joint while it is held, between its homing and its first command. Default none: it
-    /// is damped.
+    /// The same, with the position gain of each joint while it is held, between its homing and its first
+    /// command. Default none: it is damped.
     #[must_use]
     pub fn with_stiffness(mut self, stiffness: &[f64]) -> Self {
         self.links.iter_mut().zip(stiffness).for_each(|(link, stiffness)| link.stiffness = *stiffness);
@@ -216,8 +219,8 @@ impl Adapter {
         }
     }
 
-    /// Ends the cycle: drives that were asked and have not answered are missing. `counts` is false where nobody can answer
-    /// any more.
+    /// Ends the cycle: drives that were asked and have not answered are missing. `counts` is false where
+    /// nobody can answer any more.
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
         for link in &mut self.links {
@@ -280,7 +283,8 @@ impl Adapter {
         }
     }
 
-    /// Sets the time of a cycle, over which some drives interpolate, and from which the time of a homing follows. Default 1 ms.
+    /// Sets the time of a cycle, over which some drives interpolate, and from which the time of a homing
+    /// follows. Default 1 ms.
     pub fn set_cycle(&mut self, cycle_ns: u64) {
         self.cycle_ns = cycle_ns;
         for link in &mut self.links {
@@ -310,12 +314,13 @@ impl Adapter {
         self.links[joint].setpoint = setpoint;
     }
 
-    /// Writes the frames of this cycle for one bus into `frames`, of which the caller says by [`sent`](Self::sent) how many
-    /// were taken.
+    /// Writes the frames of this cycle for one bus into `frames`, of which the caller says by
+    /// [`sent`](Self::sent) how many were taken.
     pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             if link.end_probe() {
-                // without an answer to these three: that before, the one that was believed to be, and the one left out
+                // without an answer to these three: that before, the one that was believed to be, and the one
+                // left out
                 link.silent = LOST_AFTER;
                 link.lose(self.cycles);
                 self.tripped = true;
@@ -356,7 +361,8 @@ impl Adapter {
         }
     }
 
-    /// Notes that the first `count` frames of a bus were sent at `now_ns`. Answers that came between two cycles are late.
+    /// Notes that the first `count` frames of a bus were sent at `now_ns`. Answers that came between two
+    /// cycles are late.
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
         let was_asked = |link: &&mut Link| link.bus == bus && link.asked_by.is_some_and(|by| by <= count);
         for link in self.links.iter_mut().filter(was_asked) {

@@ -1,10 +1,12 @@
-//! Readings that are not believed: positions and velocities that a joint cannot have, and positions at which no drive is enabled.
+//! Readings that are not believed: positions and velocities that a joint cannot have, and positions at which
+//! no drive is enabled.
 
 use super::{Link, Phase, WrongSetting};
 use crate::frame::DecodeError;
 use crate::mit;
 
-/// Velocities of the drive's range that a joint may move with from outside, as when it is off and moved by hand.
+/// Velocities of the drive's range that a joint may move with from outside, as when it is off and moved by
+/// hand.
 const FASTER: f64 = 2.0;
 /// Distance that two readings in a row may always be apart, rad: steps of the encoder, and play.
 const JUMP: f64 = 0.1;

@@ -4,10 +4,11 @@ use crate::mit::{Command, Drive};
 
 /// The rounding of the commands of one drive, made up for by its torque.
 ///
-/// The fields of a command have 12 and 16 bits, and no integer stands for a velocity or a torque of zero. Rounded one by one they
-/// turn a joint aside by half a step of the torque over the stiffness, and hold it there. Instead the torque takes over what
-/// positions, velocities and gains lose, at the newest state of the drive, and what its own rounding leaves is added to the
-/// torque of the next cycle (error diffusion). So the mean torque is the one commanded, and a single one at most a step beside it.
+/// The fields of a command have 12 and 16 bits, and no integer stands for a velocity or a torque of zero.
+/// Rounded one by one they turn a joint aside by half a step of the torque over the stiffness, and hold it
+/// there. Instead the torque takes over what positions, velocities and gains lose, at the newest state of the
+/// drive, and what its own rounding leaves is added to the torque of the next cycle (error diffusion). So the
+/// mean torque is the one commanded, and a single one at most a step beside it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rounding {
     /// The part of the torques so far that has not been sent, N m.
@@ -15,8 +16,8 @@ pub(super) struct Rounding {
 }
 
 impl Rounding {
-    /// The command to send, at this position \[rad\] and velocity \[rad/s\] of the drive; without them as it is. What lies
-    /// beyond a range is cut off, and not made up for.
+    /// The command to send, at this position \[rad\] and velocity \[rad/s\] of the drive; without them as it
+    /// is. What lies beyond a range is cut off, and not made up for.
     pub(super) fn command(&mut self, wanted: &Command, drive: &Drive, state: Option<(f64, f64)>) -> Command {
         let Some((position, velocity)) = state else { return *wanted };
         let (ranges, fields) = (drive.ranges(), drive.fields());

@@ -1,7 +1,8 @@
 //! The bits of a frame on the wire, stuffing included.
 //!
-//! A frame is sent from its start bit to the three bits that keep two frames apart. Within it a bit of the opposite value is
-//! inserted after each five equal ones; in the checksum of CAN FD, at fixed places. A byte of a serial line has ten bits.
+//! A frame is sent from its start bit to the three bits that keep two frames apart. Within it a bit of the
+//! opposite value is inserted after each five equal ones; in the checksum of CAN FD, at fixed places. A byte
+//! of a serial line has ten bits.
 
 use crate::frame::{Form, Frame, Id};
 

@@ -34,8 +34,8 @@ pub enum RealBus {
 }
 
 impl RealBus {
-    /// Opens a bus: a simulated one of another program (`unix:NAME`, `pty:PATH`), a serial line if its name is a path, or else an
-    /// interface of the kernel.
+    /// Opens a bus: a simulated one of another program (`unix:NAME`, `pty:PATH`), a serial line if its name
+    /// is a path, or else an interface of the kernel.
     ///
     /// # Errors
     /// It cannot be opened, or has other rates.

@@ -10,8 +10,8 @@ use super::{Bus, Received};
 use crate::frame::{Form, Frame, Id};
 use crate::servo::{EVERYBODY, LONGEST, Reader};
 
-/// A line of serial servos: each packet is a frame of the form [`Packet`](crate::Form::Packet), with the number of its servo for
-/// an identifier.
+/// A line of serial servos: each packet is a frame of the form [`Packet`](crate::Form::Packet), with the
+/// number of its servo for an identifier.
 ///
 /// ```no_run
 /// use motorium_can::servo::{EVERYBODY, Instruction, LONGEST, Protocol, write};

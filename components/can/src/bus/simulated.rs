@@ -48,11 +48,12 @@ struct Node {
 
 /// A bus in simulated time.
 ///
-/// A frame begins when the bus is free; of several that wait the one with the lowest identifier wins. It takes as long as
-/// its bits, stuffing included. A sender that is disturbed counts eight transmit errors and sends again; it is passive from
-/// 128 on and leaves the bus beyond 255. Two nodes that send different frames with one identifier disturb each other. A frame
-/// that nobody receives is not acknowledged, and is sent again and again. Packets of a serial line are sent one after the other,
-/// and nobody notices errors of theirs. Nothing here depends on anything but its input.
+/// A frame begins when the bus is free; of several that wait the one with the lowest identifier wins. It
+/// takes as long as its bits, stuffing included. A sender that is disturbed counts eight transmit errors and
+/// sends again; it is passive from 128 on and leaves the bus beyond 255. Two nodes that send different frames
+/// with one identifier disturb each other. A frame that nobody receives is not acknowledged, and is sent
+/// again and again. Packets of a serial line are sent one after the other, and nobody notices errors of
+/// theirs. Nothing here depends on anything but its input.
 #[derive(Debug)]
 pub struct SimulatedBus {
     rates: Rates,
@@ -97,7 +98,8 @@ impl SimulatedBus {
         fits
     }
 
-    /// The next event that is over at `until_ns`. Who answers a frame hands its answer over before it asks again.
+    /// The next event that is over at `until_ns`. Who answers a frame hands its answer over before it asks
+    /// again.
     pub fn next(&mut self, until_ns: u64) -> Option<Event> {
         let waits = |node: &Node| node.queue.front().map(|(_, ready)| (*ready).max(node.suspended_ns));
         let first_ns = self.nodes.iter().filter_map(waits).min()?;

@@ -27,8 +27,8 @@ fn set_up(path: &str, speed: libc::speed_t) -> io::Result<File> {
         .custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY | libc::O_CLOEXEC)
         .open(path)?;
     let mut settings = MaybeUninit::<libc::termios>::zeroed();
-    // SAFETY: the descriptor is open and the place has the type that the call fills; it is read only once the call has filled
-    // it, and changed through the library's own functions.
+    // SAFETY: the descriptor is open and the place has the type that the call fills; it is read only once the
+    // call has filled it, and changed through the library's own functions.
     unsafe {
         if libc::tcgetattr(file.as_raw_fd(), settings.as_mut_ptr()) != 0 {
             return Err(io::Error::last_os_error());

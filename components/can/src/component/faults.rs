@@ -25,8 +25,8 @@ pub struct FaultConfig {
     pub lasts: Option<TimeSpan>,
     /// Kind of the fault.
     pub kind: FaultKind,
-    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt", "duplicate", "twin", "off",
-    /// "no_mark", "stuck_mark".
+    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt",
+    /// "duplicate", "twin", "off", "no_mark", "stuck_mark".
     pub joint: Option<String>,
     /// The bus that it befalls; of the kinds "babbling", "disturbed", "bus_off", "alone", "down".
     pub bus: Option<String>,

@@ -1,9 +1,10 @@
-//! The load of a joint that is led to its mechanical stop, by the model of its robot: whether its effort moves it there, holds it
-//! there and moves it away again, and with how much energy it arrives.
+//! The load of a joint that is led to its mechanical stop, by the model of its robot: whether its effort
+//! moves it there, holds it there and moves it away again, and with how much energy it arrives.
 //!
-//! A joint is led with the gain `effort / velocity`. At the share [`STILL`] of `velocity` it is taken to stand: by then its weight and
-//! its Coulomb friction have used up all of `effort` but that share. Viscous damping slows it and stops nothing, so it counts with
-//! that share of `velocity` only. Against its stop the friction helps to hold it, and away from it it does not.
+//! A joint is led with the gain `effort / velocity`. At the share [`STILL`] of `velocity` it is taken to
+//! stand: by then its weight and its Coulomb friction have used up all of `effort` but that share. Viscous
+//! damping slows it and stops nothing, so it counts with that share of `velocity` only. Against its stop the
+//! friction helps to hold it, and away from it it does not.
 
 mod search;
 mod weights;
@@ -64,8 +65,9 @@ impl<'a> Load<'a> {
         Unfit { joint: self.weights.joint().name.clone(), message, advice, is_refused }
     }
 
-    /// A homing whose effort does not move the joint to its stop, hold it there, or move it away: refused where that is so at the stop
-    /// wherever the others are, and told where it is so with the others at home, or anywhere, or on the way.
+    /// A homing whose effort does not move the joint to its stop, hold it there, or move it away: refused
+    /// where that is so at the stop wherever the others are, and told where it is so with the others at home,
+    /// or anywhere, or on the way.
     fn unmoved(&mut self) -> Option<Unfit> {
         let certain = self.weights.at_stop(Others::Anywhere);
         self.at_stop((certain.least, certain.most), "wherever the other joints are", true)
@@ -94,8 +96,8 @@ impl<'a> Load<'a> {
         })
     }
 
-    /// Too little effort at the stop, where the weight presses it off with the first of these, and holds it there with the negative
-    /// of the second.
+    /// Too little effort at the stop, where the weight presses it off with the first of these, and holds it
+    /// there with the negative of the second.
     fn at_stop(&self, (against, least): (f64, f64), place: &str, is_refused: bool) -> Option<Unfit> {
         let (unit, friction, moving, effort) =
             (self.weights.unit(), self.friction, self.moving(), self.effort);
@@ -132,8 +134,8 @@ impl<'a> Load<'a> {
         (100.0 * (1.0 - STILL)).round()
     }
 
-    /// A homing in which the joint may meet its stop with more energy than it may: the largest inertia at the stop with the velocity by
-    /// the largest weight on the way, each with the others where it is largest.
+    /// A homing in which the joint may meet its stop with more energy than it may: the largest inertia at the
+    /// stop with the velocity by the largest weight on the way, each with the others where it is largest.
     fn too_hard(&mut self) -> Option<Unfit> {
         let inertia = self.weights.inertia_at_stop();
         let helping = self.weights.helping().max(0.0);

@@ -41,8 +41,8 @@ pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigE
     Ok(model.joint_names().iter().enumerate().map(joint).collect())
 }
 
-/// Lowest and highest position of each joint, and the distance beyond them at which its drive is still enabled: this one, or 0.05 rad
-/// and 5 mm.
+/// Lowest and highest position of each joint, and the distance beyond them at which its drive is still
+/// enabled: this one, or 0.05 rad and 5 mm.
 pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64; 2], f64)> {
     let model = &equipped.robot.model;
     let joint = |i: usize| {

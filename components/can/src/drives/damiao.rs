@@ -1,7 +1,7 @@
 //! The registers of Damiao drives: the settings that must be known before such a drive is enabled.
 //!
-//! All drives of a bus listen to the identifier 0x7FF; the first two bytes name the drive. An answer has the identifier of
-//! the drive's other answers and repeats what was asked.
+//! All drives of a bus listen to the identifier 0x7FF; the first two bytes name the drive. An answer has the
+//! identifier of the drive's other answers and repeats what was asked.
 
 use crate::frame::{DecodeError, Frame, Id, exactly, finite};
 
@@ -34,7 +34,8 @@ impl Register {
     /// Those that are read before a drive is enabled, in this order.
     pub const CHECKED: [Self; 5] =
         [Self::Timeout, Self::ControlMode, Self::PositionMax, Self::VelocityMax, Self::TorqueMax];
-    /// The value of [`ControlMode`](Self::ControlMode) in which a drive follows the commands of the MIT family.
+    /// The value of [`ControlMode`](Self::ControlMode) in which a drive follows the commands of the MIT
+    /// family.
     pub const MIT_MODE: u32 = 1;
 
     fn of(code: u8) -> Result<Self, DecodeError> {
@@ -142,7 +143,8 @@ impl Request {
         Frame::classic(master, &[self.node, 0, READ, self.register as u8, a, b, c, d])
     }
 
-    /// True for a frame that answers a request or a change of some register of this drive, and is not its usual answer.
+    /// True for a frame that answers a request or a change of some register of this drive, and is not its
+    /// usual answer.
     pub fn is_answer(&self, frame: &Frame, master: Id) -> bool {
         let asks = |data: &[u8]| data[0] == self.node && data[1] == 0 && matches!(data[2], READ | WRITE);
         frame.id == master && frame.data().len() == 8 && asks(frame.data())

@@ -1,8 +1,9 @@
-//! Registers of Dynamixel's X series, such as the XL330, XL430 and XM540: position servos that speak protocol 2.0.
+//! Registers of Dynamixel's X series, such as the XL330, XL430 and XM540: position servos that speak protocol
+//! 2.0.
 //!
-//! A servo follows its goal position by a loop of its own. Positions are steps of a turn of 4096, with 2048 in the middle; numbers
-//! have their least significant byte first, and two's complement. Its bus watchdog stops it when no packet has come for its time;
-//! then goals are refused until the watchdog is set anew.
+//! A servo follows its goal position by a loop of its own. Positions are steps of a turn of 4096, with 2048
+//! in the middle; numbers have their least significant byte first, and two's complement. Its bus watchdog
+//! stops it when no packet has come for its time; then goals are refused until the watchdog is set anew.
 
 use core::f64::consts::TAU;
 
@@ -22,13 +23,15 @@ pub const POSITIONS_BY_CURRENT: u8 = 5;
 pub const HOMING_OFFSET: u16 = 20;
 /// The register of the largest current that can be set in [`GOAL_CURRENT`], a word.
 pub const CURRENT_LIMIT: u16 = 38;
-/// The register of the current that a servo of [`POSITIONS_BY_CURRENT`] gives at most, a word; gone with the power.
+/// The register of the current that a servo of [`POSITIONS_BY_CURRENT`] gives at most, a word; gone with the
+/// power.
 pub const GOAL_CURRENT: u16 = 102;
 /// The first register of the highest and the lowest goal, four bytes each.
 pub const POSITION_LIMITS: u16 = 48;
 /// The register that switches torque on.
 pub const TORQUE_ENABLE: u16 = 64;
-/// The register of the bus watchdog, in units of [`WATCHDOG_UNIT_NS`]; 0 is off, and [`WATCHDOG_EXPIRED`] says that it stopped.
+/// The register of the bus watchdog, in units of [`WATCHDOG_UNIT_NS`]; 0 is off, and [`WATCHDOG_EXPIRED`]
+/// says that it stopped.
 pub const BUS_WATCHDOG: u16 = 98;
 /// The unit of the bus watchdog, ns.
 pub const WATCHDOG_UNIT_NS: u64 = 20_000_000;

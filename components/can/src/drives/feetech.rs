@@ -1,8 +1,10 @@
-//! Registers of Feetech's STS servos, such as the STS3215: position servos whose packets are those of [`servo`](crate::servo).
+//! Registers of Feetech's STS servos, such as the STS3215: position servos whose packets are those of
+//! [`servo`](crate::servo).
 //!
-//! A servo follows its goal position by a loop of its own, with gains that stand in it. Positions are steps of a turn of 4096,
-//! with 2048 in the middle; words have their least significant byte first, and negative ones a sign bit. Such a servo has no
-//! watchdog: when nobody commands it any more it goes on holding its last goal.
+//! A servo follows its goal position by a loop of its own, with gains that stand in it. Positions are steps
+//! of a turn of 4096, with 2048 in the middle; words have their least significant byte first, and negative
+//! ones a sign bit. Such a servo has no watchdog: when nobody commands it any more it goes on holding its
+//! last goal.
 
 use core::f64::consts::TAU;
 
@@ -25,7 +27,8 @@ pub const POSITIONS: u8 = 0;
 pub const TORQUE_ENABLE: u8 = 40;
 /// The register of the goal position, a word.
 pub const GOAL_POSITION: u8 = 42;
-/// The register of the largest torque, a word, thousandths of the stall torque; what it holds is gone with the power.
+/// The register of the largest torque, a word, thousandths of the stall torque; what it holds is gone with
+/// the power.
 pub const TORQUE_LIMIT: u8 = 48;
 /// Bytes of a state, from [`TORQUE_ENABLE`] on.
 pub const STATE_BYTES: u8 = 26;

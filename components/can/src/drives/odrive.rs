@@ -1,8 +1,9 @@
 //! CANSimple, the protocol of ODrive drives.
 //!
-//! The identifier of 11 bits is `node << 5 | command`; numbers have their least significant byte first, positions are in
-//! turns of the motor. Heartbeat and encoder estimates come by themselves, at rates that are set in the drive. The messages
-//! are those of the published database `odrive-cansimple.dbc` of firmware 0.5.6.
+//! The identifier of 11 bits is `node << 5 | command`; numbers have their least significant byte first,
+//! positions are in turns of the motor. Heartbeat and encoder estimates come by themselves, at rates that are
+//! set in the drive. The messages are those of the published database `odrive-cansimple.dbc` of firmware
+//! 0.5.6.
 
 use core::f64::consts::TAU;
 
@@ -138,8 +139,8 @@ pub enum Report {
         error: u32,
         /// Its state.
         state: AxisState,
-        /// The result of its last procedure, 0 for success and 1 for one under way; of firmware before 0.6 the flag of an error of
-        /// the motor.
+        /// The result of its last procedure, 0 for success and 1 for one under way; of firmware before 0.6
+        /// the flag of an error of the motor.
         result: u8,
     },
     /// The estimates of the encoder, of the motor.
@@ -252,7 +253,8 @@ impl Node {
     /// The drive's side: the message in a frame.
     ///
     /// # Errors
-    /// The frame is for another drive, no message to a drive, of another length, or holds a number that there is not.
+    /// The frame is for another drive, no message to a drive, of another length, or holds a number that there
+    /// is not.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let command = self.command(frame)?;
         let data = frame.data();
@@ -326,13 +328,14 @@ impl Node {
     /// A report of the drive.
     ///
     /// # Errors
-    /// The frame comes from another drive, is no report that is known here, has another length, or holds a number that there
-    /// is not.
+    /// The frame comes from another drive, is no report that is known here, has another length, or holds a
+    /// number that there is not.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;
         Ok(match command {
-            // the last two bytes are flags of encoder and controller, in newer firmware the end of a trajectory
+            // the last two bytes are flags of encoder and controller, in newer firmware the end of a
+            // trajectory
             HEARTBEAT => Report::Heartbeat {
                 error: u32::from_le_bytes(first),
                 state: AxisState::of(second[0].into())?,

@@ -2,8 +2,8 @@
 
 /// A range of numbers that a field of a frame covers.
 ///
-/// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer, zero in the middle of a
-/// range down; what lies outside the range is sent as its end.
+/// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer, zero in the
+/// middle of a range down; what lies outside the range is sent as its end.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -73,9 +73,9 @@ const fn largest(bits: u32) -> u32 {
 
 /// Fields of a frame: ranges and numbers of bits, with the factors by which numbers become integers and back.
 ///
-/// The factors are computed once, so that numbers are encoded and decoded without a division, and without a branch but that for what
-/// is no number. Steps are counted from the upper end of the range and rounded to the nearest even one there, which rounds zero in the
-/// middle of a symmetric range down.
+/// The factors are computed once, so that numbers are encoded and decoded without a division, and without a
+/// branch but that for what is no number. Steps are counted from the upper end of the range and rounded to
+/// the nearest even one there, which rounds zero in the middle of a symmetric range down.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -99,7 +99,8 @@ pub struct Fields<const N: usize> {
     min: [f64; N],
 }
 
-/// A number so large that its last bit is one: added to a smaller one it rounds that to the nearest integer, in its last bits.
+/// A number so large that its last bit is one: added to a smaller one it rounds that to the nearest integer,
+/// in its last bits.
 const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
 impl<const N: usize> Fields<N> {
@@ -114,7 +115,8 @@ impl<const N: usize> Fields<N> {
             let (steps, span) = (largest(bits[i]) as f64, max - min);
             fields.largest[i] = steps;
             fields.per_unit[i] = steps / span;
-            // half of the steps for a range that is symmetric, which the quotient misses by its rounding for one in seven of them
+            // half of the steps for a range that is symmetric, which the quotient misses by its rounding for
+            // one in seven of them
             fields.to_end[i] = if max == -min { steps / 2.0 } else { max * steps / span };
             fields.nothing[i] = match () {
                 () if min > 0.0 => min,
@@ -128,7 +130,8 @@ impl<const N: usize> Fields<N> {
         fields
     }
 
-    /// The integers for numbers. One outside its range is sent as its end, and one that is no number as that nearest to zero.
+    /// The integers for numbers. One outside its range is sent as its end, and one that is no number as that
+    /// nearest to zero.
     #[inline]
     pub fn encode(&self, x: [f64; N]) -> [u64; N] {
         let from_end = self.encode_from_end(x);

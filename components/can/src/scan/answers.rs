@@ -46,7 +46,8 @@ pub(super) fn heartbeat(frame: &Frame) -> Option<Device> {
         [state] if (0x701..=0x77f).contains(&id) && matches!(state & 0x7f, 0 | 4 | 5 | 127) => {
             Some(Device { node: (id & 0x7f) as u8, kind: DeviceKind::CanOpen { state: state & 0x7f } })
         }
-        // the last bytes are the result of a procedure, or flags: of motor, encoder, controller, and of a trajectory
+        // the last bytes are the result of a procedure, or flags: of motor, encoder, controller, and of a
+        // trajectory
         [.., result, encoder, flags]
             if id & 0x1f == 1 && result < 0x10 && encoder < 2 && flags & 0x7e == 0 =>
         {

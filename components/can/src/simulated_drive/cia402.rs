@@ -1,5 +1,5 @@
-//! A simulated drive of CiA 402: network management, an object dictionary as far as the adapter uses it, the state machine, and
-//! process data with each synchronisation.
+//! A simulated drive of CiA 402: network management, an object dictionary as far as the adapter uses it, the
+//! state machine, and process data with each synchronisation.
 
 use core::f64::consts::TAU;
 
@@ -212,7 +212,8 @@ impl Cia402 {
         self.node.service_answer(service, result)
     }
 
-    /// The objects that every device of CANopen and every drive of CiA 402 has, beside those that are written.
+    /// The objects that every device of CANopen and every drive of CiA 402 has, beside those that are
+    /// written.
     fn identity(&self, object: Object) -> Option<Value> {
         Some(match (object.index, object.subindex) {
             (0x1000, 0) => Value::long(0x0002_0192),

@@ -10,7 +10,8 @@ const OVER_CURRENT: f64 = 0.95;
 
 /// A drive of the MIT family as it behaves on the bus and at its shaft.
 ///
-/// It answers each command with the state it was in when the command came, as the published firmware does. Its inner loop gives
+/// It answers each command with the state it was in when the command came, as the published firmware does.
+/// Its inner loop gives
 ///
 /// ```text
 /// tau = clamp(kp (position - q) + kd (velocity - v) + torque, -limit, limit)
@@ -69,7 +70,8 @@ impl SimulatedDrive {
         Self { full_torque: Some(torque), ..self }
     }
 
-    /// The same, in another control mode: register 10 of a Damiao drive. Default 1, the mode of the MIT family.
+    /// The same, in another control mode: register 10 of a Damiao drive. Default 1, the mode of the MIT
+    /// family.
     #[must_use]
     pub fn with_control_mode(self, control_mode: u32) -> Self {
         Self { control_mode, ..self }
@@ -156,8 +158,8 @@ impl SimulatedDrive {
         }
     }
 
-    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: the torque that it gives
-    /// from now on, N m.
+    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: the torque
+    /// that it gives from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         self.motor.turn(position, velocity, now_ns);
         let silent_ns = now_ns.saturating_sub(self.commanded_ns);

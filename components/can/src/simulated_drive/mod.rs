@@ -130,8 +130,8 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// A frame of another drive on the bus, and `answer` for the one that follows upon it: servos that answer together speak one
-    /// after the other.
+    /// A frame of another drive on the bus, and `answer` for the one that follows upon it: servos that answer
+    /// together speak one after the other.
     pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         if let Self::Servo(drive) = self {
             drive.observe(frame).into_iter().for_each(answer);
@@ -147,7 +147,8 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: its torque from now on, N m.
+    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: its torque
+    /// from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         let position = self.motor_mut().encoder(position);
         match self {

@@ -1,4 +1,5 @@
-//! A simulated ODrive: encoder estimates and torques at the rate that is set in it, a heartbeat each tenth of a second.
+//! A simulated ODrive: encoder estimates and torques at the rate that is set in it, a heartbeat each tenth of
+//! a second.
 
 use super::encoder::Search;
 use super::{Mark, Motor, Watchdog};
@@ -16,8 +17,8 @@ const WATCHDOG_EXPIRED: u32 = 0x800;
 const ENDSTOP_PRESSED: u32 = 0x1000;
 const MOTOR_TOO_HOT: u32 = 0x4_0000;
 
-/// A drive that gives `kp (position - q) + kd (velocity - v) + torque`: the gain of its position loop times that of its velocity
-/// loop is `kp`, that of its velocity loop `kd`.
+/// A drive that gives `kp (position - q) + kd (velocity - v) + torque`: the gain of its position loop times
+/// that of its velocity loop is `kp`, that of its velocity loop `kd`.
 #[derive(Clone, Debug)]
 pub struct Odrive {
     node: Node,

@@ -12,14 +12,15 @@ impl DriveEntry {
         let limit = self.current_limit?;
         match self.protocol {
             Protocol::Cia402 => Some(limit * self.rated_torque? / self.rated_current?),
-            // at standstill the torque is a share of the stall torque as the current is one of the stall current
+            // at standstill the torque is a share of the stall torque as the current is one of the stall
+            // current
             Protocol::Feetech => Some((limit / self.full_current?).min(1.0) * self.ranges.torque),
             _ => Some(limit * self.torque_constant?),
         }
     }
 
-    /// The limit of its current as its register has it: of a Damiao drive a share of its full current, of a Feetech thousandths of
-    /// the stall current, of a Dynamixel units. Never more than the table says.
+    /// The limit of its current as its register has it: of a Damiao drive a share of its full current, of a
+    /// Feetech thousandths of the stall current, of a Dynamixel units. Never more than the table says.
     pub(crate) fn current_register(&self) -> Option<f64> {
         let limit = self.current_limit?;
         match self.protocol {

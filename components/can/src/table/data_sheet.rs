@@ -23,7 +23,8 @@ const HOMED: [Object; 5] = [
 
 const CORRECT: &str = "correct the entry of the drive, or name the data sheet of its firmware";
 
-/// Takes increments and rated torque from the data sheet of a drive where its entry leaves them out, and checks the others.
+/// Takes increments and rated torque from the data sheet of a drive where its entry leaves them out, and
+/// checks the others.
 pub(super) fn complete(
     drive: &mut DriveEntry,
     read: impl Fn(&str) -> io::Result<String>,
@@ -88,8 +89,8 @@ fn words(object: Object) -> String {
     format!("0x{:04X}:{:02X}", object.index, object.subindex)
 }
 
-/// Increments per turn of the output shaft (the feed constant 0x6092, or else the encoder 0x608F and the gear 0x6091), the
-/// rated torque (0x6076) and the rated current (0x6075).
+/// Increments per turn of the output shaft (the feed constant 0x6092, or else the encoder 0x608F and the gear
+/// 0x6091), the rated torque (0x6076) and the rated current (0x6075).
 fn scales(drive: &mut DriveEntry, sheet: &Eds) {
     let ratio = |index| {
         let number = |subindex| sheet.value(index, subindex, drive.node).filter(|number| *number > 0);

@@ -18,16 +18,17 @@ pub struct BusEntry {
     /// Its kind: "can", or "serial" for a line of serial servos. Default "can".
     #[serde(default)]
     pub kind: BusKind,
-    /// The network interface of the computer that it is, such as "can0" or "vcan0", or the serial line of an slcan adapter or of
-    /// serial servos, such as "/dev/ttyACM0". Or a place at which `can.drive_sim` offers it in real time: "unix:NAME", a unix socket,
-    /// or "pty:PATH", a pseudo-terminal that speaks slcan, or packets of servos. Without one it is simulated, over topics.
+    /// The network interface of the computer that it is, such as "can0" or "vcan0", or the serial line of an
+    /// slcan adapter or of serial servos, such as "/dev/ttyACM0". Or a place at which `can.drive_sim` offers
+    /// it in real time: "unix:NAME", a unix socket, or "pty:PATH", a pseudo-terminal that speaks slcan, or
+    /// packets of servos. Without one it is simulated, over topics.
     pub interface: Option<String>,
     /// Bits per second of arbitration, and of whole classic frames; of a serial line its speed.
     pub bitrate: u32,
     /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
     pub data_bitrate: Option<u32>,
-    /// All servos answer in one packet together (fast sync read), which saves most of their turn-rounds: Dynamixels whose firmware
-    /// knows it, up to nine on a line. Default false.
+    /// All servos answer in one packet together (fast sync read), which saves most of their turn-rounds:
+    /// Dynamixels whose firmware knows it, up to nine on a line. Default false.
     #[serde(default)]
     pub fast_read: bool,
     /// Longest time from a command to the beginning of its answer. Default 100 us.
@@ -62,7 +63,8 @@ pub struct DriveEntry {
     pub protocol: Protocol,
     /// Its number on the bus.
     pub node: u8,
-    /// The identifier of its answers. Default: 0; of a Damiao drive the node and 0x10. Of the MIT family only.
+    /// The identifier of its answers. Default: 0; of a Damiao drive the node and 0x10. Of the MIT family
+    /// only.
     pub master: Option<u16>,
     /// The ranges of its fields; of protocols without ranges the largest values that it reaches.
     pub ranges: RangeEntry,
@@ -77,43 +79,49 @@ pub struct DriveEntry {
     /// Joint position where the drive says zero (rad or m). Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// Whole turns of the drive's output shaft that are added to its reading, for one that comes up whole turns away. Default 0.
+    /// Whole turns of the drive's output shaft that are added to its reading, for one that comes up whole
+    /// turns away. Default 0.
     #[serde(default)]
     pub turns: i32,
-    /// The quantity that it is commanded: "position", by its own loop, "velocity", with the position loop in the adapter (CiA 402
-    /// only), or "torque", with the gains of the commands applied in the adapter. Default "position". Of ODrive and CiA 402 only.
+    /// The quantity that it is commanded: "position", by its own loop, "velocity", with the position loop in
+    /// the adapter (CiA 402 only), or "torque", with the gains of the commands applied in the adapter.
+    /// Default "position". Of ODrive and CiA 402 only.
     pub mode: Option<ControlMode>,
-    /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. Of drives that are commanded
-    /// positions, and of moteus.
+    /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. Of drives
+    /// that are commanded positions, and of moteus.
     pub position_loop: Option<LoopEntry>,
     /// Time between two reports of the encoder, as it is set in the drive. Default 10 ms. Of ODrive only.
     pub report_every: Option<TimeSpan>,
-    /// The least from which the position has to be counted that the drive tells: "output", or "rotor", for a joint that moves by less
-    /// than a turn of the rotor. Default "output". Of moteus without `homing` only.
+    /// The least from which the position has to be counted that the drive tells: "output", or "rotor", for a
+    /// joint that moves by less than a turn of the rotor. Default "output". Of moteus without `homing` only.
     pub reference: Option<ReferenceEntry>,
-    /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required unless the data sheet has it.
+    /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required unless
+    /// the data sheet has it.
     pub increments: Option<f64>,
-    /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is required unless the
-    /// data sheet has it.
+    /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is
+    /// required unless the data sheet has it.
     pub rated_torque: Option<f64>,
-    /// The largest current of the motor, A, which the adapter sets in the drive before it enables it: an effort beyond that current
-    /// is clamped. Of ODrive, CiA 402 (object 0x6073), Damiao (register 3), Feetech (register 48) and Dynamixel (register 102).
-    /// Default: as the drive has it.
+    /// The largest current of the motor, A, which the adapter sets in the drive before it enables it: an
+    /// effort beyond that current is clamped. Of ODrive, CiA 402 (object 0x6073), Damiao (register 3),
+    /// Feetech (register 48) and Dynamixel (register 102). Default: as the drive has it.
     pub current_limit: Option<f64>,
-    /// Torque of the output shaft per current of the motor, N m/A. Of ODrive, Damiao and Dynamixel, for `current_limit`.
+    /// Torque of the output shaft per current of the motor, N m/A. Of ODrive, Damiao and Dynamixel, for
+    /// `current_limit`.
     pub torque_constant: Option<f64>,
-    /// The current of which the limit in the drive is a share: the largest one of a Damiao drive, the stall current of a Feetech, A.
+    /// The current of which the limit in the drive is a share: the largest one of a Damiao drive, the stall
+    /// current of a Feetech, A.
     pub full_current: Option<f64>,
     /// The unit of currents in a Dynamixel, A.
     pub current_unit: Option<f64>,
-    /// The rated current, of which currents are thousandths: object 0x6075, A. Of CiA 402 only, for `current_limit`, where it is
-    /// required unless the data sheet has it.
+    /// The rated current, of which currents are thousandths: object 0x6075, A. Of CiA 402 only, for
+    /// `current_limit`, where it is required unless the data sheet has it.
     pub rated_current: Option<f64>,
-    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it tells increments and rated
-    /// torque, and the table is checked against its objects, modes, mappings and limits. Of CiA 402 only.
+    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it tells
+    /// increments and rated torque, and the table is checked against its objects, modes, mappings and limits.
+    /// Of CiA 402 only.
     pub eds: Option<String>,
-    /// The way in which its position becomes known once its power is on, before it is enabled. Default: the position that it tells
-    /// is absolute, or it stands at its zero.
+    /// The way in which its position becomes known once its power is on, before it is enabled. Default: the
+    /// position that it tells is absolute, or it stands at its zero.
     pub homing: Option<HomingEntry>,
     /// Process data of which the data sheet says that their mapping cannot be written.
     #[serde(skip)]
@@ -131,8 +139,8 @@ pub enum ControlMode {
     /// Positions, which the drive follows by a loop of its own.
     #[default]
     Position,
-    /// Velocities, which the drive follows by a loop of its own: the adapter closes the position loop around it, with the ratio of
-    /// the gains of `position_loop`, once a cycle.
+    /// Velocities, which the drive follows by a loop of its own: the adapter closes the position loop around
+    /// it, with the ratio of the gains of `position_loop`, once a cycle.
     Velocity,
     /// Torques: the adapter applies the gains of the command to the newest state, once a cycle.
     Torque,
@@ -191,7 +199,8 @@ impl DriveEntry {
         self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
     }
 
-    /// Its ranges, with no more torque than its current gives, and of a moteus with no higher gains than those of its own loop.
+    /// Its ranges, with no more torque than its current gives, and of a moteus with no higher gains than
+    /// those of its own loop.
     pub(super) fn limited_ranges(&self) -> mit::Ranges {
         let ranges = self.ranges.ranges();
         // one that cannot be is refused as such

@@ -35,10 +35,12 @@ use super::{ControlMode, DriveEntry, Protocol};
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomingEntry {
-    /// Finder of the mark: "drive", the drive by its own procedure (ODrive, CiA 402; of servos the offset in them), or "stop", the
-    /// adapter, which leads the joint slowly into its mechanical stop (MIT family, moteus, and drives that are commanded torques).
+    /// Finder of the mark: "drive", the drive by its own procedure (ODrive, CiA 402; of servos the offset in
+    /// them), or "stop", the adapter, which leads the joint slowly into its mechanical stop (MIT family,
+    /// moteus, and drives that are commanded torques).
     pub by: HomingBy,
-    /// Joints of a lower number are homed before those of a higher one, those of the same number together. Default 0.
+    /// Joints of a lower number are homed before those of a higher one, those of the same number together.
+    /// Default 0.
     pub order: Option<u8>,
     /// Time after which a homing that is not over has failed. Default 20 s.
     pub timeout: Option<TimeSpan>,
@@ -46,14 +48,15 @@ pub struct HomingEntry {
     pub procedure: Option<HomingProcedure>,
     /// The method, object 0x6098. Of CiA 402, where it is required.
     pub method: Option<i8>,
-    /// Velocity towards the mark. Of CiA 402 the first one, object 0x6099:01, positive; of "stop" with the sign of its direction.
-    /// rad/s or m/s, required by both.
+    /// Velocity towards the mark. Of CiA 402 the first one, object 0x6099:01, positive; of "stop" with the
+    /// sign of its direction. rad/s or m/s, required by both.
     pub velocity: Option<f64>,
     /// Velocity at the mark, object 0x6099:02, rad/s or m/s. Of CiA 402, where it is required.
     pub creep_velocity: Option<f64>,
     /// Acceleration, object 0x609A, rad/s2 or m/s2. Of CiA 402, where it is required.
     pub acceleration: Option<f64>,
-    /// The homing offset in a servo, which is compared before it is enabled, steps. Of servos, where it is required.
+    /// The homing offset in a servo, which is compared before it is enabled, steps. Of servos, where it is
+    /// required.
     pub steps: Option<i32>,
     /// Effort at which the joint stands against its stop, N m or N. Of "stop", where it is required.
     pub effort: Option<f64>,
@@ -61,7 +64,8 @@ pub struct HomingEntry {
     pub position: Option<f64>,
     /// Distance by which it moves away from the stop again, rad or m. Default 0.05. Of "stop".
     pub back_off: Option<f64>,
-    /// Largest energy with which the joint may meet its stop, J, by the inertia of the robot's model. Default 0.1. Of "stop".
+    /// Largest energy with which the joint may meet its stop, J, by the inertia of the robot's model. Default
+    /// 0.1. Of "stop".
     pub energy: Option<f64>,
 }
 
@@ -132,7 +136,8 @@ impl DriveEntry {
         self.homing.is_some() && !self.protocol.is_servo()
     }
 
-    /// The objects that are written for its homing, with index, subindex and number; none if it has no homing of CiA 402.
+    /// The objects that are written for its homing, with index, subindex and number; none if it has no homing
+    /// of CiA 402.
     ///
     /// Velocities are increments of the drive per second.
     pub fn homing_registers(&self) -> Vec<(u16, u8, i64)> {

@@ -187,8 +187,8 @@ impl Table {
         }
     }
 
-    /// True if each of its buses tells when a frame was received, however much later it is read: interfaces of the kernel and
-    /// unix sockets, but no serial lines.
+    /// True if each of its buses tells when a frame was received, however much later it is read: interfaces
+    /// of the kernel and unix sockets, but no serial lines.
     pub(crate) fn tells_times(&self) -> bool {
         self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| match Place::of(name) {
             Some(place) => matches!(place, Place::Socket(_)),
@@ -226,7 +226,8 @@ impl Table {
         self.drives[index].limited_ranges()
     }
 
-    /// The gains of a drive's own position loop: those of its entry, or full torque at a twentieth of a radian.
+    /// The gains of a drive's own position loop: those of its entry, or full torque at a twentieth of a
+    /// radian.
     pub fn position_loop(&self, index: usize) -> LoopEntry {
         self.drives[index].loop_gains()
     }

@@ -1,5 +1,5 @@
-//! Refusals of what does not go over the wire: frames that a drive does not know, identifiers that two of them share, and numbers
-//! beyond their fields.
+//! Refusals of what does not go over the wire: frames that a drive does not know, identifiers that two of
+//! them share, and numbers beyond their fields.
 
 use core::f64::consts::TAU;
 
@@ -24,7 +24,8 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
     ))
 }
 
-/// The identifiers of the commands of a drive, and that of its answers, where drives of several protocols share a bus.
+/// The identifiers of the commands of a drive, and that of its answers, where drives of several protocols
+/// share a bus.
 fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     let entry = &table.drives[index];
     match (table.drive(index), entry.protocol) {
@@ -34,7 +35,8 @@ fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     }
 }
 
-/// Refuses a drive whose answers another one would take for commands, or whose answers look like those of another kind.
+/// Refuses a drive whose answers another one would take for commands, or whose answers look like those of
+/// another kind.
 pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refusal> {
     let drive = &table.drives[index];
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
@@ -63,10 +65,12 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
     Ok(())
 }
 
-/// The largest numbers of fields of 16 bits: feed-forward of an ODrive in thousandths, torques of CiA 402 in thousandths.
+/// The largest numbers of fields of 16 bits: feed-forward of an ODrive in thousandths, torques of CiA 402 in
+/// thousandths.
 const THOUSANDTHS: f64 = 32.767;
 
-/// Refuses numbers of a drive that are beyond the fields of its protocol, and watchdogs that its unit does not reach.
+/// Refuses numbers of a drive that are beyond the fields of its protocol, and watchdogs that its unit does
+/// not reach.
 pub(super) fn check_fields(drive: &DriveEntry) -> Result<(), Refusal> {
     let ranges = &drive.ranges;
     let mode = drive.mode.unwrap_or_default();

@@ -1,8 +1,10 @@
-//! Logs in other formats than that of `candump -L`: what `candump` prints on a screen, and ASC files of Vector's tools.
+//! Logs in other formats than that of `candump -L`: what `candump` prints on a screen, and ASC files of
+//! Vector's tools.
 
 use super::{Record, RecordError};
 
-/// A line of a log as `candump -L` would have it; `None` for a line that says nothing about traffic, such as a header.
+/// A line of a log as `candump -L` would have it; `None` for a line that says nothing about traffic, such as
+/// a header.
 pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     let refuse = |message: &str| Err(RecordError { found: line.to_string(), message: message.to_string() });
     let fields: Vec<&str> = line.split_whitespace().collect();
@@ -37,7 +39,8 @@ fn micros(time: &str) -> Option<String> {
     (is_number(seconds) && is_number(fraction)).then(|| format!("{seconds}.{:0<6.6}", fraction))
 }
 
-/// A line as it is on a screen, without its time: `can0  123   [3]  11 22 33`. The length of a CAN FD frame has two digits there.
+/// A line as it is on a screen, without its time: `can0 123 [3] 11 22 33`. The length of a CAN FD frame has
+/// two digits there.
 fn screen(time: &str, line: &str) -> Option<String> {
     let mut fields = line.split_whitespace().filter(|field| !matches!(*field, "RX" | "TX" | "-" | "B" | "E"));
     let (interface, id) = (fields.next()?, fields.next()?);
@@ -54,8 +57,8 @@ fn screen(time: &str, line: &str) -> Option<String> {
     Some(format!("({time}) {interface} {id}{separator}{}", bytes.concat()))
 }
 
-/// A line of an ASC file, in whose place that of an interface `canN` for channel N comes; `None` for one that does not parse, and
-/// `Some(None)` for an event that is no frame.
+/// A line of an ASC file, in whose place that of an interface `canN` for channel N comes; `None` for one that
+/// does not parse, and `Some(None)` for an event that is no frame.
 fn asc(fields: &[&str]) -> Option<Option<String>> {
     let time = micros(fields.first()?)?;
     let id_of = |text: &str| match text.strip_suffix(['x', 'X']) {
@@ -94,8 +97,8 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
 }
 
 impl Record {
-    /// Reads a line of a log: of `candump -L`, of `candump` on a screen, or of an ASC file, whose channel N becomes the interface
-    /// `canN`; `None` for an empty line and for a header.
+    /// Reads a line of a log: of `candump -L`, of `candump` on a screen, or of an ASC file, whose channel N
+    /// becomes the interface `canN`; `None` for an empty line and for a header.
     ///
     /// ```
     /// use motorium_can::Record;

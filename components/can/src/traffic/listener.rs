@@ -14,7 +14,8 @@ use crate::bus::offered::{Place, Traffic, UnixBus};
 use crate::bus::socket::look_up;
 use crate::{Condition, OpenError};
 
-/// Listeners on interfaces of the kernel and on simulated buses (`unix:NAME`), for tools: they wait, and may allocate.
+/// Listeners on interfaces of the kernel and on simulated buses (`unix:NAME`), for tools: they wait, and may
+/// allocate.
 ///
 /// ```
 /// use motorium_can::bus::offered::{Offer, Place};

@@ -48,7 +48,8 @@ impl Rig {
         }
     }
 
-    /// Runs cycles: the adapter sends, the bus goes on for a cycle, drives answer and step, the adapter collects.
+    /// Runs cycles: the adapter sends, the bus goes on for a cycle, drives answer and step, the adapter
+    /// collects.
     fn run(&mut self, cycles: u64) {
         for _ in 0..cycles {
             let begin_ns = self.cycle * CYCLE_NS;

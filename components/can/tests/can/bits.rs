@@ -61,7 +61,8 @@ fn random_frames_have_the_published_mean_length_and_none_is_longer_than_the_wors
     }
 }
 
-/// The frame as a text of bits, stuffed by replacing runs from the left: slow, and nothing of the product's way.
+/// The frame as a text of bits, stuffed by replacing runs from the left: slow, and nothing of the product's
+/// way.
 #[test]
 fn stuffing_is_that_of_a_text_of_bits() {
     fn checksum(bits: &str) -> String {

@@ -68,7 +68,8 @@ impl Drop for Folder {
 /// Positions at which the joints are held, rad.
 pub(super) const GOAL: [f64; 3] = [0.35, 0.75, -0.85];
 
-/// A planar arm held by commands through drives, with this in the table of the simulated drives and of the safety.
+/// A planar arm held by commands through drives, with this in the table of the simulated drives and of the
+/// safety.
 pub(super) fn graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     let command = Source::new("commands", "arm/command", |_| Some(command()));
     bare_graph(folder, simulation, safety).kind::<CanAdapter>().with(command)
@@ -206,7 +207,8 @@ fn a_silent_drive_is_lost_in_the_third_cycle() {
         let fault = format!(r#"faults = [{{ at = "{at} ms", kind = "silent", joint = "joint2" }}]"#);
         let report = run(&format!("silent-{at}"), &fault, "800 ms");
         let joint = &adapter(&report)["joints"]["joint2"];
-        // what is asked in the cycle of that time is the first that is not answered, and is missed a cycle later
+        // what is asked in the cycle of that time is the first that is not answered, and is missed a cycle
+        // later
         assert_eq!(
             (&joint["lost"], &joint["lost_in_cycle"]),
             (&Value::from(1), &Value::from(at + 4)),

@@ -1,4 +1,5 @@
-//! The largest current of a drive: set in it before it is enabled, checked by its own unit, and a bound of every torque.
+//! The largest current of a drive: set in it before it is enabled, checked by its own unit, and a bound of
+//! every torque.
 
 use motorium_can::Table;
 use motorium_can::adapter::{Setpoint, WrongSetting};

@@ -364,8 +364,8 @@ fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
     assert!(!rig.drives[0].is_enabled());
 }
 
-/// Runs the adapter of one drive by a table, with the drive of the same table or of another one: whether it is enabled, and the
-/// setting that is wrong.
+/// Runs the adapter of one drive by a table, with the drive of the same table or of another one: whether it
+/// is enabled, and the setting that is wrong.
 pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<WrongSetting>) {
     let mut adapter = Adapter::new(table, &[0], &[0.3], OnTrip::Damp);
     let mut drive = AnySimulatedDrive::new(drive.unwrap_or(table), 0, Overrides::default());
@@ -389,7 +389,8 @@ pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<Wron
 fn in_the_velocity_mode_the_adapter_closes_the_position_loop_at_the_rate_of_the_gains() {
     let mut rig = Rig::healthy(&CASES[5]);
     assert!(CASES[5].more.contains("velocity"));
-    // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, and 5 N m s/rad of them 2 N m; beside it a velocity of its own
+    // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, and 5 N m s/rad of them 2 N m; beside it a velocity of its
+    // own
     for (velocity, kp, torque) in [(0.0, 4.0, 2.0), (0.1, 4.0, 2.5), (0.3, 0.0, 1.5), (0.0, 0.0, 0.0)] {
         let goal = Setpoint { position: SHAFT + 0.02, velocity, kp, kd: 0.1, ..Setpoint::default() };
         rig.adapter.set(0, goal);

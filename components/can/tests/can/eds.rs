@@ -1,5 +1,5 @@
-//! Electronic data sheets: the reader against the values that canopen reads (`databases/golden_eds.py`), and drive tables that
-//! name one.
+//! Electronic data sheets: the reader against the values that canopen reads (`databases/golden_eds.py`), and
+//! drive tables that name one.
 
 use std::io;
 

@@ -26,7 +26,8 @@ fn servos_that_answer_together_lose_nothing_and_take_six_bytes_less_of_the_line(
         assert_eq!((link.counts().missing, link.counts().late, link.counts().refused), (0, 0, 0));
     }
     assert_eq!(fast.adapter.stray(), 0);
-    // two packets of 11 bytes and the state, or one of 8 bytes and 4 and the state of each; ten bits a byte at 1 Mbit/s
+    // two packets of 11 bytes and the state, or one of 8 bytes and 4 and the state of each; ten bits a byte
+    // at 1 Mbit/s
     let saved_ns = answered_after_ns(&mut plain) - answered_after_ns(&mut fast);
     assert_eq!(saved_ns, (2 * 11 - (8 + 2 * 4)) * 10_000);
 }

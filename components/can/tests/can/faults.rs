@@ -1,4 +1,5 @@
-//! The table of faults on simulated buses, in lockstep: each row runs twice, and comes out the same to the last bit.
+//! The table of faults on simulated buses, in lockstep: each row runs twice, and comes out the same to the
+//! last bit.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -52,7 +53,8 @@ fn a_silent_node_is_lost_in_its_third_cycle() {
 
 #[test]
 fn a_reply_that_is_always_late_is_lost_in_its_third_cycle_whatever_its_delay() {
-    // by less than a cycle, by a cycle so that it looks like one in time, by two, and by more than it takes to be lost
+    // by less than a cycle, by a cycle so that it looks like one in time, by two, and by more than it takes
+    // to be lost
     for delay in ["800 us", "1 ms", "1.05 ms", "1.3 ms", "2 ms", "2.2 ms", "3.5 ms"] {
         let fault = format!(r#"kind = "late", delay = "{delay}", joint = "joint1""#);
         let report = row(&format!("late-{}", delay.replace([' ', '.'], "-")), &fault);

@@ -1,4 +1,5 @@
-//! Homing: joints whose position is not known when their power comes on, by drives of every family and at mechanical stops.
+//! Homing: joints whose position is not known when their power comes on, by drives of every family and at
+//! mechanical stops.
 
 use motorium_can::adapter::{Adapter, HomingState, Link, OnTrip, Phase};
 use motorium_can::bus::simulated::Event;

@@ -1,5 +1,5 @@
-//! One robot on two adapters with rates of their own: an arm on CAN at 1 kHz and its gripper on a line of servos at 200 Hz, whose states
-//! `joint.merge` puts together.
+//! One robot on two adapters with rates of their own: an arm on CAN at 1 kHz and its gripper on a line of
+//! servos at 200 Hz, whose states `joint.merge` puts together.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -193,7 +193,8 @@ fn the_merged_state_has_the_rate_of_its_own_the_newest_of_each_part_and_the_age_
         let age_ns = now - sample.stamp.source_time;
         assert!((1_000_000..=11_000_000).contains(&age_ns), "{age_ns}");
     }
-    // of the slow one each state stands in two or three merged ones, of the fast one in one; where they turn slowly their steps hide it
+    // of the slow one each state stands in two or three merged ones, of the fast one in one; where they turn
+    // slowly their steps hide it
     let changes = |joint: usize| {
         whole
             .windows(2)

@@ -26,7 +26,8 @@ fn frame(id: Id, hex: &str) -> Frame {
 
 #[test]
 fn frames_are_those_of_the_makers_own_tests() {
-    // mode and three numbers as asked for by default, then six registers from the temperature of the motor to the fault
+    // mode and three numbers as asked for by default, then six registers from the temperature of the motor to
+    // the fault
     assert_eq!(data(&node().frame(&Instruction::Query, Resolution::Float)), "11001f0110060a");
     assert!(data(&node().frame(&Instruction::Stop, Resolution::Float)).starts_with("010000"));
     assert!(data(&node().frame(&Instruction::Brake, Resolution::Float)).starts_with("01000f"));

@@ -1,4 +1,5 @@
-//! Simulated buses that other programs open: over unix sockets, and over pseudo-terminals as slcan or as a line of servos.
+//! Simulated buses that other programs open: over unix sockets, and over pseudo-terminals as slcan or as a
+//! line of servos.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -96,7 +97,8 @@ fn a_bus_whose_simulator_ends_has_gone_and_is_found_again() {
     assert_eq!(bus.condition(), Condition::Active);
 }
 
-/// An adapter that is simulated by a thread until this is dropped: it answers each frame by one with the next identifier.
+/// An adapter that is simulated by a thread until this is dropped: it answers each frame by one with the next
+/// identifier.
 struct Device<'a> {
     stop: &'a AtomicBool,
 }

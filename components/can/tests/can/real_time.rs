@@ -64,8 +64,8 @@ stale_after = "5 s"
     adapter(&report).clone()
 }
 
-/// The median time from a command to its frames, microseconds, of a run in which the drives followed a while: where the machine is so
-/// busy that answers are lost, the adapter trips, as it should.
+/// The median time from a command to its frames, microseconds, of a run in which the drives followed a while:
+/// where the machine is so busy that answers are lost, the adapter trips, as it should.
 fn median(name: &str, config: &str) -> f64 {
     let mut runs = (0..5).map(|turn| run(&format!("{name}-{turn}"), config));
     let followed = |result: &Value| result["command_to_frame_us"]["count"].as_u64() >= Some(20);

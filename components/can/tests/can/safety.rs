@@ -1,4 +1,5 @@
-//! Readings that are not believed, drives that are not enabled, and the end of a run: the adapter against one simulated drive.
+//! Readings that are not believed, drives that are not enabled, and the end of a run: the adapter against one
+//! simulated drive.
 
 use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
 use motorium_can::bus::simulated::Event;

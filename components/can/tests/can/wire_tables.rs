@@ -1,5 +1,5 @@
-//! Drive tables that do not go over the wire: frames that a drive does not know, identifiers that two share, numbers beyond their
-//! fields.
+//! Drive tables that do not go over the wire: frames that a drive does not know, identifiers that two share,
+//! numbers beyond their fields.
 
 use motorium_can::adapter::{Adapter, OnTrip};
 use motorium_can::cia402::{Mapping, Mode, NetworkCommand, Node, Service};
@@ -8,7 +8,8 @@ use motorium_can::{AnySimulatedDrive, Form, Frame, Overrides, Table};
 const FD: &str = "data_bitrate = 5_000_000";
 const CIA402: &str = "increments = 65536.0\nrated_torque = 5.0";
 
-/// A table of drives on one bus: of each its protocol, its number, and what its entry has beside those of all.
+/// A table of drives on one bus: of each its protocol, its number, and what its entry has beside those of
+/// all.
 fn table(bus: &str, drives: &[(&str, u8, &str)]) -> Result<Table, String> {
     let mut text = format!("[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n{bus}\n");
     for (protocol, node, more) in drives {

@@ -39,8 +39,8 @@ const RIGHT_ARM: &str = "rhumerus*,rradius*,rwrist*,rhand_*";
 const LEFT_LEG: &str = "lfemur*,ltibia*";
 const RIGHT_LEG: &str = "rfemur*,rtibia*";
 
-/// Windows of clips with the channels [`CHANNELS`] (in deg), in rad and smoothed: those of the first four fifths of
-/// each clip to learn from, those of the rest to measure on.
+/// Windows of clips with the channels [`CHANNELS`] (in deg), in rad and smoothed: those of the first four
+/// fifths of each clip to learn from, those of the rest to measure on.
 pub fn windows(mut clips: Recordings) -> (Recordings, Recordings) {
     let mut rest = Recordings { names: clips.names.clone(), trajectories: Vec::new() };
     for clip in &mut clips.trajectories {
@@ -84,7 +84,8 @@ pub enum BodyError {
     Spring(#[from] SpringError),
 }
 
-/// The library of a full body, those of its parts, and what the parts merge into. All are in the metric of force.
+/// The library of a full body, those of its parts, and what the parts merge into. All are in the metric of
+/// force.
 #[derive(Clone, Debug)]
 pub struct Body {
     /// All degrees of freedom, learned from recordings.

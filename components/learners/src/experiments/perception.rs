@@ -80,7 +80,8 @@ impl Letters {
         errors
     }
 
-    /// Trains a network on the known letters and writes the held-out ones; `progress` is called after every epoch.
+    /// Trains a network on the known letters and writes the held-out ones; `progress` is called after every
+    /// epoch.
     ///
     /// # Errors
     /// Letters that are not of two degrees of freedom, or none.

@@ -13,7 +13,8 @@ pub const ROLLOUTS: usize = 300;
 pub const REPORTED: [usize; 7] = [1, 10, 30, 60, 100, 200, 300];
 /// Standard deviation of the first exploration, in those of the weights in the library.
 const EXPLORATION: f64 = 0.6;
-/// Factors on the exploration of which [`Search::best_scale`] takes the best: every search space is tuned alike.
+/// Factors on the exploration of which [`Search::best_scale`] takes the best: every search space is tuned
+/// alike.
 const SCALES: [f64; 5] = [0.05, 0.15, 0.4, 1.0, 2.0];
 /// Searches for each goal, with different seeds.
 const SEEDS: u64 = 3;
@@ -35,8 +36,8 @@ impl Goal {
     }
 }
 
-/// Initial exploration of kernels. The library knows the variance of each of its weights; kernels get a total of the
-/// same size.
+/// Initial exploration of kernels. The library knows the variance of each of its weights; kernels get a total
+/// of the same size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KernelPrior {
     /// Each kernel has the same share of the squared force of the movements.
@@ -62,8 +63,8 @@ impl SearchSpace {
         Self::library_of(library, n, library.entries().len())
     }
 
-    /// The first `n` eigenforces of a library without weights (one of parts that move independently) that stands for
-    /// `movements` movements.
+    /// The first `n` eigenforces of a library without weights (one of parts that move independently) that
+    /// stands for `movements` movements.
     pub fn library_of(library: &MotionLibrary, n: usize, movements: usize) -> Self {
         let n = n.min(library.rank());
         let movements = movements.max(1) as f64;
@@ -122,8 +123,8 @@ impl SearchSpace {
         Self { functions: self.functions.clone(), variance }
     }
 
-    /// Searches for the weights of a goal; returns the best reward after each number of rollouts in [`REPORTED`]. The
-    /// reward is `exp(-3 e^2)`, with `e` the error of position over the spread of the goal.
+    /// Searches for the weights of a goal; returns the best reward after each number of rollouts in
+    /// [`REPORTED`]. The reward is `exp(-3 e^2)`, with `e` the error of position over the spread of the goal.
     pub fn search(&self, goal: &Goal, spring: &SampledSpring, seed: u64) -> [f64; REPORTED.len()] {
         let start = vec![0.0; self.variance.len()];
         let mut power = Power::new(start, self.variance.clone(), PowerSettings::default(), seed);
@@ -168,7 +169,8 @@ impl Search {
         best.unwrap_or_default()
     }
 
-    /// Number of rollouts with the mean of the best reward and its standard error, for each entry of [`REPORTED`].
+    /// Number of rollouts with the mean of the best reward and its standard error, for each entry of
+    /// [`REPORTED`].
     pub fn curve(&self) -> Vec<[f64; 3]> {
         let point = |(k, rollouts): (usize, &usize)| {
             let rewards: Vec<f64> = self.rewards.iter().map(|run| run[k]).collect();

@@ -76,8 +76,8 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Learns from letters. `progress` gets the epoch (from 1) and its mean loss: the squared error of position in
-    /// letter sizes.
+    /// Learns from letters. `progress` gets the epoch (from 1) and its mean loss: the squared error of
+    /// position in letter sizes.
     ///
     /// # Errors
     /// Letters that are not of two degrees of freedom, or none.
@@ -151,8 +151,9 @@ impl Coupling {
         Superposition { weights: out.as_slice()[..n].to_vec(), frame }
     }
 
-    /// The movement that writes the letter in a picture at a pen speed, in letter sizes per second; without one at that of
-    /// the letters it was learned from. The picture does not show the speed, so it is even along the stroke.
+    /// The movement that writes the letter in a picture at a pen speed, in letter sizes per second; without
+    /// one at that of the letters it was learned from. The picture does not show the speed, so it is even
+    /// along the stroke.
     pub fn written(&self, picture: &Picture, pen_speed: Option<f64>) -> Superposition {
         let mut movement = self.movement(picture);
         let length = length(&movement.path(&self.library));

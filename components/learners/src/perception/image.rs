@@ -38,8 +38,8 @@ pub enum ImageError {
 }
 
 impl Picture {
-    /// Reads a picture of a letter, brought to the size and the place in which letters are learned. The ink is what differs
-    /// from the corners: dark on light or light on dark.
+    /// Reads a picture of a letter, brought to the size and the place in which letters are learned. The ink
+    /// is what differs from the corners: dark on light or light on dark.
     ///
     /// # Errors
     /// The file cannot be read, is no grey map, or shows nothing.
@@ -133,7 +133,8 @@ impl Grey {
         let side = (rows.1 - rows.0).max(columns.1 - columns.0) as f64 + 1.0;
         let step = side / (EXTENT + 2.0 * EDGE * LINE);
         let middle = [rows, columns].map(|(low, high)| 0.5 * (low + high) as f64);
-        // Each pixel is the mean over its part of the file, or lies between its pixels where these are larger.
+        // Each pixel is the mean over its part of the file, or lies between its pixels where these are
+        // larger.
         let fine = (step.ceil() as usize).clamp(1, 32);
         let mut pixels = Vec::with_capacity(PIXELS * PIXELS);
         for row in 0..PIXELS {

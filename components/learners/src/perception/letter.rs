@@ -72,7 +72,8 @@ pub fn augmented(path: &DMatrix<f64>, amount: f64, random: &mut Pcg64) -> DMatri
     unit_extent(&DMatrix::from_fn(rows.len(), 2, |k, d| rows[k][d]))
 }
 
-/// The mean distance of the points of each curve from the other, of both ways: the symmetric Chamfer distance.
+/// The mean distance of the points of each curve from the other, of both ways: the symmetric Chamfer
+/// distance.
 pub fn chamfer(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     let one_way = |a: &DMatrix<f64>, b: &DMatrix<f64>| {
         let nearest = |row: usize| {

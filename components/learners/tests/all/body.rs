@@ -19,7 +19,8 @@ const NAMES: [&str; 12] = [
     "rhand_rx",
 ];
 
-/// Clips in deg: legs swing at one frequency, arms at another, each clip with phases and amplitudes of its own.
+/// Clips in deg: legs swing at one frequency, arms at another, each clip with phases and amplitudes of its
+/// own.
 fn clips() -> Recordings {
     let trajectories = (0..6)
         .map(|clip| {

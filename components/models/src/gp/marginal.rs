@@ -89,8 +89,8 @@ impl Marginal {
         Err(GpError::Factorisation { points: n, tried })
     }
 
-    /// Mean squared error of each pose predicted from all others, as part of the mean square of the targets, which
-    /// [`fit`](Self::fit) was called with.
+    /// Mean squared error of each pose predicted from all others, as part of the mean square of the targets,
+    /// which [`fit`](Self::fit) was called with.
     pub(crate) fn leave_one_out(&mut self, targets: &[f64]) -> f64 {
         let (n, stride) = (self.factor.size(), self.factor.stride());
         self.inverse.resize(stride * stride, 0.0);

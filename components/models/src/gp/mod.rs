@@ -119,8 +119,8 @@ pub struct Scratch {
 }
 
 impl GaussianProcess {
-    /// A process with a noise variance and data: `x` holds one point of `dimensions` a row, `y` one row of `outputs` a
-    /// point.
+    /// A process with a noise variance and data: `x` holds one point of `dimensions` a row, `y` one row of
+    /// `outputs` a point.
     ///
     /// # Errors
     /// When the data do not fit together, a value is not finite, or the covariance is not positive definite.
@@ -201,8 +201,8 @@ impl GaussianProcess {
     /// Takes over logarithms of hyperparameters, in the order of [`parameters`](Self::parameters).
     ///
     /// # Errors
-    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the process is then as
-    /// before.
+    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the
+    /// process is then as before.
     pub fn set_parameters(&mut self, logarithms: &[f64]) -> Result<(), GpError> {
         let before = self.parameters();
         if logarithms.len() != before.len() {
@@ -282,8 +282,8 @@ impl GaussianProcess {
     /// Adds a point in `O(N^2)`, with the hyperparameters as they are.
     ///
     /// # Errors
-    /// When a shape does not fit, a value is not finite, or the covariance is no longer positive definite. The process
-    /// is then as before.
+    /// When a shape does not fit, a value is not finite, or the covariance is no longer positive definite.
+    /// The process is then as before.
     pub fn push(&mut self, x: &[f64], y: &[f64]) -> Result<(), GpError> {
         if x.len() != self.points.dimensions() {
             return Err(GpError::Shape {
@@ -331,8 +331,8 @@ impl GaussianProcess {
         }
     }
 
-    /// Writes the mean of each output at a point and returns the variance of an observation, which all outputs share.
-    /// Does not allocate.
+    /// Writes the mean of each output at a point and returns the variance of an observation, which all
+    /// outputs share. Does not allocate.
     ///
     /// # Panics
     /// When `x`, `mean` or `scratch` do not fit; [`scratch`](Self::scratch) fits until a point is added.

@@ -1,4 +1,5 @@
-//! Sparse Gaussian processes: `O(N M^2)` with `M` inducing points, for more data than a full covariance allows.
+//! Sparse Gaussian processes: `O(N M^2)` with `M` inducing points, for more data than a full covariance
+//! allows.
 
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -13,8 +14,8 @@ use crate::optimise::{Minimum, Options, minimise};
 pub enum Approximation {
     /// Fully independent training conditional: `Q + diag(K - Q) + n I` (Snelson, Ghahramani, NIPS 2005).
     Fitc,
-    /// Variational free energy: `Q + n I`, and the penalty `tr(K - Q) / (2 n)`, an upper bound of the exact objective (Titsias,
-    /// AISTATS 2009).
+    /// Variational free energy: `Q + n I`, and the penalty `tr(K - Q) / (2 n)`, an upper bound of the exact
+    /// objective (Titsias, AISTATS 2009).
     Variational,
 }
 
@@ -55,7 +56,8 @@ pub struct SparseScratch {
     kernel: Vec<f64>,
 }
 
-/// Indices of points far from each other: first the one nearest to the mean, then always the farthest from those before.
+/// Indices of points far from each other: first the one nearest to the mean, then always the farthest from
+/// those before.
 fn spread(points: &Points, count: usize) -> Vec<usize> {
     let n = points.len();
     let deviation = |d: usize| {
@@ -87,12 +89,13 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
 }
 
 impl SparseGaussianProcess {
-    /// A process with a noise variance and data: `x` holds one point of `dimensions` a row, `y` one row of `outputs` a point.
-    /// `inducing` of the points, spread over all, are the inducing points; fewer where points repeat.
+    /// A process with a noise variance and data: `x` holds one point of `dimensions` a row, `y` one row of
+    /// `outputs` a point. `inducing` of the points, spread over all, are the inducing points; fewer where
+    /// points repeat.
     ///
     /// # Errors
-    /// When the data do not fit together, a value is not finite, `inducing` is 0 or above the number of points, or a covariance is
-    /// not positive definite.
+    /// When the data do not fit together, a value is not finite, `inducing` is 0 or above the number of
+    /// points, or a covariance is not positive definite.
     pub fn new(
         kernel: Kernel,
         noise: f64,
@@ -142,8 +145,8 @@ impl SparseGaussianProcess {
         self.inducing
     }
 
-    /// The objective at the present hyperparameters: the negative log marginal likelihood of the approximation, with the penalty of
-    /// the variational one.
+    /// The objective at the present hyperparameters: the negative log marginal likelihood of the
+    /// approximation, with the penalty of the variational one.
     pub fn objective(&self) -> f64 {
         self.fitted.energy
     }
@@ -312,8 +315,9 @@ impl Terms {
 
     /// Writes the gradient by the logarithms of the parameters.
     ///
-    /// With `S` the covariance of the approximation, `A = K_uu^-1 K_uf` and `G = (D S^-1 - sum a a^T) / 2`, `a = S^-1 y`: the slope by
-    /// `K_uf` is `2 A G'`, by `K_uu` `-A G' A^T`, where `G'` lacks the part of `G` that the diagonal of `K - Q` takes up.
+    /// With `S` the covariance of the approximation, `A = K_uu^-1 K_uf` and `G = (D S^-1 - sum a a^T) / 2`,
+    /// `a = S^-1 y`: the slope by `K_uf` is `2 A G'`, by `K_uu` `-A G' A^T`, where `G'` lacks the part of `G`
+    /// that the diagonal of `K - Q` takes up.
     fn gradient(
         &self,
         (kernel, noise): (&Kernel, f64),

@@ -10,8 +10,8 @@ use super::space::Scaling;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BackForm {
-    /// The standardised pose: each column is one latent dimension, or its leading principal components of unit
-    /// standard deviation where fewer dimensions are chosen. Training fits hyperparameters only.
+    /// The standardised pose: each column is one latent dimension, or its leading principal components of
+    /// unit standard deviation where fewer dimensions are chosen. Training fits hyperparameters only.
     Pose,
     /// Kernel regression with `exp(-gamma |y - y'|^2)`, `gamma = 0.2 / median |y - y'|^2`.
     Kernel,
@@ -39,8 +39,8 @@ pub(super) struct Back {
     gamma: f64,
     inputs: usize,
     latents: usize,
-    /// Kernel: `N` weights of each latent dimension. Network: `HIDDEN` rows of weights and bias, then `q` rows. Pose: `q`
-    /// rows of a projection.
+    /// Kernel: `N` weights of each latent dimension. Network: `HIDDEN` rows of weights and bias, then `q`
+    /// rows. Pose: `q` rows of a projection.
     pub(super) weights: Vec<f64>,
 }
 
@@ -50,7 +50,8 @@ pub(super) struct Prepared {
     matrix: Vec<f64>,
 }
 
-/// The identity, or the projection of poses (row by row) to their leading principal components of unit standard deviation.
+/// The identity, or the projection of poses (row by row) to their leading principal components of unit
+/// standard deviation.
 fn projection(rows: &[f64], inputs: usize, latents: usize) -> Vec<f64> {
     let n = rows.len() / inputs;
     let mut made = vec![0.0; latents * inputs];
@@ -119,7 +120,8 @@ impl Back {
                 (made, Prepared { matrix })
             }
             BackForm::Mlp => {
-                // fixed weights in [-1, 1] / sqrt(inputs), from the fractional parts of multiples of the golden ratio
+                // fixed weights in [-1, 1] / sqrt(inputs), from the fractional parts of multiples of the
+                // golden ratio
                 let scale = 1.0 / (inputs as f64).sqrt();
                 let draw = |i: usize| 2.0 * ((i + 1) as f64 * 0.618_033_988_749_894_9).fract() - 1.0;
                 let first = HIDDEN * (inputs + 1);

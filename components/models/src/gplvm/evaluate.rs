@@ -19,9 +19,9 @@ pub struct MethodError {
     pub deviation: f64,
 }
 
-/// Errors of the prediction of a robot's poses from a human's: each fold leaves out every `folds`th pose, and trains on
-/// the others. Methods: `latent` (a shared model of both), `gaussian_process` (directly from pose to pose), `ridge`,
-/// `nearest`, `mean`.
+/// Errors of the prediction of a robot's poses from a human's: each fold leaves out every `folds`th pose, and
+/// trains on the others. Methods: `latent` (a shared model of both), `gaussian_process` (directly from pose
+/// to pose), `ridge`, `nearest`, `mean`.
 ///
 /// # Errors
 /// When shapes do not fit, or `folds` is below 2 or above half of the poses.

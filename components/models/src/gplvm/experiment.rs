@@ -46,8 +46,8 @@ pub struct TransferResult {
 pub struct FewPoses {
     /// Number of poses.
     pub poses: usize,
-    /// Mean squared error of each method on held-out poses: `transferred` to the latent of `source`, `alone` (a model of
-    /// the human and the robot at these poses only), and the direct methods.
+    /// Mean squared error of each method on held-out poses: `transferred` to the latent of `source`, `alone`
+    /// (a model of the human and the robot at these poses only), and the direct methods.
     pub errors: Vec<(&'static str, Estimate)>,
 }
 
@@ -66,8 +66,8 @@ fn error_of(model: &LatentModel, robot: usize, human: &Poses, truth: &Poses) -> 
     squares / truth.values.len() as f64
 }
 
-/// Trains a model of the human and `source`, transfers `robot` to it, and trains another of the human and `robot`, on splits
-/// of their own: split `k` of `folds` holds out every `folds`th pose.
+/// Trains a model of the human and `source`, transfers `robot` to it, and trains another of the human and
+/// `robot`, on splits of their own: split `k` of `folds` holds out every `folds`th pose.
 ///
 /// # Errors
 /// When shapes do not fit, or `folds` is out of range.
@@ -105,8 +105,8 @@ pub fn transfer_and_training(
     Ok(TransferResult { transferred, trained, transfer_seconds, training_seconds })
 }
 
-/// Errors with few poses of the robot: in each split a fifth of the poses is held out, and the robot has `counts` of the
-/// others, drawn at random; the human and `source` have all of them.
+/// Errors with few poses of the robot: in each split a fifth of the poses is held out, and the robot has
+/// `counts` of the others, drawn at random; the human and `source` have all of them.
 ///
 /// # Errors
 /// When shapes do not fit, or a count is below 2 or above the number of poses of a split.

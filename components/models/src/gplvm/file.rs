@@ -1,7 +1,7 @@
 //! Models in a file.
 //!
-//! Two lines of text: `motorium-latent VERSION CHECKSUM`, where the checksum is the XXH3 of the second line as 16
-//! hexadecimal digits, and a JSON object:
+//! Two lines of text: `motorium-latent VERSION CHECKSUM`, where the checksum is the XXH3 of the second line
+//! as 16 hexadecimal digits, and a JSON object:
 //!
 //! | key | value |
 //! |---|---|

@@ -17,9 +17,9 @@ impl LatentModel {
         Scratch { row: vec![0.0; self.poses()] }
     }
 
-    /// Writes the mean pose of a space at a latent point, and each column's variance of an observation. Returns the part of
-    /// the kernel's variance that the training poses leave open: 0 where they determine the pose, 1 far from all of them.
-    /// Does not allocate.
+    /// Writes the mean pose of a space at a latent point, and each column's variance of an observation.
+    /// Returns the part of the kernel's variance that the training poses leave open: 0 where they determine
+    /// the pose, 1 far from all of them. Does not allocate.
     ///
     /// # Panics
     /// When the space does not exist or a slice does not fit.
@@ -60,7 +60,8 @@ impl LatentModel {
         crate::kernel::stationary_row(&space.kernel, x, &self.points, row);
     }
 
-    /// The latent point of a new pose: by the back constraint if the space has one, else by [`infer`](Self::infer).
+    /// The latent point of a new pose: by the back constraint if the space has one, else by
+    /// [`infer`](Self::infer).
     ///
     /// # Panics
     /// When the space does not exist or the pose has another number of columns.
@@ -89,8 +90,8 @@ impl LatentModel {
         true
     }
 
-    /// The latent point that minimises `D ln s(x) / 2 + |y - m(x)|^2 / (2 s(x)) + |x|^2 / 2` for a new pose `y`, by
-    /// L-BFGS from the latent of the nearest training pose.
+    /// The latent point that minimises `D ln s(x) / 2 + |y - m(x)|^2 / (2 s(x)) + |x|^2 / 2` for a new pose
+    /// `y`, by L-BFGS from the latent of the nearest training pose.
     ///
     /// # Panics
     /// When the space does not exist or the pose has another number of columns.

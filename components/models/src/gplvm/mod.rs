@@ -1,21 +1,22 @@
 //! Latent spaces shared by a human and any number of robots (shared Gaussian process latent variable models).
 //!
-//! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of one latent `X` with `N` rows and `q`
-//! columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an RBF kernel with one length scale for
-//! each latent dimension and noise. Training minimises `sum_i E_i + |X|^2 / 2` by L-BFGS with analytic gradients, from
-//! the principal components of the first space.
+//! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of one latent `X` with `N` rows
+//! and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an RBF kernel with
+//! one length scale for each latent dimension and noise. Training minimises `sum_i E_i + |X|^2 / 2` by L-BFGS
+//! with analytic gradients, from the principal components of the first space.
 //!
-//! **Back constraints** make the latent a function of one space's poses: the standardised pose itself (the default), a
-//! kernel regression, or a network with one hidden layer. A new pose then maps to a latent point directly. Where the latent
-//! is the pose, the spaces share no unknowns, so each is fitted alone, as in a transfer.
+//! **Back constraints** make the latent a function of one space's poses: the standardised pose itself (the
+//! default), a kernel regression, or a network with one hidden layer. A new pose then maps to a latent point
+//! directly. Where the latent is the pose, the spaces share no unknowns, so each is fitted alone, as in a
+//! transfer.
 //!
 //! **Transfer** adds a robot to a trained model: `X` and all other spaces stay, and only the robot's `q + 2`
 //! hyperparameters are fitted, from three starts.
 //!
-//! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent variable
-//! models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM through back
-//! constraints*, ICML 2006; Ek, Torr, Lawrence, *Gaussian process latent variable models for human pose estimation*,
-//! MLMI 2007.
+//! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent
+//! variable models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM
+//! through back constraints*, ICML 2006; Ek, Torr, Lawrence, *Gaussian process latent variable models for
+//! human pose estimation*, MLMI 2007.
 
 mod back;
 mod evaluate;

@@ -24,10 +24,11 @@ pub struct Transferred {
     pub starts: Vec<f64>,
     /// The best start.
     pub minimum: Minimum,
-    /// Mean squared error of each pose predicted from the latent points of all others, as part of the variance.
+    /// Mean squared error of each pose predicted from the latent points of all others, as part of the
+    /// variance.
     pub left_out: f64,
-    /// Present when the noise is more than half of the variance, or `left_out` more than 0.8: the space hardly follows
-    /// the latent.
+    /// Present when the noise is more than half of the variance, or `left_out` more than 0.8: the space
+    /// hardly follows the latent.
     pub warning: Option<String>,
 }
 
@@ -43,7 +44,8 @@ pub(super) struct Fitted {
 
 /// Share of the noise above which a transfer warns.
 const NOISY: f64 = 0.5;
-/// Error of poses that are left out above which a transfer warns: short length scales fit noise as well as noise does.
+/// Error of poses that are left out above which a transfer warns: short length scales fit noise as well as
+/// noise does.
 const UNPREDICTABLE: f64 = 0.8;
 
 pub(super) fn find(spaces: &[Space], name: &str) -> Result<usize, LatentError> {
@@ -119,10 +121,12 @@ impl LatentModel {
         self.spaces[space].parameters()
     }
 
-    /// Takes over logarithms of the hyperparameters of a space, in the order of [`parameters`](Self::parameters).
+    /// Takes over logarithms of the hyperparameters of a space, in the order of
+    /// [`parameters`](Self::parameters).
     ///
     /// # Errors
-    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the model is then as before.
+    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the
+    /// model is then as before.
     ///
     /// # Panics
     /// When the space does not exist.
@@ -147,8 +151,8 @@ impl LatentModel {
         self.back.as_ref().map(|back| &self.spaces[back.space])
     }
 
-    /// The model at its first poses only, with the same latent points, hyperparameters and back constraint: a robot of which
-    /// only these poses are known can be added.
+    /// The model at its first poses only, with the same latent points, hyperparameters and back constraint: a
+    /// robot of which only these poses are known can be added.
     ///
     /// # Errors
     /// When the number of poses is out of range.
@@ -166,9 +170,10 @@ impl LatentModel {
         Self::assemble(points, spaces, self.back.clone())
     }
 
-    /// Adds a robot with the latent and all other spaces fixed. Three starts: the hyperparameters of the last space; the
-    /// latent's standard deviations as length scales with noise 0.01; these divided by e with noise 0.1. Where the latent
-    /// is the pose itself ([`BackForm::Pose`]), the latter two are longer by the root of the number of its dimensions.
+    /// Adds a robot with the latent and all other spaces fixed. Three starts: the hyperparameters of the last
+    /// space; the latent's standard deviations as length scales with noise 0.01; these divided by e with
+    /// noise 0.1. Where the latent is the pose itself ([`BackForm::Pose`]), the latter two are longer by the
+    /// root of the number of its dimensions.
     ///
     /// # Errors
     /// When the poses do not fit the model or no start has a positive definite covariance.

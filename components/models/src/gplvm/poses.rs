@@ -1,7 +1,7 @@
 //! Poses from CSV files.
 //!
-//! The first line names the columns, separated by commas; each further line is a pose. The columns `clip`, `frame` and
-//! `key` are labels and are skipped. Line `i` of every file of a folder is the same instant.
+//! The first line names the columns, separated by commas; each further line is a pose. The columns `clip`,
+//! `frame` and `key` are labels and are skipped. Line `i` of every file of a folder is the same instant.
 
 use std::path::Path;
 

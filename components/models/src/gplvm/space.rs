@@ -26,8 +26,8 @@ pub struct Space {
     pub columns: Vec<String>,
     /// Mean of each column.
     pub mean: Vec<f64>,
-    /// Standard deviation of each column, 1 where a column is constant; the root of the mean variance of all columns where
-    /// the latent is a pose.
+    /// Standard deviation of each column, 1 where a column is constant; the root of the mean variance of all
+    /// columns where the latent is a pose.
     pub scale: Vec<f64>,
     /// Kernel from the latent to the standardised poses.
     pub kernel: Stationary,
@@ -94,7 +94,8 @@ impl Space {
         self.targets.len() / self.mean.len()
     }
 
-    /// Part of the noise in the variance that the model explains: near 1, the space does not follow the latent.
+    /// Part of the noise in the variance that the model explains: near 1, the space does not follow the
+    /// latent.
     pub fn noise_share(&self) -> f64 {
         self.noise / (self.noise + self.kernel.variance)
     }

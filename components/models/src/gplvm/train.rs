@@ -16,8 +16,8 @@ pub struct Settings {
     /// Dimensions of the latent, 1 or more. Default: the columns of the space of a back constraint of
     /// [`BackForm::Pose`], else 6.
     pub latents: Option<usize>,
-    /// A back constraint: the name of the space whose poses the latent is a function of, and the function. Default: the
-    /// pose of the space `human`, which has the least errors on held-out poses.
+    /// A back constraint: the name of the space whose poses the latent is a function of, and the function.
+    /// Default: the pose of the space `human`, which has the least errors on held-out poses.
     pub back: Option<(String, BackForm)>,
     /// Standard-normal prior on the latent, which is constant where the latent is a pose. Default: true.
     pub prior: bool,
@@ -231,8 +231,9 @@ impl LatentModel {
         Ok((model, Trained { start, minimum: sum }))
     }
 
-    /// The objective of one space at a latent (row by row), without a prior, and its gradients: by the latent, row by
-    /// row, and by the logarithms of variance, length scales and noise. `targets` is not standardised.
+    /// The objective of one space at a latent (row by row), without a prior, and its gradients: by the
+    /// latent, row by row, and by the logarithms of variance, length scales and noise. `targets` is not
+    /// standardised.
     ///
     /// # Errors
     /// When the covariance is not positive definite.

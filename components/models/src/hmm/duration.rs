@@ -4,10 +4,10 @@ use super::{Hmm, HmmError, check_distribution};
 
 /// A hidden Markov model whose states last for explicit numbers of observations.
 ///
-/// `P(d | s)` is a table for each state, from 1 observation to a longest duration; the rest is the probability of longer
-/// stays. A state is entered by the transitions of the model it was made of, without those to itself. The last stay of a sequence may
-/// be cut off: it counts with the probability of at least its length. Reference: Yu, *Hidden semi-Markov models*, Artificial
-/// Intelligence 174, 2010.
+/// `P(d | s)` is a table for each state, from 1 observation to a longest duration; the rest is the
+/// probability of longer stays. A state is entered by the transitions of the model it was made of, without
+/// those to itself. The last stay of a sequence may be cut off: it counts with the probability of at least
+/// its length. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174, 2010.
 #[derive(Clone, Debug)]
 pub struct Hsmm {
     model: Hmm,
@@ -33,7 +33,8 @@ fn add(a: f64, b: f64) -> f64 {
 }
 
 impl Hsmm {
-    /// A model with the states of `model` and a table of durations, one row a state, each row as long as the longest duration.
+    /// A model with the states of `model` and a table of durations, one row a state, each row as long as the
+    /// longest duration.
     ///
     /// # Errors
     /// When the table does not fit, or a row is no part of a distribution.
@@ -132,8 +133,8 @@ impl Hsmm {
         Ok(sums)
     }
 
-    /// Values of stays that end at each row: visits `(end, state, begin, value)` in the order of ends, and takes the value of ending
-    /// there from `ended`.
+    /// Values of stays that end at each row: visits `(end, state, begin, value)` in the order of ends, and
+    /// takes the value of ending there from `ended`.
     fn stays(
         &self,
         sequence: &[f64],
@@ -187,7 +188,8 @@ impl Hsmm {
     pub fn viterbi(&self, sequence: &[f64]) -> Result<(f64, Vec<usize>), HmmError> {
         let k = self.model.states();
         let n = sequence.len() / self.model.dimensions().max(1);
-        // where the best stay that ends at a row began, and the state that the best path to an entry came from
+        // where the best stay that ends at a row began, and the state that the best path to an entry came
+        // from
         let mut begins = vec![0; (n + 1) * k];
         let mut origins = vec![0; (n + 1) * k];
         let mut final_state = 0;
@@ -219,9 +221,10 @@ impl Hsmm {
         Ok((value, path))
     }
 
-    /// Fits observations, transitions and normal durations to the most probable paths of some sequences, until the joint
-    /// log-probability rises by less than `tolerance` or falls, which the floors of variances and durations allow. Returns the
-    /// joint log-probability before each iteration. Stays that are cut off count with their length.
+    /// Fits observations, transitions and normal durations to the most probable paths of some sequences,
+    /// until the joint log-probability rises by less than `tolerance` or falls, which the floors of variances
+    /// and durations allow. Returns the joint log-probability before each iteration. Stays that are cut off
+    /// count with their length.
     ///
     /// # Errors
     /// When a sequence does not fit or is impossible, or a covariance is no longer positive definite.
@@ -268,7 +271,8 @@ impl Hsmm {
             let n = lengths.len() as f64;
             let mean = lengths.iter().sum::<f64>() / n;
             let variance = lengths.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / n;
-            // one movement says nothing about how durations vary: a tenth of the mean, at least half an observation
+            // one movement says nothing about how durations vary: a tenth of the mean, at least half an
+            // observation
             let deviation = variance.sqrt().max(0.1 * mean).max(0.5);
             row.iter_mut()
                 .enumerate()

@@ -1,13 +1,14 @@
 //! Hidden Markov and semi-Markov models with Gaussian observations.
 //!
-//! A chain of `K` states: `P(s_1 = i) = pi_i`, `P(s_{t+1} = j | s_t = i) = A_ij`, `y_t | s_t ~ N(m_s, C_s)`. The scaled
-//! forward-backward recursion gives the likelihood and the E-step, [`viterbi`](Hmm::viterbi) the most probable path. A
-//! **left-right** model starts in the first state and moves to the same or the next state only; entries of `A` that are
-//! 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov models and selected applications in speech
-//! recognition*, Proc. IEEE 77, 1989.
+//! A chain of `K` states: `P(s_1 = i) = pi_i`, `P(s_{t+1} = j | s_t = i) = A_ij`, `y_t | s_t ~ N(m_s, C_s)`.
+//! The scaled forward-backward recursion gives the likelihood and the E-step, [`viterbi`](Hmm::viterbi) the
+//! most probable path. A **left-right** model starts in the first state and moves to the same or the next
+//! state only; entries of `A` that are 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov
+//! models and selected applications in speech recognition*, Proc. IEEE 77, 1989.
 //!
-//! [`Hsmm`] gives the time in a state an explicit distribution. Movements are reproduced by [`Regression`] (conditional means of some
-//! columns given others) and by [`Tracker`] (a linear quadratic regulator that follows the states as closely as they are precise).
+//! [`Hsmm`] gives the time in a state an explicit distribution. Movements are reproduced by [`Regression`]
+//! (conditional means of some columns given others) and by [`Tracker`] (a linear quadratic regulator that
+//! follows the states as closely as they are precise).
 //!
 //! ```
 //! use motorium_models::hmm::{Hmm, Shape};
@@ -96,8 +97,8 @@ fn check_distribution(what: impl Fn() -> String, values: &[f64]) -> Result<(), H
 }
 
 impl Hmm {
-    /// A model from its parameters: start probabilities of the states, transitions row by row, means row by row, and one
-    /// covariance matrix a state, row by row.
+    /// A model from its parameters: start probabilities of the states, transitions row by row, means row by
+    /// row, and one covariance matrix a state, row by row.
     ///
     /// # Errors
     /// When lengths do not fit, a distribution is invalid, or a covariance is not positive definite.
@@ -137,8 +138,8 @@ impl Hmm {
         Ok(Self { start, transitions, gaussians, shape, dimensions: d, floor: 0.0 })
     }
 
-    /// A left-right model whose states are equal parts of each movement. The floor of variances is 1e-6 of the data's
-    /// mean variance.
+    /// A left-right model whose states are equal parts of each movement. The floor of variances is 1e-6 of
+    /// the data's mean variance.
     ///
     /// # Errors
     /// When a movement is shorter than the number of states or its length is not a multiple of `dimensions`.

@@ -1,4 +1,5 @@
-//! Reproduction of movements: conditional means of the observations, and tracking by a linear quadratic regulator.
+//! Reproduction of movements: conditional means of the observations, and tracking by a linear quadratic
+//! regulator.
 
 use motorium_algebra::Cholesky;
 use nalgebra::{DMatrix, DVector};
@@ -7,9 +8,9 @@ use super::{Hmm, HmmError};
 
 /// Gaussian mixture regression with the states of a model: some columns of an observation, given others.
 ///
-/// `h_i ~ P(s_t = i | inputs so far)` from the forward recursion on the input columns, and
-/// `y = sum_i h_i (m_i^o + C_i^oi (C_i^ii)^-1 (x - m_i^i))`. Reference: Calinon and others, *Learning and reproduction of gestures by
-/// imitation*, IEEE RAM 17, 2010.
+/// `h_i ~ P(s_t = i | inputs so far)` from the forward recursion on the input columns, and `y = sum_i h_i
+/// (m_i^o + C_i^oi (C_i^ii)^-1 (x - m_i^i))`. Reference: Calinon and others, *Learning and reproduction of
+/// gestures by imitation*, IEEE RAM 17, 2010.
 #[derive(Clone, Debug)]
 pub struct Regression {
     inputs: Vec<usize>,
@@ -24,8 +25,8 @@ impl Regression {
     /// Outputs are all columns that are no input.
     ///
     /// # Errors
-    /// When `inputs` is empty, names a column twice or one that does not exist, or leaves no output; or a covariance of the inputs is
-    /// not positive definite.
+    /// When `inputs` is empty, names a column twice or one that does not exist, or leaves no output; or a
+    /// covariance of the inputs is not positive definite.
     pub fn new(model: &Hmm, inputs: &[usize]) -> Result<Self, HmmError> {
         let (k, d) = (model.states(), model.dimensions());
         let outputs: Vec<usize> = (0..d).filter(|column| !inputs.contains(column)).collect();
@@ -89,10 +90,12 @@ impl Regression {
     }
 }
 
-/// Follows a path of states by a double integrator, closely where a state is precise and loosely where it is not.
+/// Follows a path of states by a double integrator, closely where a state is precise and loosely where it is
+/// not.
 ///
-/// `min sum_t (y_t - m_s)^T C_s^-1 (y_t - m_s) + r |u_t|^2` with `y'' = u`, sampled at `dt`, by the backward Riccati recursion. Reference:
-/// Calinon, *A tutorial on task-parameterized movement learning and retrieval*, Intelligent Service Robotics 9, 2016.
+/// `min sum_t (y_t - m_s)^T C_s^-1 (y_t - m_s) + r |u_t|^2` with `y'' = u`, sampled at `dt`, by the backward
+/// Riccati recursion. Reference: Calinon, *A tutorial on task-parameterized movement learning and retrieval*,
+/// Intelligent Service Robotics 9, 2016.
 #[derive(Clone, Debug)]
 pub struct Tracker {
     dimensions: usize,
@@ -102,10 +105,12 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// The regulator of a path, with the weight `effort` of squared accelerations, in s^4 per unit of the data squared.
+    /// The regulator of a path, with the weight `effort` of squared accelerations, in s^4 per unit of the
+    /// data squared.
     ///
     /// # Errors
-    /// When the path is empty or names a state that does not exist, or `dt` or `effort` is not positive and finite.
+    /// When the path is empty or names a state that does not exist, or `dt` or `effort` is not positive and
+    /// finite.
     pub fn new(model: &Hmm, path: &[usize], dt: f64, effort: f64) -> Result<Self, HmmError> {
         let d = model.dimensions();
         if let Some(state) = path.iter().find(|state| **state >= model.states()) {

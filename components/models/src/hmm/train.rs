@@ -100,12 +100,12 @@ impl Hmm {
         Ok(likelihood)
     }
 
-    /// Expectation maximisation over some sequences, until an iteration raises the log-likelihood by less than
-    /// `tolerance`. Returns the log-likelihood before each iteration.
+    /// Expectation maximisation over some sequences, until an iteration raises the log-likelihood by less
+    /// than `tolerance`. Returns the log-likelihood before each iteration.
     ///
     /// # Errors
-    /// When a sequence does not fit or is impossible, or a covariance is no longer positive definite. The model is then
-    /// as after the last whole iteration.
+    /// When a sequence does not fit or is impossible, or a covariance is no longer positive definite. The
+    /// model is then as after the last whole iteration.
     pub fn train(
         &mut self,
         sequences: &[&[f64]],
@@ -136,8 +136,8 @@ impl Hmm {
         Ok(history)
     }
 
-    /// The model whose observations, transitions and start are the moments of sequences with known states. States that are never
-    /// visited, and transitions from them, stay.
+    /// The model whose observations, transitions and start are the moments of sequences with known states.
+    /// States that are never visited, and transitions from them, stay.
     pub(super) fn segmented(&self, sequences: &[&[f64]], paths: &[Vec<usize>]) -> Result<Self, HmmError> {
         let (k, d) = (self.states(), self.dimensions());
         let mut made = self.clone();

@@ -21,8 +21,8 @@ pub struct Convolution {
 }
 
 impl Convolution {
-    /// A convolution whose patch at each of `positions` outputs has its numbers at `offsets` of a group's channels
-    /// (`group_size` numbers).
+    /// A convolution whose patch at each of `positions` outputs has its numbers at `offsets` of a group's
+    /// channels (`group_size` numbers).
     pub(crate) fn new(groups: Vec<Packed>, offsets: Vec<u32>, group_size: usize, positions: usize) -> Self {
         let outputs = groups.first().map_or(0, Packed::outputs);
         let (patches, products) = (vec![0.0; offsets.len()], vec![0.0; positions * outputs]);

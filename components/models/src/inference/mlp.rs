@@ -19,8 +19,8 @@ pub struct LayerSizeError {
 }
 
 impl Program {
-    /// A multilayer perceptron on rows of `inputs` numbers. Each layer is its weights (outputs x inputs, row by row)
-    /// and its bias; `activation` stands between layers, and not behind the last.
+    /// A multilayer perceptron on rows of `inputs` numbers. Each layer is its weights (outputs x inputs, row
+    /// by row) and its bias; `activation` stands between layers, and not behind the last.
     ///
     /// # Errors
     ///

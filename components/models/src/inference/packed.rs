@@ -11,8 +11,9 @@ const LINE: usize = 16;
 
 /// Weights and bias of a linear map, in panels of outputs, each panel with its inputs in order.
 ///
-/// Every output is its bias plus the products in the order of the inputs, each rounded once (fused multiply-add). The
-/// lanes of a vector hold different outputs, so the bits depend neither on the number of rows nor on the processor.
+/// Every output is its bias plus the products in the order of the inputs, each rounded once (fused
+/// multiply-add). The lanes of a vector hold different outputs, so the bits depend neither on the number of
+/// rows nor on the processor.
 #[derive(Debug)]
 pub struct Packed {
     inputs: usize,
@@ -89,8 +90,8 @@ impl Packed {
         self.outputs
     }
 
-    /// Multiplies each row of `input` (rows of [`inputs`](Self::inputs) numbers) into a row of `output`. The shorter
-    /// of both determines the number of rows.
+    /// Multiplies each row of `input` (rows of [`inputs`](Self::inputs) numbers) into a row of `output`. The
+    /// shorter of both determines the number of rows.
     pub fn apply(&self, input: &[f32], output: &mut [f32]) {
         if self.outputs == 0 {
             return;

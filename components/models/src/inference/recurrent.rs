@@ -76,8 +76,8 @@ impl Direction {
         }
     }
 
-    /// Runs over a sequence (steps, batch, inputs) from a state (batch, hidden), or from 0; calls `record` with each
-    /// step and its state.
+    /// Runs over a sequence (steps, batch, inputs) from a state (batch, hidden), or from 0; calls `record`
+    /// with each step and its state.
     pub fn run(
         &mut self,
         (arch, sequence): (Arch, Sequence),

@@ -4,9 +4,9 @@ use super::stationary::{self, Profile};
 use super::{Kernel, Points};
 
 impl Kernel {
-    /// Adds the gradients of `sum_b weights[b] k(x_a, x_b)` for point `a` and the points `b >= a`: by the logarithms of
-    /// the parameters to `parameters`, and by the points to `by_points` (dimension by dimension) if given. `values` is
-    /// the row of the covariances.
+    /// Adds the gradients of `sum_b weights[b] k(x_a, x_b)` for point `a` and the points `b >= a`: by the
+    /// logarithms of the parameters to `parameters`, and by the points to `by_points` (dimension by
+    /// dimension) if given. `values` is the row of the covariances.
     ///
     /// # Panics
     /// When a slice is too short.

@@ -12,9 +12,9 @@
 //! | bias | `s` |
 //! | white | `s` of a point with itself, else 0 |
 //!
-//! Parameters are the logarithms of variances, length scales and periods, in this order; the parameters of sums and
-//! products are their parts' parameters, one after the other. Reference: Rasmussen, Williams, *Gaussian Processes for
-//! Machine Learning*, chapter 4.
+//! Parameters are the logarithms of variances, length scales and periods, in this order; the parameters of
+//! sums and products are their parts' parameters, one after the other. Reference: Rasmussen, Williams,
+//! *Gaussian Processes for Machine Learning*, chapter 4.
 
 mod gradient;
 mod points;
@@ -58,7 +58,8 @@ pub enum Kernel {
 pub struct Stationary {
     /// Variance.
     pub variance: f64,
-    /// Length scales in units of the input: one for all dimensions, or one for each (automatic relevance determination).
+    /// Length scales in units of the input: one for all dimensions, or one for each (automatic relevance
+    /// determination).
     pub lengths: Vec<f64>,
 }
 
@@ -158,8 +159,8 @@ impl Kernel {
         }
     }
 
-    /// Writes the covariances of `query` with the points from `first` on to `out`. `own` is the index of the query
-    /// among the points, if it is one of them. Does not allocate.
+    /// Writes the covariances of `query` with the points from `first` on to `out`. `own` is the index of the
+    /// query among the points, if it is one of them. Does not allocate.
     ///
     /// # Panics
     /// When `scratch` holds fewer than [`scratch_rows`](Self::scratch_rows) rows as long as `out`.

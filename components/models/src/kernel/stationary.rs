@@ -110,9 +110,9 @@ fn derivatives(
     }
 }
 
-/// Adds the gradients of `sum_b weights[b] k(query, points[first + b])`: by the logarithms of the parameters to
-/// `parameters`, by the points to `by_points` (dimension by dimension, `points.len()` each), where the query is point
-/// `first`.
+/// Adds the gradients of `sum_b weights[b] k(query, points[first + b])`: by the logarithms of the parameters
+/// to `parameters`, by the points to `by_points` (dimension by dimension, `points.len()` each), where the
+/// query is point `first`.
 #[expect(clippy::too_many_arguments, reason = "the pieces of one loop")]
 pub(super) fn gradient(
     profile: Profile,

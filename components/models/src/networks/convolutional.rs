@@ -68,8 +68,8 @@ impl ConvolutionalNetwork {
         self.layers.iter().map(|layer| (&layer.weights, &layer.bias))
     }
 
-    /// A network of given layers, such as those of [`layers`](Self::layers); `None` if their sizes are not those of such a
-    /// network.
+    /// A network of given layers, such as those of [`layers`](Self::layers); `None` if their sizes are not
+    /// those of such a network.
     pub fn from_layers(layers: [Layer; 4]) -> Option<Self> {
         let outputs = layers[3].0.nrows();
         let fits =

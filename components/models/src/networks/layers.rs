@@ -111,8 +111,8 @@ pub(super) fn from_patches(
     input
 }
 
-/// The largest of each 2 x 2 places: from `channels` rows and one column a place to one column a sample; and where they
-/// were (offset in the input), for the way back.
+/// The largest of each 2 x 2 places: from `channels` rows and one column a place to one column a sample; and
+/// where they were (offset in the input), for the way back.
 pub(super) fn pool(input: &DMatrix<f32>, side: usize) -> (DMatrix<f32>, Vec<u32>) {
     let (channels, half) = (input.nrows(), side / 2);
     let samples = input.ncols() / (side * side);

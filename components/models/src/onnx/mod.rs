@@ -1,12 +1,14 @@
 //! Networks in the ONNX format.
 //!
-//! A file is read into a [`Model`], which [compiles](Model::program) into a [`Program`](crate::inference::Program) for
-//! given input shapes: shapes are folded, weights packed, and all buffers allocated.
+//! A file is read into a [`Model`], which [compiles](Model::program) into a
+//! [`Program`](crate::inference::Program) for given input shapes: shapes are folded, weights packed, and all
+//! buffers allocated.
 //!
-//! Operators: Add, BatchNormalization, Cast, Clip, Concat, Constant, Conv, Div, Elu, Expand, Flatten, GRU, Gather, Gemm,
-//! GlobalAveragePool, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, MaxPool, Mul, Pow, ReduceMean, Relu, Reshape,
-//! Shape, Sigmoid, Slice, Softmax, Softplus, Softsign, Split, Sqrt, Squeeze, Sub, Tanh, Transpose, Unsqueeze. Anything else
-//! is an error that names the node. Source: the ONNX operator specification, operator sets 7 to 23.
+//! Operators: Add, BatchNormalization, Cast, Clip, Concat, Constant, Conv, Div, Elu, Expand, Flatten, GRU,
+//! Gather, Gemm, GlobalAveragePool, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, MaxPool, Mul, Pow,
+//! ReduceMean, Relu, Reshape, Shape, Sigmoid, Slice, Softmax, Softplus, Softsign, Split, Sqrt, Squeeze, Sub,
+//! Tanh, Transpose, Unsqueeze. Anything else is an error that names the node. Source: the ONNX operator
+//! specification, operator sets 7 to 23.
 
 mod compile;
 mod elementwise;
@@ -157,7 +159,8 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`OnnxError`] that names the input that does not fit, or the node which is not supported or does not fit.
+    /// [`OnnxError`] that names the input that does not fit, or the node which is not supported or does not
+    /// fit.
     pub fn program_with(&self, shapes: &[Vec<usize>]) -> Result<Program, OnnxError> {
         compile::compile(&self.proto, &self.inputs(), shapes)
     }

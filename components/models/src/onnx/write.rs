@@ -120,8 +120,8 @@ fn dense(
     (name, width)
 }
 
-/// Bytes of an ONNX file with a multilayer perceptron: input `obs` (rows, `inputs`), output `actions`. Each layer is its
-/// weights (outputs x inputs, row by row) and its bias; `activation` stands between layers.
+/// Bytes of an ONNX file with a multilayer perceptron: input `obs` (rows, `inputs`), output `actions`. Each
+/// layer is its weights (outputs x inputs, row by row) and its bias; `activation` stands between layers.
 ///
 /// ```
 /// use motorium_models::{inference::Unary, onnx};
@@ -150,7 +150,8 @@ pub fn write_mlp(
     model(graph, metadata)
 }
 
-/// A layer of gated recurrent units (update, reset, candidate; the reset gate scales the recurrent product, as in PyTorch).
+/// A layer of gated recurrent units (update, reset, candidate; the reset gate scales the recurrent product,
+/// as in PyTorch).
 #[derive(Clone, Debug, PartialEq)]
 pub struct GruLayer {
     /// Number of inputs.
@@ -165,8 +166,8 @@ pub struct GruLayer {
     pub bias: Vec<f32>,
 }
 
-/// Bytes of an ONNX file with a GRU and dense layers behind it, one step a run: inputs `obs` (rows, inputs) and `h_in`
-/// (1, rows, hidden), outputs `actions` and `h_out`.
+/// Bytes of an ONNX file with a GRU and dense layers behind it, one step a run: inputs `obs` (rows, inputs)
+/// and `h_in` (1, rows, hidden), outputs `actions` and `h_out`.
 pub fn write_gru(
     gru: &GruLayer,
     layers: &[(Vec<f32>, Vec<f32>)],

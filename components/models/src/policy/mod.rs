@@ -1,6 +1,7 @@
 //! The folder of a trained policy: `policy.toml` beside its network.
 //!
-//! The file names the joints of the action, so that a robot with another joint order gets each number at the right joint:
+//! The file names the joints of the action, so that a robot with another joint order gets each number at the
+//! right joint:
 //!
 //! ```
 //! use motorium_models::policy::Policy;
@@ -277,8 +278,8 @@ impl Policy {
         })
     }
 
-    /// Maps actions to the joints of a robot, in its order. Joints of the robot that the policy does not command are
-    /// left alone.
+    /// Maps actions to the joints of a robot, in its order. Joints of the robot that the policy does not
+    /// command are left alone.
     ///
     /// # Errors
     ///

@@ -1,4 +1,5 @@
-//! Measurements; run alone and optimised: `cargo test --release -p motorium-models timing -- --ignored --nocapture`.
+//! Measurements; run alone and optimised: `cargo test --release -p motorium-models timing -- --ignored
+//! --nocapture`.
 
 use motorium_models::gp::GaussianProcess;
 use motorium_models::gplvm::{BackForm, LatentModel, Settings, SpaceData};

@@ -76,7 +76,8 @@ impl Actuators {
         settings
     }
 
-    /// Takes over other settings of the actuators there are, whose networks stay; effort, heat and what is under way stay as they are.
+    /// Takes over other settings of the actuators there are, whose networks stay; effort, heat and what is
+    /// under way stay as they are.
     pub(super) fn set_settings(
         &mut self,
         settings: &[Option<ActuatorSettings>],
@@ -125,7 +126,8 @@ impl Actuators {
             driven.acting = driven.delay.acting(commands[driven.joint]);
             let Driven { acting, next, measured, network, .. } = driven;
             let Some(network) = network else { continue };
-            // The drive measures its motor. A command without `kp` asks for no position: there is no error then.
+            // The drive measures its motor. A command without `kp` asks for no position: there is no error
+            // then.
             let Motor { position, velocity } = next.motor().unwrap_or(joint);
             let error = if acting.kp > 0.0 { acting.position - position } else { 0.0 };
             *measured = [error, velocity];
@@ -135,8 +137,8 @@ impl Actuators {
         }
     }
 
-    /// The commands of an integration step of `h` \[s\] that begins with the joint positions `q` and velocities `v`, as far as the
-    /// actuators pass them on, and the bounds of the efforts in it.
+    /// The commands of an integration step of `h` \[s\] that begins with the joint positions `q` and
+    /// velocities `v`, as far as the actuators pass them on, and the bounds of the efforts in it.
     pub(super) fn pass<'a>(
         &'a mut self,
         commands: &'a [JointCommand],
@@ -198,7 +200,8 @@ impl Actuators {
         ActuatorsState(self.joints.iter().map(saved).collect())
     }
 
-    /// Goes back to a saved state; `false` where it is that of other actuators. Effort limits and settings stay: they are no state.
+    /// Goes back to a saved state; `false` where it is that of other actuators. Effort limits and settings
+    /// stay: they are no state.
     pub(super) fn restore(&mut self, state: &ActuatorsState) -> bool {
         let fits = state.0.len() == self.joints.len();
         if fits {

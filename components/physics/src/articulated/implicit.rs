@@ -1,4 +1,5 @@
-//! The end velocity of an integration step: drives, friction, stops and external impulses that all depend on it.
+//! The end velocity of an integration step: drives, friction, stops and external impulses that all depend on
+//! it.
 
 use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;
@@ -74,7 +75,8 @@ impl ImplicitSolver {
         fits
     }
 
-    /// Begins a step: the laws of all joints, those of a step of the midpoint rule where `middle` has the positions there.
+    /// Begins a step: the laws of all joints, those of a step of the midpoint rule where `middle` has the
+    /// positions there.
     pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),
@@ -99,8 +101,8 @@ impl ImplicitSolver {
         }
     }
 
-    /// True where the end velocity `x`, with the external impulses, confirms the modes; otherwise they become those that
-    /// it points to.
+    /// True where the end velocity `x`, with the external impulses, confirms the modes; otherwise they become
+    /// those that it points to.
     pub(super) fn confirm(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {
         // A velocity that a mode fixes stays exact.
         for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x.iter_mut()) {
@@ -136,8 +138,8 @@ impl ImplicitSolver {
         events
     }
 
-    /// The end velocity of the current modes without external impulses, into `x` (nv): a linear system, which joints with
-    /// a fixed velocity leave.
+    /// The end velocity of the current modes without external impulses, into `x` (nv): a linear system, which
+    /// joints with a fixed velocity leave.
     pub(super) fn solve_modes(&mut self, start: &Start<'_>, x: &mut [f64]) -> Result<(), Singular> {
         self.system.copy_from(start.mass);
         for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
@@ -169,8 +171,9 @@ impl ImplicitSolver {
         Ok(())
     }
 
-    /// Gauss-Seidel on the joints, each solved exactly: slower than the active set, but it always converges because the
-    /// problem is convex. External impulses stay as they were last. The next step starts with fresh modes.
+    /// Gauss-Seidel on the joints, each solved exactly: slower than the active set, but it always converges
+    /// because the problem is convex. External impulses stay as they were last. The next step starts with
+    /// fresh modes.
     pub(super) fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
         for _ in 0..SWEEPS {
             let mut change = 0.0_f64;

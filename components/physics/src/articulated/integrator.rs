@@ -1,4 +1,5 @@
-//! The joint-space integrator: one step of the robot's motion with drives, friction and limit stops, all implicit.
+//! The joint-space integrator: one step of the robot's motion with drives, friction and limit stops, all
+//! implicit.
 
 use motorium_robots::{Dynamics, Model};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
@@ -11,28 +12,31 @@ use crate::{Integrator, JointCommand};
 
 /// A joint-space integrator: it moves a robot that touches nothing by one integration step at a time.
 ///
-/// Semi-implicit Euler by default, of first order, in the independent coordinates: mimic joints are exact, since they have no
-/// coordinate of their own. A floating base comes first. The end velocity `v+` of a step of length h solves
+/// Semi-implicit Euler by default, of first order, in the independent coordinates: mimic joints are exact,
+/// since they have no coordinate of their own. A floating base comes first. The end velocity `v+` of a step
+/// of length h solves
 ///
 /// ```text
 /// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
 /// q+ = q + h v+
 /// ```
 ///
-/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and inelastic
-/// limit stops. A floating base moves on a straight line and turns about a fixed axis during the step; its velocity
-/// is taken in axes that stand still meanwhile, so that its rotation alone changes no velocity.
+/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and
+/// inelastic limit stops. A floating base moves on a straight line and turns about a fixed axis during the
+/// step; its velocity is taken in axes that stand still meanwhile, so that its rotation alone changes no
+/// velocity.
 ///
-/// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists and is
-/// unique for any gains (a strictly convex problem). An active set finds it: a joint's drive is linear or saturated,
-/// its friction sticks or slips, its stop holds or not; the linear system of the current modes is solved until its
-/// solution confirms the modes. The modes of the last step are the first guess and nearly always right.
+/// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists
+/// and is unique for any gains (a strictly convex problem). An active set finds it: a joint's drive is linear
+/// or saturated, its friction sticks or slips, its stop holds or not; the linear system of the current modes
+/// is solved until its solution confirms the modes. The modes of the last step are the first guess and nearly
+/// always right.
 ///
-/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves as one with Kd + h Kp. A
-/// drive without damping therefore comes to rest.
+/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves as one with Kd + h
+/// Kp. A drive without damping therefore comes to rest.
 ///
-/// [`Integrator::Midpoint`] is of second order. It takes the inertia and the bias in the middle of the step, the latter at the mean
-/// of the velocities before and after:
+/// [`Integrator::Midpoint`] is of second order. It takes the inertia and the bias in the middle of the step,
+/// the latter at the mean of the velocities before and after:
 ///
 /// ```text
 /// q_m = q + h/2 v
@@ -40,8 +44,9 @@ use crate::{Integrator, JointCommand};
 /// q+ = q_m + h/2 v+
 /// ```
 ///
-/// with `v_m` from a first solution of the same step. Drives act at the end of the step as before, so that gains of any size are
-/// stable; what they, damping and friction do is of first order. A joint that may meet its stop takes Euler's method in that step.
+/// with `v_m` from a first solution of the same step. Drives act at the end of the step as before, so that
+/// gains of any size are stable; what they, damping and friction do is of first order. A joint that may meet
+/// its stop takes Euler's method in that step.
 ///
 /// Nothing allocates after [`new`](Self::new).
 ///
@@ -75,8 +80,8 @@ pub struct JointSpaceIntegrator {
     solver: ImplicitSolver,
     /// The method of [`advance`](Self::advance).
     method: Integrator,
-    /// The present step is one of the midpoint rule: it has these positions in its middle, and starts with these velocities, those of a
-    /// base in its axes there.
+    /// The present step is one of the midpoint rule: it has these positions in its middle, and starts with
+    /// these velocities, those of a base in its axes there.
     midway: bool,
     q_middle: Vec<f64>,
     v_middle: Vec<f64>,
@@ -149,8 +154,8 @@ impl JointSpaceIntegrator {
         self.solver.set_modes(modes)
     }
 
-    /// Advances `q` (nq) and `v` (nv) by `h` \[s\] and writes the efforts that the drives apply meanwhile to `tau`.
-    /// `commands` and `tau` have one entry per independent joint.
+    /// Advances `q` (nq) and `v` (nv) by `h` \[s\] and writes the efforts that the drives apply meanwhile to
+    /// `tau`. `commands` and `tau` have one entry per independent joint.
     ///
     /// # Errors
     ///
@@ -182,7 +187,8 @@ impl JointSpaceIntegrator {
     }
 
     /// Begins a step; `force` is a generalized force besides gravity (nv, or empty). Guesses follow, each
-    /// [`find_free`](Self::find_free), impulses of contacts and [`confirm`](Self::confirm), then [`finish`](Self::finish).
+    /// [`find_free`](Self::find_free), impulses of contacts and [`confirm`](Self::confirm), then
+    /// [`finish`](Self::finish).
     pub(super) fn begin(
         &mut self,
         model: &Model,
@@ -202,7 +208,8 @@ impl JointSpaceIntegrator {
         self.solver.begin((&self.joints, commands, &self.bounds), &start, None);
     }
 
-    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias is that of the step.
+    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias is
+    /// that of the step.
     fn begin_midway(
         &mut self,
         model: &Model,
@@ -263,7 +270,8 @@ impl JointSpaceIntegrator {
             *bias -= force;
         }
         if model.base().floating {
-            // In axes that stand still the base's velocity does not turn with it: remove the term of the turning axes.
+            // In axes that stand still the base's velocity does not turn with it: remove the term of the
+            // turning axes.
             let turning = Vector3::from_column_slice(&v[3..6]).cross(&Vector3::from_column_slice(&v[..3]));
             for (row, bias) in self.bias.iter_mut().enumerate() {
                 *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();
@@ -271,8 +279,9 @@ impl JointSpaceIntegrator {
         }
     }
 
-    /// Momentum of a robot with a floating base at the start `v` of a step, linear and about the centre of mass, in the axes of the base: the
-    /// rows of the base of the mass matrix. `None` in a step of the midpoint rule, whose mass matrix is another.
+    /// Momentum of a robot with a floating base at the start `v` of a step, linear and about the centre of
+    /// mass, in the axes of the base: the rows of the base of the mass matrix. `None` in a step of the
+    /// midpoint rule, whose mass matrix is another.
     pub(super) fn start_momentum(&self, v: &[f64]) -> Option<[Vector3<f64>; 2]> {
         if self.midway {
             return None;
@@ -347,8 +356,8 @@ fn limits(joint: &JointProperties) -> [f64; 2] {
     [-limit, limit]
 }
 
-/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is turned from its axes at the start into
-/// those at the end.
+/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is turned from its axes at the start
+/// into those at the end.
 fn integrate_position(model: &Model, q: &mut [f64], x: &mut [f64], h: f64) {
     let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
     for (q, x) in q[offset..].iter_mut().zip(&x[base..]) {

@@ -67,11 +67,12 @@ pub(crate) struct Laws {
     pub(super) fastest: f64,
 }
 
-/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle: to undo it within one step would be a blow.
+/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle: to undo it within one step would be
+/// a blow.
 const RECOVERY_RATE: f64 = 20.0;
 
-/// The velocity at which a joint arrives at a stop at this distance within `h` exactly; where it is beyond, that at which it may come
-/// back.
+/// The velocity at which a joint arrives at a stop at this distance within `h` exactly; where it is beyond,
+/// that at which it may come back.
 fn reach(distance: f64, beyond: bool, h: f64) -> f64 {
     if beyond { distance * RECOVERY_RATE } else { distance / h }
 }
@@ -93,8 +94,8 @@ impl Laws {
         fastest: f64::INFINITY,
     };
 
-    /// The laws in a step of `h` from position `q`. The drive's effort lies within `low` and `high`, which are those of the joint
-    /// or, in this step, narrower.
+    /// The laws in a step of `h` from position `q`. The drive's effort lies within `low` and `high`, which
+    /// are those of the joint or, in this step, narrower.
     pub(crate) fn new(
         joint: &JointProperties,
         command: &JointCommand,
@@ -107,8 +108,8 @@ impl Laws {
         let drive_0 = command.kp * (command.position - q) + command.kd * command.velocity + command.effort;
         let drive_slope = command.kd + h * command.kp;
         let (limit, low, high) = if brakes && !limit.is_finite() {
-            // Without an effort limit the drive brakes with the largest effort that its command requests up to twice
-            // its velocity limit; up to the limit itself this leaves the command alone.
+            // Without an effort limit the drive brakes with the largest effort that its command requests up
+            // to twice its velocity limit; up to the limit itself this leaves the command alone.
             let requested = |x: f64| (drive_0 - 2.0 * drive_slope * x).abs();
             let limit = requested(command.min_velocity).max(requested(command.max_velocity));
             (limit, low.max(-limit), high.min(limit))
@@ -131,8 +132,9 @@ impl Laws {
         }
     }
 
-    /// The laws in a step of the midpoint rule from position `q` over `middle`, from where the end velocity leads on: stops are those
-    /// of its second half, and a spring acts with the mean of its forces at both ends, which keeps its energy.
+    /// The laws in a step of the midpoint rule from position `q` over `middle`, from where the end velocity
+    /// leads on: stops are those of its second half, and a spring acts with the mean of its forces at both
+    /// ends, which keeps its energy.
     pub(super) fn midway(self, joint: &JointProperties, [q, middle]: [f64; 2], h: f64) -> Self {
         Self {
             spring: joint.stiffness * (joint.rest - 0.5 * (q + middle)),
@@ -186,8 +188,8 @@ impl Laws {
         raw > self.highest(x) || raw < self.lowest(x)
     }
 
-    /// The branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and backwards lies the
-    /// branch of braking: to jump over it would make the iteration cycle.
+    /// The branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and
+    /// backwards lies the branch of braking: to jump over it would make the iteration cycle.
     pub(crate) fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {
@@ -277,8 +279,8 @@ impl Laws {
         Mode { drive, friction, stop }
     }
 
-    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)` for fixed velocities of the
-    /// others: a monotone scalar equation with kinks.
+    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)` for fixed
+    /// velocities of the others: a monotone scalar equation with kinks.
     pub(super) fn solve_alone(&self, inertia: f64, rest: f64, h: f64) -> f64 {
         // Root of inertia x + rest - h (drive(x) - damping x) = h push, strictly increasing in x.
         let root = |push: f64| {

@@ -1,5 +1,5 @@
-//! The articulated engine: motorium's own joint-space dynamics with implicit drives and contacts, for robots with a
-//! fixed or a floating base.
+//! The articulated engine: motorium's own joint-space dynamics with implicit drives and contacts, for robots
+//! with a fixed or a floating base.
 
 mod actuators;
 mod connect;
@@ -33,7 +33,8 @@ use part::Part;
 ///
 /// # Example
 ///
-/// The catalogue's Panda, held by its default gains alone for a second, sags under its weight by less than 0.1 rad:
+/// The catalogue's Panda, held by its default gains alone for a second, sags under its weight by less than
+/// 0.1 rad:
 ///
 /// ```
 /// use std::path::Path;
@@ -67,23 +68,24 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// ```
 ///
 /// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
-/// ([`JointSpaceIntegrator`] has the other terms). Several articulations and the free objects of the world are part of
-/// the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of first order in h; what touches nothing
-/// may take the [midpoint rule](crate::Integrator::Midpoint) instead.
+/// ([`JointSpaceIntegrator`] has the other terms). Several articulations and the free objects of the world
+/// are part of the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of
+/// first order in h; what touches nothing may take the [midpoint rule](crate::Integrator::Midpoint) instead.
 ///
-/// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
-/// outermost points of meshes, each against the surface of the other collider. Where these miss a
-/// contact, as between crossing edges, the nearest points of the two colliders are used. Two boxes touch at the corners of the
-/// patch that their faces share, or where two edges cross.
+/// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders
+/// and the outermost points of meshes, each against the surface of the other collider. Where these miss a
+/// contact, as between crossing edges, the nearest points of the two colliders are used. Two boxes touch at
+/// the corners of the patch that their faces share, or where two edges cross.
 ///
-/// Torques against spinning about the normal of a contact and against rolling about its tangents are part of the same problem, each
-/// at most its coefficient times the normal force. The surface of a conveyor takes along what it touches. The drag of the air on free
-/// objects is that at the end of the step.
+/// Torques against spinning about the normal of a contact and against rolling about its tangents are part of
+/// the same problem, each at most its coefficient times the normal force. The surface of a conveyor takes
+/// along what it touches. The drag of the air on free objects is that at the end of the step.
 ///
-/// Objects that have stood still for half a second sleep, and with them all that they touch, until something reaches them.
+/// Objects that have stood still for half a second sleep, and with them all that they touch, until something
+/// reaches them.
 ///
-/// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each integration
-/// step the velocity of the base is corrected by the momentum that the integration lost.
+/// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each
+/// integration step the velocity of the base is corrected by the momentum that the integration lost.
 ///
 /// Nothing allocates after the simulation has been built.
 pub struct Articulated {
@@ -344,8 +346,9 @@ impl Articulated {
 }
 
 impl Simulation<Articulated> {
-    /// Moves a floating base up or down until the robot stands on the ground plane or the terrain, or on the plane z = 0
-    /// without one, and stops it; of several, all. A robot without collision shapes stays where it is.
+    /// Moves a floating base up or down until the robot stands on the ground plane or the terrain, or on the
+    /// plane z = 0 without one, and stops it; of several, all. A robot without collision shapes stays where
+    /// it is.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }
@@ -367,14 +370,14 @@ impl Simulation<Articulated> {
         }
     }
 
-    /// Sum of the contact forces on the robot, those between links of robots excepted, during the last integration step
-    /// \[N\], world axes.
+    /// Sum of the contact forces on the robot, those between links of robots excepted, during the last
+    /// integration step \[N\], world axes.
     pub fn contact_force(&self) -> Vector3<f64> {
         self.engine.scene.force_on_robot()
     }
 
-    /// Passes each contact force on a moving link of a robot, friction included, of the last integration step to
-    /// `visit`. A force between two of its links is passed twice, once for each.
+    /// Passes each contact force on a moving link of a robot, friction included, of the last integration step
+    /// to `visit`. A force between two of its links is passed twice, once for each.
     pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
         let scene = &self.engine.scene;
         for (index, contact, first, second) in scene.points() {

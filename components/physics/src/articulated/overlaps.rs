@@ -1,4 +1,5 @@
-//! Links that are too close to one another, and links and objects inside something, as all stands at the start.
+//! Links that are too close to one another, and links and objects inside something, as all stands at the
+//! start.
 
 use super::Articulated;
 use crate::BuildWarning;
@@ -10,7 +11,8 @@ const TOO_CLOSE: f64 = 0.010;
 const INSIDE: f64 = 1e-3;
 
 impl Articulated {
-    /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things, too.
+    /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things,
+    /// too.
     pub(super) fn close_links(&mut self, warnings: &mut Vec<BuildWarning>) -> Vec<[usize; 2]> {
         let mut close = Vec::new();
         self.scene.detect(0.0, TOO_CLOSE);

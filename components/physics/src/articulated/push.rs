@@ -9,8 +9,8 @@ use crate::robot::Articulation;
 use crate::simulation::Simulation;
 
 impl Simulation<Articulated> {
-    /// Applies `force` \[N, world axes\] at `point` \[m, axes of the link\] of a link during the next step, besides the
-    /// forces that have been applied before it. A link that is fixed to the world does not move.
+    /// Applies `force` \[N, world axes\] at `point` \[m, axes of the link\] of a link during the next step,
+    /// besides the forces that have been applied before it. A link that is fixed to the world does not move.
     ///
     /// ```
     /// use motorium_physics::{ArticulatedSimulator, Options, Simulator, World};

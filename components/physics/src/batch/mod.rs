@@ -15,13 +15,13 @@ const BLOCKS: usize = 4;
 
 /// Many simulations of robots of one kind, stepped together on several threads.
 ///
-/// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the other. Each
-/// world computes what it would compute alone, bit for bit, on any number of threads. The threads live as long as the
-/// batch: between two calls they spin for some tens of microseconds, then sleep.
+/// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the
+/// other. Each world computes what it would compute alone, bit for bit, on any number of threads. The threads
+/// live as long as the batch: between two calls they spin for some tens of microseconds, then sleep.
 ///
-/// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all worlds, each
-/// with data `W` of its own ([`with_data`](Self::with_data)): command, step, observe, reward, reset and randomise in one
-/// pass, on the thread that steps the world.
+/// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all
+/// worlds, each with data `W` of its own ([`with_data`](Self::with_data)): command, step, observe, reward,
+/// reset and randomise in one pass, on the thread that steps the world.
 ///
 /// # Example
 ///
@@ -77,8 +77,8 @@ struct Block<'a, E, W> {
 }
 
 impl<E: Engine + Send> Batch<E> {
-    /// Builds `count` worlds by `build`, which receives the index of each, and starts `threads` - 1 threads (one thread
-    /// is the caller's). All robots must have the same number of joints.
+    /// Builds `count` worlds by `build`, which receives the index of each, and starts `threads` - 1 threads
+    /// (one thread is the caller's). All robots must have the same number of joints.
     ///
     /// # Errors
     ///
@@ -119,8 +119,8 @@ impl<E: Engine + Send> Batch<E> {
 }
 
 impl<E: Engine + Send, W: Send> Batch<E, W> {
-    /// Replaces the data of all worlds by what `make` returns for the index of each, such as a history of observations,
-    /// random numbers or a reward.
+    /// Replaces the data of all worlds by what `make` returns for the index of each, such as a history of
+    /// observations, random numbers or a reward.
     #[must_use]
     pub fn with_data<T: Send>(self, make: impl FnMut(usize) -> T) -> Batch<E, T> {
         let data = (0..self.worlds.len()).map(make).collect();
@@ -141,8 +141,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         }
     }
 
-    /// The same batch with `count` [observed](Self::observations) numbers per world. `observe` writes them after every
-    /// [`step`](Self::step), visit and reset, on the thread that does it.
+    /// The same batch with `count` [observed](Self::observations) numbers per world. `observe` writes them
+    /// after every [`step`](Self::step), visit and reset, on the thread that does it.
     ///
     /// ```
     /// use std::path::Path;
@@ -229,8 +229,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.observations[world * self.observed..][..self.observed]
     }
 
-    /// Advances every world by `steps` steps of `dt` \[s\] under the commands of the batch. Returns the outcome of each
-    /// world's last step; a world whose step fails stays where it was before that step.
+    /// Advances every world by `steps` steps of `dt` \[s\] under the commands of the batch. Returns the
+    /// outcome of each world's last step; a world whose step fails stays where it was before that step.
     pub fn step(&mut self, dt: f64, steps: usize) -> &[Result<StepReport, StepError>] {
         let commands = core::mem::take(&mut self.commands);
         let drives = self.drives;
@@ -247,11 +247,11 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.outcomes
     }
 
-    /// Calls `visit` once for every world with its index, simulation and data, on all threads, and returns when all calls
-    /// have returned. States and observations are read after each visit.
+    /// Calls `visit` once for every world with its index, simulation and data, on all threads, and returns
+    /// when all calls have returned. States and observations are read after each visit.
     ///
-    /// What a visit does must depend on its arguments alone; then the result is equal bit for bit on any number of threads.
-    /// The commands of the batch are not used: a visit sets those of the simulation.
+    /// What a visit does must depend on its arguments alone; then the result is equal bit for bit on any
+    /// number of threads. The commands of the batch are not used: a visit sets those of the simulation.
     ///
     /// ```
     /// use std::path::Path;
@@ -307,7 +307,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
             .collect();
         let threads = self.workers.threads();
         self.workers.run(&|thread| {
-            // Each thread begins with worlds of its own, which its caches hold, and ends with those that are left.
+            // Each thread begins with worlds of its own, which its caches hold, and ends with those that are
+            // left.
             let start = thread * blocks.len() / threads;
             for (claimed, block) in blocks[start..].iter().chain(&blocks[..start]) {
                 if !claimed.swap(true, Ordering::Relaxed) {
@@ -318,8 +319,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         });
     }
 
-    /// Resets one world to configuration `q` (nq) and velocity `v` (nv) with its objects at their starts, and its commands
-    /// to zero efforts.
+    /// Resets one world to configuration `q` (nq) and velocity `v` (nv) with its objects at their starts, and
+    /// its commands to zero efforts.
     ///
     /// # Errors
     ///

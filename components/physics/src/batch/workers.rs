@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle, Thread};
 
-/// Polls of a waiting thread before it sleeps: some tens of microseconds, the gap between two steps of a batch.
+/// Polls of a waiting thread before it sleeps: some tens of microseconds, the gap between two steps of a
+/// batch.
 const SPINS: usize = 10_000;
 
 /// Threads beside the caller's, each of which runs a part of every job.
@@ -57,8 +58,8 @@ impl Workers {
         self.threads.len() + 1
     }
 
-    /// Calls `work` once on each thread with the thread's number, 0 on the caller's, and returns when all calls have
-    /// returned.
+    /// Calls `work` once on each thread with the thread's number, 0 on the caller's, and returns when all
+    /// calls have returned.
     ///
     /// # Panics
     ///
@@ -69,8 +70,8 @@ impl Workers {
         }
         let shared = &*self.shared;
         let work_of_all: *const (dyn Fn(usize) + Sync) = work;
-        // SAFETY: only the lifetime of the borrow is erased. No thread uses the pointer after this function returns: it waits
-        // below until every worker has finished, also when its own call panics.
+        // SAFETY: only the lifetime of the borrow is erased. No thread uses the pointer after this function
+        // returns: it waits below until every worker has finished, also when its own call panics.
         let work_of_all = unsafe {
             core::mem::transmute::<*const (dyn Fn(usize) + Sync), *const (dyn Fn(usize) + Sync)>(work_of_all)
         };
@@ -122,7 +123,8 @@ impl Drop for Workers {
     }
 }
 
-/// Waits for a condition that another thread makes true and then unparks this one: spins briefly, then sleeps.
+/// Waits for a condition that another thread makes true and then unparks this one: spins briefly, then
+/// sleeps.
 fn wait_until(condition: impl Fn() -> bool) {
     for _ in 0..SPINS {
         if condition() {

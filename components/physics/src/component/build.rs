@@ -123,8 +123,8 @@ fn one<E: PhysicsEngine>(
     Ok(Built { simulation, robots: vec![robot], on_ground, doubts: Vec::new() })
 }
 
-/// Several robots. Each that moves freely is an articulation, and those with fixed bases are one together: their trees
-/// stand side by side in the world.
+/// Several robots. Each that moves freely is an articulation, and those with fixed bases are one together:
+/// their trees stand side by side in the world.
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robots: &[RobotReference],
@@ -209,8 +209,8 @@ pub trait PhysicsEngine: Engine + Send + 'static {
     /// One line on the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component; of the articulations `anywhere` the configuration does not say where
-    /// the floating base starts.
+    /// Prepares a new simulation for its component; of the articulations `anywhere` the configuration does
+    /// not say where the floating base starts.
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]);
 }
 

@@ -15,7 +15,8 @@ use super::pushes::PushConfig;
 use crate::randomise::RandomiseConfig;
 use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 
-/// Configuration of the physics kinds: where robots start, what is around them, and the settings of the engine.
+/// Configuration of the physics kinds: where robots start, what is around them, and the settings of the
+/// engine.
 ///
 /// ```toml
 /// solver = { contact_iterations = 4 }
@@ -24,13 +25,15 @@ use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
-    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home pose, or,
-    /// for a robot without a profile, all joints at zero (at the middle of their range where zero is outside).
+    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home
+    /// pose, or, for a robot without a profile, all joints at zero (at the middle of their range where zero
+    /// is outside).
     pub pose: Option<String>,
-    /// Joint positions to start at, rad or m: one number for all joints, or one for each in their order. Instead of `pose`.
+    /// Joint positions to start at, rad or m: one number for all joints, or one for each in their order.
+    /// Instead of `pose`.
     pub position: Option<PerJoint>,
-    /// True: the root link moves freely; false: it is fixed to the world. Without it: as the robot's profile and file
-    /// say. `physics.rapier` simulates fixed bases only.
+    /// True: the root link moves freely; false: it is fixed to the world. Without it: as the robot's profile
+    /// and file say. `physics.rapier` simulates fixed bases only.
     pub floating: Option<bool>,
     /// Start of a floating base. Without it: where the profile has it in the pose, or standing on the ground.
     pub base: Option<BaseStart>,
@@ -42,22 +45,24 @@ pub struct PhysicsConfig {
     pub pushes: Vec<PushConfig>,
     /// The actuators of all joints; `physics.articulated` alone simulates them. Default: ideal ones.
     pub actuator: Option<ActuatorConfig>,
-    /// Actuators of single joints by their names, in place of `actuator`. With several robots a name is `ROBOT/JOINT`.
+    /// Actuators of single joints by their names, in place of `actuator`. With several robots a name is
+    /// `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
-    /// Connections of links and objects besides the joints of the robots, made as all stands at the start: they close loops. With several
-    /// robots a link is `ROBOT/LINK`.
+    /// Connections of links and objects besides the joints of the robots, made as all stands at the start:
+    /// they close loops. With several robots a link is `ROBOT/LINK`.
     pub connections: Vec<Connection>,
-    /// Springs in joints by their names, in place of those of an MJCF file. With several robots a name is `ROBOT/JOINT`.
+    /// Springs in joints by their names, in place of those of an MJCF file. With several robots a name is
+    /// `ROBOT/JOINT`.
     pub springs: BTreeMap<String, SpringConfig>,
-    /// Surfaces of single links by their names, in place of those of `solver` and of the profile. With several robots a name is
-    /// `ROBOT/LINK`.
+    /// Surfaces of single links by their names, in place of those of `solver` and of the profile. With
+    /// several robots a name is `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
     /// Ranges of physical properties, drawn anew at the start of every episode. Default: nothing is drawn.
     pub randomise: RandomiseConfig,
     /// Settings of the engine.
     pub solver: Options,
-    /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and are applied as
-    /// they come; that component's actuator checks them. Default false.
+    /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and
+    /// are applied as they come; that component's actuator checks them. Default false.
     pub plant: bool,
 }
 
@@ -70,7 +75,8 @@ pub struct SurfaceConfig {
     pub friction: Option<f64>,
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     pub friction_combine: Option<FrictionCombine>,
-    /// Share of the approach speed kept after an impact, 0 to 1. That of a contact is the mean of both surfaces'.
+    /// Share of the approach speed kept after an impact, 0 to 1. That of a contact is the mean of both
+    /// surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
     /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.

@@ -1,7 +1,7 @@
 //! Contact points merged into the entries of a message that has no room for all of them.
 //!
-//! Points on the same link share entries: all but the first of them become two forces with their sum and their
-//! moment. A sensor that adds up forces, or wrenches, reads the same as with an entry for each point.
+//! Points on the same link share entries: all but the first of them become two forces with their sum and
+//! their moment. A sensor that adds up forces, or wrenches, reads the same as with an entry for each point.
 
 use nalgebra::{Point3, Vector3};
 
@@ -51,8 +51,8 @@ impl Merger {
         Self { groups: Vec::with_capacity(most), most }
     }
 
-    /// Passes the entries for the points that `visit` passes on to `write`. Returns the number of points that have no entry
-    /// of their own: they are merged, or left out where there are more links than room.
+    /// Passes the entries for the points that `visit` passes on to `write`. Returns the number of points that
+    /// have no entry of their own: they are merged, or left out where there are more links than room.
     pub(super) fn fill(&mut self, visit: &mut Visit<'_>, write: &mut dyn FnMut(&Entry)) -> u64 {
         let mut points = 0;
         visit(&mut |_| points += 1);
@@ -84,8 +84,8 @@ impl Merger {
         (points - written) as u64
     }
 
-    /// Shares the entries out to links, or to pairs of links and other bodies. False where some group has fewer than the two
-    /// entries that merged points need, or none.
+    /// Shares the entries out to links, or to pairs of links and other bodies. False where some group has
+    /// fewer than the two entries that merged points need, or none.
     fn share(&mut self, visit: &mut Visit<'_>, pairs: bool) -> bool {
         let Self { groups, most } = self;
         groups.clear();

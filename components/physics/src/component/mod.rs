@@ -30,23 +30,24 @@ use randomise::Randomiser;
 use robots::{Actuated, SafeStates, position};
 use truth::Truth;
 
-/// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
+/// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating
+/// base.
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 
-/// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations inside
-/// rapier are counted apart.
+/// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations
+/// inside rapier are counted apart.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
 
-/// `physics.mujoco`: a simulation by the [`Mujoco`] engine, for robots with a fixed or a floating base, where MuJoCo's
-/// library is installed.
+/// `physics.mujoco`: a simulation by the [`Mujoco`] engine, for robots with a fixed or a floating base, where
+/// MuJoCo's library is installed.
 pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
-/// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state,
-/// too. Or several robots in one world, each with ports and a command gate of its own.
+/// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its
+/// base state, too. Or several robots in one world, each with ports and a command gate of its own.
 ///
-/// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time since the last
-/// step, and publishes the state at its end. When steps were skipped the simulation makes up for up to
-/// four of them, so that the robot does not stand still while its clock goes on.
+/// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time
+/// since the last step, and publishes the state at its end. When steps were skipped the simulation makes up
+/// for up to four of them, so that the robot does not stand still while its clock goes on.
 ///
 /// After a crash the robot goes on from its last published state, the objects from the start.
 pub struct PhysicsComponent<E> {

@@ -127,8 +127,8 @@ fn inside(error: ConfigError, robot: &str) -> ConfigError {
     }
 }
 
-/// Pairs of links near the bases of two robots. Within one robot such links never touch: a joint joins them, or they are
-/// neighbours; and in the common model all bases are one.
+/// Pairs of links near the bases of two robots. Within one robot such links never touch: a joint joins them,
+/// or they are neighbours; and in the common model all bases are one.
 fn between(robots: &[&Placing]) -> Vec<(String, String)> {
     let near: Vec<Vec<String>> = robots.iter().map(|robot| robot.near_base()).collect();
     let mut pairs = Vec::new();

@@ -92,8 +92,9 @@ impl Pushes {
         configs.iter().enumerate().map(push).collect::<Result<_, _>>().map(Self)
     }
 
-    /// The pushes of the time `now_ns`, as forces at points: the link by its articulation and its index among the frames, the point in its axes \[m\], the
-    /// force in world axes \[N\]. A torque is a pair of forces half a metre from the point each.
+    /// The pushes of the time `now_ns`, as forces at points: the link by its articulation and its index among
+    /// the frames, the point in its axes \[m\], the force in world axes \[N\]. A torque is a pair of forces
+    /// half a metre from the point each.
     pub(super) fn forces(
         &self,
         now_ns: u64,

@@ -47,7 +47,8 @@ struct Draw {
 /// The name of the port.
 const PORT: &str = "randomisation";
 
-/// Checks the ranges and declares the outputs: nothing where nothing is drawn. `connections` are those besides the world's.
+/// Checks the ranges and declares the outputs: nothing where nothing is drawn. `connections` are those
+/// besides the world's.
 pub(super) fn declare<E: PhysicsEngine>(
     (config, connections): (&RandomiseConfig, &[Connection]),
     built: &Built<E>,
@@ -190,7 +191,8 @@ impl Randomiser {
         Ok(())
     }
 
-    /// Draws anew what may change within an episode, when it is time: with memory of its own, which is counted apart.
+    /// Draws anew what may change within an episode, when it is time: with memory of its own, which is
+    /// counted apart.
     pub(super) fn follow<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,

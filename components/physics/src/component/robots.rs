@@ -40,8 +40,8 @@ pub(super) struct Actuated {
     highest: f64,
 }
 
-/// The efforts against gravity that safe states reckon with: those of the robots as their files have them, whatever is
-/// drawn.
+/// The efforts against gravity that safe states reckon with: those of the robots as their files have them,
+/// whatever is drawn.
 pub(super) struct SafeStates {
     models: Vec<Model>,
     gravity: Vector3<f64>,

@@ -25,8 +25,8 @@ const OTHER_ROBOT: u32 = 65_535;
 /// `other` of a contact with the link of index 0 of the same robot.
 const FIRST_LINK: u32 = 65_536;
 
-/// A push: the link by its articulation and its index there, point in the axes of the link, arm from it and force in those
-/// of the world.
+/// A push: the link by its articulation and its index there, point in the axes of the link, arm from it and
+/// force in those of the world.
 pub(super) type Push = ((usize, FrameId), Point3<f64>, Vector3<f64>, Vector3<f64>);
 
 /// The contacts of one robot.
@@ -36,7 +36,8 @@ pub(super) struct Touched {
     place: Place,
     /// Names of its links, sorted, with their indices among the links of its model.
     links: Vec<(String, u32)>,
-    /// Link, impulse and moment since the start of the episode, in the order in which the links were first touched.
+    /// Link, impulse and moment since the start of the episode, in the order in which the links were first
+    /// touched.
     sums: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
     merger: Merger,
     /// Contact points, and impulses on links since the start of the episode, for which the messages had no
@@ -123,8 +124,8 @@ impl Touched {
         self.cut = Cut::default();
     }
 
-    /// Publishes the contact points and the sums; `names` are those of the objects, sorted. Where the message has
-    /// no room for all points, some of a link are [merged](Merger).
+    /// Publishes the contact points and the sums; `names` are those of the objects, sorted. Where the message
+    /// has no room for all points, some of a link are [merged](Merger).
     pub(super) fn publish<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,

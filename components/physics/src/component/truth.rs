@@ -1,4 +1,5 @@
-//! True values that sensors measure besides the joints: contact points on the robot, poses of the objects of the world.
+//! True values that sensors measure besides the joints: contact points on the robot, poses of the objects of
+//! the world.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{Declare, StepError};
@@ -9,7 +10,8 @@ use super::build::BuiltRobot;
 use super::touched::{Push, Touched};
 use crate::{Engine, Simulation, Simulator, World};
 
-/// The outputs of the truth that is no joint state and no base state. An output that is not wired costs nothing.
+/// The outputs of the truth that is no joint state and no base state. An output that is not wired costs
+/// nothing.
 pub(super) struct Truth {
     /// One for each robot.
     robots: Vec<Touched>,

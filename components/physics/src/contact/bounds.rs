@@ -19,7 +19,8 @@ pub(super) struct Motion {
     reach: f64,
     /// Pose when it was followed last; `None` at the start.
     last: Option<(Matrix3<f64>, Vector3<f64>)>,
-    /// Bound of the way that any of its points has moved, in the world and as seen from the robot's base \[m\].
+    /// Bound of the way that any of its points has moved, in the world and as seen from the robot's base
+    /// \[m\].
     way: [f64; 2],
     /// Bound of the speed of any of its points \[m/s\], likewise.
     speed: [f64; 2],
@@ -39,9 +40,9 @@ struct BaseMotion {
 
 /// Motions of all colliders.
 ///
-/// A pair that was measured at some distance stays at least that far apart, less the ways of both: until these have used
-/// it up it need not be measured again. Within a floating robot ways are those seen from its base, so that flight and
-/// fall use up nothing.
+/// A pair that was measured at some distance stays at least that far apart, less the ways of both: until
+/// these have used it up it need not be measured again. Within a floating robot ways are those seen from its
+/// base, so that flight and fall use up nothing.
 #[derive(Clone, Debug)]
 pub(super) struct Motions {
     colliders: Vec<Motion>,
@@ -51,7 +52,8 @@ pub(super) struct Motions {
     floating: Vec<bool>,
 }
 
-/// The part of a motion that counts for a pair: 1 where both belong to one articulation, whose base is the same.
+/// The part of a motion that counts for a pair: 1 where both belong to one articulation, whose base is the
+/// same.
 pub(super) fn part([a, b]: [&Collider; 2]) -> usize {
     usize::from(a.owner.is_robot() && a.owner.articulation() == b.owner.articulation())
 }
@@ -81,7 +83,8 @@ impl Motions {
         self.bases.fill(None);
     }
 
-    /// Follows all colliders to where `places` has them now, moving as the `kinematics` of articulations and `objects` say.
+    /// Follows all colliders to where `places` has them now, moving as the `kinematics` of articulations and
+    /// `objects` say.
     pub(super) fn follow<'a>(
         &mut self,
         colliders: &[Collider],
@@ -148,7 +151,8 @@ impl Motions {
         self.colliders[index].speed[0]
     }
 
-    /// The longest way of a collider since `start` \[m\], and the highest speed now \[m/s\], of the `parts` that count.
+    /// The longest way of a collider since `start` \[m\], and the highest speed now \[m/s\], of the `parts`
+    /// that count.
     pub(super) fn most_since(&self, start: &[[f64; 2]], parts: [bool; 2]) -> (f64, f64) {
         let mut most = (0.0_f64, 0.0_f64);
         for part in (0..2).filter(|part| parts[*part]) {
@@ -185,7 +189,8 @@ fn apart(
     (to, end): (&Matrix3<f64>, &Vector3<f64>),
     reach: f64,
 ) -> f64 {
-    // The chord of the rotation at the distance of one: Frobenius' norm of the difference is sqrt(2) times that.
+    // The chord of the rotation at the distance of one: Frobenius' norm of the difference is sqrt(2) times
+    // that.
     let chord = (0.5 * (to - from).norm_squared()).sqrt();
     (end - start).norm() + reach * chord
 }

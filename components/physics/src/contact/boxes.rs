@@ -2,8 +2,8 @@
 
 use nalgebra::{IsometryMatrix3, Matrix3, Point3, Vector3};
 
-/// The second box bears the reference face only where its face separates better by this \[m\]: rounding must not decide
-/// between two parallel faces.
+/// The second box bears the reference face only where its face separates better by this \[m\]: rounding must
+/// not decide between two parallel faces.
 const PREFERENCE: f64 = 1e-4;
 
 /// Two edges touch where their axis separates better than every face by this \[m\].
@@ -41,9 +41,10 @@ enum Axis {
     Edges { axes: [usize; 2], normal: Vector3<f64> },
 }
 
-/// Passes the contact points of two boxes (half sides and poses) that are nearer than `margin` \[m\] to `found`: the number of
-/// the feature, the point halfway between the surfaces, the normal from the second to the first, and the distance.
-/// Returns a lower bound of the distance of the boxes \[m\]; where they overlap, the depth with a negative sign.
+/// Passes the contact points of two boxes (half sides and poses) that are nearer than `margin` \[m\] to
+/// `found`: the number of the feature, the point halfway between the surfaces, the normal from the second to
+/// the first, and the distance. Returns a lower bound of the distance of the boxes \[m\]; where they overlap,
+/// the depth with a negative sign.
 pub(super) fn collide(
     (a, pose_a): (&Vector3<f64>, &IsometryMatrix3<f64>),
     (b, pose_b): (&Vector3<f64>, &IsometryMatrix3<f64>),
@@ -156,8 +157,8 @@ fn edges(
     (p, q + d * t)
 }
 
-/// Passes the corners of the incident face of `other`, clipped by the sides of the reference face, and their heights above
-/// it to `found`.
+/// Passes the corners of the incident face of `other`, clipped by the sides of the reference face, and their
+/// heights above it to `found`.
 fn clip(
     own: &Vector3<f64>,
     other: &Vector3<f64>,
@@ -195,7 +196,8 @@ fn clip(
             if (from <= 0.0) != (to <= 0.0) && kept < CORNERS {
                 let share = ((from + WITHIN) / (from - to)).clamp(0.0, 1.0);
                 let at = here.at + (there.at - here.at) * share;
-                // Where the edge leaves, the side is the next edge. The numbers are above those of whole corners.
+                // Where the edge leaves, the side is the next edge. The numbers are above those of whole
+                // corners.
                 let edge = if from <= 0.0 { 4 + side as u32 } else { here.edge };
                 next[kept] = Corner { at, id: 32 | here.edge << 2 | side as u32, edge };
                 kept += 1;
@@ -300,7 +302,8 @@ mod tests {
             }
             assert!(least <= distance + 1e-9, "{index}: {least} m, {distance} m");
             for (_, point, normal, depth) in found {
-                // Each point is halfway between the surfaces: half the distance along the normal lies on the second.
+                // Each point is halfway between the surfaces: half the distance along the normal lies on the
+                // second.
                 let on_second = second.inverse_transform_point(&(point - normal * (0.5 * depth)));
                 let beyond = on_second.coords.abs() - Vector3::from(half.1);
                 assert!(beyond.max() < 1.1 * WITHIN, "{index}: {beyond}");

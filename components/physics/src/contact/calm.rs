@@ -12,18 +12,20 @@ use crate::robot::Articulation;
 /// Detections without a look ahead after one that has saved none.
 const PAUSE: u32 = 16;
 
-/// Bounds of the ways of all colliders of robots since the pairs were looked at last, by the changes of the joints.
+/// Bounds of the ways of all colliders of robots since the pairs were looked at last, by the changes of the
+/// joints.
 ///
-/// A joint that turns moves what it carries by no more than its angle times the distance from its origin, which is no longer than
-/// the way along the links between. While the joints between two colliders have not used up their distance, nothing touches, and
-/// no pose of a collider need be known.
+/// A joint that turns moves what it carries by no more than its angle times the distance from its origin,
+/// which is no longer than the way along the links between. While the joints between two colliders have not
+/// used up their distance, nothing touches, and no pose of a collider need be known.
 #[derive(Clone, Debug)]
 pub(super) struct Calm {
     trees: Vec<Tree>,
     /// Per collider; `None` for what stands in the world.
     places: Vec<Option<Place>>,
     watched: Vec<Watched>,
-    /// The way of the fastest collider from the time at which near pairs were listed to that of the last look \[m\].
+    /// The way of the fastest collider from the time at which near pairs were listed to that of the last look
+    /// \[m\].
     way: f64,
     /// Distance within which contact points are found at least \[m\].
     least: f64,
@@ -67,7 +69,8 @@ struct Bound {
     depth: f64,
 }
 
-/// The place of a collider: its articulation, its link, and the distance of its farthest point from the origin of that \[m\].
+/// The place of a collider: its articulation, its link, and the distance of its farthest point from the
+/// origin of that \[m\].
 #[derive(Clone, Copy, Debug)]
 struct Place {
     tree: usize,
@@ -114,7 +117,8 @@ impl Calm {
         (self.known, self.steps, self.wait) = (false, 0, 0);
     }
 
-    /// Looks at the near pairs after a detection that has found nothing; after one that has, nothing is known.
+    /// Looks at the near pairs after a detection that has found nothing; after one that has, nothing is
+    /// known.
     pub(super) fn look(
         &mut self,
         articulations: &[Articulation],
@@ -147,8 +151,8 @@ impl Calm {
         }
     }
 
-    /// True where nothing can touch in a step of `h` \[s\] from this state of all articulations. `parts` are those of
-    /// [`Motions`] that count.
+    /// True where nothing can touch in a step of `h` \[s\] from this state of all articulations. `parts` are
+    /// those of [`Motions`] that count.
     pub(super) fn holds(
         &mut self,
         articulations: &[Articulation],
@@ -260,7 +264,8 @@ impl Tree {
         }
     }
 
-    /// Bound of the way of any point of a collider \[m\] and of its speed \[m/s\] relative to a link that carries it, or in the world.
+    /// Bound of the way of any point of a collider \[m\] and of its speed \[m/s\] relative to a link that
+    /// carries it, or in the world.
     #[inline]
     fn motion(&self, place: &Place, carrier: Option<usize>) -> [f64; 2] {
         let bound = &self.bounds[place.link];

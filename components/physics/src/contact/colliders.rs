@@ -1,4 +1,5 @@
-//! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of them.
+//! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of
+//! them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -59,11 +60,13 @@ pub(crate) struct Collider {
     pub(crate) name: String,
     pub(crate) owner: Owner,
     pub(crate) shape: ConvexShape,
-    /// Frame of the shape in that of its owner. Objects that move are owners in the frame of their principal axes of inertia.
+    /// Frame of the shape in that of its owner. Objects that move are owners in the frame of their principal
+    /// axes of inertia.
     pub(crate) placement: Isometry3<f64>,
     /// Index of the object that it is, of one that is fixed.
     pub(crate) fixed: Option<usize>,
-    /// Of a part of a mesh or a compound: index of its object in the world, and its frame in that of the object.
+    /// Of a part of a mesh or a compound: index of its object in the world, and its frame in that of the
+    /// object.
     pub(crate) part: Option<(usize, Isometry3<f64>)>,
     /// The triangles by which it touches, about the origin of its shape, which is their box.
     pub(crate) surface: Option<Arc<TriangleSurface>>,
@@ -113,7 +116,8 @@ impl ColliderGrain {
     }
 }
 
-/// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them that may touch.
+/// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them
+/// that may touch.
 pub(crate) struct Colliders {
     pub(crate) colliders: Vec<Collider>,
     /// Index of the first collider of the first object of the world.
@@ -129,9 +133,9 @@ pub(crate) struct Colliders {
 }
 
 impl Colliders {
-    /// Links on one body or on two bodies that a joint or a parent joins never touch, nor do any when the robot has
-    /// no self-collision; the rules of `setup` disable and enable further pairs. Shapes that cannot be used are left out with a
-    /// warning.
+    /// Links on one body or on two bodies that a joint or a parent joins never touch, nor do any when the
+    /// robot has no self-collision; the rules of `setup` disable and enable further pairs. Shapes that cannot
+    /// be used are left out with a warning.
     pub(crate) fn new(
         setups: &[RobotSetup],
         world: &World,
@@ -277,8 +281,8 @@ impl Colliders {
                 collider.sides = sides(&collider.shape);
             }
         }
-        // Colliders of one owner, and two that never move, need no check.
-        // Links that touch nothing of their own robot touch nothing of another either, as in one model of both.
+        // Colliders of one owner, and two that never move, need no check. Links that touch nothing of their
+        // own robot touch nothing of another either, as in one model of both.
         let silent = |index: usize| {
             let rules = model.robot(index).map(|of| &setups[of].collision_rules.disabled_links);
             rules.is_some_and(|links| links.iter().any(|link| link == model.link(index)))
@@ -315,7 +319,8 @@ impl Colliders {
         Self { colliders, first_object, objects, model, terrain: field.map(Arc::new), described }
     }
 
-    /// The object of the world that a collider belongs to, and its frame in that of the object where this is another.
+    /// The object of the world that a collider belongs to, and its frame in that of the object where this is
+    /// another.
     pub(crate) fn object_of(&self, collider: usize) -> Option<(usize, Option<&Isometry3<f64>>)> {
         let last = self.objects.last()?.end;
         if !(self.first_object..last).contains(&collider) {
@@ -330,8 +335,8 @@ impl Colliders {
         pair.iter().all(|&index| index < self.first_object)
     }
 
-    /// Excludes pairs of links that are too close as the robot stands, with a warning each, and warns of links inside
-    /// something else. True if there was any such pair.
+    /// Excludes pairs of links that are too close as the robot stands, with a warning each, and warns of
+    /// links inside something else. True if there was any such pair.
     pub(crate) fn exclude_close(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) -> bool {
         let mut distances = Collisions::new(&self.model);
         for (index, own) in robot.articulations.iter().enumerate() {

@@ -1,10 +1,11 @@
-//! The solver of the contact problem: sweeps over the contact points, and Newton steps over all of them at once.
+//! The solver of the contact problem: sweeps over the contact points, and Newton steps over all of them at
+//! once.
 
 use super::newton::Newton;
 use super::site::Couple;
 
-/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique where a rigid robot stands
-/// on more points than determine them.
+/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique where a rigid
+/// robot stands on more points than determine them.
 pub(super) const COMPLIANCE: f64 = 1e-6;
 
 /// Largest number of sweeps over all contact points.
@@ -13,7 +14,8 @@ const SWEEPS: usize = 200;
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
 const SETTLED: f64 = 1e-8;
 
-/// A sweep that changes more than this multiple of the one before the Newton step shows that the step led astray.
+/// A sweep that changes more than this multiple of the one before the Newton step shows that the step led
+/// astray.
 const ASTRAY: f64 = 1.0;
 
 /// The contact problem of a step:
@@ -24,14 +26,14 @@ const ASTRAY: f64 = 1.0;
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
-/// A sweep solves one contact point after the other (block Gauss-Seidel): it finds which points are open, stick or slip
-/// within a few rounds, and then converges slowly where points are redundant, as under a flat sole. A Newton step solves
-/// the equations of these modes for all points at once. What a step finds is kept when the next sweep hardly changes it;
-/// either way the solution is one that a sweep confirms.
+/// A sweep solves one contact point after the other (block Gauss-Seidel): it finds which points are open,
+/// stick or slip within a few rounds, and then converges slowly where points are redundant, as under a flat
+/// sole. A Newton step solves the equations of these modes for all points at once. What a step finds is kept
+/// when the next sweep hardly changes it; either way the solution is one that a sweep confirms.
 ///
-/// Torques against rolling and spinning are blocks of their own, of three rows each: `w` is an angular velocity there, and their
-/// bounds grow with the normal impulse of their contact point. Newton steps leave them to the sweeps. Blocks that hold both ways have no
-/// bounds, and are part of every Newton step.
+/// Torques against rolling and spinning are blocks of their own, of three rows each: `w` is an angular
+/// velocity there, and their bounds grow with the normal impulse of their contact point. Newton steps leave
+/// them to the sweeps. Blocks that hold both ways have no bounds, and are part of every Newton step.
 #[derive(Clone, Debug)]
 pub(crate) struct ConeSolver {
     /// Three times the number of contact points.
@@ -262,7 +264,8 @@ impl PointAnswer {
         }
     }
 
-    /// The impulse for fixed impulses at all other points: `old` is the impulse now, and `velocity` the velocity with it.
+    /// The impulse for fixed impulses at all other points: `old` is the impulse now, and `velocity` the
+    /// velocity with it.
     #[inline]
     pub(super) fn relax(
         &self,
@@ -282,8 +285,8 @@ impl PointAnswer {
         [normal, tangent[0], tangent[1]]
     }
 
-    /// The moments, about the normal and about the tangents, for fixed impulses at all other points; each of the two kinds has
-    /// its bound.
+    /// The moments, about the normal and about the tangents, for fixed impulses at all other points; each of
+    /// the two kinds has its bound.
     #[inline]
     pub(super) fn relax_couple(
         &self,
@@ -299,7 +302,8 @@ impl PointAnswer {
         [about_normal, tangent[0], tangent[1]]
     }
 
-    /// The two tangential entries of an impulse, no greater than `bound` together, that stop the `slip` or oppose it.
+    /// The two tangential entries of an impulse, no greater than `bound` together, that stop the `slip` or
+    /// oppose it.
     #[inline]
     fn relax_tangent(&self, old: [f64; 2], slip: [f64; 2], bound: f64) -> [f64; 2] {
         let [first, second, beside] = self.tangents;

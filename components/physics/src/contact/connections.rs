@@ -26,7 +26,8 @@ pub(crate) struct Held {
 }
 
 impl Held {
-    /// The velocity of the first part relative to the second that takes back the error, in a step of `h` \[s\].
+    /// The velocity of the first part relative to the second that takes back the error, in a step of `h`
+    /// \[s\].
     pub(super) fn velocity(&self, h: f64) -> Vector3<f64> {
         let velocity = self.error * (-SHARE / h);
         let most = if self.turning { FASTEST.1 } else { FASTEST.0 };

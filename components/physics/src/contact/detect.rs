@@ -73,7 +73,8 @@ pub(crate) enum Motion {
     Done,
 }
 
-/// Length of the integration step of a contact point until it takes part in one \[s\]: any but zero, by which no force divides.
+/// Length of the integration step of a contact point until it takes part in one \[s\]: any but zero, by which
+/// no force divides.
 pub(super) const UNKNOWN: f64 = 1.0;
 
 /// Error of a measured distance \[m\].
@@ -81,8 +82,8 @@ pub(super) const ROUNDING: f64 = 1e-6;
 
 /// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
 ///
-/// The points of a pair are those of [`narrow`]. Pairs that cannot have come near since they were measured last are
-/// passed over ([`Motions`]), most of them without a look at each ([`NearPairs`]).
+/// The points of a pair are those of [`narrow`]. Pairs that cannot have come near since they were measured
+/// last are passed over ([`Motions`]), most of them without a look at each ([`NearPairs`]).
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     near: NearPairs,
@@ -241,8 +242,8 @@ impl Detector {
         }
     }
 
-    /// Places the colliders of each articulation as its `kinematics` stands, its base as in `bases`, and those of
-    /// `objects`.
+    /// Places the colliders of each articulation as its `kinematics` stands, its base as in `bases`, and
+    /// those of `objects`.
     pub(crate) fn set_poses<'a>(
         &mut self,
         Colliders { colliders, model, .. }: &Colliders,
@@ -260,13 +261,15 @@ impl Detector {
         self.motions.follow(colliders, &self.distances, (kinematics, bases), objects);
     }
 
-    /// True where nothing can touch in a step of `h` \[s\] of these robots, whose colliders need not be placed.
+    /// True where nothing can touch in a step of `h` \[s\] of these robots, whose colliders need not be
+    /// placed.
     pub(crate) fn is_calm(&mut self, robot: &Robot, h: f64) -> bool {
         let state = (&*robot.state.q, &*robot.state.v);
         self.calm.holds(&robot.articulations, state, (h, self.near.parts()))
     }
 
-    /// Looks how near the robots are to anything as they are placed, after a detection with these `least` distances.
+    /// Looks how near the robots are to anything as they are placed, after a detection with these `least`
+    /// distances.
     pub(crate) fn look_ahead(&mut self, robot: &Robot, least: Least) {
         let free = self.points.is_empty();
         let pairs = (&*self.pairs, &self.near, &self.motions);
@@ -287,7 +290,8 @@ impl Detector {
         lowest
     }
 
-    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a terrain.
+    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a
+    /// terrain.
     pub(crate) fn above_terrain(&self, colliders: &Colliders, articulation: usize) -> Option<f64> {
         terrain::clearance(colliders, articulation, &self.distances)
     }
@@ -303,8 +307,9 @@ impl Detector {
         self.earlier.reserve(self.most + points);
     }
 
-    /// Finds all contact points closer than the `least` distance of their parties \[m\], and those that may touch within `h` \[s\]. Between colliders that do
-    /// not move in this integration step they are those found last.
+    /// Finds all contact points closer than the `least` distance of their parties \[m\], and those that may
+    /// touch within `h` \[s\]. Between colliders that do not move in this integration step they are those
+    /// found last.
     pub(crate) fn detect(
         &mut self,
         all: &Colliders,

@@ -25,7 +25,8 @@ impl Collider {
         self.faces.iter().max_by(|a, b| height(a).total_cmp(&height(b))).map(|(normal, _)| *normal)
     }
 
-    /// [`ContactGeometry::surface_towards`], also of a hull whose faces are known: there `None` for a point beside all faces.
+    /// [`ContactGeometry::surface_towards`], also of a hull whose faces are known: there `None` for a point
+    /// beside all faces.
     pub(super) fn surface_towards(
         &self,
         point: &Vector3<f64>,
@@ -50,7 +51,8 @@ impl Collider {
 pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
 
 impl<'a> Faces<'a> {
-    /// Those of a box, a hull beside meshes that touch by their triangles, or a prism around a cylinder that is turned towards the segment between `ends`; of other shapes none.
+    /// Those of a box, a hull beside meshes that touch by their triangles, or a prism around a cylinder that
+    /// is turned towards the segment between `ends`; of other shapes none.
     pub(super) fn of(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],

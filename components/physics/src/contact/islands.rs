@@ -2,8 +2,8 @@
 
 use core::ops::Range;
 
-/// Contact points by islands. Two points are of one island where a chain of points and moving bodies joins them: what
-/// the points of one island press on moves nothing in another.
+/// Contact points by islands. Two points are of one island where a chain of points and moving bodies joins
+/// them: what the points of one island press on moves nothing in another.
 ///
 /// Bodies are numbered: articulations first, then free objects.
 #[derive(Clone, Debug)]

@@ -12,7 +12,8 @@ use super::features::{ContactGeometry, Feature};
 use super::patch;
 use super::surfaces;
 
-/// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
+/// The nearest points of a pair are a contact point of their own when they are nearer than all features by
+/// this \[m\].
 const MISSED: f64 = 1e-4;
 
 /// Number of the nearest points among the features of a pair.
@@ -21,15 +22,15 @@ const NEAREST: u32 = u32::MAX >> 1;
 /// Beyond its margin a distance is measured up to this \[m\], so that it need not be again for a while.
 pub(super) const AHEAD: f64 = 0.05;
 
-/// Passes the contact points of a pair nearer than `margin` \[m\] to `found`: true where the first of the two bears the
-/// surface, the number of the feature, the point, the normal and the distance. Returns a lower bound of the distance
-/// of the pair \[m\].
+/// Passes the contact points of a pair nearer than `margin` \[m\] to `found`: true where the first of the two
+/// bears the surface, the number of the feature, the point, the normal and the distance. Returns a lower
+/// bound of the distance of the pair \[m\].
 ///
 /// A mesh touches by its [triangles](surfaces). Two boxes touch at the corners of their faces
-/// [clipped](boxes) against one another. Others
-/// that touch in a line or a face do so at the corners of their [patch]. The points of the rest are the
-/// [features](ContactGeometry::features) of each collider near the surface of the other. If these miss the contact, as
-/// between edges that cross or on a hull, the nearest points of the two are used.
+/// [clipped](boxes) against one another. Others that touch in a line or a face do so at the corners of their
+/// [patch]. The points of the rest are the [features](ContactGeometry::features) of each collider near the
+/// surface of the other. If these miss the contact, as between edges that cross or on a hull, the nearest
+/// points of the two are used.
 pub(super) fn measure(
     model: &CollisionModel,
     pair: &Pair,

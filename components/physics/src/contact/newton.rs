@@ -56,8 +56,8 @@ impl Newton {
 }
 
 impl ConeSolver {
-    /// Solves the equations of the present modes for all contact points that press. Points that would pull are opened
-    /// first. `false` where there are too many points or their matrix is singular.
+    /// Solves the equations of the present modes for all contact points that press. Points that would pull
+    /// are opened first. `false` where there are too many points or their matrix is singular.
     pub(super) fn newton_step(&mut self) -> bool {
         for opened in 0..=OPENINGS {
             self.find_modes();
@@ -161,7 +161,8 @@ impl ConeSolver {
         }
     }
 
-    /// The linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q = |w_t| / (mu lambda_n)`.
+    /// The linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q = |w_t| / (mu
+    /// lambda_n)`.
     fn assemble_newton(&mut self) {
         let Self { rows, delassus, velocity, target, friction, soft, lambda, newton, .. } = self;
         let Newton { unknowns, modes, system, step, .. } = newton;
@@ -262,8 +263,8 @@ fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
     substitute(system, right)
 }
 
-/// Solves a dense system with a symmetric positive definite matrix, as that of W where nothing slips, in place: of the rows the part
-/// from the diagonal on. `false` where it is not positive definite.
+/// Solves a dense system with a symmetric positive definite matrix, as that of W where nothing slips, in
+/// place: of the rows the part from the diagonal on. `false` where it is not positive definite.
 fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
     let n = right.len();
     for k in 0..n {
@@ -288,7 +289,8 @@ fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
     substitute(system, right)
 }
 
-/// Length of a row up to its last entry that is not zero: points of objects that do not touch are not coupled.
+/// Length of a row up to its last entry that is not zero: points of objects that do not touch are not
+/// coupled.
 fn width(row: &[f64]) -> usize {
     row.iter().rposition(|entry| *entry != 0.0).map_or(0, |last| last + 1)
 }

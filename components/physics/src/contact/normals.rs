@@ -1,4 +1,5 @@
-//! Directions in which a surface pushes a cylinder or a hull: the point of a rim that touches first differs by them.
+//! Directions in which a surface pushes a cylinder or a hull: the point of a rim that touches first differs
+//! by them.
 
 use nalgebra::Vector3;
 

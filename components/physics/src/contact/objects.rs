@@ -28,7 +28,8 @@ pub(crate) struct FreeBody {
     pub(crate) asleep: bool,
     /// It touches nothing in the present step, and takes the midpoint rule.
     free: bool,
-    /// The frame of its principal axes at its centre of mass, whose pose this is, in the object; `None` where that is the object's own.
+    /// The frame of its principal axes at its centre of mass, whose pose this is, in the object; `None` where
+    /// that is the object's own.
     pub(crate) axes: Option<Isometry3<f64>>,
 }
 
@@ -84,8 +85,9 @@ impl FreeBody {
     /// Velocity after `h` \[s\] under gravity and in the air alone.
     fn fall(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
         self.linear = air.slowed((self.drag, self.mass), self.linear + gravity * h, h);
-        // One Newton step of the gyroscopic torque at the mean of both velocities, in the body's axes: of second order, for
-        // spins to some 1000 rad/s at 1 ms. About its middle axis a thin strip makes the slope singular at 2 / h = 2000 rad/s.
+        // One Newton step of the gyroscopic torque at the mean of both velocities, in the body's axes: of
+        // second order, for spins to some 1000 rad/s at 1 ms. About its middle axis a thin strip makes the
+        // slope singular at 2 / h = 2000 rad/s.
         let w = self.pose.rotation.inverse_transform_vector(&self.angular);
         let momentum = self.inertia.component_mul(&w);
         let error = w.cross(&momentum) * h;
@@ -97,8 +99,8 @@ impl FreeBody {
         }
     }
 
-    /// The whole motion of `h` \[s\] under gravity and in the air by the midpoint rule: the way is that at the mean velocity, and the
-    /// rotation keeps energy and the length of the angular momentum.
+    /// The whole motion of `h` \[s\] under gravity and in the air by the midpoint rule: the way is that at
+    /// the mean velocity, and the rotation keeps energy and the length of the angular momentum.
     fn fly(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
         let before = self.linear;
         self.linear = air.slowed((self.drag, self.mass), before + gravity * h, h);
@@ -131,7 +133,8 @@ impl FreeBody {
     }
 }
 
-/// Newton steps of the midpoint rule for a rotation. The second leaves rounding at any speed that a step can follow.
+/// Newton steps of the midpoint rule for a rotation. The second leaves rounding at any speed that a step can
+/// follow.
 const NEWTON: usize = 4;
 
 /// All objects that move, with room for their next state.

@@ -1,4 +1,5 @@
-//! Properties of colliders that may change from one reset to the next: their surfaces, and the heights of the terrain.
+//! Properties of colliders that may change from one reset to the next: their surfaces, and the heights of the
+//! terrain.
 
 use std::sync::Arc;
 

@@ -25,8 +25,8 @@ pub(crate) struct ContactScene {
     connections: Connections,
     /// Number of articulations.
     articulations: usize,
-    /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where its step is
-    /// over.
+    /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where
+    /// its step is over.
     lengths: Vec<f64>,
     /// Robots that may hold something, and all that they may hold, which take the steps of grasps.
     near: Vec<bool>,
@@ -96,7 +96,8 @@ impl ContactScene {
         self.detector = Detector::new(&self.colliders, &robot.articulations);
     }
 
-    /// Places each articulation as its `kinematics` stands, its base as in `bases`, and the objects in their next state.
+    /// Places each articulation as its `kinematics` stands, its base as in `bases`, and the objects in their
+    /// next state.
     pub(crate) fn set_poses<'a>(
         &mut self,
         kinematics: impl Fn(usize) -> &'a Kinematics,
@@ -106,9 +107,9 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to an object or to another
-    /// robot that they take the integration steps of contacts, with all that they may touch. Returns the larger number of integration steps of those there are, `far` from
-    /// contacts or near.
+    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to
+    /// an object or to another robot that they take the integration steps of contacts, with all that they may
+    /// touch. Returns the larger number of integration steps of those there are, `far` from contacts or near.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
@@ -155,8 +156,8 @@ impl ContactScene {
         });
     }
 
-    /// Sets up the impulses at the contact points for an integration step: the objects of the next state fall, the
-    /// articulations move with `v`.
+    /// Sets up the impulses at the contact points for an integration step: the objects of the next state
+    /// fall, the articulations move with `v`.
     pub(crate) fn prepare<'a>(
         &mut self,
         articulations: &[Articulation],
@@ -184,7 +185,8 @@ impl ContactScene {
         impulses.prepare(detector.points(), v, (&objects.before, &objects.next), slopes);
     }
 
-    /// Adds the impulses of this integration step to `sums`; those on what sleeps, once in a step of `dt` \[s\], in the first.
+    /// Adds the impulses of this integration step to `sums`; those on what sleeps, once in a step of `dt`
+    /// \[s\], in the first.
     pub(crate) fn add_impulses(&self, first: bool, dt: f64, sums: &mut ImpulseSums) {
         let share = |point: &ContactPoint| match point.kept {
             false => 1.0,
@@ -214,8 +216,8 @@ impl ContactScene {
         }
     }
 
-    /// Ends an integration step: the objects move by their velocities with the impulses. Those of an island in which
-    /// nothing has moved for half a second sleep.
+    /// Ends an integration step: the objects move by their velocities with the impulses. Those of an island
+    /// in which nothing has moved for half a second sleep.
     pub(crate) fn finish(&mut self) {
         let Self { detector, impulses, objects, lengths, articulations, .. } = self;
         impulses.push_objects(&mut objects.next);
@@ -225,18 +227,20 @@ impl ContactScene {
         }
     }
 
-    /// Height of the lowest point of an articulation, as it was placed last \[m\]; infinite without colliders.
+    /// Height of the lowest point of an articulation, as it was placed last \[m\]; infinite without
+    /// colliders.
     pub(crate) fn lowest(&self, articulation: usize) -> f64 {
         self.detector.lowest(&self.colliders.colliders, articulation)
     }
 
-    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a terrain.
+    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a
+    /// terrain.
     pub(crate) fn above_terrain(&self, articulation: usize) -> Option<f64> {
         self.detector.above_terrain(&self.colliders, articulation)
     }
 
-    /// The contact points of robots within `least` \[m\] and those of anything that may touch within `h` \[s\], as all was placed last. Those of
-    /// the last step are dropped.
+    /// The contact points of robots within `least` \[m\] and those of anything that may touch within `h`
+    /// \[s\], as all was placed last. Those of the last step are dropped.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
         let least = Least { robots: least, grasps: least };
         self.detector.detect(&self.colliders, &self.connections, (h, least));

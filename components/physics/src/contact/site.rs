@@ -24,7 +24,8 @@ pub(super) struct Site {
     pub(super) free: [f64; 3],
     /// Velocity along the normal that is aimed at.
     pub(super) target: f64,
-    /// Coefficient of restitution of an impact, and the speed of rebound by Newton's law \[m/s\]; zero otherwise.
+    /// Coefficient of restitution of an impact, and the speed of rebound by Newton's law \[m/s\]; zero
+    /// otherwise.
     pub(super) restitution: f64,
     pub(super) bounce: f64,
     /// The surfaces overlap, so that the target is a share of the speed of recovery.

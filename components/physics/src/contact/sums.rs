@@ -5,7 +5,8 @@ use nalgebra::{Point3, Vector3};
 use super::colliders::Collider;
 use crate::robot::Articulation;
 
-/// The impulse on each collider during a step \[N s\], and its moment about the origin of the world \[N m s\].
+/// The impulse on each collider during a step \[N s\], and its moment about the origin of the world \[N m
+/// s\].
 ///
 /// Connections act on links, which need no collider: the links' sums follow the colliders'.
 pub(crate) struct ImpulseSums {

@@ -18,7 +18,8 @@ pub(crate) struct SurfaceLaw {
     pub(crate) conveyed: Vector3<f64>,
     /// The point gives way, in place of restitution.
     pub(crate) soft: Option<Softness>,
-    /// Direction along which friction differs, world axes, and the friction along and across it relative to `friction`.
+    /// Direction along which friction differs, world axes, and the friction along and across it relative to
+    /// `friction`.
     pub(crate) grain: Option<(Vector3<f64>, [f64; 2])>,
 }
 
@@ -78,8 +79,9 @@ impl SurfaceLaw {
         Self { conveyed: -self.conveyed, ..self }
     }
 
-    /// The axes of a contact point: its normal, and two tangents. Along a grain and across it these are shortened so that the bound of
-    /// friction is a circle: impulses along them are then as much smaller, and so are the velocities that these oppose.
+    /// The axes of a contact point: its normal, and two tangents. Along a grain and across it these are
+    /// shortened so that the bound of friction is a circle: impulses along them are then as much smaller, and
+    /// so are the velocities that these oppose.
     pub(super) fn axes(&self, normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let Some((direction, [along, across])) = self.grain else { return axes(normal) };
         let tangent = direction - normal * normal.dot(&direction);

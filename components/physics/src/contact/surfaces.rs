@@ -1,9 +1,10 @@
 //! Contact points of a convex collider with the triangles of a mesh.
 //!
-//! [Features](super::features) of the collider touch the triangles that they stand over; what is round touches an edge or a corner of the
-//! mesh where that is nearer than all triangles. [Edges](motorium_robots::SurfaceEdge) of the mesh that stick out touch faces and edges of the collider.
-//! Sides between triangles of one plane, and in valleys, are no edges, so that what slides over them feels the triangles alone. A triangle
-//! touches what has its centre in front of it.
+//! [Features](super::features) of the collider touch the triangles that they stand over; what is round
+//! touches an edge or a corner of the mesh where that is nearer than all triangles.
+//! [Edges](motorium_robots::SurfaceEdge) of the mesh that stick out touch faces and edges of the collider.
+//! Sides between triangles of one plane, and in valleys, are no edges, so that what slides over them feels
+//! the triangles alone. A triangle touches what has its centre in front of it.
 
 use motorium_robots::{ConvexShape, SurfaceEdge, SurfaceTriangle, TriangleSurface};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
@@ -59,8 +60,9 @@ struct Mover<'a> {
     margin: f64,
 }
 
-/// Passes the contact points of a collider with the triangles of a mesh nearer than `margin` \[m\] to `found`: the number of the feature, the
-/// point, the normal from the mesh to the collider, and the distance. Returns a lower bound of their distance \[m\].
+/// Passes the contact points of a collider with the triangles of a mesh nearer than `margin` \[m\] to
+/// `found`: the number of the feature, the point, the normal from the mesh to the collider, and the distance.
+/// Returns a lower bound of their distance \[m\].
 pub(super) fn collide(
     (mover, mover_pose): (&Collider, &IsometryMatrix3<f64>),
     (surface, surface_pose): (&TriangleSurface, &IsometryMatrix3<f64>),
@@ -107,8 +109,8 @@ fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
 }
 
 impl Mover<'_> {
-    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal meet those points of them that are deepest
-    /// against it.
+    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal meet those points of
+    /// them that are deepest against it.
     fn rims(
         &self,
         surface: &TriangleSurface,
@@ -275,8 +277,9 @@ impl Mover<'_> {
         }
     }
 
-    /// Contact of an edge with the side of a capsule or a cylinder of this radius and half length: in a point, or at the ends of the
-    /// line that both share. False where the edge may touch the end of one that has no round `caps`.
+    /// Contact of an edge with the side of a capsule or a cylinder of this radius and half length: in a
+    /// point, or at the ends of the line that both share. False where the edge may touch the end of one that
+    /// has no round `caps`.
     fn side(
         &self,
         edge: &SurfaceEdge,
@@ -317,8 +320,8 @@ impl Mover<'_> {
         true
     }
 
-    /// Contact of an edge with the edge of the collider between two of its faces, in the frame of the collider: the normal to it, the point, the distance.
-    /// `None` where both are parallel.
+    /// Contact of an edge with the edge of the collider between two of its faces, in the frame of the
+    /// collider: the normal to it, the point, the distance. `None` where both are parallel.
     fn crossing(
         &self,
         edge: &SurfaceEdge,
@@ -389,7 +392,8 @@ fn middle(triangle: &SurfaceTriangle) -> Point3<f64> {
     Point3::from((a + b + c) / 3.0)
 }
 
-/// Keeps a triangle that is touched: of nearly the same normal the nearest, and of those of a ridge the nearest. In a valley all stay.
+/// Keeps a triangle that is touched: of nearly the same normal the nearest, and of those of a ridge the
+/// nearest. In a valley all stay.
 fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
     let same = |other: &Touch| {
         let alike = other.normal.dot(&touch.normal) > ALIKE;

@@ -10,12 +10,13 @@ use super::site::{Mobility, Side, Site};
 const SWEEPS: usize = 50;
 pub(super) const FEW: usize = 10;
 
-/// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest that an impulse makes
-/// at its own point, as in impacts.
+/// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest
+/// that an impulse makes at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
 const SETTLED_SHARE: f64 = 1e-4;
 
-/// The change where another method follows, which finds more exactly what sweeps come near slowly, as in a tower \[m/s\].
+/// The change where another method follows, which finds more exactly what sweeps come near slowly, as in a
+/// tower \[m/s\].
 const SETTLED_OF_FEW: f64 = 1e-7;
 
 /// Half solutions of the contact points on articulations.
@@ -68,8 +69,8 @@ impl Room {
 
 /// A large island.
 ///
-/// The velocities of free objects and, of articulations, half a solution `sum` for all impulses are kept up to date, so
-/// that a contact point is solved at the cost of the one or two bodies that meet there.
+/// The velocities of free objects and, of articulations, half a solution `sum` for all impulses are kept up
+/// to date, so that a contact point is solved at the cost of the one or two bodies that meet there.
 pub(super) struct Island<'a, P: Fn(usize) -> usize> {
     pub(super) sites: &'a [Site],
     pub(super) lambda: &'a mut [f64],
@@ -83,8 +84,8 @@ pub(super) struct Island<'a, P: Fn(usize) -> usize> {
 }
 
 impl<P: Fn(usize) -> usize> Island<'_, P> {
-    /// Finds the impulses, from those they are now, by up to [`SWEEPS`] sweeps, or a [`FEW`]. The velocities of its objects are those
-    /// without impulses; `sum` is zero. Returns whether the sweeps settled.
+    /// Finds the impulses, from those they are now, by up to [`SWEEPS`] sweeps, or a [`FEW`]. The velocities
+    /// of its objects are those without impulses; `sum` is zero. Returns whether the sweeps settled.
     pub(super) fn solve(&mut self, few: bool) -> bool {
         self.room.objects.clear();
         for place in self.places.clone() {
@@ -110,9 +111,9 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         settled
     }
 
-    /// Sweeps, between which the impulses are extrapolated along the conjugate of their last changes, as in the nonlinear
-    /// conjugate gradient method of Silcowitz and others (2010). Every extrapolation is followed by a sweep, so that the
-    /// impulses are in their cones at the end.
+    /// Sweeps, between which the impulses are extrapolated along the conjugate of their last changes, as in
+    /// the nonlinear conjugate gradient method of Silcowitz and others (2010). Every extrapolation is
+    /// followed by a sweep, so that the impulses are in their cones at the end.
     fn sweep_until_settled(&mut self, (most, [settled, share_settled]): (usize, [f64; 2])) -> bool {
         let mut before = f64::INFINITY;
         for sweep in 0..most {
@@ -160,8 +161,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         room.before.copy_from_slice(sum);
     }
 
-    /// Goes on along `share` of the last direction, and adds the last change to it. Velocities are linear in the impulses:
-    /// they go along their own parts of the direction.
+    /// Goes on along `share` of the last direction, and adds the last change to it. Velocities are linear in
+    /// the impulses: they go along their own parts of the direction.
     fn extrapolate(&mut self, share: f64) {
         let Self { room, bodies, sum, lambda, places, point, .. } = self;
         let last = |direction: f64| if share > 0.0 { share * direction } else { 0.0 };

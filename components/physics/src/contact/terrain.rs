@@ -1,9 +1,9 @@
 //! Contact points with the terrain.
 //!
-//! A round feature touches the faces that its centre stands over, and the edges and corners to which it is nearer than to the faces around
-//! them; a sharp one the face below it. Where a box, a cylinder, a capsule or the hull of an object lies across a peak, the peak
-//! touches it.
-//! Edges between faces of one plane are no edges.
+//! A round feature touches the faces that its centre stands over, and the edges and corners to which it is
+//! nearer than to the faces around them; a sharp one the face below it. Where a box, a cylinder, a capsule or
+//! the hull of an object lies across a peak, the peak touches it. Edges between faces of one plane are no
+//! edges.
 
 use motorium_robots::{Collisions, ConvexShape, HeightField};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
@@ -42,8 +42,8 @@ struct Touch {
     normal: Vector3<f64>,
 }
 
-/// Passes the contact points of all colliders that move with the terrain to `found`; `margin` \[m\] is that of a speed
-/// \[m/s\].
+/// Passes the contact points of all colliders that move with the terrain to `found`; `margin` \[m\] is that
+/// of a speed \[m/s\].
 pub(super) fn detect(
     (all, moving): (&Colliders, &[Motion]),
     distances: &Collisions,
@@ -122,8 +122,9 @@ pub(super) fn detect(
 /// True of the normals of faces that a feature is for.
 type Takes<'a> = dyn Fn(&Vector3<f64>) -> bool + 'a;
 
-/// Passes the features of a collider that may touch to `visit`, and which normals of faces each is for: rims of a cylinder and corners of a
-/// dense hull touch faces of each normal where they are deepest against it. `reach` \[m\] is how far from the collider's origin faces count.
+/// Passes the features of a collider that may touch to `visit`, and which normals of faces each is for: rims
+/// of a cylinder and corners of a dense hull touch faces of each normal where they are deepest against it.
+/// `reach` \[m\] is how far from the collider's origin faces count.
 fn features(
     field: &HeightField,
     (collider, pose): (&Collider, &IsometryMatrix3<f64>),
@@ -213,7 +214,8 @@ impl Beside {
         }
     }
 
-    /// Passes the edges and corners that the feature touches to `visit`: those to which it is nearer than to all else around them.
+    /// Passes the edges and corners that the feature touches to `visit`: those to which it is nearer than to
+    /// all else around them.
     fn visit_edges(&self, field: &HeightField, visit: &mut dyn FnMut(Touch)) {
         if self.count > MOST_NEAR {
             // There is no room for all: the nearest alone.
@@ -252,7 +254,8 @@ fn keep(touches: &mut [Option<Touch>; FACES], touch: Touch) {
     }
 }
 
-/// The least height of a feature of an articulation above the terrain below it \[m\], along z; `None` without a terrain.
+/// The least height of a feature of an articulation above the terrain below it \[m\], along z; `None` without
+/// a terrain.
 pub(super) fn clearance(all: &Colliders, articulation: usize, distances: &Collisions) -> Option<f64> {
     let field = all.terrain.as_ref()?;
     let robot = all

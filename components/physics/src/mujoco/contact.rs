@@ -1,7 +1,9 @@
-//! The contact points of a step, and the law of MuJoCo's contacts for surfaces that keep a share of their speed.
+//! The contact points of a step, and the law of MuJoCo's contacts for surfaces that keep a share of their
+//! speed.
 //!
-//! A contact of MuJoCo is a spring with a damper that never pulls. A body that meets it with speed v leaves with e v, where e
-//! depends on the damping ratio alone: the closed form is that of a linear spring and damper until its force is zero.
+//! A contact of MuJoCo is a spring with a damper that never pulls. A body that meets it with speed v leaves
+//! with e v, where e depends on the damping ratio alone: the closed form is that of a linear spring and
+//! damper until its force is zero.
 
 use nalgebra::{Point3, Vector3};
 
@@ -41,7 +43,8 @@ const TIME_CONSTANT: f64 = 0.002;
 /// Damping ratio of a surface without restitution.
 const DAMPED: f64 = 3.0;
 
-/// Impedance of a contact: the share of the force that a rigid surface would have, at the surface and a millimetre below.
+/// Impedance of a contact: the share of the force that a rigid surface would have, at the surface and a
+/// millimetre below.
 pub(super) const IMPEDANCE: &str = "0.99 0.999 0.001";
 
 /// MuJoCo's `solref` for a restitution from 0 to 1: time constant \[s\] and damping ratio.
@@ -68,7 +71,8 @@ fn damping_ratio(restitution: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Share of its speed with which a body leaves a spring of frequency 1 and this damping ratio, once the force is zero.
+/// Share of its speed with which a body leaves a spring of frequency 1 and this damping ratio, once the force
+/// is zero.
 fn rebound(ratio: f64) -> f64 {
     let z = ratio;
     if z < 1.0 {

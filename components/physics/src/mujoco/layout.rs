@@ -1,5 +1,5 @@
-//! Layout in memory of the structures of MuJoCo 3.17.0, as far as they are used: offsets in bytes on a system whose pointers have
-//! 64 bits. A test compares them with the headers that come with the library.
+//! Layout in memory of the structures of MuJoCo 3.17.0, as far as they are used: offsets in bytes on a system
+//! whose pointers have 64 bits. A test compares them with the headers that come with the library.
 
 /// The version whose layout this is, as `mj_version` says it.
 pub(super) const VERSION: core::ffi::c_int = 3_017_000;

@@ -94,7 +94,8 @@ impl Library {
     fn load(path: &Path) -> Result<Self, LibraryError> {
         let unusable = |reason: String| LibraryError::Unusable { path: path.to_owned(), reason };
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|error| unusable(error.to_string()))?;
-        // SAFETY: the name ends with a zero byte; the library's initialisers are those of any program that links it.
+        // SAFETY: the name ends with a zero byte; the library's initialisers are those of any program that
+        // links it.
         let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
             return Err(unusable(last_error()));
@@ -150,15 +151,16 @@ impl Library {
             [(c"mju_user_warning", ignore as Handler), (c"mju_user_error", fail as Handler)]
         {
             let place = symbol(name)?.cast::<Handler>();
-            // SAFETY: both are global variables of a pointer to such a function, and no other thread has the library yet.
+            // SAFETY: both are global variables of a pointer to such a function, and no other thread has the
+            // library yet.
             unsafe { place.write(handler) };
         }
         Ok(library)
     }
 }
 
-/// Takes a warning of MuJoCo, which would write a file into the working directory otherwise. What it warns of (states that
-/// are no numbers, room for contacts) is looked at after every step.
+/// Takes a warning of MuJoCo, which would write a file into the working directory otherwise. What it warns of
+/// (states that are no numbers, room for contacts) is looked at after every step.
 extern "C" fn ignore(_: *const c_char) {}
 
 /// Takes an error after which MuJoCo cannot go on, and ends the process: a panic cannot leave this function.
@@ -199,7 +201,8 @@ pub(super) fn find() -> Result<PathBuf, LibraryError> {
     found.ok_or(LibraryError::Missing)
 }
 
-/// Places of the library below the prefix of a Python: `lib/python3.*/site-packages/mujoco`, or Debian's `dist-packages`.
+/// Places of the library below the prefix of a Python: `lib/python3.*/site-packages/mujoco`, or Debian's
+/// `dist-packages`.
 fn in_prefix(prefix: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(prefix.join("lib")) else { return Vec::new() };
     let is_python = |name: &std::ffi::OsStr| name.as_bytes().starts_with(b"python3");

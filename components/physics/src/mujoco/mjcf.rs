@@ -1,8 +1,8 @@
 //! The robot and its world as MuJoCo's text format, MJCF.
 //!
-//! Names are numbers: `c3` the geometry of collider 3, `j2` the joint of body 2, `o1` body and joint of object 1, `base` the free
-//! joint of a floating base. Only pairs of colliders that may touch are written, each with its own surface law; no geometry
-//! touches anything else.
+//! Names are numbers: `c3` the geometry of collider 3, `j2` the joint of body 2, `o1` body and joint of
+//! object 1, `base` the free joint of a floating base. Only pairs of colliders that may touch are written,
+//! each with its own surface law; no geometry touches anything else.
 
 use std::fmt::Write as _;
 
@@ -18,8 +18,8 @@ use crate::robot::Robot;
 /// Law of joint friction: with time constant and impedance at MuJoCo's bounds a joint sticks.
 const FRICTION: &str = r#"solreffriction="0.002 1" solimpfriction="0.9999 0.9999 0.001""#;
 
-/// Law of joint stops: a joint that meets one stops within two milliseconds, one beyond it comes back by a 20th of its distance
-/// a millisecond, without a blow.
+/// Law of joint stops: a joint that meets one stops within two milliseconds, one beyond it comes back by a
+/// 20th of its distance a millisecond, without a blow.
 const STOP: &str = r#"solreflimit="0.002 3.5" solimplimit="0.9999 0.9999 0.001""#;
 
 /// Law of mimic joints.
@@ -28,7 +28,8 @@ const COUPLING: &str = r#"solref="0.002 1" solimp="0.9999 0.9999 0.001""#;
 /// Distance at which contact points are listed before they bear a force \[m\].
 pub(super) const NEAR: f64 = 0.010;
 
-/// Length of a step that is written into the model \[s\]. Every step sets its own; this one is read back, to see that it is found.
+/// Length of a step that is written into the model \[s\]. Every step sets its own; this one is read back, to
+/// see that it is found.
 pub(super) const TIMESTEP: f64 = 0.00390625;
 
 /// Depth of the ground below the lowest point of a terrain \[m\].

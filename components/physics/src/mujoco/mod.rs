@@ -1,8 +1,9 @@
 //! The MuJoCo engine: the library of DeepMind's MuJoCo, loaded at run time.
 //!
-//! The library is that of the Python package `mujoco`: nothing of it is needed to build motorium, and no program that does not
-//! use this engine loads it. It is [found and checked](library) once in a process; the [layout](layout) of its structures is that of one
-//! version. [MJCF](mjcf) is written from our model and world and [compiled](compile), [native] keeps what the library makes of it, and [step] moves it.
+//! The library is that of the Python package `mujoco`: nothing of it is needed to build motorium, and no
+//! program that does not use this engine loads it. It is [found and checked](library) once in a process; the
+//! [layout](layout) of its structures is that of one version. [MJCF](mjcf) is written from our model and
+//! world and [compiled](compile), [native] keeps what the library makes of it, and [step] moves it.
 
 mod compile;
 mod contact;
@@ -54,18 +55,18 @@ pub type MujocoSimulator = Simulation<Mujoco>;
 
 /// The MuJoCo engine, with the library of MuJoCo 3.17.0.
 ///
-/// MuJoCo is found where `pip install mujoco==3.17.0` puts it, below the Python of `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every
-/// folder of `PATH` and of `~/.local`, or in `/usr/local/lib` and `/usr/lib`; `MOTORIUM_MUJOCO` names the library or its
-/// folder instead.
+/// MuJoCo is found where `pip install mujoco==3.17.0` puts it, below the Python of `MOTORIUM_PYTHON`, of
+/// `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, or in `/usr/local/lib` and `/usr/lib`;
+/// `MOTORIUM_MUJOCO` names the library or its folder instead.
 ///
-/// Semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver of contacts, joint stops,
-/// joint friction and mimic joints (Newton, elliptic cones) takes them for the inertia that they are. Effort limits hold in every step:
-/// a step in which a drive turns out to exceed its own is solved again. Contacts are MuJoCo's soft ones, as stiff as a
-/// step of a millisecond allows; their friction is the mean of both surfaces', and their damping is chosen so that a
-/// body comes back with the mean restitution.
+/// Semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver of contacts,
+/// joint stops, joint friction and mimic joints (Newton, elliptic cones) takes them for the inertia that they
+/// are. Effort limits hold in every step: a step in which a drive turns out to exceed its own is solved
+/// again. Contacts are MuJoCo's soft ones, as stiff as a step of a millisecond allows; their friction is the
+/// mean of both surfaces', and their damping is chosen so that a body comes back with the mean restitution.
 ///
-/// A terrain is MuJoCo's height field, which ends at the edge of its grid. Rays are cast by motorium itself, against the same
-/// shapes.
+/// A terrain is MuJoCo's height field, which ends at the edge of its grid. Rays are cast by motorium itself,
+/// against the same shapes.
 pub struct Mujoco {
     options: Options,
     library: &'static Library,
@@ -95,7 +96,8 @@ pub struct Mujoco {
     motion: Vec<f64>,
 }
 
-/// Share of what the constraints of a joint would yield: MuJoCo's friction, stops and couplings of joints are soft, ours are not.
+/// Share of what the constraints of a joint would yield: MuJoCo's friction, stops and couplings of joints are
+/// soft, ours are not.
 const YIELD: f64 = 1e-4;
 
 /// The state of a [`Mujoco`] engine that later steps depend on.

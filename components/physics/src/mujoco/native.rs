@@ -15,8 +15,8 @@ pub(super) struct Parts(c_int);
 impl Parts {
     /// Positions, velocities and the start of the solver: what a step changes.
     pub(super) const MOTION: Self = Self(1 << 1 | 1 << 2 | 1 << 5);
-    /// All that the next step depends on: time, positions, velocities, activations, histories, the start of the solver,
-    /// controls and forces, active constraints, mocap poses, the rest.
+    /// All that the next step depends on: time, positions, velocities, activations, histories, the start of
+    /// the solver, controls and forces, active constraints, mocap poses, the rest.
     pub(super) const INTEGRATION: Self = Self((1 << 14) - 1);
 }
 
@@ -62,7 +62,8 @@ impl Native {
         let mut message = [0_u8; 1000];
         let model = {
             let length = message.len() as c_int;
-            // SAFETY: text and message are what the function takes: a text with a zero byte at its end, room of that length.
+            // SAFETY: text and message are what the function takes: a text with a zero byte at its end, room
+            // of that length.
             let spec = unsafe {
                 (library.parse_xml_string)(
                     text.as_ptr(),
@@ -178,7 +179,8 @@ impl Native {
         }
     }
 
-    /// Hardens the constraints of a joint: friction, stops and couplings yield to forces by this share of what they would.
+    /// Hardens the constraints of a joint: friction, stops and couplings yield to forces by this share of
+    /// what they would.
     pub(super) fn harden(&mut self, dof: usize, share: f64) {
         // SAFETY: the array of the model has nv entries; nothing else has the model.
         unsafe { array_mut::<f64>(self.model, layout::DOF_INVERSE_WEIGHT, self.nv)[dof] *= share }

@@ -15,8 +15,8 @@ pub struct Interval(pub [f64; 2]);
 
 /// Ranges of physical properties, sampled at the start of every episode from its seed.
 ///
-/// Masses, damping, friction and efforts are factors of the robot's and the world's own values, restitution is absolute,
-/// starts are displacements. Each body, joint and object has a sample of its own.
+/// Masses, damping, friction and efforts are factors of the robot's and the world's own values, restitution
+/// is absolute, starts are displacements. Each body, joint and object has a sample of its own.
 ///
 /// ```toml
 /// mass     = [0.9, 1.1]
@@ -45,7 +45,8 @@ pub struct RandomiseConfig {
     pub start: Option<Interval>,
     /// The actuators of the joints.
     pub actuator: ActuatorIntervals,
-    /// Time after which all but starts, objects and the terrain is sampled again within an episode. Default: never.
+    /// Time after which all but starts, objects and the terrain is sampled again within an episode. Default:
+    /// never.
     pub every: Option<TimeSpan>,
     /// Displacement of the start of a floating base.
     pub base: PlaceIntervals,

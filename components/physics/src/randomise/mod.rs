@@ -86,7 +86,8 @@ pub struct Draws {
 }
 
 impl Draws {
-    /// Samples for `robots`, in the order of the simulation, with `nominal` properties that start at `q` (nq).
+    /// Samples for `robots`, in the order of the simulation, with `nominal` properties that start at `q`
+    /// (nq).
     ///
     /// # Errors
     ///
@@ -120,8 +121,8 @@ impl Draws {
         &self.quantities
     }
 
-    /// The value of each quantity in an episode with this seed. Within an episode, `number` counts the samples of the
-    /// properties that [vary in time](Quantity::varies_in_time), from 0 at its start.
+    /// The value of each quantity in an episode with this seed. Within an episode, `number` counts the
+    /// samples of the properties that [vary in time](Quantity::varies_in_time), from 0 at its start.
     pub fn values(&self, seed: u64, number: u64) -> Vec<f64> {
         let value = |quantity: &Quantity| {
             let number = if quantity.varies_in_time() { number } else { 0 };
@@ -147,8 +148,8 @@ impl Draws {
     }
 }
 
-/// A number from 0 to 1, uniformly distributed over the seeds. It depends on the seed, the number of the sample in its
-/// episode and the path alone: adding a range does not change the other samples.
+/// A number from 0 to 1, uniformly distributed over the seeds. It depends on the seed, the number of the
+/// sample in its episode and the path alone: adding a range does not change the other samples.
 fn share((seed, number): (u64, u64), path: &[String]) -> f64 {
     let mut digest = XxHash3_64::default();
     digest.write(&seed.to_le_bytes());

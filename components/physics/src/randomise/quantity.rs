@@ -220,7 +220,8 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
     Ok(())
 }
 
-/// Refuses a drawn start of an object that is connected: the connection is made once, where all stands without a draw.
+/// Refuses a drawn start of an object that is connected: the connection is made once, where all stands
+/// without a draw.
 pub(crate) fn check_ties<'c>(
     config: &RandomiseConfig,
     connections: impl Iterator<Item = &'c Connection>,

@@ -34,10 +34,11 @@ pub struct Start {
     pub properties: Properties,
     /// Configuration (nq), without `lifts`.
     pub q: Vec<f64>,
-    /// Vertical displacement of each articulation's floating base, applied after it is placed on the ground \[m\].
+    /// Vertical displacement of each articulation's floating base, applied after it is placed on the ground
+    /// \[m\].
     pub lifts: Vec<f64>,
-    /// True if the posture, the place of a base or the terrain differs from the nominal one: a base that stands on the
-    /// ground must be placed again.
+    /// True if the posture, the place of a base or the terrain differs from the nominal one: a base that
+    /// stands on the ground must be placed again.
     pub moved: bool,
     /// Per articulation and joint: factors of the gains commanded to the drive and of its strength.
     pub drives: Vec<Vec<[f64; 2]>>,

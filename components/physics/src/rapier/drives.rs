@@ -7,8 +7,8 @@ use crate::robot::{Robot, State};
 use crate::{StepError, StepReport};
 
 impl Rapier {
-    /// Sets every drive for a step of integration steps of `h` \[s\]: its law or its limit acts. `overdriven` then
-    /// marks the latter, and `tau_next` holds its effort.
+    /// Sets every drive for a step of integration steps of `h` \[s\]: its law or its limit acts. `overdriven`
+    /// then marks the latter, and `tau_next` holds its effort.
     pub(super) fn command_drives(&mut self, robot: &mut Robot, h: f64) -> Result<(), StepError> {
         let Robot { articulations, joints, commands, state, gravity, .. } = robot;
         let own = &articulations[0];

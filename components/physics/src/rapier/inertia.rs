@@ -9,8 +9,8 @@ use crate::{BuildError, World};
 
 /// Rapier's unit of mass is a milligram: masses, inertias and forces are multiplied by this on the way in.
 ///
-/// Rapier diagonalises inertias with absolute thresholds, below which it takes any axis for a principal one. In
-/// kilograms a gripper's finger (1e-6 kg m2) is below, and its inertia about the wrong axis comes out.
+/// Rapier diagonalises inertias with absolute thresholds, below which it takes any axis for a principal one.
+/// In kilograms a gripper's finger (1e-6 kg m2) is below, and its inertia about the wrong axis comes out.
 pub(super) const MILLIGRAMS: f64 = 1e6;
 
 /// Relative distance put between the principal moments. Rapier also picks arbitrary axes when two are equal.

@@ -1,10 +1,12 @@
-//! The rapier engine: `rapier3d` in its f64 form, a robot with a fixed base as a reduced-coordinate multibody.
+//! The rapier engine: `rapier3d` in its f64 form, a robot with a fixed base as a reduced-coordinate
+//! multibody.
 //!
-//! Rapier's pipeline allocates at every step, in the LU factorisation of the multibody's mass matrix and in its solver
-//! vectors; no setting avoids it.
+//! Rapier's pipeline allocates at every step, in the LU factorisation of the multibody's mass matrix and in
+//! its solver vectors; no setting avoids it.
 //!
-//! The same program on the same machine gives the same bits, in every process. Rapier's feature `enhanced-determinism`
-//! adds agreement between kinds of machines, at the price of slower trigonometry; it is not enabled.
+//! The same program on the same machine gives the same bits, in every process. Rapier's feature
+//! `enhanced-determinism` adds agreement between kinds of machines, at the price of slower trigonometry; it
+//! is not enabled.
 
 pub(crate) mod convert;
 mod drives;
@@ -38,13 +40,13 @@ pub type RapierSimulator = Simulation<Rapier>;
 
 /// The rapier engine.
 ///
-/// It takes [`Options::contact_iterations`] integration steps in every step, each with one sweep of rapier's contact
-/// solver; it cannot tell steps near a contact from others, so `substeps` must be 1.
+/// It takes [`Options::contact_iterations`] integration steps in every step, each with one sweep of rapier's
+/// contact solver; it cannot tell steps near a contact from others, so `substeps` must be 1.
 ///
-/// A robot with a floating base is refused. The robot's base stands at the origin of the world. Continuous collision
-/// detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier knows no effort limits: a drive
-/// is taken to be saturated when it would be without contacts or when the last step pushed it beyond its limit, so an
-/// impact may exceed the limit for one step.
+/// A robot with a floating base is refused. The robot's base stands at the origin of the world. Continuous
+/// collision detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier knows no effort
+/// limits: a drive is taken to be saturated when it would be without contacts or when the last step pushed it
+/// beyond its limit, so an impact may exceed the limit for one step.
 pub struct Rapier {
     options: Options,
     colliders: Colliders,
@@ -263,8 +265,8 @@ impl Rapier {
 }
 
 impl Simulation<Rapier> {
-    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its allocations apart,
-    /// for one.
+    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its
+    /// allocations apart, for one.
     pub fn enclose_rapier(&mut self, enclose: Enclose) {
         self.engine.scene.set_enclosure(enclose);
     }

@@ -31,8 +31,8 @@ pub(super) enum DriveAction {
     Constant(f64),
 }
 
-/// Stiffness of the spring that stands in for a constant effort \[Nm/rad or N/m\]: over a millisecond at 10 rad/s the
-/// effort changes by a hundred-millionth.
+/// Stiffness of the spring that stands in for a constant effort \[Nm/rad or N/m\]: over a millisecond at 10
+/// rad/s the effort changes by a hundred-millionth.
 const CONSTANT: f64 = 1e-6;
 
 /// Rapier removes this share of a limit's violation per second \[1/s\], as the joint-space integrator does.
@@ -97,7 +97,8 @@ impl Multibody {
         if let Some(handle) = self.joints.first() {
             let (multibody, _) =
                 scene.multibodies.get_mut(*handle).expect("the multibody stays for the scene's lifetime");
-            // The joint set leaves the six freedoms of a free root in until it has seen that the base is fixed.
+            // The joint set leaves the six freedoms of a free root in until it has seen that the base is
+            // fixed.
             multibody.forward_kinematics(&scene.bodies, true);
             self.displacement = vec![0.0; multibody.ndofs()];
         }
@@ -131,9 +132,9 @@ impl Multibody {
 
     /// Sets the drive of independent joint `column` at position `q`.
     ///
-    /// The law becomes an implicit spring and damper in the mass matrix, which is exact and stable for any gains, where
-    /// rapier's motors would be rows of an iteration that has not converged. Velocity setpoint and feed-forward shift
-    /// the spring's rest position.
+    /// The law becomes an implicit spring and damper in the mass matrix, which is exact and stable for any
+    /// gains, where rapier's motors would be rows of an iteration that has not converged. Velocity setpoint
+    /// and feed-forward shift the spring's rest position.
     pub(super) fn drive(
         &mut self,
         model: &Model,
@@ -216,7 +217,8 @@ fn joint(body: &Body) -> GenericJoint {
     if joint.limits.lower.is_finite() || joint.limits.upper.is_finite() {
         rapier.set_limits(axis, [joint.limits.lower, joint.limits.upper]);
     }
-    // A stiff limit whose violation decays at RECOVERY_RATE: rapier's default undoes it within one step, a blow.
+    // A stiff limit whose violation decays at RECOVERY_RATE: rapier's default undoes it within one step, a
+    // blow.
     let omega = 1e6 * std::f64::consts::TAU;
     rapier.softness = SpringCoefficients::new(1e6, 0.5 * omega / RECOVERY_RATE);
     rapier

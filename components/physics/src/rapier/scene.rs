@@ -100,13 +100,14 @@ impl Scene {
 
     /// Rapier with the objects of `world`, without their colliders.
     pub(super) fn new(world: &World, contact_iterations: usize, enclose: Enclose) -> Self {
-        // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger of 15 g
-        // sink in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays in 3 ms,
-        // without bouncing.
+        // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger
+        // of 15 g sink in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays
+        // in 3 ms, without bouncing.
         let softness = SpringCoefficients::new(500.0, 5.0);
         let parameters = IntegrationParameters {
             num_solver_iterations: contact_iterations,
-            // Contacts are foreseen 5 mm ahead; nothing here is fast and thin enough to need continuous detection.
+            // Contacts are foreseen 5 mm ahead; nothing here is fast and thin enough to need continuous
+            // detection.
             normalized_prediction_distance: 0.005,
             max_ccd_substeps: 0,
             contact_softness: softness,
@@ -131,7 +132,8 @@ impl Scene {
                     }
                     None => RigidBodyBuilder::fixed(),
                 };
-                // A sleeping object would wake a step late, and falling asleep is one more thing to happen in a step.
+                // A sleeping object would wake a step late, and falling asleep is one more thing to happen in
+                // a step.
                 bodies.insert(
                     builder
                         .pose(convert::pose(&object.pose()))
@@ -293,8 +295,8 @@ impl Scene {
                 continue;
             };
             for manifold in pair.manifolds() {
-                // Of a manifold with more points the solver takes four, and the impulses of the others are those of the step that
-                // took them last.
+                // Of a manifold with more points the solver takes four, and the impulses of the others are
+                // those of the step that took them last.
                 for solved in &manifold.data.solver_contacts {
                     let index = (solved.contact_id[0] & !NEW_CONTACT_BIT) as usize;
                     let Some(point) = manifold.points.get(index) else { continue };

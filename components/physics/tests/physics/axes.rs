@@ -5,8 +5,8 @@ use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 
 use crate::engines::engines;
 
-/// A rod that hangs sideways from a horizontal hinge: the joint frame is turned so that its z axis is the world's y
-/// axis.
+/// A rod that hangs sideways from a horizontal hinge: the joint frame is turned so that its z axis is the
+/// world's y axis.
 fn rod(axis: &str) -> Model {
     let urdf = format!(
         r#"<robot name="rod"><link name="wall"/><link name="rod"><inertial><origin xyz="0.3 0 0"/><mass value="1.5"/>
@@ -26,7 +26,8 @@ fn an_axis_within_rounding_of_minus_z_turns_as_minus_z_with_every_engine() {
             (0..300).for_each(|_| _ = simulation.step(1e-3).unwrap());
             simulation.positions()[0]
         };
-        // Gravity turns the rod down, about +y of the world: positively about +z of the joint, negatively about -z.
+        // Gravity turns the rod down, about +y of the world: positively about +z of the joint, negatively
+        // about -z.
         let (up, down) = (fall("0 0 1"), fall("0 0 -1"));
         assert!(up > 0.4 && (up + down).abs() < 1e-9, "{engine:?}: {up} {down}");
         for tilted in ["0 1.22465e-16 -1", "1e-17 0 -1", "-3e-15 2e-15 -1", "0 1e-12 -1"] {

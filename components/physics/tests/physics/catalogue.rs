@@ -1,5 +1,5 @@
-//! Every robot of the catalogue whose base is fixed can be simulated: held by its default gains it stays where it is,
-//! and pushed off it moves.
+//! Every robot of the catalogue whose base is fixed can be simulated: held by its default gains it stays
+//! where it is, and pushed off it moves.
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
-//! `physics.articulated`, `physics.rapier` and `physics.mujoco` in a graph: in lockstep, hosted in this process.
+//! `physics.articulated`, `physics.rapier` and `physics.mujoco` in a graph: in lockstep, hosted in this
+//! process.
 
 use std::path::PathBuf;
 

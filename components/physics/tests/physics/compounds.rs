@@ -1,4 +1,5 @@
-//! Objects of several shapes, on every engine, and worlds of MJCF that hold them: height fields and bodies that are held together.
+//! Objects of several shapes, on every engine, and worlds of MJCF that hold them: height fields and bodies
+//! that are held together.
 
 use motorium_physics::{Ground, Object, ObjectShape, Simulator, World};
 use motorium_robots::{CompoundPart, parse_mjcf_world};

@@ -1,5 +1,5 @@
-//! The contract of a [`Simulator`], run on every engine: commands, steps, states, contacts, rays, several robots, save and
-//! restore.
+//! The contract of a [`Simulator`], run on every engine: commands, steps, states, contacts, rays, several
+//! robots, save and restore.
 
 use motorium_physics::{ForeignState, Ground, JointCommand, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{CompoundPart, Connection, MeshCollision, Model, Placed, TriangleMesh, load};
@@ -40,8 +40,8 @@ fn club() -> Object {
     object("club", shape, None, [0.5, -0.25, 0.2])
 }
 
-/// A Panda beside a table with a stack of two cubes, a ball above a tray of convex parts, a can, a rock that is a mesh, and a club of two
-/// balls.
+/// A Panda beside a table with a stack of two cubes, a ball above a tray of convex parts, a can, a rock that
+/// is a mesh, and a club of two balls.
 fn scene(engine: Engine) -> Box<dyn Simulator> {
     let cube =
         |name: &str, z: f64| object(name, ObjectShape::Box { size: [0.05; 3] }, Some(0.2), [0.5, 0.2, z]);
@@ -166,7 +166,8 @@ fn forces_of_contacts_carry_what_rests_on_them() {
             *on.entry((a.to_owned(), b.to_owned())).or_default() += contact.force * up;
         });
         let force = |a: &str, b: &str| on.get(&(a.to_owned(), b.to_owned())).copied().unwrap_or(0.0);
-        // Along the normal from the first to the second name: up from lower to upper and down from lower to table.
+        // Along the normal from the first to the second name: up from lower to upper and down from lower to
+        // table.
         let (upper, lower) = (force("lower", "upper"), force("lower", "table"));
         assert!((upper - 0.2 * 9.81).abs() < 0.05, "{engine:?}: {upper} N");
         assert!((lower + 0.4 * 9.81).abs() < 0.1, "{engine:?}: {lower} N");

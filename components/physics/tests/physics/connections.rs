@@ -9,8 +9,8 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::engines::has_mujoco;
 
-/// A crank of 0.2 m at the origin with a coupler of 0.5 m, and a rocker of 0.4 m at x = 0.5 m, all about y: at the angles of the file they
-/// lie stretched out along x, z and so on as `links` turns them.
+/// A crank of 0.2 m at the origin with a coupler of 0.5 m, and a rocker of 0.4 m at x = 0.5 m, all about y:
+/// at the angles of the file they lie stretched out along x, z and so on as `links` turns them.
 fn linkage() -> Model {
     let link = |name: &str, length: f64| {
         format!(
@@ -37,8 +37,8 @@ fn linkage() -> Model {
     parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap().model
 }
 
-/// Angles of coupler and rocker, both against x, that close the loop at this angle of the crank: the two circles about its end and
-/// about the pivot of the rocker meet above.
+/// Angles of coupler and rocker, both against x, that close the loop at this angle of the crank: the two
+/// circles about its end and about the pivot of the rocker meet above.
 fn closed(crank: f64) -> (f64, f64) {
     let (tip, pivot) = ([0.2 * crank.cos(), 0.2 * crank.sin()], [0.5, 0.0]);
     let (dx, dz) = (pivot[0] - tip[0], pivot[1] - tip[1]);
@@ -150,8 +150,8 @@ fn what_flies_connected_keeps_its_momentum_and_its_centre_of_mass() {
         let mut bricks = with_bricks([0.0; 3]);
         let parts = ["one", "two"].map(str::to_owned);
         bricks.connect(&Connection { parts, kind, point: [0.125, 0.0, 0.0] }).unwrap();
-        // Turned out of their rest by their own weight for a moment, about a corner of nothing: gravity on both gives no spin, so
-        // the momentum is that of the fall.
+        // Turned out of their rest by their own weight for a moment, about a corner of nothing: gravity on
+        // both gives no spin, so the momentum is that of the fall.
         bricks.set_gravity(Vector3::new(0.3, 0.0, 1.0));
         (0..200).for_each(|_| _ = bricks.step(1e-3).unwrap());
         bricks.set_gravity(Vector3::zeros());
@@ -182,7 +182,8 @@ fn a_rod_with_a_weight_attached_swings_with_the_period_of_both() {
     let world = World { objects: vec![weight], ..World::default() };
     let mut swing = ArticulatedSimulator::new(rod.clone(), world, &[0.1], Options::default()).unwrap();
     swing.attach(&last, "weight").unwrap();
-    // Inertia about the hinge and moment of weight of the rod, from its mass matrix and gravity; of the weight about its own centre, too.
+    // Inertia about the hinge and moment of weight of the rod, from its mass matrix and gravity; of the
+    // weight about its own centre, too.
     let mut dynamics = motorium_robots::Dynamics::new(&rod);
     let mut mass = nalgebra::DMatrix::zeros(1, 1);
     dynamics.crba(&rod, &[0.0], &mut mass);

@@ -159,7 +159,8 @@ fn the_arm_pushes_an_object_and_is_pushed_back() {
         let moved = simulation.object_pose(cube).translation.x - 0.2;
         // 3 s at 0.1 m/s, less the first 5 cm of air.
         assert!((moved - 0.25).abs() < 0.01, "{engine:?}: {moved} m");
-        // Sliding friction: mu m g. On MuJoCo's soft ground the cube rocks as it slides: there half a second's mean.
+        // Sliding friction: mu m g. On MuJoCo's soft ground the cube rocks as it slides: there half a
+        // second's mean.
         let samples = if engine == Engine::Mujoco { 500 } else { 1 };
         let mut effort = 0.0;
         for sample in 0..samples {
@@ -386,7 +387,8 @@ fn friction_brakes_a_robot_whose_joints_hold_the_other_tangent() {
 
 #[test]
 fn a_contact_that_the_joints_hold_does_not_disturb_the_motion() {
-    // The block starts 2 cm inside the ground and cannot leave it; without friction it moves freely along its rail.
+    // The block starts 2 cm inside the ground and cannot leave it; without friction it moves freely along its
+    // rail.
     let world = World {
         ground: Some(Ground { friction: 0.0, height: -0.03, ..Ground::default() }),
         ..World::default()

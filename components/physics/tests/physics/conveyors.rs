@@ -86,7 +86,8 @@ fn the_velocity_of_a_belt_turns_with_it() {
 
 #[test]
 fn a_ball_on_a_belt_slips_until_its_rolling_meets_it() {
-    // Sliding: v = mu g t, and r omega = (5/2) mu g t backwards: v - r omega reaches the speed of the belt at 2/7 of it.
+    // Sliding: v = mu g t, and r omega = (5/2) mu g t backwards: v - r omega reaches the speed of the belt at
+    // 2/7 of it.
     let ball = Object {
         name: "parcel".to_owned(),
         shape: ObjectShape::Sphere { radius: 0.05 },

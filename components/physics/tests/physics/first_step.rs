@@ -1,8 +1,9 @@
-//! The first step from a state against Pinocchio's forward dynamics: the engine integrates the right equations.
+//! The first step from a state against Pinocchio's forward dynamics: the engine integrates the right
+//! equations.
 //!
-//! The catalogue's Panda always; the Panda and UR5 of the PyPI package `example-robot-data` where they are on this
-//! machine: URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it) or in the
-//! `python3` of the path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` beside the repository.
+//! The catalogue's Panda always; the Panda and UR5 of the PyPI package `example-robot-data` where they are on
+//! this machine: URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it)
+//! or in the `python3` of the path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` beside the repository.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,9 +15,10 @@ use serde_json::Value;
 use crate::engines::{Engine, engines};
 use crate::panda;
 
-/// Engine, step \[s\], and bound on the error of the first step against forward dynamics, relative to the largest
-/// acceleration. The articulated engine solves the very same equations, and so does MuJoCo but for mimic joints, which are
-/// constraints there; rapier treats Coriolis forces half implicitly, an error of first order.
+/// Engine, step \[s\], and bound on the error of the first step against forward dynamics, relative to the
+/// largest acceleration. The articulated engine solves the very same equations, and so does MuJoCo but for
+/// mimic joints, which are constraints there; rapier treats Coriolis forces half implicitly, an error of
+/// first order.
 const BARS: [(Engine, f64, f64); 4] = [
     (Engine::Articulated, 1e-5, 1e-9),
     (Engine::Rapier, 1e-5, 1e-4),

@@ -254,8 +254,8 @@ fn objects_stack_and_are_pushed_by_a_robot() {
         }
     });
     assert!((force - 1.5 * 9.81).abs() < 0.02, "{force} N");
-    // The frictionless box of 2 kg runs into the cube of 2 kg: inelastic, half of its speed is left, less what the
-    // friction of the cube takes while they hit.
+    // The frictionless box of 2 kg runs into the cube of 2 kg: inelastic, half of its speed is left, less
+    // what the friction of the cube takes while they hit.
     let mut v = [0.0; 6];
     v[0] = 3.0;
     let q = simulation.configuration().to_vec();

@@ -4,8 +4,8 @@ use motorium_physics::{JointCommand, Simulator};
 
 use crate::legged::held;
 
-/// Cosines of hip pitch and knee whose feet go round ellipses of 6 by 6 cm, legs across in step: (offset, amplitude,
-/// phase).
+/// Cosines of hip pitch and knee whose feet go round ellipses of 6 by 6 cm, legs across in step: (offset,
+/// amplitude, phase).
 const FRONT: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (0.8, 0.1875, 2.371), (-1.6, 0.261, -1.571)];
 const HIND: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.8, 0.1875, -2.371), (1.6, 0.261, 1.571)];
 

@@ -1,4 +1,5 @@
-//! Objects in the shape of meshes: as boxes and planes of the same shape on every engine, and what is not convex.
+//! Objects in the shape of meshes: as boxes and planes of the same shape on every engine, and what is not
+//! convex.
 
 use motorium_physics::{Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, MeshShape, Model, TriangleMesh, load};
@@ -195,7 +196,8 @@ fn a_mesh_with_its_centre_beside_its_origin_turns_about_its_centre_in_free_fligh
         let rod = Object { mass: Some(1.0), position: [0.0, 0.0, 5.0], ..rod };
         let mut simulation = simulate(engine, World { objects: vec![wall, rod], ..World::default() });
         run(&mut *simulation, 0.1);
-        // The lever about the edge of the wall: (g / 2) c / (c^2 + l^2/12) t^2 with the centre c = 0.2 m beside the edge.
+        // The lever about the edge of the wall: (g / 2) c / (c^2 + l^2/12) t^2 with the centre c = 0.2 m
+        // beside the edge.
         let (lever, squared) = (0.2_f64, (0.6_f64.powi(2) + 0.04_f64.powi(2)) / 12.0);
         let expected = 0.5 * G * lever / (lever * lever + squared) * 0.01;
         let angle = pose(&*simulation, "beam").rotation.angle();

@@ -1,4 +1,5 @@
-//! The midpoint rule against closed forms, against a Runge-Kutta integration of the dynamics, and against Euler's method.
+//! The midpoint rule against closed forms, against a Runge-Kutta integration of the dynamics, and against
+//! Euler's method.
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
-//! The MuJoCo engine against ours: the same motion where nothing touches, the same rest and the same slip where something does.
+//! The MuJoCo engine against ours: the same motion where nothing touches, the same rest and the same slip
+//! where something does.
 //!
 //! Every test here says when it is not run: MuJoCo's library is no part of the repository.
 
@@ -67,7 +68,8 @@ fn a_panda_that_is_driven_moves_as_in_ours() {
     assert!(q < 1e-6 && v < 1e-5 && tau < 1e-3, "{q} {v} {tau}");
 }
 
-/// A quadruped that tumbles and kicks in the air: base, joints and all velocities after a second, in steps of `h`.
+/// A quadruped that tumbles and kicks in the air: base, joints and all velocities after a second, in steps of
+/// `h`.
 fn tumble(engine: Engine, h: f64) -> Vec<f64> {
     let robot = load("quadruped", Path::new(".")).unwrap();
     let mut q = robot.model.neutral();
@@ -302,7 +304,8 @@ fn balls_meet_a_terrain_at_its_height_everywhere() {
     if !has_mujoco() {
         return;
     }
-    // Longer along x than along y, not about the origin, different in every quarter: nothing may be mirrored or turned.
+    // Longer along x than along y, not about the origin, different in every quarter: nothing may be mirrored
+    // or turned.
     let text = "size = [6.0, 3.0]\ncentre = [0.5, 0.25]\nlayers = [{ equation = { height = '0.1 * x + 0.3 * sin(x) * y' } }]";
     let terrain: Terrain = toml::from_str(text).unwrap();
     let field = terrain.height_field().unwrap();

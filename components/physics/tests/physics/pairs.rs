@@ -1,4 +1,5 @@
-//! Every pair of shapes rests: on faces that are wider than the body, and on rails and rows that are narrower.
+//! Every pair of shapes rests: on faces that are wider than the body, and on rails and rows that are
+//! narrower.
 
 use motorium_physics::{Object, ObjectShape, Terrain, World};
 use motorium_robots::{MeshCollision, TriangleMesh};
@@ -133,7 +134,8 @@ fn supports() -> Vec<Support> {
     ]
 }
 
-/// Largest motion and rotation of an object from `settling` \[s\] on, for `resting` \[s\], and its speed at the end.
+/// Largest motion and rotation of an object from `settling` \[s\] on, for `resting` \[s\], and its speed at
+/// the end.
 pub(crate) fn drift(
     simulation: &mut dyn Simulator,
     name: &str,

@@ -116,7 +116,8 @@ fn pushes_that_cannot_be_applied_are_refused_by_their_key() {
     }
 }
 
-/// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest `M a = J' f`.
+/// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest `M a
+/// = J' f`.
 #[test]
 fn a_wrench_on_a_link_accelerates_an_arm_as_its_jacobian_says_in_both_engines() {
     let arm = load("panda", std::path::Path::new(".")).unwrap();

@@ -1,5 +1,6 @@
-//! Every robot of the PyPI package `example-robot-data` holds its pose or stands for 2 s, with collision shapes, by the
-//! gains of its first profile alone. Skipped, with the reason, where the package is not on this machine.
+//! Every robot of the PyPI package `example-robot-data` holds its pose or stands for 2 s, with collision
+//! shapes, by the gains of its first profile alone. Skipped, with the reason, where the package is not on
+//! this machine.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -17,9 +18,9 @@ use nalgebra::{DVector, Vector3};
 use crate::first_step::robots;
 use crate::legged::grounded;
 
-/// Robots that stand on the ground, by the beginnings of their paths: those on four legs, and bipeds whose makers' posture
-/// balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile bases without a floating joint,
-/// flying arms, and humanoids that nobody balances here.
+/// Robots that stand on the ground, by the beginnings of their paths: those on four legs, and bipeds whose
+/// makers' posture balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile
+/// bases without a floating joint, flying arms, and humanoids that nobody balances here.
 const STANDING: [&str; 15] = [
     "a1_",
     "anymal_",
@@ -116,7 +117,8 @@ fn trial(file: &Path, name: &str) -> Result<String, String> {
         return Err(format!("{joints} joints, at most {MAX_JOINTS} fit"));
     }
     let source = if bare { "visuals" } else { "shapes" };
-    // Links without an inertia of their own need that of the rotors of their drives, which URDF files do not have.
+    // Links without an inertia of their own need that of the rotors of their drives, which URDF files do not
+    // have.
     let held = held(&robot, 0.0).or_else(|first| {
         let more = held(&robot, ARMATURE).map_err(|second| {
             if second == first { first } else { format!("{first}; with an armature {second}") }
@@ -194,12 +196,12 @@ fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
     q
 }
 
-/// Deflection at which a drive of a standing robot gives its full effort \[rad\], stiffer than in a first profile, which
-/// minds the feet in the air; and its damping, as a time \[s\].
+/// Deflection at which a drive of a standing robot gives its full effort \[rad\], stiffer than in a first
+/// profile, which minds the feet in the air; and its damping, as a time \[s\].
 const STIFF: [f64; 2] = [0.02, 0.02];
 
-/// Holds the posture: a robot that is fixed to the world by the gains of its first profile and its weight by feed-forward,
-/// one that stands by stiff drives.
+/// Holds the posture: a robot that is fixed to the world by the gains of its first profile and its weight by
+/// feed-forward, one that stands by stiff drives.
 fn hold(simulation: &mut ArticulatedSimulator, profile: &Profile) {
     let model = simulation.model().clone();
     let (q, home) = (simulation.configuration().to_vec(), simulation.positions().to_vec());

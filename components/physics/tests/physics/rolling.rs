@@ -15,7 +15,8 @@ fn able() -> impl Iterator<Item = Engine> {
     engines().filter(|engine| *engine != Engine::Rapier)
 }
 
-/// A ball of 2 kg as a robot whose base moves freely, on a ground with these coefficients. A contact has half of them.
+/// A ball of 2 kg as a robot whose base moves freely, on a ground with these coefficients. A contact has half
+/// of them.
 fn ball(engine: Engine, torsional: f64, rolling: f64, v: [f64; 6]) -> Box<dyn Simulator> {
     let ground = Ground { torsional_friction: torsional, rolling_friction: rolling, ..Ground::default() };
     let world = World { ground: Some(ground), ..World::default() };

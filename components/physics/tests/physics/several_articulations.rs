@@ -1,5 +1,5 @@
-//! Several robots of which some float, in one simulation: each moves as if it were alone until they touch, and then they
-//! push one another as bodies do.
+//! Several robots of which some float, in one simulation: each moves as if it were alone until they touch,
+//! and then they push one another as bodies do.
 
 use std::path::Path;
 
@@ -168,7 +168,8 @@ fn robots_that_meet_push_one_another_and_keep_their_common_momentum() {
 
 #[test]
 fn a_robot_of_one_free_body_moves_as_a_free_object_does() {
-    // The same problem by two other blocks: an articulation with its mass factor, an object with mass and inertia.
+    // The same problem by two other blocks: an articulation with its mass factor, an object with mass and
+    // inertia.
     let shape = ObjectShape::Box { size: [0.2, 0.2, 0.2] };
     let i = 2.0 / 6.0 * 0.04;
     let urdf = format!(

@@ -1,4 +1,5 @@
-//! Several robots in one simulation: each moves as if it were alone until they touch, and each has its own command gate.
+//! Several robots in one simulation: each moves as if it were alone until they touch, and each has its own
+//! command gate.
 
 use std::path::PathBuf;
 
@@ -32,8 +33,8 @@ fn two(apart: f64) -> ArticulatedSimulator {
     ArticulatedSimulator::new(RobotSetup::from(model), World::default(), &q, Options::default()).unwrap()
 }
 
-/// Commands that lead both arms along different ways, at `time` \[s\]; forward as far as `reach`, to the side as far as
-/// `sway` \[rad\].
+/// Commands that lead both arms along different ways, at `time` \[s\]; forward as far as `reach`, to the side
+/// as far as `sway` \[rad\].
 fn commands(time: f64, reach: f64, sway: f64) -> [Vec<JointCommand>; 2] {
     [1.0, 0.7].map(|share| {
         let mut q = panda::home();

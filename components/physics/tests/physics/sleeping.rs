@@ -1,4 +1,5 @@
-//! Objects that stand still sleep, bear what rests on them, and wake when something reaches them; and large piles.
+//! Objects that stand still sleep, bear what rests on them, and wake when something reaches them; and large
+//! piles.
 
 use motorium_physics::{ArticulatedSimulator, Ground, Object, Options, Simulator, World};
 use motorium_robots::load;

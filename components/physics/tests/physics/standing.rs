@@ -52,7 +52,8 @@ fn robots_come_to_stand_as_in_mujoco() {
 
 #[test]
 fn the_efforts_of_a_standing_robot_balance_weight_and_contact_forces() {
-    // Statics by another way than the solver's: g(q) = tau + sum J' f with the published efforts and contacts.
+    // Statics by another way than the solver's: g(q) = tau + sum J' f with the published efforts and
+    // contacts.
     for name in ["quadruped", "hexapod", "centaur"] {
         let mut simulation = held(name);
         (0..3000).for_each(|_| _ = simulation.step(1e-3).unwrap());

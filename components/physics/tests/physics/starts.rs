@@ -10,7 +10,8 @@ use crate::meshes::{box_between, mesh};
 
 const DT: f64 = 1e-3;
 
-/// Two fingers 5 mm apart, one of which hangs on a knuckle without a shape: two of one parent would not be checked for collision.
+/// Two fingers 5 mm apart, one of which hangs on a knuckle without a shape: two of one parent would not be
+/// checked for collision.
 fn fingers() -> Model {
     let link = |name: &str, parent: &str, y: f64, shape: &str| {
         format!(

@@ -66,7 +66,8 @@ fn a_pendulum_swings_with_the_period_of_the_elliptic_integral_over_a_hundred_tho
                     passes.push(1e-3 * (f64::from(step) - now / (now - before)));
                 }
                 before = now;
-                // Energy goes to and fro within a swing: its means over the first and the last ten seconds count.
+                // Energy goes to and fro within a swing: its means over the first and the last ten seconds
+                // count.
                 match step {
                     ..=10_000 => first += energy(&rod) / 1e4,
                     90_001.. => last += energy(&rod) / 1e4,
@@ -100,7 +101,8 @@ fn a_gyroscope_precesses_as_its_weight_and_spin_say() {
     let model = robot(&text);
     let spin = 300.0;
     for method in METHODS {
-        // It begins in steady precession: Omega (I_s w) = m g l at the horizontal, to the first order in Omega / w.
+        // It begins in steady precession: Omega (I_s w) = m g l at the horizontal, to the first order in
+        // Omega / w.
         let precession = 0.5 * G * 0.2 / (0.002 * spin);
         let mut top = simulate(&model, &[0.0; 3], method);
         top.reset(&[0.0; 3], &[precession, 0.0, spin]).unwrap();

@@ -114,8 +114,8 @@ pub struct LegConfig {
     pub joints: Vec<JointOscillationConfig>,
 }
 
-/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`, with the waveform of the model for the
-/// cosine.
+/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`, with the waveform of the model
+/// for the cosine.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointOscillationConfig {

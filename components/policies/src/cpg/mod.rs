@@ -16,13 +16,13 @@ use config::{DUTY_FACTOR, FREQUENCY};
 use generator::Generator;
 use motorium_primitives::cpg::Gait;
 
-/// Moves the joints of legs by a phase-amplitude network ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or
-/// by Hopf's, Matsuoka's or Kuramoto's oscillators
-/// ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
+/// Moves the joints of legs by a phase-amplitude network
+/// ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or by Hopf's, Matsuoka's or Kuramoto's
+/// oscillators ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
 ///
-/// It begins with the first joint state, from where the robot is, and grows out of standing. Gait, frequency and
-/// amplitude (and the duty factor of Hopf's oscillators) are parameters; every change is smooth. With `entrainment`,
-/// the measured joints draw the rhythm along.
+/// It begins with the first joint state, from where the robot is, and grows out of standing. Gait, frequency
+/// and amplitude (and the duty factor of Hopf's oscillators) are parameters; every change is smooth. With
+/// `entrainment`, the measured joints draw the rhythm along.
 #[derive(Debug)]
 pub struct CpgPolicy {
     writer: JointCommandWriter,

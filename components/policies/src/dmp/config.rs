@@ -32,12 +32,13 @@ pub struct DmpPolicyConfig {
     /// `joint_state`.
     #[serde(default)]
     pub start: Option<PoseConfig>,
-    /// Primitives of which the parameter `primitive` chooses one for all goals with the shape "selected": files that
-    /// `motorium primitive fit` wrote, relative to the graph file.
+    /// Primitives of which the parameter `primitive` chooses one for all goals with the shape "selected":
+    /// files that `motorium primitive fit` wrote, relative to the graph file.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub primitives: Vec<String>,
-    /// Moment at which weights from the input `weights` are taken, for goals with the shape "weights". Default "step".
+    /// Moment at which weights from the input `weights` are taken, for goals with the shape "weights".
+    /// Default "step".
     #[serde(default)]
     pub take_weights: TakeWeights,
     /// Slow-down of the movement while the end effector cannot follow. Default none.
@@ -60,7 +61,8 @@ pub struct PoseConfig {
     /// Orientation as a quaternion, x y z w. This or `rpy`.
     #[serde(default)]
     pub orientation: Option<[f64; 4]>,
-    /// Orientation as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad. This or `orientation`.
+    /// Orientation as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad. This or
+    /// `orientation`.
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
 }
@@ -72,16 +74,19 @@ pub struct GoalConfig {
     /// Position in the world frame, m. This or `offset`; after a demonstration, neither: where it ended.
     #[serde(default)]
     pub position: Option<[f64; 3]>,
-    /// Position relative to the goal before, or to the start for the first one, in world axes, m. This or `position`.
+    /// Position relative to the goal before, or to the start for the first one, in world axes, m. This or
+    /// `position`.
     #[serde(default)]
     pub offset: Option<[f64; 3]>,
-    /// Orientation in the world frame as a quaternion, x y z w. Without it and `rpy`, that of the goal before.
+    /// Orientation in the world frame as a quaternion, x y z w. Without it and `rpy`, that of the goal
+    /// before.
     #[serde(default)]
     pub orientation: Option<[f64; 4]>,
     /// Orientation in the world frame as roll, pitch, yaw about the fixed axes x, y, z, in this order, rad.
     #[serde(default)]
     pub rpy: Option<[f64; 3]>,
-    /// Time to get there, at least 1 ms, such as "2 s". Required, but for a demonstration, which brings its own.
+    /// Time to get there, at least 1 ms, such as "2 s". Required, but for a demonstration, which brings its
+    /// own.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time to stay there, such as "500 ms". Default none.
@@ -117,9 +122,11 @@ pub enum ShapeConfig {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeightsConfig {
-    /// Number of kernels for each dimension, 2 to 1000: straight until weights come. Default 30. This or `file`.
+    /// Number of kernels for each dimension, 2 to 1000: straight until weights come. Default 30. This or
+    /// `file`.
     pub kernels: Option<usize>,
-    /// The primitive until weights come: a file that `motorium primitive fit` wrote, relative to the graph file.
+    /// The primitive until weights come: a file that `motorium primitive fit` wrote, relative to the graph
+    /// file.
     #[schemars(extend("format" = "path"))]
     pub file: Option<String>,
 }
@@ -128,9 +135,9 @@ pub struct WeightsConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DemonstrationConfig {
-    /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as `motorium topic echo --json` prints.
-    /// Three channels are positions of the end effector in the world frame, m; as many as the robot has joints are
-    /// joint positions.
+    /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as `motorium topic echo
+    /// --json` prints. Three channels are positions of the end effector in the world frame, m; as many as the
+    /// robot has joints are joint positions.
     #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Number of kernels for each dimension. Default 40.
@@ -139,8 +146,8 @@ pub struct DemonstrationConfig {
     /// Frequency above which the recording is noise, Hz. Default 10.
     #[serde(default = "ten")]
     pub cutoff: f64,
-    /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins where the
-    /// hand is.
+    /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins
+    /// where the hand is.
     #[serde(default)]
     pub approach: Option<TimeSpan>,
 }
@@ -170,7 +177,8 @@ pub struct ObstaclesConfig {
     /// Strength, 1/s per rad. Default 1000.
     #[serde(default = "strength")]
     pub gamma: f64,
-    /// Rate at which the effect fades with the angle between the velocity and the obstacle, 1/rad. Default 6.37.
+    /// Rate at which the effect fades with the angle between the velocity and the obstacle, 1/rad. Default
+    /// 6.37.
     #[serde(default = "fading")]
     pub beta: f64,
     /// Distance at which the effect has fallen to 1/e, m. Default 0.2.

@@ -151,7 +151,8 @@ impl PathRecord {
         self.paths.get(segment).is_some_and(Option::is_some)
     }
 
-    /// Records the target, and the measured position of the end effector where known, at a progress of a segment.
+    /// Records the target, and the measured position of the end effector where known, at a progress of a
+    /// segment.
     pub(super) fn observe(
         &mut self,
         segment: usize,

@@ -30,9 +30,9 @@ use weights::LiveWeights;
 
 /// Moves the end effector of a robot through goals, one movement primitive to each; see [`PoseReach`].
 ///
-/// It starts from the measured pose of the end effector (or a configured one) with the first joint state it sees, and
-/// publishes nothing before. Time passes by the ticks: when the component was held up, the target goes on from where it
-/// was, it does not leap. After a crash it goes on towards the goal that was under way.
+/// It starts from the measured pose of the end effector (or a configured one) with the first joint state it
+/// sees, and publishes nothing before. Time passes by the ticks: when the component was held up, the target
+/// goes on from where it was, it does not leap. After a crash it goes on towards the goal that was under way.
 ///
 /// In real time a new episode breaks off the movement under way: the target stops where it is, and sets out
 /// from there for the first goal, with weights that have arrived.
@@ -208,7 +208,8 @@ impl Component for DmpPolicy {
 }
 
 impl DmpPolicy {
-    /// Gives the segments that may choose the primitive that is chosen; one that is under way keeps what it has.
+    /// Gives the segments that may choose the primitive that is chosen; one that is under way keeps what it
+    /// has.
     fn select(&mut self) -> Result<(), StepError> {
         let Some(primitive) = &self.primitive else { return Ok(()) };
         let primitives = self.waypoints.primitives();

@@ -43,8 +43,8 @@ impl Reach {
     }
 }
 
-/// Refuses goals at places beyond the reach of the end effector, and warns of goals that lie beyond it only if the robot
-/// starts in its home pose. `start` is the configured pose to start from.
+/// Refuses goals at places beyond the reach of the end effector, and warns of goals that lie beyond it only
+/// if the robot starts in its home pose. `start` is the configured pose to start from.
 pub(super) fn check(
     waypoints: &Waypoints,
     robot: &Loaded,

@@ -11,8 +11,8 @@ use super::waypoints::Waypoints;
 /// Name of the input.
 const PORT: &str = "weights";
 
-/// The primitives of all goals with the shape `weights`, and the input from which they take their weights: those of each
-/// goal in turn, by dimension, a number for each kernel.
+/// The primitives of all goals with the shape `weights`, and the input from which they take their weights:
+/// those of each goal in turn, by dimension, a number for each kernel.
 #[derive(Debug)]
 pub(super) struct LiveWeights {
     input: WeightsInput,

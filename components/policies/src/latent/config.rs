@@ -24,12 +24,12 @@ use crate::joint_command::{CommandedJoints, JointCommandConfig, earth};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatentPolicyConfig {
-    /// The model: a file that `motorium latent train` wrote, relative to the graph file. Its latent is a function of the
-    /// human's pose.
+    /// The model: a file that `motorium latent train` wrote, relative to the graph file. Its latent is a
+    /// function of the human's pose.
     #[schemars(extend("format" = "path"))]
     pub model: String,
-    /// A recorded movement of the human, relative to the graph file, whose channels are the columns of the human's space.
-    /// Default: none, the poses come through the port `human`.
+    /// A recorded movement of the human, relative to the graph file, whose channels are the columns of the
+    /// human's space. Default: none, the poses come through the port `human`.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub motion: Option<String>,
@@ -48,7 +48,8 @@ pub struct LatentPolicyConfig {
     /// Age of a human pose, received through the port `human`, from which the robots hold. Default 200 ms.
     #[serde(default = "timeout")]
     pub timeout: TimeSpan,
-    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without one.
+    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
+    /// one.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands, the same for all robots.

@@ -5,8 +5,9 @@ const CHANGE_OF_PACE: f64 = 0.2;
 
 /// Critically damped motion of several coordinates towards targets, in a time that may pass more slowly.
 ///
-/// `y'' = w^2 (target - y) - 2 w y'` with `w = 2 / time constant`, in closed form for a target that is constant during a
-/// step. The pace `p`, 0 to 1, stretches time: a step of `dt` advances the motion by `p dt`.
+/// `y'' = w^2 (target - y) - 2 w y'` with `w = 2 / time constant`, in closed form for a target that is
+/// constant during a step. The pace `p`, 0 to 1, stretches time: a step of `dt` advances the motion by `p
+/// dt`.
 #[derive(Clone, Debug)]
 pub(super) struct Follower {
     frequency: f64,

@@ -19,10 +19,10 @@ use follower::Follower;
 /// Moves several robots as a human moves, by a shared latent space
 /// ([`LatentModel`]).
 ///
-/// A pose of the human, from a port or a recorded movement, maps to a latent point, and that to a pose of each robot and to
-/// the pose's novelty: the part of the predictive variance that the training poses leave open. A robot slows down from the
-/// novelty `slow_from`, and holds from `hold_from`; it continues when the pose is familiar again. All robots hold while no
-/// pose of the human is fresh.
+/// A pose of the human, from a port or a recorded movement, maps to a latent point, and that to a pose of
+/// each robot and to the pose's novelty: the part of the predictive variance that the training poses leave
+/// open. A robot slows down from the novelty `slow_from`, and holds from `hold_from`; it continues when the
+/// pose is familiar again. All robots hold while no pose of the human is fresh.
 #[derive(Debug)]
 pub struct LatentPolicy {
     model: LatentModel,

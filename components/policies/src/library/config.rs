@@ -17,8 +17,8 @@ use motorium_primitives::reach::Repeat;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LibraryPolicyConfig {
-    /// A library file; recordings (.jsonl, .json, .csv) to learn one from; "letters", those of our own; or a coupling, which
-    /// writes `pictures`. Relative to the graph file.
+    /// A library file; recordings (.jsonl, .json, .csv) to learn one from; "letters", those of our own; or a
+    /// coupling, which writes `pictures`. Relative to the graph file.
     #[schemars(extend("format" = "path", "words" = ["letters"]))]
     pub library: String,
     /// Samples per second of recordings that do not say.
@@ -27,13 +27,13 @@ pub struct LibraryPolicyConfig {
     /// Labels or ids of the movements, in their order. Not needed with `pictures`.
     #[serde(default)]
     pub movements: Vec<String>,
-    /// Pictures of letters (.pgm) that the coupling in `library` turns into movements, made after the others. The name of
-    /// each is that of its file. Relative to the graph file.
+    /// Pictures of letters (.pgm) that the coupling in `library` turns into movements, made after the others.
+    /// The name of each is that of its file. Relative to the graph file.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub pictures: Vec<String>,
-    /// Speed at which letters are written from pictures, in letter sizes per second. Default: the mean speed of the letters
-    /// that the coupling has learned from.
+    /// Speed at which letters are written from pictures, in letter sizes per second. Default: the mean speed
+    /// of the letters that the coupling has learned from.
     #[serde(default)]
     pub pen_speed: Option<f64>,
     /// Numbers of eigenforces: each movement is made with each of them. Without it, with all.
@@ -51,8 +51,8 @@ pub struct LibraryPolicyConfig {
     /// Time of rest before and after each movement. Default "250 ms".
     #[serde(default = "rest")]
     pub rest: TimeSpan,
-    /// Moves an end effector in a plane, for libraries of two degrees of freedom. Without it, the movements are
-    /// setpoints of joints.
+    /// Moves an end effector in a plane, for libraries of two degrees of freedom. Without it, the movements
+    /// are setpoints of joints.
     #[serde(default)]
     pub end_effector: Option<EndEffectorConfig>,
     /// Definition of rest for recognition: a movement lies between two rests.

@@ -14,7 +14,8 @@ motorium::state_buffer! {
         pub label: [u8; 32],
         /// Number of weights. With a label, that many eigenforces are used (0: as configured).
         pub count: u64,
-        /// Weights of the first eigenforces, if there is no label. Start, goal and duration are those of the movement before.
+        /// Weights of the first eigenforces, if there is no label. Start, goal and duration are those of the
+        /// movement before.
         pub weights: [f64; 64],
     }
 }

@@ -30,9 +30,10 @@ use watch::Watch;
 
 /// Makes the movements of a motion library, one after the other, and recognises the movements it sees.
 ///
-/// It begins with the first joint state, goes to the start of each movement along a minimum-jerk path, rests, moves,
-/// rests. A [`MovementRequest`], or another number of eigenforces, takes effect at the next start: never within a
-/// movement. Whatever the robot does (itself led by this policy or not) is recognised as soon as it comes to rest.
+/// It begins with the first joint state, goes to the start of each movement along a minimum-jerk path, rests,
+/// moves, rests. A [`MovementRequest`], or another number of eigenforces, takes effect at the next start:
+/// never within a movement. Whatever the robot does (itself led by this policy or not) is recognised as soon
+/// as it comes to rest.
 #[derive(Debug)]
 pub struct LibraryPolicy {
     joint_state: Input<JointState>,
@@ -230,7 +231,8 @@ impl Component for LibraryPolicy {
 }
 
 impl LibraryPolicy {
-    /// Reads the joint state: the pose of the end effector, or the identity without one, and the observed motion.
+    /// Reads the joint state: the pose of the end effector, or the identity without one, and the observed
+    /// motion.
     fn read_state(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(None) };
         self.state_ns = state.time_ns();
@@ -360,7 +362,8 @@ impl LibraryPolicy {
         true
     }
 
-    /// Sets out for the start of the current movement, from where the policy is, or at first from where the robot is.
+    /// Sets out for the start of the current movement, from where the policy is, or at first from where the
+    /// robot is.
     fn set_out(&mut self, pose: &Isometry3<f64>) {
         let first = self.stage == Stage::Waiting;
         if self.end_effector.is_some() {

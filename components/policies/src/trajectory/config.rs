@@ -35,7 +35,8 @@ pub struct TrajectoryConfig {
     /// Limits of the motion.
     #[serde(default)]
     pub limits: MotionLimitsConfig,
-    /// Largest distance of a measured joint from a goal with which the goal counts as reached, rad or m. Default 0.01.
+    /// Largest distance of a measured joint from a goal with which the goal counts as reached, rad or m.
+    /// Default 0.01.
     #[serde(default = "hundredth")]
     pub tolerance: f64,
     /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
@@ -61,7 +62,8 @@ pub struct HomeConfig {
     pub profile: Shape,
     /// Limits of the motion.
     pub limits: MotionLimitsConfig,
-    /// Largest distance of a measured joint from the pose with which it counts as reached, rad or m. Default 0.01.
+    /// Largest distance of a measured joint from the pose with which it counts as reached, rad or m. Default
+    /// 0.01.
     pub tolerance: f64,
     /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
     pub gravity: [f64; 3],
@@ -115,8 +117,8 @@ impl<'de> Deserialize<'de> for JointGoal {
 pub struct JointGoalConfig {
     /// Pose of the robot's profile.
     pub pose: Option<String>,
-    /// Positions, rad or m: one number for all joints, a list with one for each, or a table by names of joints; joints
-    /// without a number stay as at the goal before.
+    /// Positions, rad or m: one number for all joints, a list with one for each, or a table by names of
+    /// joints; joints without a number stay as at the goal before.
     pub position: Option<JointNumbers>,
     /// Distances from the goal before, or from where the robot starts, rad or m: as `position`.
     pub offset: Option<JointNumbers>,
@@ -143,11 +145,14 @@ pub enum JointNumbers {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointDriveConfig {
-    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: that of the robot's profile.
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: that of the robot's
+    /// profile.
     pub kp: Option<PerJoint>,
-    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: that of the robot's profile.
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: that of the robot's
+    /// profile.
     pub kd: Option<PerJoint>,
-    /// Effort that holds the joints against gravity. A floating base is assumed to be upright and at rest. Default true.
+    /// Effort that holds the joints against gravity. A floating base is assumed to be upright and at rest.
+    /// Default true.
     pub gravity_compensation: bool,
 }
 

@@ -15,11 +15,11 @@ use motorium_primitives::reach::Repeat;
 use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter};
 use plan::{Goal, Plan};
 
-/// Moves the joints of a robot through goals, from rest to rest along straight lines through joint space, within limits of
-/// velocity, acceleration and jerk; see [`StraightMove`].
+/// Moves the joints of a robot through goals, from rest to rest along straight lines through joint space,
+/// within limits of velocity, acceleration and jerk; see [`StraightMove`].
 ///
-/// It begins with the first joint state, where the robot is. A goal counts as reached if every measured joint is within the
-/// tolerance when the time to stay there is over.
+/// It begins with the first joint state, where the robot is. A goal counts as reached if every measured joint
+/// is within the tolerance when the time to stay there is over.
 #[derive(Debug)]
 pub struct TrajectoryPolicy {
     writer: JointCommandWriter,

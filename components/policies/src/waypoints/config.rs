@@ -31,7 +31,8 @@ pub struct WaypointsConfig {
     /// Largest jerk, m/s^3. Default 5.
     #[serde(default = "five")]
     pub jerk: f64,
-    /// Largest rate of turn, rad/s. Default: four fifths of what the wheels of the robot reach, and 1 at most.
+    /// Largest rate of turn, rad/s. Default: four fifths of what the wheels of the robot reach, and 1 at
+    /// most.
     #[serde(default)]
     pub turn_speed: Option<f64>,
     /// Largest angular acceleration, rad/s^2. Default 2.
@@ -52,10 +53,12 @@ pub struct WaypointsConfig {
     /// Largest distance from a goal with which it counts as reached, m. Default 0.02.
     #[serde(default = "two_hundredths")]
     pub position_tolerance: f64,
-    /// Largest deviation of the angle at a goal with which it counts as reached, rad. Default 0.0175, 1 degree.
+    /// Largest deviation of the angle at a goal with which it counts as reached, rad. Default 0.0175, 1
+    /// degree.
     #[serde(default = "degree")]
     pub yaw_tolerance: f64,
-    /// Time for which the base may be late at a goal. Then it counts as missed, and the next one is next. Default 2 s.
+    /// Time for which the base may be late at a goal. Then it counts as missed, and the next one is next.
+    /// Default 2 s.
     #[serde(default = "grace")]
     pub grace: TimeSpan,
 }

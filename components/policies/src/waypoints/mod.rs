@@ -16,8 +16,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 /// Leads a base through poses in the plane by feedback on its odometry; see [`Route`].
 ///
-/// A goal counts as reached if the base is within the tolerances when the time to stay there is over: by its odometry, or by
-/// its true pose where the input `true_base` is wired, which serves nothing else.
+/// A goal counts as reached if the base is within the tolerances when the time to stay there is over: by its
+/// odometry, or by its true pose where the input `true_base` is wired, which serves nothing else.
 #[derive(Debug)]
 pub struct WaypointsPolicy {
     odometry: Input<Odometry>,

@@ -113,7 +113,8 @@ impl Component for Legged {
     }
 }
 
-/// A robot, and the joints of a leg that swing forwards, by the end of their names, and how far ahead of the leg.
+/// A robot, and the joints of a leg that swing forwards, by the end of their names, and how far ahead of the
+/// leg.
 struct Walker {
     robot: &'static str,
     legs: &'static [&'static str],
@@ -161,7 +162,8 @@ fn apart(a: f64, b: f64) -> f64 {
     d.min(TAU - d)
 }
 
-/// Walks, and checks the joints that swing, their lags, amplitudes and limits. `tolerance` is of the lags, rad.
+/// Walks, and checks the joints that swing, their lags, amplitudes and limits. `tolerance` is of the lags,
+/// rad.
 fn walk(walker: &Walker, model: &str, gait: Gait, tolerance: f64) {
     let Walker { robot, legs, joints } = walker;
     let what = format!("{robot}, {model}, {gait:?}");

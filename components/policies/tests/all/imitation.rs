@@ -125,7 +125,8 @@ fn a_recorded_topic_is_learned_and_reproduced_in_time() {
     assert_eq!(support::faults(&report), (Some(0), 0));
 }
 
-/// Noise at the ends says nothing of velocity and acceleration there, where one-sided differences are all there is.
+/// Noise at the ends says nothing of velocity and acceleration there, where one-sided differences are all
+/// there is.
 #[test]
 fn noise_at_the_beginning_of_a_recording_does_not_lead_astray() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! `policy.promp` with a kernelised primitive, as `motorium primitive fit --model kernelised` writes it, in a running graph.
+//! `policy.promp` with a kernelised primitive, as `motorium primitive fit --model kernelised` writes it, in a
+//! running graph.
 
 use motorium_primitives::file::PrimitiveFile;
 use motorium_primitives::kmp::{KernelisedFit, KernelisedMovement};
@@ -64,7 +65,8 @@ fn a_kernelised_primitive_passes_a_place_and_still_ends_where_it_was_shown() {
         let q = &seen[at].q;
         assert!(q.iter().zip(expected).all(|(q, e)| (q - e).abs() < most), "{q:?} for {expected:?}");
     };
-    // beside the way that was shown, where what was shown differs: both joints are farther or both are less far
+    // beside the way that was shown, where what was shown differs: both joints are farther or both are less
+    // far
     assert!((0..2).all(|d| [0.82, 0.67][d] - shown(0.5, 0.0)[d] > 0.11));
     is_near(1500, [0.82, 0.67], 5e-3);
     is_near(3500, shown(1.0, 0.0), 0.02);

@@ -16,7 +16,8 @@ fn known() -> Recordings {
     known
 }
 
-/// The part of a path that lies between the two rests of a movement: after the last rest before it, until it rests again.
+/// The part of a path that lies between the two rests of a movement: after the last rest before it, until it
+/// rests again.
 fn written(path: &[[f64; 2]]) -> &[[f64; 2]] {
     let moves = |k: usize| (0..2).any(|d| (path[k + 1][d] - path[k][d]).abs() > 1e-7);
     // On the way to the start for 1 s, then at rest.

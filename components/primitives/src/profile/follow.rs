@@ -2,16 +2,16 @@
 
 use super::MotionLimits;
 
-/// Share of the acceleration that brakes towards a target. The rest is kept for the target's own motion: with the
-/// whole of it, a joint overshoots targets that accelerate.
+/// Share of the acceleration that brakes towards a target. The rest is kept for the target's own motion: with
+/// the whole of it, a joint overshoots targets that accelerate.
 const APPROACH: f64 = 0.5;
 
 /// Setpoints of several joints that follow targets, however these jump: velocity, acceleration and position
 /// stay within limits at every step.
 ///
 /// Each joint approaches its target at the velocity of the target plus the largest from which it can brake in
-/// the distance that is left, `v^2 / 2a + v dt / 2 <= d` with half of its acceleration, as steps of constant velocity do. The jerk is not
-/// limited. Only [`new`](Self::new) allocates.
+/// the distance that is left, `v^2 / 2a + v dt / 2 <= d` with half of its acceleration, as steps of constant
+/// velocity do. The jerk is not limited. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_primitives::profile::{Follower, MotionLimits};

@@ -1,4 +1,5 @@
-//! More contact points than a message holds: the rest is merged and counted, and forces, moments and impulses are whole.
+//! More contact points than a message holds: the rest is merged and counted, and forces, moments and impulses
+//! are whole.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -3,8 +3,8 @@
 use super::*;
 use crate::region::GateState;
 
-/// Largest velocity and acceleration of each setpoint while the arm goes from its safe state to a command far away, and
-/// the number of steps that took.
+/// Largest velocity and acceleration of each setpoint while the arm goes from its safe state to a command far
+/// away, and the number of steps that took.
 fn return_to(arm: &mut Arm, goal: &JointCommand) -> ([f64; 2], [f64; 2], usize) {
     let (mut fastest, mut hardest) = ([0.0_f64; 2], [0.0_f64; 2]);
     let mut before: Vec<JointSetpoint> = arm.gate.setpoints().to_vec();
@@ -194,7 +194,8 @@ fn the_way_back_from_a_joint_that_still_brakes_begins_without_a_jump_of_its_effo
     assert!((before - 21.0).abs() < 0.01, "{before}");
 }
 
-/// A sine at `share` of the acceleration limit of the first joint, sampled every `hold` ms and extrapolated in between.
+/// A sine at `share` of the acceleration limit of the first joint, sampled every `hold` ms and extrapolated
+/// in between.
 fn resumes_to_a_sine(hertz: f64, share: f64, hold: usize, silent: usize) -> (usize, usize) {
     let omega = core::f64::consts::TAU * hertz;
     let amplitude = (share * 7.5 / (omega * omega)).min(share * 2.0 / omega);

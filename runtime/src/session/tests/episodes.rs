@@ -179,7 +179,7 @@ fn a_run_of_three_episodes_divides_in_real_time() {
 #[test]
 fn a_component_ends_an_episode_early() {
     let settings = [("component.fast.ends_episode", "true"), ("component.fast.config.every", "5")];
-    let mut session = launch("duration = \"1 h\"\n[episodes]\ncount = 2", &settings);
+    let mut session = launch("duration = \"60 min\"\n[episodes]\ncount = 2", &settings);
     session.run().unwrap();
     let report = session.stop();
     assert_eq!((report.episodes.len(), report.exit), (2, Exit::Finished));

@@ -15,10 +15,11 @@ use crate::out::outln;
 
 /// Find poses of a robot whose limbs point where a human's do in a recorded movement.
 ///
-/// TAKE holds joint angles (.bvh; .amc, or a table of its values, with --skeleton), or a table of directions of limbs.
+/// TAKE holds joint angles (.bvh; .amc, or a table of its values, with --skeleton), or a table of directions
+/// of limbs.
 ///
-/// Example: motorium latent retarget take.amc --skeleton subject.asf --robot panda
-/// --limb right_upperarm=panda_link2:panda_link4 --limb right_forearm=panda_link4:panda_link6 --output panda.csv
+/// Example: motorium latent retarget take.amc --skeleton subject.asf --robot panda --limb
+/// right_upperarm=panda_link2:panda_link4 --limb right_forearm=panda_link4:panda_link6 --output panda.csv
 #[derive(Debug, clap::Args)]
 pub(super) struct Retarget {
     /// The recorded movement

@@ -7,7 +7,8 @@ mod list;
 
 use std::process::ExitCode;
 
-/// Run trained networks from ONNX files, import policies, check them against robots, and list kinds of models.
+/// Run trained networks from ONNX files, import policies, check them against robots, and list kinds of
+/// models.
 ///
 /// Example: motorium model eval policy.onnx --inputs in.json --json
 #[derive(Debug, clap::Args)]

@@ -13,9 +13,10 @@ use crate::chart::{Chart, Series};
 
 /// The shared latent spaces of Delhaisse's thesis (2019), chapter 4: figures 4.5 to 4.10.
 ///
-/// Transfers each robot to a model of the human and WALK-MAN, and trains a model with the robot, with and without back
-/// constraints; then finds how many poses of a robot are needed, compared with a direct Gaussian process, ridge regression and the
-/// nearest pose. Writes each figure as CSV and SVG (bars: standard errors over splits), and reports which claims hold.
+/// Transfers each robot to a model of the human and WALK-MAN, and trains a model with the robot, with and
+/// without back constraints; then finds how many poses of a robot are needed, compared with a direct Gaussian
+/// process, ridge regression and the nearest pose. Writes each figure as CSV and SVG (bars: standard errors
+/// over splits), and reports which claims hold.
 ///
 /// Example: motorium reproduce chapter4 --data recordings/ --output out/
 #[derive(Debug, clap::Args)]

@@ -1,7 +1,9 @@
-//! The dialogue with drives of CiA 402: service data first, one object a cycle, then process data with each synchronisation.
+//! The dialogue with drives of CiA 402: service data first, one object a cycle, then process data with each
+//! synchronisation.
 //!
-//! The set-up stops process data, maps them, has the drive wait for the heartbeat of the adapter, which is its watchdog, and compares the
-//! rated torque with the table. Then the node is started, and the state machine led to enabled by the controlword.
+//! The set-up stops process data, maps them, has the drive wait for the heartbeat of the adapter, which is
+//! its watchdog, and compares the rated torque with the table. Then the node is started, and the state
+//! machine led to enabled by the controlword.
 
 mod emergency;
 mod homing;
@@ -68,8 +70,8 @@ const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 5;
 const RATED_TORQUE: u8 = WATCHDOG + 6;
 const HEARTBEAT: u8 = WATCHDOG + 7;
 const SETTINGS: u8 = WATCHDOG + 8;
-/// Time between two heartbeats of a drive, ms: rare, so that they do not displace process data, whose loss is noticed within three
-/// cycles.
+/// Time between two heartbeats of a drive, ms: rare, so that they do not displace process data, whose loss is
+/// noticed within three cycles.
 const HEARTBEAT_MS: u16 = 1000;
 /// Longest time between two heartbeats, ns: two of them, and half of one for the bus.
 const HEARTBEAT_WITHIN_NS: u64 = 2_500_000 * HEARTBEAT_MS as u64;
@@ -249,7 +251,8 @@ impl Cia402 {
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         if let Order::Check(setting) = order {
             if *setting == 0 {
-                // many drives refuse other mappings while process data flow, as they do since an adapter of before, or a trip
+                // many drives refuse other mappings while process data flow, as they do since an adapter of
+                // before, or a trip
                 frames.push(self.node.network(NetworkCommand::PreOperational));
             }
             frames.push(self.node.service(&self.setting(*setting)));

@@ -1,4 +1,5 @@
-//! The dialogues with drives: orders of the adapter become frames of a protocol, and frames of a drive responses.
+//! The dialogues with drives: orders of the adapter become frames of a protocol, and frames of a drive
+//! responses.
 
 mod cia402;
 mod mit;
@@ -113,7 +114,8 @@ impl Dialogue {
         }
     }
 
-    /// Longest time between two messages with its state, ns, of a drive whose answers are without it, or between two heartbeats.
+    /// Longest time between two messages with its state, ns, of a drive whose answers are without it, or
+    /// between two heartbeats.
     pub(super) fn state_within_ns(&self) -> Option<u64> {
         match self {
             Self::Odrive(_) => Some(odrive::HEARTBEAT_WITHIN_NS),
@@ -227,7 +229,8 @@ struct Motion {
 }
 
 impl Motion {
-    /// Begins a cycle: a drive that does not follow yet is held nowhere, and stands wherever it has been moved to.
+    /// Begins a cycle: a drive that does not follow yet is held nowhere, and stands wherever it has been
+    /// moved to.
     fn begin(&mut self, order: &Order) {
         if !matches!(order, Order::Follow(_)) {
             self.held = None;
@@ -244,8 +247,8 @@ impl Motion {
         }
     }
 
-    /// The velocity of a command at the newest state: that of the command, and towards its position as fast as the loop of the
-    /// drive would go there.
+    /// The velocity of a command at the newest state: that of the command, and towards its position as fast
+    /// as the loop of the drive would go there.
     fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
         let towards =
             if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };

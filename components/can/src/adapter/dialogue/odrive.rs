@@ -1,8 +1,8 @@
-//! The dialogue with ODrives: commands as often as the adapter likes, encoder estimates and heartbeats as often as the drive
-//! does.
+//! The dialogue with ODrives: commands as often as the adapter likes, encoder estimates and heartbeats as
+//! often as the drive does.
 //!
-//! State and errors stand in the heartbeat alone, so that a drive counts as enabled a tenth of a second after it is. Its errors
-//! are cleared when the adapter is resumed, and never else.
+//! State and errors stand in the heartbeat alone, so that a drive counts as enabled a tenth of a second after
+//! it is. Its errors are cleared when the adapter is resumed, and never else.
 
 use super::{Motion, Order, Response};
 use crate::adapter::HomingFault;
@@ -21,8 +21,8 @@ const CLEARS: u8 = 4;
 const HOMES_IN: u16 = 2;
 /// Heartbeats after which a procedure that was never seen under way has not begun.
 const SEEN_WITHIN: u8 = 5;
-/// Reports of the position after the end of a homing until one counts from the mark: the first one may have waited for the bus since
-/// before.
+/// Reports of the position after the end of a homing until one counts from the mark: the first one may have
+/// waited for the bus since before.
 const FROM_ITS_MARK: u8 = 2;
 /// Longest time between two heartbeats, ns: three of them, at ten a second, and half of one for the bus.
 pub(super) const HEARTBEAT_WITHIN_NS: u64 = 350_000_000;
@@ -112,7 +112,8 @@ impl Odrive {
         }
     }
 
-    /// The message of a cycle of homing. Its limits are sent all the time: that feeds its watchdog, and changes nothing else.
+    /// The message of a cycle of homing. Its limits are sent all the time: that feeds its watchdog, and
+    /// changes nothing else.
     fn home(&mut self) -> Instruction {
         let limits = Instruction::Limits {
             velocity: self.ranges.velocity.max,

@@ -1,5 +1,5 @@
-//! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one asks all of them, and they
-//! answer one after the other.
+//! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one asks
+//! all of them, and they answer one after the other.
 
 mod line;
 
@@ -148,7 +148,8 @@ impl Servo {
         self.blocks().count() as u8 - 1
     }
 
-    /// The places among the registers of its maker of those that it is asked for: of its settings, and of its state at last.
+    /// The places among the registers of its maker of those that it is asked for: of its settings, and of its
+    /// state at last.
     fn blocks(&self) -> impl Iterator<Item = usize> {
         let is_asked = |block: &usize| match self.maker.setting(*block) {
             Some(Setting::HomingOffset) => self.homing_offset.is_some(),

@@ -1,9 +1,9 @@
 //! The homing of a joint at its mechanical stop.
 //!
-//! It is led there with the effort that it may stand there with: it comes to rest, moves off the stop, and comes to rest a second
-//! time at the same place. A joint that does not move off again is jammed, or its brake is closed; one that finds two places has met
-//! something that gave way. Where its weight alone stops it, it comes to rest at the same place just as well, and sinks back as soon
-//! as its effort is halved.
+//! It is led there with the effort that it may stand there with: it comes to rest, moves off the stop, and
+//! comes to rest a second time at the same place. A joint that does not move off again is jammed, or its
+//! brake is closed; one that finds two places has met something that gave way. Where its weight alone stops
+//! it, it comes to rest at the same place just as well, and sinks back as soon as its effort is halved.
 
 use super::HomingFault;
 use crate::table::HomingEntry;
@@ -12,7 +12,8 @@ use crate::table::HomingEntry;
 const WINDOW_NS: u64 = 200_000_000;
 /// Windows in a row without motion after which it stands.
 const STILL_WINDOWS: u32 = 2;
-/// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster than that.
+/// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster
+/// than that.
 pub(crate) const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which it runs away.
 pub(crate) const RUNAWAY: f64 = 5.0;
@@ -105,7 +106,8 @@ impl Stop {
         }
     }
 
-    /// The velocity to command to a joint that has this one, and the gain with which it is followed: with no more than its effort.
+    /// The velocity to command to a joint that has this one, and the gain with which it is followed: with no
+    /// more than its effort.
     pub(super) fn command(&self, measured: f64) -> (f64, f64) {
         let most = self.velocity.abs();
         let share = if matches!(self.stage, Stage::Ease(_)) { EASED } else { 1.0 };

@@ -1,8 +1,8 @@
-//! Simulated buses that other programs use: over a unix socket, or over a pseudo-terminal as an adapter with slcan would offer
-//! them, on which the driver of the kernel can sit, or as a line of serial servos.
+//! Simulated buses that other programs use: over a unix socket, or over a pseudo-terminal as an adapter with
+//! slcan would offer them, on which the driver of the kernel can sit, or as a line of serial servos.
 //!
-//! A [`Place`] names one: `unix:NAME` or `pty:PATH`. The program that simulates the bus opens an [`Offer`] there; the others open
-//! it as they open any bus, by [`RealBus`](crate::RealBus).
+//! A [`Place`] names one: `unix:NAME` or `pty:PATH`. The program that simulates the bus opens an [`Offer`]
+//! there; the others open it as they open any bus, by [`RealBus`](crate::RealBus).
 
 mod records;
 mod terminal;
@@ -66,8 +66,8 @@ impl Offer {
         })
     }
 
-    /// Takes frames that programs hand over, each with the time at which they did; how many. What is not taken stays with them,
-    /// as far as the kernel has room.
+    /// Takes frames that programs hand over, each with the time at which they did; how many. What is not
+    /// taken stays with them, as far as the kernel has room.
     pub fn receive(&mut self, frames: &mut [Received]) -> usize {
         match self {
             Self::Socket(offer) => offer.receive(frames),

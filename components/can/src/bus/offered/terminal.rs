@@ -21,8 +21,9 @@ use crate::servo;
 const ROOM: usize = 8192;
 /// Longest time for which a step waits for the next line of a batch, and for all of them, ns.
 ///
-/// The driver of the kernel hands a line over once the one before has been read, by a worker of the kernel: who looks once a
-/// step takes one frame a step, whereas the microcontroller of an adapter reads as fast as lines come.
+/// The driver of the kernel hands a line over once the one before has been read, by a worker of the kernel:
+/// who looks once a step takes one frame a step, whereas the microcontroller of an adapter reads as fast as
+/// lines come.
 const NEXT_LINE_NS: u64 = 60_000;
 pub(crate) const BATCH_NS: u64 = 250_000;
 
@@ -63,7 +64,8 @@ impl Encoding {
 
 /// Opens a pseudo-terminal, and links `link` to it.
 fn plug_in(link: &PathBuf) -> io::Result<End> {
-    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that they are told.
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that
+    // they are told.
     let (master, path) = unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC);
         if master < 0 {

@@ -1,8 +1,8 @@
 //! A simulated bus over a unix socket, both ends of it.
 //!
-//! The socket has an abstract name with the number of the user, and both ends look whether the other one is that user: there is no
-//! file to be left behind. Programs on one bus share an interface, as they do on one of the kernel: each receives what the others
-//! send.
+//! The socket has an abstract name with the number of the user, and both ends look whether the other one is
+//! that user: there is no file to be left behind. Programs on one bus share an interface, as they do on one
+//! of the kernel: each receives what the others send.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -288,7 +288,8 @@ impl UnixBus {
         false
     }
 
-    /// The next frame or report on the bus, which no filter of a program leaves out; `None` if none has come yet.
+    /// The next frame or report on the bus, which no filter of a program leaves out; `None` if none has come
+    /// yet.
     pub(crate) fn next(&mut self) -> Option<Traffic> {
         while self.condition != Condition::Gone {
             if self.rest.0 == self.rest.1 && !self.fill() {

@@ -36,10 +36,12 @@ fn done(result: libc::c_int) -> io::Result<()> {
 }
 
 impl Attached {
-    /// Sets the adapter on a serial line up for a bus of this bitrate, and puts the driver of the kernel on the line.
+    /// Sets the adapter on a serial line up for a bus of this bitrate, and puts the driver of the kernel on
+    /// the line.
     ///
     /// # Errors
-    /// There is no such line, the adapter does not know the bitrate, or the kernel has no such driver or refuses.
+    /// There is no such line, the adapter does not know the bitrate, or the kernel has no such driver or
+    /// refuses.
     pub fn open(path: &str, rate: u32) -> Result<Self, OpenError> {
         let refused = |error| OpenError::Refused(path.into(), error);
         let bitrate = bitrate(rate).ok_or_else(|| OpenError::NoBitrate { name: path.into(), rate })?;
@@ -47,7 +49,8 @@ impl Attached {
         line.write_all(format!("\rC\r{bitrate}O\r").as_bytes()).map_err(refused)?;
         let _ = answers(&mut line, SETTLE, 4);
         let (discipline, mut name) = (N_SLCAN, [0_u8; libc::IFNAMSIZ]);
-        // SAFETY: the descriptor is open; the first call reads a number, the second one fills a name of this length.
+        // SAFETY: the descriptor is open; the first call reads a number, the second one fills a name of this
+        // length.
         let attached = unsafe {
             done(libc::ioctl(line.as_raw_fd(), libc::TIOCSETD, &raw const discipline))
                 .and_then(|()| done(libc::ioctl(line.as_raw_fd(), SIOCGIFNAME, name.as_mut_ptr())))
@@ -74,8 +77,9 @@ impl Attached {
     /// The kernel refuses: it needs the right to administer the network.
     pub fn bring_up(&self) -> io::Result<()> {
         let socket = std::net::UdpSocket::bind("0.0.0.0:0")?;
-        // SAFETY: a request is plain bytes, of which all zero is one; its name is shorter than its place, and ends with zero. The
-        // calls read and fill a request, and the flags are read once they have been filled.
+        // SAFETY: a request is plain bytes, of which all zero is one; its name is shorter than its place, and
+        // ends with zero. The calls read and fill a request, and the flags are read once they have been
+        // filled.
         unsafe {
             let mut request: libc::ifreq = core::mem::zeroed();
             for (place, byte) in request.ifr_name.iter_mut().zip(self.name.bytes()).take(libc::IFNAMSIZ - 1) {

@@ -1,5 +1,5 @@
-//! Frames as text on a serial line: the protocol of Lawicel's adapters, with the additions of CANable's for CAN FD and of
-//! Linux for error states.
+//! Frames as text on a serial line: the protocol of Lawicel's adapters, with the additions of CANable's for
+//! CAN FD and of Linux for error states.
 
 use crate::bus::report::{ErrorState, Report};
 use crate::frame::{Form, Frame, Id};

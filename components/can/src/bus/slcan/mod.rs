@@ -1,8 +1,8 @@
 //! Buses behind an adapter on a serial line, in user space: slcan.
 //!
-//! An adapter such as a CANable with its slcan firmware is a serial line (`/dev/ttyACM0`), on which frames are lines of text.
-//! [`write`] and [`Reader`] are the codec; a [`SlcanBus`] is a bus over such a line, which needs no driver and no rights over
-//! network interfaces.
+//! An adapter such as a CANable with its slcan firmware is a serial line (`/dev/ttyACM0`), on which frames
+//! are lines of text. [`write`] and [`Reader`] are the codec; a [`SlcanBus`] is a bus over such a line, which
+//! needs no driver and no rights over network interfaces.
 
 mod attach;
 mod codec;
@@ -100,7 +100,8 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
-/// The version that an adapter with slcan on a serial line tells; `None` if there is no such adapter, or it tells none.
+/// The version that an adapter with slcan on a serial line tells; `None` if there is no such adapter, or it
+/// tells none.
 ///
 /// # Errors
 /// There is no such line, or it cannot be opened.
@@ -183,7 +184,8 @@ impl SlcanBus {
 }
 
 impl Drop for SlcanBus {
-    /// Closes the channel, so that the adapter neither acknowledges nor keeps frames for a program that has ended.
+    /// Closes the channel, so that the adapter neither acknowledges nor keeps frames for a program that has
+    /// ended.
     fn drop(&mut self) {
         if self.line.condition != Condition::Gone && self.line.flush() {
             self.line.write(b"C\r");

@@ -82,8 +82,8 @@ impl Batch {
         }
         let is_fd = |i: usize| frames[i].form != crate::frame::Form::Classic;
         self.point(count, |i| if is_fd(i) { size_of::<canfd_frame>() } else { CLASSIC }, false);
-        // SAFETY: `count` headers have just been pointed at buffers of this value, which live throughout the call; the
-        // kernel reads the frames only.
+        // SAFETY: `count` headers have just been pointed at buffers of this value, which live throughout the
+        // call; the kernel reads the frames only.
         let sent = unsafe {
             libc::sendmmsg(socket.as_raw_fd(), self.headers.as_mut_ptr(), count as _, libc::MSG_DONTWAIT)
         };
@@ -94,7 +94,8 @@ impl Batch {
     pub(super) fn receive(&mut self, socket: BorrowedFd<'_>, most: usize) -> io::Result<usize> {
         let count = most.min(BATCH);
         self.point(count, |_| size_of::<canfd_frame>(), true);
-        // SAFETY: as in `send`; the kernel writes at most the lengths given into the frames and the room behind them.
+        // SAFETY: as in `send`; the kernel writes at most the lengths given into the frames and the room
+        // behind them.
         let received = unsafe {
             libc::recvmmsg(
                 socket.as_raw_fd(),
@@ -117,8 +118,8 @@ impl Batch {
         let mut arrival =
             Arrival { frame: self.frames[index], is_fd, wall_ns: 0, hardware_ns: 0, overflows: None };
         let header = &self.headers[index].msg_hdr;
-        // SAFETY: the kernel has filled the room behind this header, and said in it how much of it; the macros stay within
-        // that. A part is read only as far as its own length says, and unaligned.
+        // SAFETY: the kernel has filled the room behind this header, and said in it how much of it; the
+        // macros stay within that. A part is read only as far as its own length says, and unaligned.
         unsafe {
             let mut part = libc::CMSG_FIRSTHDR(header);
             while let Some(found) = part.as_ref() {
@@ -156,8 +157,8 @@ impl Waiting {
         Self { sockets: Vec::with_capacity(sockets) }
     }
 
-    /// Waits until one of the sockets has something to be read, a signal arrives, or `timeout_ns` has passed. Without a
-    /// socket it sleeps.
+    /// Waits until one of the sockets has something to be read, a signal arrives, or `timeout_ns` has passed.
+    /// Without a socket it sleeps.
     pub(crate) fn wait<'a>(&mut self, sockets: impl Iterator<Item = BorrowedFd<'a>>, timeout_ns: u64) {
         self.sockets.clear();
         let polled =
@@ -167,8 +168,8 @@ impl Waiting {
             tv_sec: (timeout_ns / 1_000_000_000) as _,
             tv_nsec: (timeout_ns % 1_000_000_000) as _,
         };
-        // SAFETY: the descriptors, as many as are said, and the time live throughout the call. An error means a signal: the
-        // caller looks at the clock anyway.
+        // SAFETY: the descriptors, as many as are said, and the time live throughout the call. An error means
+        // a signal: the caller looks at the clock anyway.
         unsafe {
             libc::ppoll(
                 self.sockets.as_mut_ptr(),

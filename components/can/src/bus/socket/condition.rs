@@ -10,7 +10,8 @@ pub enum Condition {
     Active,
     /// It sends and receives; its controller has counted many errors.
     Warning,
-    /// It sends and receives; its controller has counted so many errors that it reports none of them to others.
+    /// It sends and receives; its controller has counted so many errors that it reports none of them to
+    /// others.
     Passive,
     /// Its controller has left the bus.
     Off,
@@ -65,7 +66,8 @@ pub struct SocketCounts {
     pub queue_full: u64,
     /// Times that the interface went down or away.
     pub down: u64,
-    /// Frames that were received and lost for want of room: in the socket, or in the controller as it reports.
+    /// Frames that were received and lost for want of room: in the socket, or in the controller as it
+    /// reports.
     pub overflows: u64,
     /// Remote requests, and what is no frame.
     pub other: u64,

@@ -2,8 +2,9 @@
 
 /// The distance between two clocks, learnt from frames that both have stamped.
 ///
-/// The kernel stamps a frame later than the controller, by the time that the frame takes to it. The smallest distance seen is
-/// nearest to the truth; it is let go by the most that two clocks drift apart, so that it follows them.
+/// The kernel stamps a frame later than the controller, by the time that the frame takes to it. The smallest
+/// distance seen is nearest to the truth; it is let go by the most that two clocks drift apart, so that it
+/// follows them.
 ///
 /// ```
 /// use motorium_can::bus::socket::HardwareClock;
@@ -16,7 +17,8 @@
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HardwareClock {
-    /// Time of the computer less that of the controller, ns, and the time of the computer at which it was true.
+    /// Time of the computer less that of the controller, ns, and the time of the computer at which it was
+    /// true.
     distance: Option<(i64, u64)>,
 }
 

@@ -12,7 +12,8 @@ use crate::bus::report::ErrorState;
 pub struct Interface {
     /// Its name, such as `can0`.
     pub name: String,
-    /// Kind of its device where the kernel names it: `can` for controllers, `vcan` for virtual buses, `slcan` for serial lines.
+    /// Kind of its device where the kernel names it: `can` for controllers, `vcan` for virtual buses, `slcan`
+    /// for serial lines.
     pub kind: Option<String>,
     /// True if it is up.
     pub is_up: bool,

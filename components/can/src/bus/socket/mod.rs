@@ -1,8 +1,8 @@
 //! Buses of the kernel: SocketCAN.
 //!
-//! A [`SocketBus`] sends and receives whole batches by one system call each, without waiting and without allocation. Frames
-//! come with the time at which the controller received them, where it tells, or else the kernel. What the controller reports
-//! about itself becomes the bus's [`Condition`] and is counted.
+//! A [`SocketBus`] sends and receives whole batches by one system call each, without waiting and without
+//! allocation. Frames come with the time at which the controller received them, where it tells, or else the
+//! kernel. What the controller reports about itself becomes the bus's [`Condition`] and is counted.
 
 mod batch;
 mod condition;
@@ -85,7 +85,8 @@ impl SocketBus {
         Ok(bus)
     }
 
-    /// Opens an interface for a bus of these rates, and makes sure that it has them, as far as the kernel tells.
+    /// Opens an interface for a bus of these rates, and makes sure that it has them, as far as the kernel
+    /// tells.
     ///
     /// # Errors
     /// It cannot be opened, or has other rates.

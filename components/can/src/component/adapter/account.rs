@@ -6,7 +6,8 @@ use motorium::state::BusHealth;
 use crate::component::wire::News;
 use crate::{Bits, Condition, ErrorState, Frame, Rates, RealBus, SocketCounts};
 
-/// Time over which the load of a real bus is measured, ns: steps of the adapter do not follow one another that evenly.
+/// Time over which the load of a real bus is measured, ns: steps of the adapter do not follow one another
+/// that evenly.
 const WINDOW_NS: u64 = 100_000_000;
 
 /// The account of one bus.

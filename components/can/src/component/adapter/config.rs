@@ -83,44 +83,48 @@ pub struct CanAdapterConfig {
     /// The drives, where no file has them.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table serves on simulated buses
-    /// and on real ones. Default none.
+    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table
+    /// serves on simulated buses and on real ones. Default none.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
     /// Reaction of the other drives when one is lost or reports a fault, until `motorium resume`: "damp" or
     /// "disable". Default "damp".
     #[serde(default)]
     pub when_tripped: WhenTripped,
-    /// True: drives whose watchdog is off are enabled, too. They go on by themselves when nobody commands them any more.
-    /// Default false.
+    /// True: drives whose watchdog is off are enabled, too. They go on by themselves when nobody commands
+    /// them any more. Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
-    /// True: no drive is enabled, and the joints are moved by hand and measured, as those of a leader arm. The adapter is no actuator then: it
-    /// has no input `joint_command`, and no safe state. Drives with a `homing` are refused, as it needs torque. Default false.
+    /// True: no drive is enabled, and the joints are moved by hand and measured, as those of a leader arm.
+    /// The adapter is no actuator then: it has no input `joint_command`, and no safe state. Drives with a
+    /// `homing` are refused, as it needs torque. Default false.
     #[serde(default)]
     pub observe: bool,
-    /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading farther out refuses all drives: a
-    /// drive a turn away would be driven into its stop. At least 0. Default 0.05 of a joint that turns, 0.005 of one that slides.
+    /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading
+    /// farther out refuses all drives: a drive a turn away would be driven into its stop. At least 0. Default
+    /// 0.05 of a joint that turns, 0.005 of one that slides.
     pub enable_margin: Option<f64>,
-    /// True: drives stay enabled at the end of a run, until their watchdogs let go. By default they are let go after `settle`, in the last
-    /// act of an orderly end, and a joint without a holding brake sinks from there. Default false.
+    /// True: drives stay enabled at the end of a run, until their watchdogs let go. By default they are let
+    /// go after `settle`, in the last act of an orderly end, and a joint without a holding brake sinks from
+    /// there. Default false.
     #[serde(default)]
     pub leave_enabled: bool,
-    /// Longest time for which a step waits for the answers of drives on real buses. Default half a period. With `command_within`
-    /// answers have until the next step, and are waited for only on serial lines.
+    /// Longest time for which a step waits for the answers of drives on real buses. Default half a period.
+    /// With `command_within` answers have until the next step, and are waited for only on serial lines.
     pub answer_within: Option<TimeSpan>,
-    /// Longest time for which a step waits for the command that is made of the state it has just published, so that its frames go out
-    /// at once. In lockstep no step waits. Default none: the command is sent in the next cycle.
+    /// Longest time for which a step waits for the command that is made of the state it has just published,
+    /// so that its frames go out at once. In lockstep no step waits. Default none: the command is sent in the
+    /// next cycle.
     pub command_within: Option<TimeSpan>,
-    /// Acceleration of free fall in the world (m/s2), from which the safe states compute what holds the robot. Default: that of
-    /// the graph's `[world]`, or 9.81 downwards.
+    /// Acceleration of free fall in the world (m/s2), from which the safe states compute what holds the
+    /// robot. Default: that of the graph's `[world]`, or 9.81 downwards.
     #[serde(default = "gravity")]
     pub gravity: [f64; 3],
 }
 
 impl CanAdapterConfig {
-    /// Time that answers on real buses have in a cycle of this length, from the batch to the place where they are read; `None` where
-    /// all buses are simulated over topics.
+    /// Time that answers on real buses have in a cycle of this length, from the batch to the place where they
+    /// are read; `None` where all buses are simulated over topics.
     pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
         let order = StepOrder::of(self, table, table.is_real(), Some(cycle)).ok()?;
         table.is_real().then(|| order.answers_have(cycle))
@@ -171,7 +175,8 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
     Ok(())
 }
 
-/// Refuses drives whose watchdog is off, or acts between two commands; warns of one that a single lost command sets off.
+/// Refuses drives whose watchdog is off, or acts between two commands; warns of one that a single lost
+/// command sets off.
 pub(super) fn check_watchdogs(
     config: &CanAdapterConfig,
     equipped: &Equipped,
@@ -228,7 +233,8 @@ pub(super) fn check_homing_loads(
     Ok(())
 }
 
-/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may come too late for this order of a step.
+/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may come too late for
+/// this order of a step.
 pub(super) fn check_budget(
     bus: &str,
     budget: &Budget,

@@ -1,4 +1,5 @@
-//! The ways in which the adapter exchanges frames with its drives: topics for simulated buses, sockets for real ones.
+//! The ways in which the adapter exchanges frames with its drives: topics for simulated buses, sockets for
+//! real ones.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -124,7 +125,8 @@ pub(super) struct Sockets {
     inbox: Vec<Received>,
     waiting: Waiting,
     clock: RunClock,
-    /// Longest time for which a step waits for answers; `None` if it does not, as they are read in the next step.
+    /// Longest time for which a step waits for answers; `None` if it does not, as they are read in the next
+    /// step.
     answer_within_ns: Option<u64>,
 }
 
@@ -181,8 +183,8 @@ impl Sockets {
         }
     }
 
-    /// Sends drives that are to let go their orders until each has answered that it is off, for at most [`RELEASE_NS`]; whether all
-    /// have.
+    /// Sends drives that are to let go their orders until each has answered that it is off, for at most
+    /// [`RELEASE_NS`]; whether all have.
     pub(super) fn release(
         &mut self,
         adapter: &mut Adapter,

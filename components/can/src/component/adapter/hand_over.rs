@@ -3,8 +3,8 @@
 use motorium::state::Stamp;
 use motorium::telemetry::Histogram;
 
-/// The time from the publication of a command until the frames made of it have been handed to all buses, of each command that the
-/// drives follow. One that is sent again, because there is no newer one, counts once.
+/// The time from the publication of a command until the frames made of it have been handed to all buses, of
+/// each command that the drives follow. One that is sent again, because there is no newer one, counts once.
 #[derive(Default)]
 pub(super) struct HandOver {
     times: Box<Histogram>,

@@ -62,7 +62,8 @@ struct Weight {
 }
 
 impl Weight {
-    /// Those of each joint at these positions. None with a floating base: its drives do not tell how it lies, nor on what it stands.
+    /// Those of each joint at these positions. None with a floating base: its drives do not tell how it lies,
+    /// nor on what it stands.
     fn efforts(&mut self, position: &[f64], effort: &mut [f64]) {
         let Self { model, dynamics, gravity } = self;
         match model.base().floating {
@@ -243,7 +244,8 @@ impl Component for CanAdapter {
 }
 
 impl CanAdapter {
-    /// Ends the cycle of commands and answers, and publishes the state of the joints if it is known; whether it is.
+    /// Ends the cycle of commands and answers, and publishes the state of the joints if it is known; whether
+    /// it is.
     fn end_cycle(&mut self, tick: &Tick) -> Result<bool, StepError> {
         // drives that are simulated end with the run, in the middle of a cycle too
         self.adapter.end_cycle(!tick.settling && !self.clock.is_settling());
@@ -273,7 +275,8 @@ impl CanAdapter {
         state.publish_from(self.clock.stamp_ns(oldest_ns))
     }
 
-    /// Passes the newest command through the gate to the drives. Before every joint is known nothing is commanded.
+    /// Passes the newest command through the gate to the drives. Before every joint is known nothing is
+    /// commanded.
     fn apply_command(&mut self, settling: bool) {
         if !self.adapter.is_known() {
             self.await_homing(settling);
@@ -308,8 +311,9 @@ impl CanAdapter {
         apply(&mut self.adapter, gate);
     }
 
-    /// A step in which joints have yet to be homed, or some are held and others not known: no command is judged. Joints under way
-    /// let go while the run is stopped, and those that are held take the safe state of the graph until it goes on.
+    /// A step in which joints have yet to be homed, or some are held and others not known: no command is
+    /// judged. Joints under way let go while the run is stopped, and those that are held take the safe state
+    /// of the graph until it goes on.
     fn await_homing(&mut self, settling: bool) {
         let is_let_go = |link: &Link| link.is_homed() && link.phase() != Phase::Enabled;
         if self.adapter.links().iter().all(is_let_go) {

@@ -15,19 +15,21 @@ use crate::Table;
 /// | real | without | sends the newest command, waits for the answers, publishes |
 /// | real | with | reads the answers to the batch before, publishes, waits for the command, sends |
 ///
-/// Between a state that is measured and the command made of it that takes effect lies a cycle each time. What differs is the place
-/// of the pause in it: before the command is sent, or before the state is published.
+/// Between a state that is measured and the command made of it that takes effect lies a cycle each time. What
+/// differs is the place of the pause in it: before the command is sent, or before the state is published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct StepOrder {
     /// Longest time for which a step waits for answers after it has sent its batch; `None` if it does not.
     pub(super) answer_within: Option<Duration>,
-    /// Longest time for which it waits for the command made of the state that it has just published; `None` if it does not.
+    /// Longest time for which it waits for the command made of the state that it has just published; `None`
+    /// if it does not.
     pub(super) command_within: Option<Duration>,
     is_real: bool,
 }
 
 impl StepOrder {
-    /// That of a configuration, for the buses of a table that are real ones or not; without a period times are taken as they are.
+    /// That of a configuration, for the buses of a table that are real ones or not; without a period times
+    /// are taken as they are.
     pub(super) fn of(
         config: &CanAdapterConfig,
         table: &Table,

@@ -1,4 +1,5 @@
-//! The inner loops of the drives, and what lies between the torque of a simulated drive and the effort on its joint.
+//! The inner loops of the drives, and what lies between the torque of a simulated drive and the effort on its
+//! joint.
 
 use std::path::Path;
 
@@ -59,7 +60,8 @@ impl Actuation {
         Ok(Self { actuator, delay: Delay::new(settings.delay, 0.0), command: None })
     }
 
-    /// The motor after a step of `h` \[s\], of which physics tells where the joint is and which `effort` acted on it.
+    /// The motor after a step of `h` \[s\], of which physics tells where the joint is and which `effort`
+    /// acted on it.
     pub(super) fn motor(&mut self, joint: Motor, effort: f64, h: f64) -> Motor {
         self.actuator.begin(joint);
         if let Some(command) = self.command.take() {
@@ -68,11 +70,13 @@ impl Actuation {
         self.actuator.motor().unwrap_or(joint)
     }
 
-    /// The effort on the joint in the next step of `h` \[s\], in which the drive asks for `wanted`; a closed brake damps the motor.
+    /// The effort on the joint in the next step of `h` \[s\], in which the drive asks for `wanted`; a closed
+    /// brake damps the motor.
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);
         self.delay.advance(wanted, h);
-        // The motor does not make the effort of a brake: that counts within the motor's limits only where both are on one shaft.
+        // The motor does not make the effort of a brake: that counts within the motor's limits only where
+        // both are on one shaft.
         let command = DriveCommand { kd: brake, ..DriveCommand::effort(acting) };
         if let Some(law) = self.actuator.joint_law(&command, joint, h) {
             self.command = Some(command);

@@ -4,7 +4,8 @@ use super::Axis;
 use crate::component::adapter::BATCH;
 use crate::{Condition, Frame, SimulatedBus, Table};
 
-/// One bus: node 0 is the adapter, those from 1 on are drives, then comes one that babbles, and one like a drive.
+/// One bus: node 0 is the adapter, those from 1 on are drives, then comes one that babbles, and one like a
+/// drive.
 pub(super) struct Channel {
     pub(super) bus: SimulatedBus,
     pub(super) babbler: usize,

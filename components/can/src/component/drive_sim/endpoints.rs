@@ -64,8 +64,8 @@ impl Endpoints {
             Self::Offers(all) => {
                 all.start_ns = start_ns;
                 for (offer, channel) in all.offers.iter_mut().zip(buses) {
-                    // a socket hands on all that comes, and the interface drops what it has no room for; a terminal keeps
-                    // it, as the line of an adapter does
+                    // a socket hands on all that comes, and the interface drops what it has no room for; a
+                    // terminal keeps it, as the line of an adapter does
                     let room = match offer {
                         Offer::Socket(_) => BATCH,
                         Offer::Terminal(_) => channel.room().min(BATCH),

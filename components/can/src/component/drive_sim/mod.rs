@@ -35,9 +35,9 @@ const BABBLE_NS: u64 = 50_000;
 
 /// A component that simulates the buses and drives of a robot.
 ///
-/// In each step it moves the buses on to the present, lets each drive receive frames and answer, runs the inner loops on the joint state
-/// that physics has just published, and publishes the efforts. Drives on an interface of the computer receive what it receives,
-/// and answer on it.
+/// In each step it moves the buses on to the present, lets each drive receive frames and answer, runs the
+/// inner loops on the joint state that physics has just published, and publishes the efforts. Drives on an
+/// interface of the computer receive what it receives, and answer on it.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
     lines: Lines,
@@ -224,7 +224,8 @@ struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    /// All drives of a bus receive a frame; those that it is for answer: the node, its answer, and when that is ready.
+    /// All drives of a bus receive a frame; those that it is for answer: the node, its answer, and when that
+    /// is ready.
     fn receive(
         &mut self,
         index: usize,

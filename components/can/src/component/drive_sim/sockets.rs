@@ -105,7 +105,8 @@ impl Sockets {
         }
     }
 
-    /// Hands each frame that was received to the drives, and lets them report; what they answer is sent when its time has come.
+    /// Hands each frame that was received to the drives, and lets them report; what they answer is sent when
+    /// its time has come.
     pub(super) fn receive(&mut self, drives: &mut Drives<'_>, now_ns: u64) {
         let start_ns = self.clock.stamp_ns(0);
         let Self { lines, inbox, pending, .. } = self;

@@ -6,11 +6,12 @@ use nalgebra::DMatrix;
 use crate::component::Equipped;
 use crate::table::ControlMode;
 
-/// `kd dt / I` from which a velocity loop in discrete time makes every error larger: it rattles from one end of its torque to the other.
+/// `kd dt / I` from which a velocity loop in discrete time makes every error larger: it rattles from one end
+/// of its torque to the other.
 const UNSTABLE: f64 = 2.0;
 
-/// The first drive whose own loop is unstable over this time \[s\]: `kd dt / I` with the gain of its loop at the joint and the inertia
-/// that an effort of the joint meets at home.
+/// The first drive whose own loop is unstable over this time \[s\]: `kd dt / I` with the gain of its loop at
+/// the joint and the inertia that an effort of the joint meets at home.
 pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let (model, joints) = (&robot.model, robot.model.joint_count());

@@ -16,8 +16,9 @@ pub(super) const FURTHER: usize = 8;
 /// The form of a function along one coordinate, the others held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Shape {
-    /// A sum of sines and cosines of the angle and of twice the angle: weights and inertias over a joint that turns, for the places of
-    /// what it carries are linear in both, weights are linear in these places, and inertias quadratic.
+    /// A sum of sines and cosines of the angle and of twice the angle: weights and inertias over a joint that
+    /// turns, for the places of what it carries are linear in both, weights are linear in these places, and
+    /// inertias quadratic.
     Turning,
     /// A polynomial of the second degree: the same over a joint that slides.
     Sliding,
@@ -36,8 +37,9 @@ pub(super) struct Axis {
 
 /// The largest value of a function, sought from each of these positions.
 ///
-/// Each coordinate in turn is moved to where the function is largest along it, which of a known form is exact, until no coordinate
-/// alone gains anything, or after [`ROUNDS`]: so from each start a place is found from which every single joint leads down.
+/// Each coordinate in turn is moved to where the function is largest along it, which of a known form is
+/// exact, until no coordinate alone gains anything, or after [`ROUNDS`]: so from each start a place is found
+/// from which every single joint leads down.
 pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMut(&[f64]) -> f64) -> f64 {
     let mut most = f64::NEG_INFINITY;
     for mut at in starts {
@@ -57,8 +59,9 @@ pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMu
     most
 }
 
-/// Goes on in the direction of a round that came from `from`, ever further as long as the function grows: over a ridge on which all
-/// coordinates have to move together, a round alone makes small steps. Returns the value there.
+/// Goes on in the direction of a round that came from `from`, ever further as long as the function grows:
+/// over a ridge on which all coordinates have to move together, a round alone makes small steps. Returns the
+/// value there.
 fn go_on(
     axes: &[Axis],
     from: &[f64],
@@ -83,7 +86,8 @@ fn go_on(
     best
 }
 
-/// Moves one coordinate to where the function is larger than `best`, if it is anywhere; returns its value there.
+/// Moves one coordinate to where the function is larger than `best`, if it is anywhere; returns its value
+/// there.
 fn raise(axis: &Axis, at: &mut [f64], best: f64, value: &mut impl FnMut(&[f64]) -> f64) -> f64 {
     let (i, [lower, upper], mut best) = (axis.index, axis.range, best);
     let mut place = at[i];

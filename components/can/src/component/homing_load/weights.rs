@@ -9,7 +9,8 @@ use super::search::{self, Axis, Shape};
 use crate::HomingEntry;
 use crate::component::Equipped;
 
-/// Poses spread over the ranges from which a search starts, beside those at their ends, their middles and home.
+/// Poses spread over the ranges from which a search starts, beside those at their ends, their middles and
+/// home.
 const SPREAD: usize = 4;
 
 /// The places at which the other joints are.
@@ -165,8 +166,8 @@ impl<'a> Weights<'a> {
         mass[(place, place)]
     }
 
-    /// The largest value of a function of the positions, with the joint anywhere, or at `place`. Coordinates that do not matter or have
-    /// no range are left out.
+    /// The largest value of a function of the positions, with the joint anywhere, or at `place`. Coordinates
+    /// that do not matter or have no range are left out.
     fn largest(
         &mut self,
         of: Of,
@@ -217,7 +218,8 @@ enum Of {
     Inertia,
 }
 
-/// The joints that the bodies carry that a joint moves; itself too. With `above` also those between the base and these bodies.
+/// The joints that the bodies carry that a joint moves; itself too. With `above` also those between the base
+/// and these bodies.
 fn related(model: &Model, joint: usize, above: bool) -> Vec<usize> {
     let bodies = model.bodies();
     // parents stand before children
@@ -251,7 +253,8 @@ mod tests {
         weights.against(joints)
     }
 
-    /// A robot of these joints, each with the link that carries it; links of 1 kg lie along x, joints turn about y by up to 2 rad.
+    /// A robot of these joints, each with the link that carries it; links of 1 kg lie along x, joints turn
+    /// about y by up to 2 rad.
     fn robot(joints: &[(&str, &str)]) -> Model {
         bent_robot(joints, |_| 0.0)
     }

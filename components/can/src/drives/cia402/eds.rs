@@ -1,7 +1,8 @@
-//! Electronic data sheets of CANopen devices (CiA 306): EDS files, and DCF files, which have the values of one device.
+//! Electronic data sheets of CANopen devices (CiA 306): EDS files, and DCF files, which have the values of
+//! one device.
 //!
-//! A data sheet is a text of sections: one for each object of the dictionary, `[6076]` or `[1A00sub1]`, with its name, type,
-//! access, limits and value.
+//! A data sheet is a text of sections: one for each object of the dictionary, `[6076]` or `[1A00sub1]`, with
+//! its name, type, access, limits and value.
 
 use std::collections::BTreeMap;
 

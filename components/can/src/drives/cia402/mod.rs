@@ -1,8 +1,8 @@
-//! CANopen, as far as drives of the profile CiA 402 need it: network management, heartbeat, synchronisation, expedited
-//! service data, process data in the cyclic modes.
+//! CANopen, as far as drives of the profile CiA 402 need it: network management, heartbeat, synchronisation,
+//! expedited service data, process data in the cyclic modes.
 //!
-//! A drive goes through a state machine by `controlword` 0x6040 and tells its state in `statusword` 0x6041. Setpoints go
-//! out once per synchronisation, and take effect with it.
+//! A drive goes through a state machine by `controlword` 0x6040 and tells its state in `statusword` 0x6041.
+//! Setpoints go out once per synchronisation, and take effect with it.
 
 pub mod eds;
 mod service;
@@ -170,12 +170,13 @@ impl HomingStatus {
 pub struct Setpoint {
     /// The controlword.
     pub controlword: u16,
-    /// The setpoint of the mode, in the drive's units: increments, increments per second, or thousandths of the rated
-    /// torque, which have 16 bits.
+    /// The setpoint of the mode, in the drive's units: increments, increments per second, or thousandths of
+    /// the rated torque, which have 16 bits.
     pub target: i32,
 }
 
-/// The process data that a node sends in each cycle, in two frames: statusword and position, then velocity and torque.
+/// The process data that a node sends in each cycle, in two frames: statusword and position, then velocity
+/// and torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Process {
     /// The first process data of a node.

@@ -71,8 +71,8 @@ impl Mapping {
     /// Services that set one up.
     pub const STEPS: u8 = 7;
 
-    /// Indices of its parameters and of its objects, the identifier of node 0, and the objects with their bits in the lowest
-    /// byte.
+    /// Indices of its parameters and of its objects, the identifier of node 0, and the objects with their
+    /// bits in the lowest byte.
     fn objects(self, mode: Mode) -> (u16, u16, u32, [u32; 2]) {
         let target = match mode {
             Mode::Position => 0x607a_0020,
@@ -86,8 +86,8 @@ impl Mapping {
         }
     }
 
-    /// The service of a step on the way to this mapping, sent and taken with each synchronisation: the frame is switched off, its
-    /// objects are named, and it is switched on.
+    /// The service of a step on the way to this mapping, sent and taken with each synchronisation: the frame
+    /// is switched off, its objects are named, and it is switched on.
     pub fn step(self, node: Node, mode: Mode, step: u8) -> Service {
         const OFF: u32 = 1 << 31;
         let (parameters, objects, id, mapped) = self.objects(mode);
@@ -184,7 +184,8 @@ impl Node {
         }
     }
 
-    /// The node's side: the frame that answers a service with this value (of a reading), or with a code that refuses it.
+    /// The node's side: the frame that answers a service with this value (of a reading), or with a code that
+    /// refuses it.
     pub fn service_answer(self, service: &Service, answer: Result<Value, u32>) -> Frame {
         let (of, answer) = match (*service, answer) {
             (Service::Read(of) | Service::Write(of, _), Err(code)) => (of, (0x80, code.to_le_bytes())),

@@ -1,8 +1,8 @@
 //! The protocol of the MIT mini cheetah, and of the drives that took it over: CubeMars, Damiao, RobStride.
 //!
-//! A command is one frame of eight bytes with position (16 bits), velocity, position gain, velocity gain and torque (12
-//! bits each), most significant bit first; the drive answers every command with one frame. Enabling, disabling and setting
-//! the zero position are commands of seven bytes 0xFF and a code.
+//! A command is one frame of eight bytes with position (16 bits), velocity, position gain, velocity gain and
+//! torque (12 bits each), most significant bit first; the drive answers every command with one frame.
+//! Enabling, disabling and setting the zero position are commands of seven bytes 0xFF and a code.
 //!
 //! Numbers are spread over [`Ranges`] that stand in the drive: a wrong range scales them silently.
 
@@ -32,7 +32,8 @@ pub struct Command {
 }
 
 impl Command {
-    /// The torque that a drive gives for it at this position \[rad\] and velocity \[rad/s\], within no limits, N m.
+    /// The torque that a drive gives for it at this position \[rad\] and velocity \[rad/s\], within no
+    /// limits, N m.
     ///
     /// ```
     /// use motorium_can::mit::Command;
@@ -67,7 +68,8 @@ pub enum Reply {
     MiniCheetahVoltage,
     /// Eight bytes: as before, then temperature (signed, degrees Celsius) and error.
     CubeMars,
-    /// Eight bytes: device and state in one byte, position, velocity, torque, temperatures of transistors and rotor.
+    /// Eight bytes: device and state in one byte, position, velocity, torque, temperatures of transistors and
+    /// rotor.
     Damiao,
     /// Eight bytes: device, position, velocity, torque, temperature in tenths of a degree Celsius.
     RobStride,
@@ -138,8 +140,8 @@ impl Drive {
         Self { node, reply_id, reply, form: Form::Classic, ranges, fields: ranges.fields() }
     }
 
-    /// A drive with the published firmware of the mini cheetah: ranges of [`Ranges::MINI_CHEETAH`], answers of six bytes
-    /// with identifier 0.
+    /// A drive with the published firmware of the mini cheetah: ranges of [`Ranges::MINI_CHEETAH`], answers
+    /// of six bytes with identifier 0.
     pub const fn mini_cheetah(node: u8) -> Self {
         Self::new(node, Id::Standard(0), Reply::MiniCheetah, Ranges::MINI_CHEETAH)
     }
@@ -176,7 +178,8 @@ impl Drive {
     #[inline(always)]
     pub fn command(&self, command: &Command) -> Frame {
         let packed = self.fields.pack(command);
-        // All fields at their highest would be the code for enabling, disabling or zeroing: the torque gives way.
+        // All fields at their highest would be the code for enabling, disabling or zeroing: the torque gives
+        // way.
         let is_code = packed >= u64::from_be_bytes(code(ENABLE));
         self.frame(if is_code { code(ENABLE - 1) } else { packed.to_be_bytes() })
     }

@@ -67,7 +67,8 @@ impl Ranges {
     }
 }
 
-/// The fields of a frame, with the factors of their [`Ranges`]: those of a command, of which an answer has three.
+/// The fields of a frame, with the factors of their [`Ranges`]: those of a command, of which an answer has
+/// three.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandFields(Fields<5>);
 

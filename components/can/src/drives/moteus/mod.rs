@@ -1,8 +1,8 @@
 //! moteus: registers over CAN FD.
 //!
-//! A frame holds subframes: so many registers from this one on are written, or asked for, in one of four resolutions. Positions
-//! are in turns of the output. The drive lets go, and stays so, when it is not commanded for the time that the command itself
-//! names.
+//! A frame holds subframes: so many registers from this one on are written, or asked for, in one of four
+//! resolutions. Positions are in turns of the output. The drive lets go, and stays so, when it is not
+//! commanded for the time that the command itself names.
 
 mod registers;
 
@@ -80,7 +80,8 @@ impl Mode {
 pub enum Home {
     /// That at which its power came on.
     Relative = 0,
-    /// Zero of the encoder of the rotor: behind a gear there are as many such places as the rotor turns per turn of the output.
+    /// Zero of the encoder of the rotor: behind a gear there are as many such places as the rotor turns per
+    /// turn of the output.
     Rotor = 1,
     /// Zero of the output: by an encoder there, or because it has been told where it stands.
     Output = 2,
@@ -115,7 +116,8 @@ pub struct Command {
     pub kd_scale: f64,
     /// Largest torque, N m; NaN for that of the drive.
     pub max_torque: f64,
-    /// Time without a command after which it lets go, s; 0 for that of the drive (`servo.default_timeout_s`), NaN for never.
+    /// Time without a command after which it lets go, s; 0 for that of the drive (`servo.default_timeout_s`),
+    /// NaN for never.
     pub watchdog: f64,
 }
 
@@ -206,7 +208,8 @@ impl Node {
         Id::standard(id).unwrap_or(Id::Extended(id.into()))
     }
 
-    /// The frame of a message, which asks for the state in the same resolution; temperatures, the place of home, voltage and fault in 8 bits.
+    /// The frame of a message, which asks for the state in the same resolution; temperatures, the place of
+    /// home, voltage and fault in 8 bits.
     pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         let mode = match instruction {
@@ -235,7 +238,8 @@ impl Node {
     /// The drive's side: the message in a frame.
     ///
     /// # Errors
-    /// The frame is for another drive, is cut off, or names a mode, a register or a subframe that is not known here.
+    /// The frame is for another drive, is cut off, or names a mode, a register or a subframe that is not
+    /// known here.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         if frame.id != self.id() {
             return Err(DecodeError::Id { found: frame.id, expected: self.id() });
@@ -291,10 +295,12 @@ impl Node {
         out.frame(self.reply_id())
     }
 
-    /// The values of an answer, whatever their resolutions; registers that were not asked for are passed over.
+    /// The values of an answer, whatever their resolutions; registers that were not asked for are passed
+    /// over.
     ///
     /// # Errors
-    /// The frame comes from another drive, is cut off, is a refusal, lacks a value, or has one that there is not.
+    /// The frame comes from another drive, is cut off, is a refusal, lacks a value, or has one that there is
+    /// not.
     pub fn reply(self, frame: &Frame) -> Result<State, DecodeError> {
         if frame.id != self.reply_id() {
             return Err(DecodeError::Id { found: frame.id, expected: self.reply_id() });

@@ -1,5 +1,5 @@
-//! The one packet with which servos of protocol 2 answer a fast read together: the first one begins it, and each adds its share
-//! once it has heard that of the servo before.
+//! The one packet with which servos of protocol 2 answer a fast read together: the first one begins it, and
+//! each adds its share once it has heard that of the servo before.
 
 use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
 use crate::frame::DecodeError;
@@ -64,7 +64,8 @@ pub fn write_fast_status(
     Some(out.length)
 }
 
-/// A reader of common packets, share by share: those of the servos before one that is silent or damaged are read, too.
+/// A reader of common packets, share by share: those of the servos before one that is silent or damaged are
+/// read, too.
 ///
 /// ```
 /// use motorium_can::servo::FastReader;

@@ -1,7 +1,8 @@
 //! Packets of serial servo buses: Feetech (STS and SCS) and Dynamixel protocol 1.0, Dynamixel protocol 2.0.
 //!
-//! A servo is a table of registers, which are read and written, of one servo or of many at once. All servos share one line
-//! and answer when they are asked. Packets of both protocols may come on the same line: [`Reader`] reads either.
+//! A servo is a table of registers, which are read and written, of one servo or of many at once. All servos
+//! share one line and answer when they are asked. Packets of both protocols may come on the same line:
+//! [`Reader`] reads either.
 
 mod fast;
 mod packet;
@@ -61,7 +62,8 @@ pub enum Instruction<'a> {
         /// The numbers of the servos.
         servos: &'a [u8],
     },
-    /// The same, and they answer in one packet together: [`FastReader`]. Of protocol 2, where the firmware knows it.
+    /// The same, and they answer in one packet together: [`FastReader`]. Of protocol 2, where the firmware
+    /// knows it.
     FastReadMany {
         /// The first register.
         register: u16,
@@ -276,7 +278,8 @@ impl Reader {
         })
     }
 
-    /// Takes a byte; the number of the servo and the bytes of the packet that it ends, if it ends one, whatever they hold.
+    /// Takes a byte; the number of the servo and the bytes of the packet that it ends, if it ends one,
+    /// whatever they hold.
     pub(crate) fn push_raw(&mut self, byte: u8) -> Option<(u8, &[u8])> {
         let (protocol, whole) = self.end(byte)?;
         let servo = self.bytes[if protocol == Protocol::One { 2 } else { 4 }];

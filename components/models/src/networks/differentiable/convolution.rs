@@ -3,8 +3,8 @@
 use super::{Backward, Forward, Layer};
 use crate::arithmetic::Real;
 
-/// A convolution. A row is an image (channels, height, width). Parameters: kernels (outputs, channels, kernel height,
-/// kernel width), then one bias for each output channel.
+/// A convolution. A row is an image (channels, height, width). Parameters: kernels (outputs, channels, kernel
+/// height, kernel width), then one bias for each output channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Convolution {
     /// Input channels.

@@ -1,8 +1,8 @@
 //! Layers with backward passes, generic over the scalar type: `f32` for training, `f64` to check gradients.
 //!
-//! A layer holds sizes only. Its parameters are one slice, which an optimiser can step, a file can hold and a message can
-//! carry. The caller provides all buffers; only recurrent backward passes allocate (a row of gates). Sums have a fixed
-//! order, so that training repeats to the bit.
+//! A layer holds sizes only. Its parameters are one slice, which an optimiser can step, a file can hold and a
+//! message can carry. The caller provides all buffers; only recurrent backward passes allocate (a row of
+//! gates). Sums have a fixed order, so that training repeats to the bit.
 //!
 //! ```
 //! use motorium_models::networks::differentiable::{Backward, Forward, Layer, Linear};

@@ -3,7 +3,8 @@
 use super::{Backward, Forward, Layer};
 use crate::arithmetic::Real;
 
-/// Each row with mean 0 and variance 1, then a factor and an offset for each column (the parameters, in this order).
+/// Each row with mean 0 and variance 1, then a factor and an offset for each column (the parameters, in this
+/// order).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayerNorm {
     /// Numbers in a row.
@@ -12,8 +13,9 @@ pub struct LayerNorm {
     pub epsilon: f64,
 }
 
-/// Each column with mean 0 and variance 1 over the rows of the batch, then a factor and an offset for each column (the
-/// parameters, in this order). For inference use running statistics, as `BatchNormalization` of ONNX does.
+/// Each column with mean 0 and variance 1 over the rows of the batch, then a factor and an offset for each
+/// column (the parameters, in this order). For inference use running statistics, as `BatchNormalization` of
+/// ONNX does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchNorm {
     /// Numbers in a row.

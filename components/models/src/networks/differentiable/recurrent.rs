@@ -5,9 +5,9 @@ use crate::arithmetic::Real;
 
 /// A gated recurrent unit over a sequence (reset gate behind the recurrent product, as in PyTorch).
 ///
-/// A row of inputs is the initial state (hidden), then the inputs of each step. A row of outputs is the state behind each
-/// step. Parameters: input weights (3 hidden x inputs), state weights (3 hidden x hidden), input biases and state biases (3
-/// hidden each); gates in the order update, reset, candidate.
+/// A row of inputs is the initial state (hidden), then the inputs of each step. A row of outputs is the state
+/// behind each step. Parameters: input weights (3 hidden x inputs), state weights (3 hidden x hidden), input
+/// biases and state biases (3 hidden each); gates in the order update, reset, candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gru {
     /// Inputs of a step, at least 1.
@@ -20,10 +20,10 @@ pub struct Gru {
 
 /// A long short-term memory over a sequence.
 ///
-/// A row of inputs is the initial state (hidden), the initial cell state (hidden), then the inputs of each step. A row of
-/// outputs is the state behind each step, then the last cell state. Parameters: input weights (4 hidden x inputs), state
-/// weights (4 hidden x hidden), input biases and state biases (4 hidden each); gates in the order input, output, forget,
-/// cell.
+/// A row of inputs is the initial state (hidden), the initial cell state (hidden), then the inputs of each
+/// step. A row of outputs is the state behind each step, then the last cell state. Parameters: input weights
+/// (4 hidden x inputs), state weights (4 hidden x hidden), input biases and state biases (4 hidden each);
+/// gates in the order input, output, forget, cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lstm {
     /// Inputs of a step, at least 1.

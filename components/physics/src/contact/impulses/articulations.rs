@@ -1,4 +1,5 @@
-//! The articulations of an island: half solutions with their mass factors, and their velocities by the impulses.
+//! The articulations of an island: half solutions with their mass factors, and their velocities by the
+//! impulses.
 
 use core::ops::Range;
 

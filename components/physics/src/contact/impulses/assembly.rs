@@ -46,8 +46,8 @@ impl Impulses {
         }
     }
 
-    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps where `few`. Returns whether they
-    /// settled.
+    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps where
+    /// `few`. Returns whether they settled.
     pub(super) fn solve_sparse(&mut self, places: Range<usize>, few: bool) -> bool {
         self.sum.fill(0.0);
         for place in places.clone() {
@@ -85,7 +85,8 @@ impl Impulses {
         settled
     }
 
-    /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of its three.
+    /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of its
+    /// three.
     fn aim(&mut self, index: usize, [mobility, one, other]: [f64; 3]) {
         let site = &mut self.sites[index];
         // Only the two that meet count: what else is in the world has no part in their contact.

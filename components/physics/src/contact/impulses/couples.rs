@@ -49,8 +49,8 @@ impl Impulses {
         }
     }
 
-    /// The moments against rolling and spinning, on the first of the two colliders of their contact points: the index of the
-    /// point, and the moment in world axes \[N m s\].
+    /// The moments against rolling and spinning, on the first of the two colliders of their contact points:
+    /// the index of the point, and the moment in world axes \[N m s\].
     pub(crate) fn couples<'a>(
         &'a self,
         points: &'a [ContactPoint],
@@ -62,7 +62,8 @@ impl Impulses {
     }
 }
 
-/// Adds `sign` times the Jacobian of the angular velocity of the part of an owner about the three axes to `columns`.
+/// Adds `sign` times the Jacobian of the angular velocity of the part of an owner about the three axes to
+/// `columns`.
 pub(super) fn add_turning(
     slopes: impl Fn(Owner, &Point3<f64>, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
     (owner, sign): (Owner, f64),
@@ -70,8 +71,8 @@ pub(super) fn add_turning(
     [normal, one, other]: [Vector3<f64>; 3],
     columns: &mut [[f64; 4]],
 ) {
-    // The angular velocity about an axis is that with which a point one unit away along the next axis moves along the one after,
-    // relative to the contact point.
+    // The angular velocity about an axis is that with which a point one unit away along the next axis moves
+    // along the one after, relative to the contact point.
     let none = Vector3::zeros();
     let mut add = |arm: &Vector3<f64>, axes: [Vector3<f64>; 3], sign: f64| {
         slopes(owner, &(point + arm), &axes, sign, columns);

@@ -1,11 +1,12 @@
 //! Impacts with friction: Newton's law of restitution, within the bounds of the energy.
 //!
-//! Newton's law sets the speed of rebound alone. Where friction turns a body in an impact off its centre of mass, this
-//! may demand more energy than the impact has absorbed. So the impulses of such an impact are those between a plastic
-//! impact, without restitution, and Newton's: as far towards Newton's as Stronge's energetic law allows (W. J. Stronge, Impact
-//! Mechanics, 2000, chapter 3), by which the normal impulses of the rebound return at most the squared coefficient of
-//! restitution of the energy that they absorbed, and no farther than the kinetic energy does not rise. Friction cones are convex:
-//! both ends are in them, and all between.
+//! Newton's law sets the speed of rebound alone. Where friction turns a body in an impact off its centre of
+//! mass, this may demand more energy than the impact has absorbed. So the impulses of such an impact are
+//! those between a plastic impact, without restitution, and Newton's: as far towards Newton's as Stronge's
+//! energetic law allows (W. J. Stronge, Impact Mechanics, 2000, chapter 3), by which the normal impulses of
+//! the rebound return at most the squared coefficient of restitution of the energy that they absorbed, and no
+//! farther than the kinetic energy does not rise. Friction cones are convex: both ends are in them, and all
+//! between.
 
 use core::ops::Range;
 

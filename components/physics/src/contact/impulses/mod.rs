@@ -34,8 +34,9 @@ const FASTEST_RECOVERY: f64 = 0.5;
 /// the two parties. Below it the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
-/// Most contact points of an island whose Delassus matrix is formed: with a robot, whose joints couple all of its points, and of
-/// free objects alone, which couple few: theirs is formed beyond that, up to the first number, where they rest and sweeps do not settle.
+/// Most contact points of an island whose Delassus matrix is formed: with a robot, whose joints couple all of
+/// its points, and of free objects alone, which couple few: theirs is formed beyond that, up to the first
+/// number, where they rest and sweeps do not settle.
 pub(super) const DENSE: usize = 60;
 const DENSE_FREE: usize = 12;
 
@@ -48,28 +49,29 @@ const DENSE_FREE: usize = 12;
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
-/// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
-/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the
-/// two parties have at that speed: where joints hardly let a point move, recovery is slower. The impulses of
-/// the last
-/// step are the first guess. Surfaces that resist rolling or spinning add [torques](couples), each within a bound of its own
-/// that grows with `lambda_n`.
+/// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid.
+/// Overlap decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy
+/// than the two parties have at that speed: where joints hardly let a point move, recovery is slower. The
+/// impulses of the last step are the first guess. Surfaces that resist rolling or spinning add
+/// [torques](couples), each within a bound of its own that grows with `lambda_n`.
 ///
 /// Surfaces with restitution rebound by [Newton's law](impact), bounded by the energy.
 ///
-/// Where a surface gives way as a spring and a damper, the target and the compliance are those of the force at the end of the step.
+/// Where a surface gives way as a spring and a damper, the target and the compliance are those of the force
+/// at the end of the step.
 ///
-/// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact points that
-/// no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix W, large ones
-/// [body by body](super::sweeps::Island), and those in between that rest, and do not settle so, over W after all. Nothing allocates after [`new`](Self::new).
+/// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact
+/// points that no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix
+/// W, large ones [body by body](super::sweeps::Island), and those in between that rest, and do not settle so,
+/// over W after all. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
     /// Number of velocities of all articulations, and the part of each.
     n: usize,
     parts: Vec<Range<usize>>,
     sites: Vec<Site>,
-    /// Columns of J over the articulations' velocities, n for each contact point: entries of the normal and of two
-    /// tangents.
+    /// Columns of J over the articulations' velocities, n for each contact point: entries of the normal and
+    /// of two tangents.
     jacobian: Vec<[f64; 4]>,
     /// The same after half a solution with A: `W = Y' Y`.
     reduced: Vec<[f64; 4]>,
@@ -204,8 +206,9 @@ impl Impulses {
     }
 
     /// Sets up the contact points of a step. `slopes(owner, point, axes, sign, columns)` adds to `columns`
-    /// (nv of an articulation) `sign` times the Jacobian of the velocities along the three axes of its part there; `v`
-    /// (nv) are the articulations' velocities now, `before` and `falling` the objects' now and after falling for the step.
+    /// (nv of an articulation) `sign` times the Jacobian of the velocities along the three axes of its part
+    /// there; `v` (nv) are the articulations' velocities now, `before` and `falling` the objects' now and
+    /// after falling for the step.
     pub(crate) fn prepare(
         &mut self,
         points: &[ContactPoint],
@@ -269,8 +272,8 @@ impl Impulses {
             }
             now += site.speed(0, before);
             site.target = if let Some(Softness { stiffness, damping }) = point.law.soft {
-                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w. What is still apart has no
-                // damping.
+                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w.
+                // What is still apart has no damping.
                 let gain = h * stiffness + if point.distance > 0.0 { 0.0 } else { damping };
                 site.soft = 1.0 / (h * gain);
                 -stiffness * point.distance / gain
@@ -308,7 +311,8 @@ impl Impulses {
         }
     }
 
-    /// Has the island of an articulation solved again; its articulations must be at their velocities without impulses then.
+    /// Has the island of an articulation solved again; its articulations must be at their velocities without
+    /// impulses then.
     pub(crate) fn solve_again(&mut self, articulation: usize) {
         if let Some(island) = self.islands.of_body(articulation) {
             self.pending[island] = true;

@@ -17,7 +17,8 @@ impl Impulses {
         self.islands.find(of_points.chain(couples.map(|point| bodies_of(point, articulations))));
     }
 
-    /// Finds the bodies of islands in which a robot is nearer than `least` \[m\] to what it may hold, as points were sorted last.
+    /// Finds the bodies of islands in which a robot is nearer than `least` \[m\] to what it may hold, as
+    /// points were sorted last.
     pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
         self.pending.clear();
         self.pending.resize(self.islands.count(), false);
@@ -33,8 +34,8 @@ impl Impulses {
         }
     }
 
-    /// Sorts the points of an integration step by islands, and wakes the objects of those in which anything moves. `lengths`
-    /// has the length of the step for each body, zero where it does not move.
+    /// Sorts the points of an integration step by islands, and wakes the objects of those in which anything
+    /// moves. `lengths` has the length of the step for each body, zero where it does not move.
     pub(crate) fn wake(&mut self, points: &mut [ContactPoint], objects: &mut [FreeBody], lengths: &[f64]) {
         let articulations = self.parts.len();
         self.sort(points);
@@ -80,7 +81,8 @@ impl Impulses {
         })
     }
 
-    /// Lets the objects of islands sleep in which nothing has moved for long enough, and which no robot touches.
+    /// Lets the objects of islands sleep in which nothing has moved for long enough, and which no robot
+    /// touches.
     pub(crate) fn put_to_sleep(&mut self, bodies: &mut [FreeBody]) {
         for island in 0..self.islands.count() {
             let places = self.islands.places(island);

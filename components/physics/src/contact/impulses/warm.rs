@@ -31,8 +31,8 @@ impl Impulses {
         }
     }
 
-    /// The force of the last step at the contact point of this key as an impulse over `h` \[s\], and its place, which is likely
-    /// the `expected` one.
+    /// The force of the last step at the contact point of this key as an impulse over `h` \[s\], and its
+    /// place, which is likely the `expected` one.
     pub(super) fn of_last(&self, key: u64, h: f64, expected: usize) -> ([f64; 3], Option<usize>) {
         let (ahead, behind) = self.last.split_at(expected);
         let found = behind.iter().chain(ahead).position(|known| known.key == key);

@@ -5,8 +5,8 @@ use crate::contact::parties::Least;
 use crate::robot::Robot;
 
 impl ContactScene {
-    /// Begins a step of `dt` \[s\] in one integration step in which robots without movable objects cannot touch anything. `false`, and
-    /// nothing has begun, where they might.
+    /// Begins a step of `dt` \[s\] in one integration step in which robots without movable objects cannot
+    /// touch anything. `false`, and nothing has begun, where they might.
     pub(crate) fn begin_calm(&mut self, robot: &Robot, dt: f64, [far, _]: [usize; 2]) -> bool {
         let calm = far == 1 && self.is_simple() && self.detector.is_calm(robot, dt);
         if calm {

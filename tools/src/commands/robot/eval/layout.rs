@@ -29,9 +29,9 @@ pub(super) struct Layout {
 const ROOT: &str = "root_joint";
 
 impl Layout {
-    /// As `joints` of the document says: a list of names, or of tables with `name`, and perhaps `idx_q`, `nq`, `idx_v`.
-    /// Without it, Pinocchio's: the base, then the joints in `order`; in the model's order where `order` is empty, as of an MJCF
-    /// file.
+    /// As `joints` of the document says: a list of names, or of tables with `name`, and perhaps `idx_q`,
+    /// `nq`, `idx_v`. Without it, Pinocchio's: the base, then the joints in `order`; in the model's order
+    /// where `order` is empty, as of an MJCF file.
     pub(super) fn from_document(model: &Model, document: &Value, order: &[String]) -> anyhow::Result<Self> {
         let mut entries = match &document["joints"] {
             Value::Null if order.is_empty() => usual(model, model.joint_names()),

@@ -1,8 +1,9 @@
 //! The homing of a drive of CiA 402, by its mode 6.
 //!
-//! Its objects are written while the drive is checked. The mode is changed by service data beside the process data, while the drive
-//! is let go, and read back from the object that displays the one in force. Then the state machine is led to enabled, and bit 4 of the
-//! controlword starts the homing, whose progress stands in the statusword.
+//! Its objects are written while the drive is checked. The mode is changed by service data beside the process
+//! data, while the drive is let go, and read back from the object that displays the one in force. Then the
+//! state machine is led to enabled, and bit 4 of the controlword starts the homing, whose progress stands in
+//! the statusword.
 
 use super::Cia402;
 use crate::adapter::HomingFault;

@@ -13,8 +13,8 @@ const PACKET: usize = 64;
 const MOST: usize = 6;
 
 impl Servo {
-    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each has been asked. They answer
-    /// together where they can, unless one was silent: those behind it would be, too.
+    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each has been
+    /// asked. They answer together where they can, unless one was silent: those behind it would be, too.
     pub(in crate::adapter) fn write_line(
         links: &mut [Link],
         common: Option<&mut CommonAnswer>,
@@ -99,7 +99,8 @@ struct Group {
     length: usize,
 }
 
-/// Bytes of a packet beside those of the servos, and those that keep data and heads apart: of protocol 2, which has more.
+/// Bytes of a packet beside those of the servos, and those that keep data and heads apart: of protocol 2,
+/// which has more.
 const AROUND: usize = 20;
 
 impl Group {
