@@ -48,6 +48,7 @@ mod parameter;
 pub mod plan;
 pub mod prelude;
 pub mod program;
+pub mod raw;
 pub mod region;
 pub mod run_folder;
 pub mod safety;

@@ -11,11 +11,12 @@ use crate::declare::{ParameterKind, RobotReference, TopicPattern};
 use crate::domain::Domain;
 use crate::parameter::{AnyParameter, FoundParameter, Parameter, ParameterArray, ParameterReader};
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan, STOP_WITHIN_NS};
+use crate::raw::{RawInput, RawOutput, RawStreamInput, RawStreamOutput};
 use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
-    Connect, Input, InputPlace, Output, OutputPlace, Participant, PortError, Probe, RawInput, RawOutput,
-    RawStreamInput, RawStreamOutput, SliceInput, SliceOutput, Trigger,
+    Connect, Input, InputPlace, Output, OutputPlace, Participant, PortError, Probe, SliceInput, SliceOutput,
+    Trigger,
 };
 
 /// The set-up of one component: it opens the ports and parameters that the component declared.

@@ -11,10 +11,9 @@ use crate::declare::TopicPattern;
 use crate::launcher::LaunchError;
 use crate::nearest::suggest;
 use crate::plan::{PortPlan, TopicPlan};
+use crate::raw::{RawError, RawOutput};
 use crate::state::{Stamp, StateBuffer, TypeLayout};
-use crate::transport::{
-    Connect, Output, OutputPlace, Participant, PortError, RawError, RawOutput, Shared, Tap,
-};
+use crate::transport::{Connect, Output, OutputPlace, Participant, PortError, Shared, Tap};
 
 /// A value of a topic as it was when the session read it.
 ///

@@ -21,7 +21,7 @@ pub(crate) struct InputPlace<'a> {
 
 impl InputPlace<'_> {
     /// The effects of reading there.
-    pub(super) fn effects(&self, participant: &Participant) -> ReadEffects {
+    pub(crate) fn effects(&self, participant: &Participant) -> ReadEffects {
         ReadEffects::new(participant.context().clone(), self.is_cause, self.edge)
     }
 }

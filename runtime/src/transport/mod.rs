@@ -7,9 +7,8 @@
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
 //! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`]
-//! reads every value from outside of the graph. [`RawInput`], [`RawOutput`], [`RawStreamInput`] and
-//! [`RawStreamOutput`] carry types known at run time only. [`Domain`] keeps runs apart; each topic is a
-//! service of it that `iox2` lists.
+//! reads every value from outside of the graph. Ports for types known at run time are in [`raw`](crate::raw).
+//! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
 
 mod error;
 mod input;
@@ -18,9 +17,6 @@ pub(crate) mod latest;
 mod output;
 mod participant;
 mod publication;
-mod raw_input;
-mod raw_output;
-mod raw_stream;
 pub(crate) mod stream;
 mod tap;
 #[cfg(test)]
@@ -37,14 +33,11 @@ pub(crate) use input_place::InputPlace;
 pub(crate) use latest::TopicMemory;
 pub use output::{Loan, Output};
 pub(crate) use participant::Participant;
-pub(crate) use publication::{OutputPlace, Probe};
-pub use raw_input::{RawInput, RawReading};
-pub use raw_output::{RawError, RawOutput};
-pub use raw_stream::{RawSlice, RawStreamInput, RawStreamOutput};
+pub(crate) use publication::{OutputPlace, Probe, TopicWriter, Unpublished, checked};
 pub(crate) use stream::Connect;
 pub use stream::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use tap::side_pin;
 pub use tap::{Sample, Tap};
-pub(crate) use topic::{TopicService, open_queue, same_layout};
+pub(crate) use topic::{TopicService, fits, open_queue, same_layout};
 pub(crate) use trigger::SPIN_NS;
 pub use trigger::Trigger;

@@ -38,7 +38,7 @@ pub(crate) struct Probe {
 
 /// The writing end of a topic, the same for all types.
 #[derive(Debug)]
-pub(super) struct TopicWriter {
+pub(crate) struct TopicWriter {
     topic: usize,
     after: Rc<AfterOutput>,
     wakes_late: bool,
@@ -50,7 +50,7 @@ pub(super) struct TopicWriter {
 
 /// The reason why a value was not published.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Unpublished<D> {
+pub(crate) enum Unpublished<D> {
     /// Its content must not reach a reader.
     Invalid(D),
     /// The context withholds it.
@@ -61,7 +61,7 @@ pub(super) enum Unpublished<D> {
 
 impl Unpublished<Defect> {
     /// The outcome for a step: a value that is withheld by its policy is counted, and no error.
-    pub(super) fn for_step(self, port: &'static str) -> Result<(), StepError> {
+    pub(crate) fn for_step(self, port: &'static str) -> Result<(), StepError> {
         match self {
             Self::Invalid(defect) => Err(StepError::InvalidOutput { port, defect }),
             Self::Withheld(Withheld::Late) => Ok(()),
@@ -75,7 +75,7 @@ impl Unpublished<Defect> {
 
 impl TopicWriter {
     /// The writing end of a topic: by its slots if `state` is given, else through queues.
-    pub(super) fn new(
+    pub(crate) fn new(
         participant: &Participant,
         place: OutputPlace<'_>,
         memory: Rc<TopicMemory>,
@@ -93,7 +93,7 @@ impl TopicWriter {
     /// A gate sees the newest value only: one that stops and is replaced before the gate steps, or is
     /// withheld because its step is late, must stop the robot too.
     #[inline]
-    pub(super) fn latch_if_pressed(&self, context: &Context, stop: impl FnOnce() -> u64) {
+    pub(crate) fn latch_if_pressed(&self, context: &Context, stop: impl FnOnce() -> u64) {
         if self.is_emergency_stop && stop() != 0 {
             context.region().header().latch(Latch::EmergencyStop);
         }
@@ -102,7 +102,7 @@ impl TopicWriter {
     /// Publishes what was filled: the slot of a state, or otherwise `value`, which `send` sends. `check`
     /// looks for content that must not reach a reader, and `digest` hashes the content.
     #[inline(always)]
-    pub(super) fn publish<V, D>(
+    pub(crate) fn publish<V, D>(
         &mut self,
         (context, source_ns): (&Context, Option<u64>),
         value: V,
@@ -189,7 +189,7 @@ impl TopicWriter {
 
 /// Returns the outcome of the check of a value; an invalid value is counted as refused.
 #[inline(always)]
-pub(super) fn checked<D>(context: &Context, outcome: Result<(), D>) -> Result<(), Unpublished<D>> {
+pub(crate) fn checked<D>(context: &Context, outcome: Result<(), D>) -> Result<(), Unpublished<D>> {
     outcome.map_err(|defect| {
         add(&context.block().refused, 1);
         Unpublished::Invalid(defect)

@@ -110,7 +110,7 @@ pub(crate) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Resu
 }
 
 /// Checks that the topic's layout matches that of a port.
-pub(super) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(), PortError> {
+pub(crate) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(), PortError> {
     if mine.hash() == topic.layout.hash() {
         return Ok(());
     }

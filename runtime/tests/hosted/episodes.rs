@@ -5,8 +5,9 @@ use std::time::Duration;
 use motorium::graph::{self, Machine};
 use motorium::launcher::Options;
 use motorium::prelude::*;
+use motorium::raw::RawInput;
 use motorium::session::Session;
-use motorium::transport::{RawInput, SliceInput, SliceOutput};
+use motorium::transport::{SliceInput, SliceOutput};
 use motorium::worker::{Kind, Registry, RobotSource};
 
 #[derive(serde::Deserialize, schemars::JsonSchema)]

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use paths::Arrow;
 
 /// The modules of the runtime, bottom up: each may use only those before it.
-const LAYERS: [&str; 24] = [
+const LAYERS: [&str; 25] = [
     "atomics",
     "units",
     "severity",
@@ -29,6 +29,7 @@ const LAYERS: [&str; 24] = [
     "domain",
     "parameter",
     "transport",
+    "raw",
     "run_folder",
     "component",
     "safety",

@@ -3,9 +3,10 @@
 use iceoryx2::node::Node;
 use motorium::component::{ConfigureError, RunClock};
 use motorium::os::monotonic_ns;
+use motorium::raw::{RawError, RawOutput};
 use motorium::state::{ContentDefect, EmergencyStop, StateBuffer as _};
 use motorium::telemetry::set_apart;
-use motorium::transport::{RawError, RawOutput, Shared};
+use motorium::transport::Shared;
 use serde_json::{Value, json};
 
 use super::config::InboundConfig;

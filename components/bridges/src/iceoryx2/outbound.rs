@@ -2,8 +2,9 @@
 
 use iceoryx2::node::Node;
 use motorium::component::ConfigureError;
+use motorium::raw::RawInput;
 use motorium::telemetry::set_apart;
-use motorium::transport::{RawInput, Shared};
+use motorium::transport::Shared;
 use serde_json::{Value, json};
 
 use super::service::{OutboundPort, publish, send};

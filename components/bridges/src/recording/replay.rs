@@ -7,8 +7,8 @@ use motorium::component::EpisodeEnd;
 use motorium::declare::{ClockKind, RobotReference, TopicPattern};
 use motorium::plan::{ComponentPlan, Plan, PortPlan};
 use motorium::prelude::*;
+use motorium::raw::{RawInput, RawOutput};
 use motorium::state::Stamp;
-use motorium::transport::{RawInput, RawOutput};
 use motorium::units::TimeSpan;
 use motorium::worker::Kind;
 

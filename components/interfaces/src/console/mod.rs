@@ -12,8 +12,8 @@ use std::time::Duration;
 
 use motorium::component::StopRequest;
 use motorium::prelude::*;
+use motorium::raw::RawInput;
 use motorium::state::{Decoded, Decoder, FieldValue, Number};
-use motorium::transport::RawInput;
 
 use queue::{Receiver, Sender, queue};
 

@@ -14,9 +14,9 @@ use motorium::component::RunClock;
 use motorium::declare::ClockKind;
 use motorium::os::{monotonic_ns, realtime_ns};
 use motorium::prelude::*;
+use motorium::raw::{RawError, RawOutput};
 use motorium::state::{ContentDefect, EmergencyStop};
 use motorium::telemetry::set_apart;
-use motorium::transport::{RawError, RawOutput};
 
 use config::Sender;
 pub use config::{LocalUsers, UdpSensorConfig};

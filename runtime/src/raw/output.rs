@@ -4,14 +4,14 @@
 
 use std::rc::Rc;
 
-use super::latest::StateWriter;
-use super::publication::{TopicWriter, Unpublished, checked};
-use super::topic::fits;
-use super::{OutputPlace, Participant, PortError, refused};
 use crate::context::{Context, Withheld};
 use crate::declare::TopicPattern;
 use crate::plan::PortPlan;
 use crate::state::{ContentCheck, ContentDefect, TypeLayout};
+use crate::transport::latest::StateWriter;
+use crate::transport::{
+    OutputPlace, Participant, PortError, TopicWriter, Unpublished, checked, fits, refused,
+};
 
 /// An output port that writes a state whose layout is given at run time. It is the only writer of its topic.
 ///
@@ -108,7 +108,7 @@ impl RawOutput {
     }
 
     /// As [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
-    /// [`Loan::publish_from`](super::Loan::publish_from).
+    /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
     /// As [`publish`](Self::publish), and if the source time is more than 1 ms in the future.

@@ -2,12 +2,12 @@
 
 use std::rc::Rc;
 
-use super::latest::StateReader;
-use super::stream::StreamReader;
-use super::{Connect, InputPlace, Participant, PortError, refused};
 use crate::context::{Context, ReadEffects};
 use crate::declare::TopicPattern;
 use crate::state::{Stamp, TypeLayout};
+use crate::transport::latest::StateReader;
+use crate::transport::stream::StreamReader;
+use crate::transport::{Connect, InputPlace, Participant, PortError, refused};
 
 /// An input port that reads the newest value of a topic of any type, in place, as bytes in the topic's
 /// layout.

@@ -2,14 +2,15 @@
 
 use std::rc::Rc;
 
-use super::publication::{TopicWriter, checked};
-use super::stream::{Lent, StreamReader, StreamWriter};
-use super::topic::fits;
-use super::{Connect, InputPlace, OutputPlace, Participant, PortError, RawError, refused};
+use super::RawError;
 use crate::context::{Context, ReadEffects};
 use crate::declare::TopicPattern;
 use crate::plan::PortPlan;
 use crate::state::{ContentCheck, Digest, Stamp, TypeLayout};
+use crate::transport::stream::{Lent, StreamReader, StreamWriter};
+use crate::transport::{
+    Connect, InputPlace, OutputPlace, Participant, PortError, TopicWriter, checked, fits, refused,
+};
 
 /// An input port that reads every value of a stream, or every slice, in order and in place, as bytes of the
 /// topic's layout.
@@ -18,7 +19,7 @@ use crate::state::{ContentCheck, Digest, Stamp, TypeLayout};
 /// [`Declare::raw_slice_input`](crate::declare::Declare::raw_slice_input).
 ///
 /// ```
-/// # use motorium::transport::RawStreamInput;
+/// # use motorium::raw::RawStreamInput;
 /// fn bytes_per_element(cloud: &mut RawStreamInput) -> Option<usize> {
 ///     let reading = cloud.next_unread()?;
 ///     Some(reading.bytes.len() / reading.count.max(1))
@@ -210,7 +211,7 @@ impl RawStreamOutput {
     }
 
     /// As [`publish`](Self::publish), with the source time of the value, ns on the clock of stamps: see
-    /// [`Loan::publish_from`](super::Loan::publish_from).
+    /// [`Loan::publish_from`](crate::transport::Loan::publish_from).
     ///
     /// # Errors
     /// As [`publish`](Self::publish); and the source time is in the future by more than 1 ms.

@@ -1,0 +1,15 @@
+//! Ports for types that are known at run time only.
+//!
+//! [`RawInput`] and [`RawOutput`] carry states as bytes, [`RawStreamInput`] and [`RawStreamOutput`] streams of
+//! values and of slices. Layouts are compared as for typed ports, and published content is checked by its
+//! layout.
+
+mod input;
+mod output;
+mod stream;
+#[cfg(test)]
+mod tests;
+
+pub use input::{RawInput, RawReading};
+pub use output::{RawError, RawOutput};
+pub use stream::{RawSlice, RawStreamInput, RawStreamOutput};
