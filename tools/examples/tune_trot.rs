@@ -9,7 +9,6 @@
 //! ```
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -22,7 +21,7 @@ use motorium::launcher::Options;
 use motorium::plan::Plan;
 use motorium::session::Session;
 use motorium::state::{BaseState, JointCommand};
-use motorium_learners::{CrossEntropy, CrossEntropySettings};
+use motorium_learners::search::{Candidate, CrossEntropy, CrossEntropySettings, Search as _, Start};
 use motorium_tools::registry;
 
 /// Tune the trot of the quadruped by a black-box search.
@@ -201,21 +200,18 @@ struct Trial<'a> {
     seconds: f64,
 }
 
-/// A gait of a generation, by their numbers.
-type Place = (usize, usize);
-
 impl Trial<'_> {
-    /// Tries the generations that `ask` gives, until one is empty, and tells the distances of each in order, m. The next
-    /// generation is always asked for before a generation is told, so that no core waits for the last gait of one.
+    /// Tries the candidates that `ask` returns, until there are none, and passes the distance of each to `tell`, m. Two
+    /// generations are open at a time, so that no core waits for the last gait of one.
     fn run(
         &self,
-        mut ask: impl FnMut() -> Vec<Vec<f64>>,
-        mut tell: impl FnMut(&[Vec<f64>], &[f64]),
+        mut ask: impl FnMut() -> Vec<Candidate>,
+        mut tell: impl FnMut(u64, f64) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         std::thread::scope(|scope| {
             // whichever session is free takes the next gait
-            let (request, requested) = unbounded::<(Place, Gait)>();
-            let (answer, answered) = unbounded::<anyhow::Result<(Place, f64)>>();
+            let (request, requested) = unbounded::<(u64, Gait)>();
+            let (answer, answered) = unbounded::<anyhow::Result<(u64, f64)>>();
             for core in self.cores {
                 let (requested, answer) = (requested.clone(), answer.clone());
                 scope.spawn(move || {
@@ -227,9 +223,9 @@ impl Trial<'_> {
                             return;
                         }
                     };
-                    for (place, gait) in requested {
+                    for (id, gait) in requested {
                         let reached = distance(&mut session, self.legs, &gait, self.seconds);
-                        if answer.send(reached.map(|distance| (place, distance))).is_err() {
+                        if answer.send(reached.map(|distance| (id, distance))).is_err() {
                             break;
                         }
                     }
@@ -237,52 +233,23 @@ impl Trial<'_> {
                 });
             }
             drop((requested, answer));
-            let (mut asked, mut told) = (0, 0);
-            let mut generations = VecDeque::new();
+            let mut running = 0;
             loop {
-                while generations.len() < 2 {
-                    let generation = Generation::of(ask());
-                    for (index, numbers) in generation.candidates.iter().enumerate() {
-                        request
-                            .send(((asked, index), Gait::of(numbers)))
-                            .context("the sessions have ended")?;
-                    }
-                    generations.push_back(generation);
-                    asked += 1;
+                for candidate in ask() {
+                    request
+                        .send((candidate.id, Gait::of(&candidate.parameters)))
+                        .context("the sessions have ended")?;
+                    running += 1;
                 }
-                if generations[0].candidates.is_empty() {
+                if running == 0 {
                     drop(request);
                     return Ok(());
                 }
-                while generations[0].missing > 0 {
-                    let ((number, index), distance) =
-                        answered.recv().context("the sessions have ended")??;
-                    generations[number - told].take(index, distance);
-                }
-                if let Some(generation) = generations.pop_front() {
-                    tell(&generation.candidates, &generation.distances);
-                    told += 1;
-                }
+                let (id, distance) = answered.recv().context("the sessions have ended")??;
+                running -= 1;
+                tell(id, distance)?;
             }
         })
-    }
-}
-
-/// The gaits of a generation, and how far those went that were tried.
-struct Generation {
-    candidates: Vec<Vec<f64>>,
-    distances: Vec<f64>,
-    missing: usize,
-}
-
-impl Generation {
-    fn of(candidates: Vec<Vec<f64>>) -> Self {
-        Self { distances: vec![0.0; candidates.len()], missing: candidates.len(), candidates }
-    }
-
-    fn take(&mut self, index: usize, distance: f64) {
-        self.distances[index] = distance;
-        self.missing -= 1;
     }
 }
 
@@ -309,26 +276,32 @@ fn main() -> anyhow::Result<()> {
     let seconds = arguments.seconds.max(EASE + 0.5);
     let trial = Trial { plan: &checked.plan, legs: &legs, cores: &cores[..sessions], seconds };
     let (mean, deviation) = (Gait::START.to_vec(), Gait::DEVIATION.to_vec());
-    let settings = CrossEntropySettings::default();
-    let search = CrossEntropy::new(mean, deviation, Gait::BOUNDS.to_vec(), settings, arguments.seed);
-    let search = RefCell::new(search);
+    let settings = CrossEntropySettings { population: GENERATION, ..CrossEntropySettings::default() };
+    let start = Start::new(mean, deviation, arguments.seed).within(Gait::BOUNDS.to_vec());
+    let search = RefCell::new(CrossEntropy::new(start, settings)?.with_open_generations(2));
     let mut first = None;
     let episodes = arguments.episodes.max(1);
     let (mut left_to_ask, mut left_to_tell) = (episodes, episodes);
     let began = Instant::now();
     trial.run(
         || {
-            let count = GENERATION.min(left_to_ask);
-            left_to_ask -= count;
-            search.borrow_mut().ask(count)
+            let asked = search.borrow_mut().ask(left_to_ask);
+            left_to_ask -= asked.len();
+            asked
         },
-        |generation, distances| {
+        |id, distance| {
             let mut search = search.borrow_mut();
-            first.get_or_insert(distances[0]);
-            search.tell(generation, distances);
-            left_to_tell -= generation.len();
-            let best = search.best().map_or(0.0, |(_, distance)| distance);
-            println!("{left_to_tell:>5} episodes left, best {:.3} m/s", best / seconds);
+            // the first candidate is the start of the search
+            if id == 0 {
+                first = Some(distance);
+            }
+            search.tell(&[(id, distance)])?;
+            left_to_tell -= 1;
+            if left_to_tell.is_multiple_of(GENERATION) {
+                let best = search.best().map_or(0.0, |(_, distance)| distance);
+                println!("{left_to_tell:>5} episodes left, best {:.3} m/s", best / seconds);
+            }
+            Ok(())
         },
     )?;
     let took = began.elapsed().as_secs_f64();
