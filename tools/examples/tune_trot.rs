@@ -1,16 +1,14 @@
 //! Tunes the trot of the quadruped: frequency, amplitude, duty factor and the phase of the knees.
 //!
-//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the
-//! place of the policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks
-//! how far the base went. What a gait reaches does not depend on the core that tries it, nor on what was
-//! tried there before.
+//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the place of the
+//! policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks how far the base went. What
+//! a gait reaches does not depend on the core that tries it, nor on what was tried there before.
 //!
 //! ```console
 //! $ cargo run --release --example tune_trot -- --episodes 200
 //! ```
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -23,7 +21,7 @@ use motorium::launcher::Options;
 use motorium::plan::Plan;
 use motorium::session::Session;
 use motorium::state::{BaseState, JointCommand};
-use motorium_learners::{CrossEntropy, CrossEntropySettings};
+use motorium_learners::search::{Candidate, CrossEntropy, CrossEntropySettings, Search as _, Start};
 use motorium_tools::registry;
 
 /// Tune the trot of the quadruped by a black-box search.
@@ -74,13 +72,12 @@ impl Gait {
     const DEVIATION: [f64; 4] = [0.6, 0.3, 0.08, 0.4];
     const BOUNDS: [[f64; 2]; 4] = [[0.5, 4.0], [0.2, 2.0], [0.3, 0.8], [-1.5, 1.5]];
 
-    fn from_numbers(numbers: &[f64]) -> Self {
+    fn of(numbers: &[f64]) -> Self {
         let [frequency, amplitude, duty, phase] = [0, 1, 2, 3].map(|i| numbers[i]);
         Self { frequency, amplitude, duty, phase }
     }
 
-    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it
-    /// swings.
+    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it swings.
     fn warped(&self, turns: f64) -> f64 {
         let share = turns.rem_euclid(1.0);
         if share < self.duty {
@@ -121,7 +118,7 @@ struct Legs {
 }
 
 impl Legs {
-    fn from_plan(plan: &Plan) -> anyhow::Result<Self> {
+    fn of(plan: &Plan) -> anyhow::Result<Self> {
         let policy = plan.components.iter().find(|component| component.name == POLICY);
         let policy = policy.context("the graph has no policy")?;
         let robot = policy.robot.as_ref().context("the policy has no robot")?;
@@ -175,8 +172,7 @@ impl Legs {
     }
 }
 
-/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone
-/// nowhere.
+/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone nowhere.
 fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -> anyhow::Result<f64> {
     session.reset(session.plan().seed)?;
     let mut command = JointCommand::default();
@@ -204,22 +200,18 @@ struct Trial<'a> {
     seconds: f64,
 }
 
-/// A gait of a generation, by their numbers.
-type Place = (usize, usize);
-
 impl Trial<'_> {
-    /// Evaluates the generations that `ask` returns, until one is empty, and passes the distances of each in
-    /// order to `tell`, m. The next generation is always requested before the previous one is reported, so
-    /// that no core waits for the last gait.
+    /// Tries the candidates that `ask` returns, until there are none, and passes the distance of each to `tell`, m. Two
+    /// generations are open at a time, so that no core waits for the last gait of one.
     fn run(
         &self,
-        mut ask: impl FnMut() -> Vec<Vec<f64>>,
-        mut tell: impl FnMut(&[Vec<f64>], &[f64]),
+        mut ask: impl FnMut() -> Vec<Candidate>,
+        mut tell: impl FnMut(u64, f64) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         std::thread::scope(|scope| {
             // whichever session is free takes the next gait
-            let (request, requested) = unbounded::<(Place, Gait)>();
-            let (answer, answered) = unbounded::<anyhow::Result<(Place, f64)>>();
+            let (request, requested) = unbounded::<(u64, Gait)>();
+            let (answer, answered) = unbounded::<anyhow::Result<(u64, f64)>>();
             for core in self.cores {
                 let (requested, answer) = (requested.clone(), answer.clone());
                 scope.spawn(move || {
@@ -231,9 +223,9 @@ impl Trial<'_> {
                             return;
                         }
                     };
-                    for (place, gait) in requested {
+                    for (id, gait) in requested {
                         let reached = distance(&mut session, self.legs, &gait, self.seconds);
-                        if answer.send(reached.map(|distance| (place, distance))).is_err() {
+                        if answer.send(reached.map(|distance| (id, distance))).is_err() {
                             break;
                         }
                     }
@@ -241,52 +233,23 @@ impl Trial<'_> {
                 });
             }
             drop((requested, answer));
-            let (mut asked, mut told) = (0, 0);
-            let mut generations = VecDeque::new();
+            let mut running = 0;
             loop {
-                while generations.len() < 2 {
-                    let generation = Generation::new(ask());
-                    for (index, numbers) in generation.candidates.iter().enumerate() {
-                        request
-                            .send(((asked, index), Gait::from_numbers(numbers)))
-                            .context("the sessions have ended")?;
-                    }
-                    generations.push_back(generation);
-                    asked += 1;
+                for candidate in ask() {
+                    request
+                        .send((candidate.id, Gait::of(&candidate.parameters)))
+                        .context("the sessions have ended")?;
+                    running += 1;
                 }
-                if generations[0].candidates.is_empty() {
+                if running == 0 {
                     drop(request);
                     return Ok(());
                 }
-                while generations[0].missing > 0 {
-                    let ((number, index), distance) =
-                        answered.recv().context("the sessions have ended")??;
-                    generations[number - told].take(index, distance);
-                }
-                if let Some(generation) = generations.pop_front() {
-                    tell(&generation.candidates, &generation.distances);
-                    told += 1;
-                }
+                let (id, distance) = answered.recv().context("the sessions have ended")??;
+                running -= 1;
+                tell(id, distance)?;
             }
         })
-    }
-}
-
-/// The gaits of a generation, and how far those went that were tried.
-struct Generation {
-    candidates: Vec<Vec<f64>>,
-    distances: Vec<f64>,
-    missing: usize,
-}
-
-impl Generation {
-    fn new(candidates: Vec<Vec<f64>>) -> Self {
-        Self { distances: vec![0.0; candidates.len()], missing: candidates.len(), candidates }
-    }
-
-    fn take(&mut self, index: usize, distance: f64) {
-        self.distances[index] = distance;
-        self.missing -= 1;
     }
 }
 
@@ -306,39 +269,45 @@ fn main() -> anyhow::Result<()> {
     let text = std::fs::read_to_string(&file).with_context(|| file.display().to_string())?;
     let checked = graph::check(&file, text, &settings, &registry(), &Machine::detect())
         .map_err(|error| anyhow::anyhow!(error.render(false)))?;
-    let legs = Legs::from_plan(&checked.plan)?;
+    let legs = Legs::of(&checked.plan)?;
     // those that the program may run on: `taskset` leaves it fewer
     let cores = allowed_cores();
     let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
     let seconds = arguments.seconds.max(EASE + 0.5);
     let trial = Trial { plan: &checked.plan, legs: &legs, cores: &cores[..sessions], seconds };
     let (mean, deviation) = (Gait::START.to_vec(), Gait::DEVIATION.to_vec());
-    let settings = CrossEntropySettings::default();
-    let search = CrossEntropy::new(mean, deviation, Gait::BOUNDS.to_vec(), settings, arguments.seed);
-    let search = RefCell::new(search);
+    let settings = CrossEntropySettings { population: GENERATION, ..CrossEntropySettings::default() };
+    let start = Start::new(mean, deviation, arguments.seed).within(Gait::BOUNDS.to_vec());
+    let search = RefCell::new(CrossEntropy::new(start, settings)?.with_open_generations(2));
     let mut first = None;
     let episodes = arguments.episodes.max(1);
     let (mut left_to_ask, mut left_to_tell) = (episodes, episodes);
     let began = Instant::now();
     trial.run(
         || {
-            let count = GENERATION.min(left_to_ask);
-            left_to_ask -= count;
-            search.borrow_mut().ask(count)
+            let asked = search.borrow_mut().ask(left_to_ask);
+            left_to_ask -= asked.len();
+            asked
         },
-        |generation, distances| {
+        |id, distance| {
             let mut search = search.borrow_mut();
-            first.get_or_insert(distances[0]);
-            search.tell(generation, distances);
-            left_to_tell -= generation.len();
-            let best = search.best().map_or(0.0, |(_, distance)| distance);
-            println!("{left_to_tell:>5} episodes left, best {:.3} m/s", best / seconds);
+            // the first candidate is the start of the search
+            if id == 0 {
+                first = Some(distance);
+            }
+            search.tell(&[(id, distance)])?;
+            left_to_tell -= 1;
+            if left_to_tell.is_multiple_of(GENERATION) {
+                let best = search.best().map_or(0.0, |(_, distance)| distance);
+                println!("{left_to_tell:>5} episodes left, best {:.3} m/s", best / seconds);
+            }
+            Ok(())
         },
     )?;
     let took = began.elapsed().as_secs_f64();
     let search = search.into_inner();
     let ((best, reached), first) = search.best().zip(first).context("no gait was tried")?;
-    let Gait { frequency, amplitude, duty, phase } = Gait::from_numbers(best);
+    let Gait { frequency, amplitude, duty, phase } = Gait::of(best);
     println!("before: {:.3} m/s", first / seconds);
     println!(
         "after:  {:.3} m/s with frequency {frequency:.2} Hz, amplitude {amplitude:.2}, duty factor {duty:.2}, phase {phase:.2} rad",

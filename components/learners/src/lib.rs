@@ -1,15 +1,20 @@
-//! Learners of the weights of movements, without the runtime.
+//! Learners of the weights of movements and of policies, without the runtime.
 //!
-//! - [`Power`]: policy search by weighted exploration, for weights of a motion library or of a movement
-//!   primitive.
-//! - [`CrossEntropy`]: black-box search by whole generations, whose candidates can be tried at the same time.
+//! - [`task`], [`environment`]: what is to be learned, and worlds in which to learn it.
+//! - [`ppo`]: proximal policy optimisation; [`evaluation`]: returns of a trained policy.
+//! - [`search`]: black-box search, from policy search by weighted exploration to Bayesian optimisation.
+//! - [`random`]: counter-based random numbers, so that a training run repeats to the bit.
 //! - [`perception`]: from the picture of a letter to the movement that writes it.
 //! - [`experiments`]: experiments of a thesis with them, as numbers.
 
-mod cross_entropy;
+pub mod environment;
+pub mod evaluation;
 pub mod experiments;
+mod files;
 pub mod perception;
-mod power;
+pub mod ppo;
+pub mod random;
+pub mod search;
+pub mod task;
 
-pub use cross_entropy::{CrossEntropy, CrossEntropySettings};
-pub use power::{Power, PowerSettings};
+pub use files::FileError;

@@ -12,6 +12,7 @@ mod examples;
 mod kill;
 mod kinds;
 mod latent;
+mod learn;
 mod library;
 mod loading;
 mod model;
@@ -79,6 +80,7 @@ enum Command {
     Schema(schema::Schema),
     Library(library::Library),
     Latent(latent::Latent),
+    Learn(learn::Learn),
     Reproduce(reproduce::Reproduce),
     New(new::New),
     Completions(completions::Completions),
@@ -119,6 +121,7 @@ impl Cli {
             Some(Command::Schema(command)) => command.run(),
             Some(Command::Library(command)) => command.run(),
             Some(Command::Latent(command)) => command.run(),
+            Some(Command::Learn(command)) => command.run(),
             Some(Command::Reproduce(command)) => command.run(),
             Some(Command::New(command)) => command.run(),
             Some(Command::Completions(command)) => command.run(),

@@ -11,6 +11,7 @@ mod expect;
 mod first_day;
 mod kinds;
 mod latent;
+mod learn;
 mod model;
 mod primitive;
 mod program;

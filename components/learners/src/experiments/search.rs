@@ -5,7 +5,7 @@ use motorium_library::statistics::mean_and_error;
 use motorium_library::{MotionLibrary, Movement, SampledSpring, Trajectory, kernel_functions};
 use nalgebra::DMatrix;
 
-use crate::{Power, PowerSettings};
+use crate::search::{Power, PowerSettings, Search as _, Start};
 
 /// Rollouts of a search.
 pub const ROLLOUTS: usize = 300;
@@ -126,17 +126,22 @@ impl SearchSpace {
     /// Searches for the weights of a goal; returns the best reward after each number of rollouts in
     /// [`REPORTED`]. The reward is `exp(-3 e^2)`, with `e` the error of position over the spread of the goal.
     pub fn search(&self, goal: &Goal, spring: &SampledSpring, seed: u64) -> [f64; REPORTED.len()] {
-        let start = vec![0.0; self.variance.len()];
-        let mut power = Power::new(start, self.variance.clone(), PowerSettings::default(), seed);
+        let deviation = self.variance.iter().map(|variance| variance.max(0.0).sqrt()).collect();
+        let start = Start::new(vec![0.0; self.variance.len()], deviation, seed);
+        let Ok(mut power) = Power::new(start, PowerSettings::default()) else {
+            return [0.0; REPORTED.len()];
+        };
         let mut reported = [0.0; REPORTED.len()];
         let mut left = vec![0.0; goal.forces.len()];
         let simd = Simd::new();
         for rollout in 1..=ROLLOUTS {
             left.iter_mut().zip(&goal.forces).for_each(|(left, goal)| *left = -goal);
-            simd.superpose(self.functions.as_slice(), power.propose(), &mut left);
+            let candidate = power.ask(1).pop().expect("a candidate once the last has its reward");
+            simd.superpose(self.functions.as_slice(), &candidate.parameters, &mut left);
             left.chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
             let squared = left.iter().map(|y| y * y).sum::<f64>() / spring.samples() as f64;
-            power.report((-3.0 * squared / (goal.spread * goal.spread)).exp());
+            let reward = (-3.0 * squared / (goal.spread * goal.spread)).exp();
+            power.tell(&[(candidate.id, reward)]).expect("a candidate without a reward");
             if let Some(k) = REPORTED.iter().position(|reported| *reported == rollout) {
                 reported[k] = power.best().map_or(0.0, |(_, reward)| reward);
             }

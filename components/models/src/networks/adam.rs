@@ -1,7 +1,7 @@
 //! Adam, a stochastic gradient method.
 
 /// The state of Adam for all parameters of a network, in their order.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     first: Vec<Vec<f32>>,
     second: Vec<Vec<f32>>,
@@ -9,16 +9,20 @@ pub struct Adam {
 }
 
 impl Adam {
-    pub(super) fn new(sizes: &[usize]) -> Self {
+    /// The state before the first step, for slices of parameters with these lengths.
+    pub fn new(sizes: &[usize]) -> Self {
         let zeros = || sizes.iter().map(|size| vec![0.0; *size]).collect();
         Self { first: zeros(), second: zeros(), steps: 0 }
     }
 
     /// One step against the gradients; `decay` draws parameters to 0 beside it (AdamW).
-    pub(super) fn step(
+    ///
+    /// # Panics
+    /// When slices differ in length from those of [`new`](Self::new).
+    pub fn step<'a>(
         &mut self,
-        parameters: [&mut [f32]; 8],
-        gradients: [&[f32]; 8],
+        parameters: impl IntoIterator<Item = &'a mut [f32]>,
+        gradients: impl IntoIterator<Item = &'a [f32]>,
         rate: f32,
         decay: f32,
     ) {
@@ -27,11 +31,29 @@ impl Adam {
         let correction = BETA.map(|beta| 1.0 - beta.powi(self.steps));
         let state = self.first.iter_mut().zip(&mut self.second);
         for ((parameters, gradients), (first, second)) in parameters.into_iter().zip(gradients).zip(state) {
+            assert_eq!((parameters.len(), gradients.len()), (first.len(), first.len()), "lengths of slices");
             for (((p, g), m), v) in parameters.iter_mut().zip(gradients).zip(first).zip(second) {
                 *m += (1.0 - BETA[0]) * (g - *m);
                 *v += (1.0 - BETA[1]) * (g * g - *v);
                 *p -= rate * ((*m / correction[0]) / ((*v / correction[1]).sqrt() + 1e-8) + decay * *p);
             }
         }
+    }
+
+    /// Steps so far.
+    pub fn steps(&self) -> i32 {
+        self.steps
+    }
+
+    /// First and second moments of each slice of parameters.
+    pub fn moments(&self) -> [&[Vec<f32>]; 2] {
+        [&self.first, &self.second]
+    }
+
+    /// The state after `steps` steps with these moments, as [`moments`](Self::moments) returned them; `None`
+    /// where their lengths differ.
+    pub fn from_moments([first, second]: [Vec<Vec<f32>>; 2], steps: i32) -> Option<Self> {
+        let lengths = |moments: &[Vec<f32>]| moments.iter().map(Vec::len).collect::<Vec<_>>();
+        (steps >= 0 && lengths(&first) == lengths(&second)).then_some(Self { first, second, steps })
     }
 }

@@ -2,12 +2,15 @@
 //!
 //! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
 //! - [`differentiable`]: layers with backward passes, for any network.
-//! - [`Adam`]: the stochastic gradient method that trains it.
+//! - [`Perceptron`]: a multilayer perceptron on batches.
+//! - [`Adam`]: the stochastic gradient method that trains them.
 
 mod adam;
 mod convolutional;
 pub mod differentiable;
 mod layers;
+mod perceptron;
 
 pub use adam::Adam;
 pub use convolutional::{ConvolutionalNetwork, IMAGE_SIDE, Layer};
+pub use perceptron::{Perceptron, PerceptronTrace};

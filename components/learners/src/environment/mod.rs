@@ -1,0 +1,41 @@
+//! Environments of a [`Task`](crate::task::Task) over a simulation, without the runtime.
+//!
+//! [`Environment`] is one world, [`VectorEnvironment`] many worlds on several threads. Both run the same code
+//! and give the same numbers bit for bit: the randomness of an episode depends on the seed, the world and the
+//! number of the episode alone.
+
+mod episode;
+mod scene;
+mod vector;
+
+pub use episode::{End, Environment, Step};
+pub use scene::{Scene, SceneError};
+pub use vector::VectorEnvironment;
+
+use motorium_physics::{BuildError, ResetError};
+
+use crate::task::TaskError;
+
+/// The errors of environments.
+#[derive(Debug, thiserror::Error)]
+pub enum EnvironmentError {
+    /// The task does not fit the robot.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// The simulation cannot be built.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// An episode cannot start.
+    #[error("world {world}, episode {episode}: {source}")]
+    Reset {
+        /// Index of the world.
+        world: u64,
+        /// Number of the episode.
+        episode: u64,
+        /// Reason.
+        source: ResetError,
+    },
+}
+
+#[cfg(test)]
+mod tests;

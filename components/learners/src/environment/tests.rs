@@ -1,0 +1,172 @@
+//! Environments on the robots of the catalogue.
+
+use std::path::Path;
+
+use motorium_physics::{ArticulatedSimulator, BuildError, Options, Simulator as _, World};
+use motorium_robots::load;
+
+use super::*;
+use crate::task::Task;
+
+const TEXT: &str = r#"
+title = "Balance"
+robot = "cart-pole"
+step = 0.01
+decimation = 2
+duration = 0.5
+observations = [
+    { term = "joint_positions", history = 2 },
+    { term = "joint_velocities", scale = 0.5, clip = [-1.0, 1.0] },
+    { term = "last_action" },
+]
+rewards = [{ term = "alive" }, { term = "joint_position", joint = "slider", shape = "absolute", clip = [0, 3] }]
+terminations = [{ term = "joint_position", joint = "hinge", outside = [2.6, 3.7] }]
+[start]
+position = [0.0, 3.141592653589793]
+velocity_spread = 0.05
+[action]
+joints = ["slider", "hinge"]
+kind = "effort"
+scale = [10.0, 0.0]
+default_pose = [0.0, 3.141592653589793]
+clip = [-1.0, 1.0]
+[randomise]
+start = [-0.05, 0.05]
+mass = [0.9, 1.1]
+"#;
+
+fn simulation() -> Result<ArticulatedSimulator, BuildError> {
+    let model = load("cart-pole", Path::new(".")).expect("a robot of the catalogue").model;
+    ArticulatedSimulator::new(model, World::default(), &[0.0, 3.0], Options::default())
+}
+
+fn one(seed: u64, world: u64) -> Environment<motorium_physics::Articulated> {
+    let task = Task::parse(TEXT).expect("a task");
+    Environment::new(&task, simulation().expect("a simulation"), seed, world).expect("an environment")
+}
+
+fn many(worlds: usize, threads: usize) -> VectorEnvironment<motorium_physics::Articulated> {
+    let task = Task::parse(TEXT).expect("a task");
+    VectorEnvironment::new(&task, (worlds, threads), 7, simulation).expect("environments")
+}
+
+/// An action that differs by world and step; worlds with odd numbers push until they fail.
+fn action(world: usize, step: usize) -> [f32; 2] {
+    if world.is_multiple_of(2) { [((world + step) as f32).sin() * 0.05, 0.3] } else { [0.9, 0.0] }
+}
+
+#[test]
+fn worlds_equal_single_environments_on_any_number_of_threads() {
+    let run = |threads| {
+        let mut worlds = many(5, threads);
+        let mut seen = vec![worlds.observations().to_vec()];
+        let mut ends = 0;
+        for step in 0..60 {
+            let actions: Vec<f32> = (0..5).flat_map(|world| action(world, step)).collect();
+            let steps = worlds.step(&actions).expect("a step").to_vec();
+            ends += steps.iter().filter(|step| step.end.is_some()).count();
+            seen.push(steps.iter().map(|step| step.reward as f32).collect());
+            seen.push(worlds.observations().to_vec());
+        }
+        assert!(ends >= 8, "{ends} episodes ended");
+        seen
+    };
+    let seen = run(1);
+    assert_eq!(run(2), seen);
+    for world in 0..5 {
+        let mut single = one(7, world as u64);
+        let first = single.reset().expect("an episode").to_vec();
+        assert_eq!(first, seen[0][world * 8..][..8], "world {world}");
+        for step in 0..60 {
+            let found = single.step(&action(world, step));
+            assert_eq!(found.reward as f32, seen[1 + 2 * step][world], "world {world}, step {step}");
+            if found.end.is_some() {
+                single.reset().expect("an episode");
+            }
+            assert_eq!(single.observation(), &seen[2 + 2 * step][world * 8..][..8], "world {world}, {step}");
+        }
+    }
+}
+
+#[test]
+fn final_observations_stand_beside_the_first_of_the_next_episode() {
+    let mut worlds = many(2, 1);
+    let mut single = one(7, 1);
+    single.reset().expect("an episode");
+    for step in 0..60 {
+        let actions: Vec<f32> = (0..2).flat_map(|world| action(world, step)).collect();
+        worlds.step(&actions).expect("a step");
+        let found = single.step(&action(1, step));
+        let Some(end) = found.end else {
+            assert_eq!(worlds.final_observation(1), None);
+            continue;
+        };
+        assert!(end.is_terminal());
+        assert_eq!(worlds.final_observation(1), Some(single.observation()));
+        single.reset().expect("an episode");
+        assert_eq!(&worlds.observations()[8..], single.observation());
+        return;
+    }
+    panic!("the pole never fell");
+}
+
+#[test]
+fn truncation_is_not_termination() {
+    let mut world = one(3, 0);
+    world.reset().expect("an episode");
+    let ends: Vec<_> = (0..25).map(|step| world.step(&action(0, step)).end).collect();
+    assert_eq!(ends[24], Some(End::Truncated), "{ends:?}");
+    assert!(ends[..24].iter().all(Option::is_none), "{ends:?}");
+    assert!(!End::Truncated.is_terminal() && End::Failure.is_terminal() && End::Success.is_terminal());
+}
+
+#[test]
+fn observations_hold_histories_scales_and_clips() {
+    let mut world = one(1, 0);
+    let first = world.reset().expect("an episode").to_vec();
+    // positions twice, velocities, last action
+    assert_eq!(first[..2], first[2..4]);
+    assert!(first[4..6].iter().all(|v| v.abs() <= 0.025 && *v != 0.0), "{first:?}");
+    assert_eq!(first[6..], [0.0; 2]);
+    world.step(&[0.9, 0.5]);
+    let second = world.observation().to_vec();
+    assert_eq!(second[..2], first[2..4], "the older step of the history");
+    let positions = world.simulation().positions();
+    assert_eq!(second[2], positions[0] as f32);
+    assert_eq!(second[3], (positions[1] - std::f64::consts::PI) as f32);
+    assert_eq!(second[6..], [0.9, 0.5]);
+}
+
+#[test]
+fn reward_is_evaluated_after_the_step() {
+    let mut world = one(1, 0);
+    world.reset().expect("an episode");
+    let step = world.step(&[1.0, 0.0]);
+    assert_eq!(step.reward, 1.0 + world.simulation().positions()[0].abs());
+}
+
+#[test]
+fn replayed_worlds_continue_bit_for_bit() {
+    let run = |worlds: &mut VectorEnvironment<_>, steps: core::ops::Range<usize>| {
+        for step in steps {
+            let actions: Vec<f32> = (0..4).flat_map(|world| action(world, step)).collect();
+            worlds.step(&actions).expect("a step");
+        }
+        worlds.observations().to_vec()
+    };
+    let mut straight = many(4, 1);
+    run(&mut straight, 0..37);
+    let mut resumed = many(4, 2);
+    resumed.resume(7, &straight.progress()).expect("episodes");
+    assert_eq!(resumed.observations(), straight.observations());
+    assert_eq!(run(&mut resumed, 37..60), run(&mut straight, 37..60));
+}
+
+#[test]
+fn terms_that_need_other_components_are_refused() {
+    let text = TEXT.replace("\"last_action\"", "\"base_angular_velocity\"");
+    let task = Task::parse(&text).expect("a task");
+    let found = Environment::new(&task, simulation().expect("a simulation"), 1, 0);
+    let error = found.err().expect("no base").to_string();
+    assert!(error.starts_with("`observations[2].term`: found base_angular_velocity, expected"), "{error}");
+}

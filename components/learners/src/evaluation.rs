@@ -1,0 +1,229 @@
+//! Evaluation of policies on a task.
+
+use std::path::{Path, PathBuf};
+
+use motorium_models::onnx::{self, OnnxError};
+use motorium_models::policy::{Policy, PolicyError};
+use rand::RngExt as _;
+use serde::Serialize;
+
+use crate::environment::{End, Environment, EnvironmentError, Scene, SceneError};
+use crate::files::{self, FileError};
+use crate::random::{Counter, Purpose};
+use crate::task::{Task, TaskError};
+
+/// Resamples of a bootstrap interval.
+const RESAMPLES: usize = 2000;
+
+/// Returns of a policy over episodes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Number of episodes.
+    pub episodes: usize,
+    /// Mean return.
+    pub mean: f64,
+    /// Median return.
+    pub median: f64,
+    /// Interquartile mean of the return: the mean of the middle half.
+    pub iqm: f64,
+    /// Bootstrap interval of the interquartile mean that holds 95 %.
+    pub iqm_interval: [f64; 2],
+    /// Mean length \[steps\].
+    pub mean_length: f64,
+    /// Episodes that ended by a termination with the verdict failure.
+    pub failures: usize,
+    /// Episodes that ended by a termination with the verdict success.
+    pub successes: usize,
+    /// Return of each episode.
+    pub returns: Vec<f64>,
+}
+
+/// The errors of an evaluation.
+#[derive(Debug, thiserror::Error)]
+pub enum EvaluationError {
+    /// A file cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The policy is invalid.
+    #[error("{}: {source}", file.display())]
+    Policy {
+        /// The file.
+        file: PathBuf,
+        /// Defect.
+        source: PolicyError,
+    },
+    /// The task is invalid.
+    #[error("{}: {source}", file.display())]
+    Task {
+        /// The file.
+        file: PathBuf,
+        /// Defect.
+        source: TaskError,
+    },
+    /// The network is invalid.
+    #[error("{}: {source}", file.display())]
+    Network {
+        /// The file.
+        file: PathBuf,
+        /// Defect.
+        source: OnnxError,
+    },
+    /// The policy was trained for other terms.
+    #[error(
+        "the {what} of the policy differ from the task's\n\
+         help: evaluate it on the task that it was trained for"
+    )]
+    Terms {
+        /// Terms that differ.
+        what: &'static str,
+    },
+    /// The network has another number of inputs or outputs.
+    #[error("{}: {found} {what}, expected {expected}", file.display())]
+    Width {
+        /// The file.
+        file: PathBuf,
+        /// Numbers that were counted.
+        what: &'static str,
+        /// Numbers found.
+        found: usize,
+        /// Numbers of the task.
+        expected: usize,
+    },
+    /// The robot cannot be loaded.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The environment failed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+}
+
+/// Runs the policy in a folder for some episodes of the task in a file, without exploration.
+///
+/// # Errors
+///
+/// [`EvaluationError`].
+pub fn evaluate(
+    folder: &Path,
+    task_file: &Path,
+    episodes: usize,
+    seed: u64,
+) -> Result<Evaluation, EvaluationError> {
+    let policy_file = folder.join("policy.toml");
+    let policy = Policy::parse(&files::read_text(&policy_file)?)
+        .map_err(|source| EvaluationError::Policy { file: policy_file, source })?;
+    let invalid = |source| EvaluationError::Task { file: task_file.to_path_buf(), source };
+    let task = Task::parse(&files::read_text(task_file)?).map_err(invalid)?;
+    let expected = task.policy().map_err(invalid)?;
+    for (what, differ) in [
+        ("observations", policy.observations != expected.observations),
+        ("actions", policy.action != expected.action),
+        ("rates", policy.rate != expected.rate),
+    ] {
+        if differ {
+            return Err(EvaluationError::Terms { what });
+        }
+    }
+    let file = folder.join(&policy.network);
+    let wrong = |source| EvaluationError::Network { file: file.clone(), source };
+    let model = onnx::Model::read(&files::read(&file)?).map_err(wrong)?;
+    let mut program = model.program(1).map_err(wrong)?;
+    let base = task_file.parent().unwrap_or(Path::new(""));
+    let simulation = Scene::load(&task, base)?.simulation().map_err(EnvironmentError::from)?;
+    let mut environment = Environment::new(&task, simulation, seed, 0)?;
+    let (inputs, actions) = (environment.terms().inputs(), environment.terms().actions());
+    for (what, found, expected) in
+        [("inputs", program.input_mut(0).len(), inputs), ("outputs", program.output(0).len(), actions)]
+    {
+        if found != expected {
+            return Err(EvaluationError::Width { file, what, found, expected });
+        }
+    }
+    let (mut returns, mut steps, mut failures, mut successes) = (vec![], 0_usize, 0, 0);
+    for _ in 0..episodes {
+        environment.reset()?;
+        let mut total = 0.0;
+        let end = loop {
+            program.input_mut(0).copy_from_slice(environment.observation());
+            program.run();
+            let step = environment.step(program.output(0));
+            total += step.reward;
+            steps += 1;
+            if let Some(end) = step.end {
+                break end;
+            }
+        };
+        returns.push(total);
+        failures += usize::from(end == End::Failure);
+        successes += usize::from(end == End::Success);
+    }
+    let count = episodes.max(1) as f64;
+    Ok(Evaluation {
+        episodes,
+        mean: returns.iter().sum::<f64>() / count,
+        median: quantile(&returns, 0.5),
+        iqm: interquartile_mean(&returns),
+        iqm_interval: bootstrap(&returns, seed),
+        mean_length: steps as f64 / count,
+        failures,
+        successes,
+        returns,
+    })
+}
+
+fn sorted(values: &[f64]) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted
+}
+
+/// A quantile, interpolated between the two nearest values.
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let sorted = sorted(values);
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let place = share * last as f64;
+    let (low, high) = (place.floor() as usize, place.ceil() as usize);
+    sorted[low] + (place - low as f64) * (sorted[high] - sorted[low])
+}
+
+/// Mean of the values without the lowest and the highest quarter, rounded down.
+fn interquartile_mean(values: &[f64]) -> f64 {
+    let sorted = sorted(values);
+    let cut = sorted.len() / 4;
+    let middle = &sorted[cut..sorted.len() - cut];
+    middle.iter().sum::<f64>() / middle.len() as f64
+}
+
+/// Interval of the interquartile mean that holds 95 % of its resamples.
+fn bootstrap(values: &[f64], seed: u64) -> [f64; 2] {
+    let mut random = Counter { seed, ..Counter::default() }.stream(Purpose::Resample);
+    let mut means = Vec::with_capacity(RESAMPLES);
+    for _ in 0..RESAMPLES {
+        let sample: Vec<f64> = values.iter().map(|_| values[random.random_range(0..values.len())]).collect();
+        means.push(interquartile_mean(&sample));
+    }
+    [quantile(&means, 0.025), quantile(&means, 0.975)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_match_known_values() {
+        let values = [4.0, 1.0, 100.0, 2.0, 3.0, 5.0, -50.0, 6.0];
+        assert_eq!(quantile(&values, 0.5), 3.5);
+        assert_eq!(quantile(&values, 1.0), 100.0);
+        assert_eq!(interquartile_mean(&values), 3.5);
+        assert_eq!(interquartile_mean(&[7.0]), 7.0);
+    }
+
+    #[test]
+    fn bootstrap_intervals_cover_the_mean_of_normal_samples() {
+        // 400 values around 1 with a deviation of 1: the interquartile mean deviates by about 0.055
+        let values: Vec<f64> =
+            (0..400).map(|k| 1.0 + (f64::from(k) * 0.618_033_988_75).fract() * 4.0 - 2.0).collect();
+        let [low, high] = bootstrap(&values, 1);
+        assert!(low < 1.0 && 1.0 < high && high - low < 0.6, "{low} {high}");
+        assert_eq!(bootstrap(&values, 1), [low, high]);
+    }
+}

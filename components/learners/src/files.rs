@@ -1,0 +1,44 @@
+//! Files that are complete or absent.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A file operation that failed.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", file.display())]
+pub struct FileError {
+    /// The file.
+    pub file: PathBuf,
+    /// Reason.
+    pub source: io::Error,
+}
+
+impl FileError {
+    fn new(file: &Path, source: io::Error) -> Self {
+        Self { file: file.to_path_buf(), source }
+    }
+}
+
+/// Reads a file.
+pub(crate) fn read(file: &Path) -> Result<Vec<u8>, FileError> {
+    std::fs::read(file).map_err(|source| FileError::new(file, source))
+}
+
+/// Reads a text file.
+pub(crate) fn read_text(file: &Path) -> Result<String, FileError> {
+    std::fs::read_to_string(file).map_err(|source| FileError::new(file, source))
+}
+
+/// Creates a folder and those above it.
+pub(crate) fn create_folder(folder: &Path) -> Result<(), FileError> {
+    std::fs::create_dir_all(folder).map_err(|source| FileError::new(folder, source))
+}
+
+/// Writes a file beside its name and renames it: readers see the old content or the new.
+pub(crate) fn write(file: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let mut beside = file.as_os_str().to_owned();
+    beside.push(".part");
+    let beside = PathBuf::from(beside);
+    std::fs::write(&beside, bytes).map_err(|source| FileError::new(&beside, source))?;
+    std::fs::rename(&beside, file).map_err(|source| FileError::new(file, source))
+}

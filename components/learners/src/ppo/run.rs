@@ -1,0 +1,270 @@
+//! A training run in a folder.
+//!
+//! | file | content |
+//! |---|---|
+//! | `task.toml` | the task |
+//! | `run.json` | seed, number of steps, and the folder of the task, to which its robot is relative |
+//! | `checkpoint.safetensors` | networks, optimiser, statistics, counters and running episodes |
+//! | `progress.csv` | one line an update |
+//! | `policy.toml`, `policy.onnx` | the policy, at every checkpoint |
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use motorium_models::inference::Unary;
+use motorium_models::onnx;
+use motorium_physics::Articulated;
+use serde::{Deserialize, Serialize};
+
+use super::{CheckpointError, Ppo, PpoError, PpoSettings, Progress};
+use crate::environment::{EnvironmentError, Scene, SceneError};
+use crate::files::{self, FileError};
+use crate::task::{NETWORK, Task, TaskError};
+
+const TASK: &str = "task.toml";
+const RUN: &str = "run.json";
+const CHECKPOINT: &str = "checkpoint.safetensors";
+const PROGRESS: &str = "progress.csv";
+const HEADER: &str =
+    "update,steps,episodes,mean_return,mean_length,policy_loss,value_loss,entropy,divergence,rate\n";
+
+/// The errors of a run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The task is invalid.
+    #[error("{}: {source}", file.display())]
+    Task {
+        /// File of the task.
+        file: PathBuf,
+        /// Defect.
+        source: TaskError,
+    },
+    /// The folder holds a run already.
+    #[error(
+        "{} holds a training run, expected a folder without one\n\
+         help: continue it with `motorium learn resume {}`, or choose another folder",
+        folder.display(), folder.display()
+    )]
+    Exists {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The description of the run does not parse.
+    #[error("{}: {message}", file.display())]
+    Description {
+        /// The file.
+        file: PathBuf,
+        /// Defect.
+        message: String,
+    },
+    /// The robot cannot be loaded.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The environment failed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// The checkpoint does not fit.
+    #[error("{}: {source}", file.display())]
+    Checkpoint {
+        /// File of the checkpoint.
+        file: PathBuf,
+        /// Defect.
+        source: Box<CheckpointError>,
+    },
+    /// Training failed.
+    #[error(transparent)]
+    Training(#[from] PpoError),
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Description {
+    algorithm: String,
+    seed: u64,
+    steps: u64,
+    base: PathBuf,
+}
+
+/// Result of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Steps of all worlds together.
+    pub steps: u64,
+    /// Updates.
+    pub updates: u64,
+    /// Progress of the last update; `None` where the run had ended before.
+    pub last: Option<Progress>,
+    /// SHA-256 of all weights.
+    pub weights_sha256: String,
+}
+
+/// A training run in a folder.
+pub struct Run {
+    folder: PathBuf,
+    task: Task,
+    ppo: Ppo<Articulated>,
+    last: Option<Progress>,
+}
+
+/// Reads a task file; returns its text, too.
+fn read_task(file: &Path) -> Result<(Task, String), RunError> {
+    let text = files::read_text(file)?;
+    let task = Task::parse(&text).map_err(|source| RunError::Task { file: file.to_path_buf(), source })?;
+    Ok((task, text))
+}
+
+impl Run {
+    /// Starts a run of the task in a file, with its settings in `[algorithms.ppo]`; `steps` replaces theirs.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`]; [`RunError::Exists`] where the folder holds a run.
+    pub fn create(
+        file: &Path,
+        folder: &Path,
+        (seed, threads): (u64, usize),
+        steps: Option<u64>,
+    ) -> Result<Self, RunError> {
+        let (task, text) = read_task(file)?;
+        if folder.join(RUN).exists() {
+            return Err(RunError::Exists { folder: folder.to_path_buf() });
+        }
+        let invalid = |source| RunError::Task { file: file.to_path_buf(), source };
+        let mut settings = PpoSettings::from_table(&task.algorithms).map_err(invalid)?;
+        settings.steps = steps.unwrap_or(settings.steps);
+        let base = file.parent().unwrap_or(Path::new(""));
+        let base = std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf());
+        let description = Description { algorithm: "ppo".into(), seed, steps: settings.steps, base };
+        let run = Self::build(folder, task, settings, &description, threads)?;
+        files::create_folder(folder)?;
+        files::write(&folder.join(TASK), text.as_bytes())?;
+        files::write(&folder.join(PROGRESS), HEADER.as_bytes())?;
+        let json = serde_json::to_string_pretty(&description).expect("numbers and texts serialise");
+        files::write(&folder.join(RUN), json.as_bytes())?;
+        run.save()?;
+        Ok(run)
+    }
+
+    /// Continues a run from its last checkpoint.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`].
+    pub fn resume(folder: &Path, threads: usize) -> Result<Self, RunError> {
+        let file = folder.join(RUN);
+        let bytes = files::read(&file)?;
+        let description: Description = serde_json::from_slice(&bytes)
+            .map_err(|error| RunError::Description { file: file.clone(), message: error.to_string() })?;
+        if description.algorithm != "ppo" {
+            let message = format!("`algorithm`: found \"{}\", expected \"ppo\"", description.algorithm);
+            return Err(RunError::Description { file, message });
+        }
+        let (task, _) = read_task(&folder.join(TASK))?;
+        let invalid = |source| RunError::Task { file: folder.join(TASK), source };
+        let mut settings = PpoSettings::from_table(&task.algorithms).map_err(invalid)?;
+        settings.steps = description.steps;
+        let mut run = Self::build(folder, task, settings, &description, threads)?;
+        let file = folder.join(CHECKPOINT);
+        let bytes = files::read(&file)?;
+        run.ppo.restore(&bytes).map_err(|source| RunError::Checkpoint { file, source: Box::new(source) })?;
+        // lines of updates after the checkpoint are written again
+        let progress = files::read_text(&folder.join(PROGRESS))?;
+        let is_kept = |line: &&str| {
+            let update = line.split(',').next().and_then(|update| update.parse().ok());
+            update.is_none_or(|update: u64| update <= run.ppo.updates())
+        };
+        let kept: String = progress.lines().filter(is_kept).flat_map(|line| [line, "\n"]).collect();
+        files::write(&folder.join(PROGRESS), kept.as_bytes())?;
+        Ok(run)
+    }
+
+    fn build(
+        folder: &Path,
+        task: Task,
+        settings: PpoSettings,
+        description: &Description,
+        threads: usize,
+    ) -> Result<Self, RunError> {
+        let scene = Scene::load(&task, &description.base)?;
+        let ppo = Ppo::new(&task, settings, (description.seed, threads), || scene.simulation())?;
+        Ok(Self { folder: folder.to_path_buf(), task, ppo, last: None })
+    }
+
+    /// The task.
+    pub fn task(&self) -> &Task {
+        &self.task
+    }
+
+    /// Steps so far, and the steps of the whole run.
+    pub fn steps(&self) -> (u64, u64) {
+        (self.ppo.steps(), self.ppo.settings().steps)
+    }
+
+    /// Makes one update and writes its line, and a checkpoint when it is due. Returns `None` once all steps
+    /// are made.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`].
+    pub fn advance(&mut self) -> Result<Option<Progress>, RunError> {
+        if self.ppo.is_finished() {
+            return Ok(None);
+        }
+        let progress = self.ppo.advance()?;
+        self.last = Some(progress);
+        self.append(&progress)?;
+        if self.ppo.is_finished() || progress.update.is_multiple_of(self.ppo.settings().checkpoint) {
+            self.save()?;
+        }
+        Ok(Some(progress))
+    }
+
+    /// Appends the line of an update.
+    fn append(&self, progress: &Progress) -> Result<(), RunError> {
+        use std::io::Write as _;
+        let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+        let mut line = format!("{},{},{},", progress.update, progress.steps, progress.episodes);
+        let _ = write!(line, "{},{},", number(progress.mean_return), number(progress.mean_length));
+        let Progress { policy_loss, value_loss, entropy, divergence, rate, .. } = progress;
+        let _ = writeln!(line, "{policy_loss},{value_loss},{entropy},{divergence},{rate}");
+        let file = self.folder.join(PROGRESS);
+        let written = std::fs::OpenOptions::new()
+            .append(true)
+            .open(&file)
+            .and_then(|mut opened| opened.write_all(line.as_bytes()));
+        written.map_err(|source| FileError { file, source }.into())
+    }
+
+    /// Writes checkpoint and policy.
+    fn save(&self) -> Result<(), RunError> {
+        let file = self.folder.join(CHECKPOINT);
+        let bytes = self
+            .ppo
+            .checkpoint()
+            .map_err(|source| RunError::Checkpoint { file: file.clone(), source: Box::new(source) })?;
+        let text = self
+            .task
+            .policy_text()
+            .map_err(|source| RunError::Task { file: self.folder.join(TASK), source })?;
+        let layers = self.ppo.policy_layers();
+        let metadata = [("task", &self.task.title[..]), ("algorithm", "ppo")];
+        let inputs = layers[0].0.len() / layers[0].1.len();
+        let network = onnx::write_mlp(inputs, &layers, Unary::Tanh, &metadata);
+        files::write(&self.folder.join("policy.toml"), text.as_bytes())?;
+        files::write(&self.folder.join(NETWORK), &network)?;
+        files::write(&file, &bytes)?;
+        Ok(())
+    }
+
+    /// Summary of the run so far.
+    pub fn summary(&self) -> Summary {
+        Summary {
+            steps: self.ppo.steps(),
+            updates: self.ppo.updates(),
+            last: self.last,
+            weights_sha256: self.ppo.weights_sha256(),
+        }
+    }
+}

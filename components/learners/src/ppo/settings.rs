@@ -1,0 +1,145 @@
+//! Settings of PPO.
+
+use serde::{Deserialize, Serialize};
+
+use crate::task::TaskError;
+
+/// Settings of [`Ppo`](super::Ppo): the table `[algorithms.ppo]` of a task.
+///
+/// Defaults follow CleanRL's `ppo_continuous_action` with several worlds (Huang et al., *The 37
+/// implementation details of proximal policy optimization*, ICLR blog track 2022), unless stated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PpoSettings {
+    /// Steps of all worlds together, from 1. Default 200,000.
+    pub steps: u64,
+    /// Worlds, from 1. Default 16.
+    pub worlds: usize,
+    /// Steps of each world between two updates, from 1. Default 128: 2048 steps with 16 worlds.
+    pub horizon: usize,
+    /// Passes over the steps of an update, from 1. Default 10.
+    pub epochs: usize,
+    /// Steps in a gradient, from 2. Default 256.
+    pub minibatch: usize,
+    /// Learning rate of Adam, above 0. Default 3e-4.
+    pub rate: f64,
+    /// True to lower the learning rate linearly to 0 over the steps. Default true.
+    pub anneal: bool,
+    /// Divergence between the policies before and after an update that the learning rate adapts to; it is
+    /// divided by 1.5 above twice the target and multiplied by 1.5 below half of it (rsl_rl). Default: no
+    /// adaptation. Above 0; replaces `anneal`.
+    pub target_kl: Option<f64>,
+    /// Discount of a step, above 0, below 1. Default 0.99.
+    pub discount: f64,
+    /// Decay of the generalised advantage estimate, 0 to 1. Default 0.95.
+    pub lambda: f64,
+    /// Bound of the change of the probability ratio, above 0. Default 0.2.
+    pub clip: f64,
+    /// Weight of the entropy, which is maximised, from 0. Default 0.
+    pub entropy: f64,
+    /// Weight of the squared error of the value, above 0. Default 0.5.
+    pub value: f64,
+    /// Largest norm of a gradient, above 0. Default 0.5.
+    pub gradient: f64,
+    /// Hidden units of each layer of policy and value. Default 64 and 64.
+    pub hidden: Vec<usize>,
+    /// Initial standard deviation of the action, above 0. Default 1.
+    pub deviation: f64,
+    /// Updates between two checkpoints, from 1. Default 10.
+    pub checkpoint: u64,
+}
+
+impl Default for PpoSettings {
+    fn default() -> Self {
+        Self {
+            steps: 200_000,
+            worlds: 16,
+            horizon: 128,
+            epochs: 10,
+            minibatch: 256,
+            rate: 3e-4,
+            anneal: true,
+            target_kl: None,
+            discount: 0.99,
+            lambda: 0.95,
+            clip: 0.2,
+            entropy: 0.0,
+            value: 0.5,
+            gradient: 0.5,
+            hidden: vec![64, 64],
+            deviation: 1.0,
+            checkpoint: 10,
+        }
+    }
+}
+
+impl PpoSettings {
+    /// Reads the table of a task; defaults where it is missing.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`] with the key.
+    pub fn from_table(algorithms: &toml::Table) -> Result<Self, TaskError> {
+        let settings: Self = match algorithms.get("ppo") {
+            None => Self::default(),
+            Some(table) => table
+                .clone()
+                .try_into()
+                .map_err(|error: toml::de::Error| TaskError::Parse(format!("`algorithms.ppo`: {error}")))?,
+        };
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Checks all settings.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Value`].
+    pub fn check(&self) -> Result<(), TaskError> {
+        let value = |key: &str, found: f64, expected: &str| TaskError::Value {
+            key: format!("algorithms.ppo.{key}"),
+            found: found.to_string(),
+            expected: expected.to_owned(),
+        };
+        for (key, count) in [
+            ("steps", self.steps as usize),
+            ("worlds", self.worlds),
+            ("horizon", self.horizon),
+            ("epochs", self.epochs),
+            ("checkpoint", self.checkpoint as usize),
+        ] {
+            if count == 0 {
+                return Err(value(key, 0.0, "at least 1"));
+            }
+        }
+        if self.minibatch < 2 {
+            return Err(value("minibatch", self.minibatch as f64, "at least 2"));
+        }
+        for (key, found) in [
+            ("rate", self.rate),
+            ("clip", self.clip),
+            ("value", self.value),
+            ("gradient", self.gradient),
+            ("deviation", self.deviation),
+            ("target_kl", self.target_kl.unwrap_or(1.0)),
+        ] {
+            if !(found > 0.0 && found.is_finite()) {
+                return Err(value(key, found, "above 0"));
+            }
+        }
+        if !(self.discount > 0.0 && self.discount < 1.0) {
+            return Err(value("discount", self.discount, "above 0, below 1"));
+        }
+        if !(0.0..=1.0).contains(&self.lambda) {
+            return Err(value("lambda", self.lambda, "0 to 1"));
+        }
+        if !(self.entropy >= 0.0 && self.entropy.is_finite()) {
+            return Err(value("entropy", self.entropy, "at least 0"));
+        }
+        if self.hidden.is_empty() || self.hidden.contains(&0) {
+            return Err(value("hidden", 0.0, "at least one layer of at least one unit"));
+        }
+        Ok(())
+    }
+}

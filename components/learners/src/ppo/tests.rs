@@ -1,0 +1,118 @@
+//! PPO on the cart-pole.
+
+use std::path::Path;
+
+use motorium_physics::Articulated;
+
+use super::*;
+use crate::environment::Scene;
+
+const TASK: &str = include_str!("../../../../tasks/cart-pole.toml");
+
+fn settings() -> PpoSettings {
+    PpoSettings {
+        steps: 512,
+        worlds: 4,
+        horizon: 32,
+        epochs: 2,
+        minibatch: 96,
+        hidden: vec![8],
+        ..PpoSettings::default()
+    }
+}
+
+fn run(seed: u64, threads: usize, settings: PpoSettings) -> Ppo<Articulated> {
+    let task = Task::parse(TASK).expect("a task");
+    let scene = Scene::load(&task, Path::new(".")).expect("a robot of the catalogue");
+    Ppo::new(&task, settings, (seed, threads), || scene.simulation()).expect("a run")
+}
+
+fn finish(mut ppo: Ppo<Articulated>) -> String {
+    while !ppo.is_finished() {
+        ppo.advance().expect("an update");
+    }
+    ppo.weights_sha256()
+}
+
+#[test]
+fn weights_repeat_on_any_number_of_threads() {
+    let first = finish(run(1, 1, settings()));
+    assert_eq!(finish(run(1, 1, settings())), first);
+    assert_eq!(finish(run(1, 2, settings())), first);
+    assert_eq!(finish(run(1, 3, settings())), first);
+    assert_ne!(finish(run(2, 1, settings())), first);
+    assert_eq!(first.len(), 64);
+}
+
+#[test]
+fn a_resumed_run_has_the_weights_of_a_straight_one() {
+    let straight = finish(run(1, 1, settings()));
+    let mut half = run(1, 2, settings());
+    half.advance().expect("an update");
+    half.advance().expect("an update");
+    let checkpoint = half.checkpoint().expect("a checkpoint");
+    let mut resumed = run(77, 1, settings());
+    resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+    assert_eq!(resumed.weights_sha256(), half.weights_sha256());
+    // the middle of episodes
+    assert_eq!(resumed.worlds.observations(), half.worlds.observations());
+    assert_eq!(resumed.checkpoint().expect("a checkpoint"), checkpoint);
+    assert_eq!(finish(resumed), straight);
+    assert_eq!(finish(half), straight);
+}
+
+#[test]
+fn checkpoints_of_other_settings_are_refused() {
+    let checkpoint = run(1, 1, settings()).checkpoint().expect("a checkpoint");
+    let mut wider = run(1, 1, PpoSettings { hidden: vec![9], ..settings() });
+    let error = wider.restore(&checkpoint).expect_err("another network");
+    assert!(error.to_string().starts_with("policy: 58 numbers, expected 65"), "{error}");
+    let mut more = run(1, 1, PpoSettings { worlds: 5, ..settings() });
+    let error = more.restore(&checkpoint).expect_err("another number of worlds");
+    assert!(error.to_string().starts_with("worlds: 4 worlds, expected 5"), "{error}");
+    assert!(wider.restore(&checkpoint[..40]).is_err());
+}
+
+#[test]
+fn advantages_equal_their_sums() {
+    let mut rollout = Rollout::new(3, 1, 1, 1);
+    rollout.set_rewards(&[1.0, 2.0, 3.0], &[0.5, 1.5, 2.5], &[1.5, 0.0, 4.0], &[false, true, false]);
+    rollout.estimate(1, 0.5, 0.5);
+    let d = [1.0 + 0.5 * 1.5 - 0.5, 2.0 - 1.5, 3.0 + 0.5 * 4.0 - 2.5];
+    assert_eq!(rollout.advantages, [d[0] + 0.25 * d[1], d[1], d[2]]);
+    assert_eq!(rollout.returns, [d[0] + 0.25 * d[1] + 0.5, d[1] + 1.5, d[2] + 2.5]);
+}
+
+#[test]
+fn a_short_run_improves_the_cart_pole() {
+    let settings = PpoSettings {
+        steps: 16_384,
+        worlds: 8,
+        horizon: 128,
+        minibatch: 128,
+        hidden: vec![16, 16],
+        rate: 2e-3,
+        ..PpoSettings::default()
+    };
+    let mut ppo = run(1, 2, settings);
+    let first = ppo.advance().expect("an update").mean_length.expect("episodes that ended");
+    let mut last = first;
+    while !ppo.is_finished() {
+        last = ppo.advance().expect("an update").mean_length.expect("episodes that ended");
+    }
+    assert!(last > 2.0 * first && last > 60.0, "episodes of {first} steps at first, {last} at the end");
+}
+
+#[test]
+fn settings_out_of_range_are_refused() {
+    for (text, message) in [
+        ("[ppo]\nclip = 0.0", "`algorithms.ppo.clip`: found 0, expected above 0"),
+        ("[ppo]\ndiscount = 1.0", "`algorithms.ppo.discount`: found 1, expected above 0, below 1"),
+        ("[ppo]\nhidden = []", "`algorithms.ppo.hidden`: found 0, expected at least one layer"),
+        ("[ppo]\nclips = 0.1", "`algorithms.ppo`: unknown field `clips`"),
+    ] {
+        let table: toml::Table = text.parse().expect("a table");
+        let error = PpoSettings::from_table(&table).expect_err(message);
+        assert!(error.to_string().starts_with(message), "{error}");
+    }
+}

@@ -1,0 +1,106 @@
+//! Counter-based random numbers: the counter alone determines them, not the order of the draws.
+//!
+//! ```
+//! use motorium_learners::random::{Counter, Purpose};
+//! use rand::RngExt as _;
+//!
+//! let counter = Counter { seed: 1, world: 3, episode: 0, step: 17 };
+//! let first: f64 = counter.stream(Purpose::Action).random();
+//! let second: f64 = counter.stream(Purpose::Action).random();
+//! assert_eq!(first, second);
+//! assert_ne!(first, Counter { step: 18, ..counter }.stream(Purpose::Action).random());
+//! ```
+
+use core::hash::Hasher as _;
+
+use rand::SeedableRng as _;
+use rand_pcg::Pcg64;
+use twox_hash::XxHash3_64;
+
+/// The use of random numbers. Numbers of different purposes are independent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Candidates of a search.
+    Candidate = 1,
+    /// Seed of the rollout of a candidate.
+    Rollout = 2,
+    /// Start of a search after a restart.
+    Restart = 3,
+    /// Points at which an acquisition function is evaluated.
+    Acquisition = 4,
+    /// Initial weights of a network.
+    Weights = 5,
+    /// Actions of a stochastic policy.
+    Action = 6,
+    /// Order of samples in an epoch.
+    Shuffle = 7,
+    /// Start of an episode.
+    Start = 8,
+    /// Resamples of statistics.
+    Resample = 9,
+}
+
+/// Place of a random number in a training run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counter {
+    /// Seed of the run.
+    pub seed: u64,
+    /// Index of the world, or of the restart of a search.
+    pub world: u64,
+    /// Number of the episode in its world, or of the generation of a search.
+    pub episode: u64,
+    /// Step in the episode, or number of the candidate.
+    pub step: u64,
+}
+
+impl Counter {
+    /// Returns the random numbers of a purpose.
+    pub fn stream(self, purpose: Purpose) -> Pcg64 {
+        Pcg64::seed_from_u64(self.number(purpose))
+    }
+
+    /// Returns a number that is uniformly distributed over the counters, such as the seed of an episode.
+    pub fn number(self, purpose: Purpose) -> u64 {
+        let mut digest = XxHash3_64::default();
+        for part in [self.seed, self.world, self.episode, self.step, purpose as u64] {
+            digest.write(&part.to_le_bytes());
+        }
+        digest.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt as _;
+
+    #[test]
+    fn every_part_of_a_counter_changes_the_numbers() {
+        let counter = Counter { seed: 1, world: 2, episode: 3, step: 4 };
+        let numbers = [
+            counter.number(Purpose::Action),
+            counter.number(Purpose::Weights),
+            Counter { seed: 2, ..counter }.number(Purpose::Action),
+            Counter { world: 3, ..counter }.number(Purpose::Action),
+            Counter { episode: 4, ..counter }.number(Purpose::Action),
+            Counter { step: 5, ..counter }.number(Purpose::Action),
+            Counter { seed: 2, world: 1, ..counter }.number(Purpose::Action),
+        ];
+        for (index, number) in numbers.iter().enumerate() {
+            assert!(!numbers[..index].contains(number), "counter {index}");
+        }
+    }
+
+    #[test]
+    fn first_numbers_of_consecutive_counters_are_uniform() {
+        let first = |step| -> f64 {
+            Counter { seed: 9, step, ..Counter::default() }.stream(Purpose::Candidate).random()
+        };
+        let numbers: Vec<f64> = (0..4000).map(first).collect();
+        let mean = numbers.iter().sum::<f64>() / 4000.0;
+        let product = numbers.windows(2).map(|pair| (pair[0] - 0.5) * (pair[1] - 0.5)).sum::<f64>() / 3999.0;
+        // five standard deviations
+        assert!((mean - 0.5).abs() < 5.0 * (1.0_f64 / 12.0 / 4000.0).sqrt(), "{mean}");
+        assert!(product.abs() < 5.0 / 12.0 / 4000.0_f64.sqrt(), "{product}");
+    }
+}

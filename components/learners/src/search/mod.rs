@@ -1,0 +1,203 @@
+//! Black-box search: parameters of the largest reward, from rewards alone.
+//!
+//! All methods implement [`Search`]: `ask` proposes candidates, `tell` accepts their rewards in any order,
+//! and `save` and `restore` continue a search bit for bit.
+//!
+//! - [`CmaEs`]: covariance matrix adaptation with BIPOP restarts.
+//! - [`SeparableNes`], [`ExponentialNes`]: natural evolution strategies (SNES, xNES).
+//! - [`CrossEntropy`]: the cross-entropy method.
+//! - [`Power`]: policy learning by weighting exploration with the returns (PoWER).
+//! - [`Reps`]: episodic relative entropy policy search.
+//! - [`PathIntegral`]: black-box policy improvement by path integrals (PI^BB).
+//! - [`FiniteDifferences`]: gradient ascent by central differences with common random numbers.
+//! - [`BayesianOptimisation`]: a Gaussian process and an acquisition function.
+//!
+//! All but the last draw generations of candidates from a distribution: they are [`Generations`] of a
+//! [`Distribution`].
+//!
+//! ```
+//! use motorium_learners::search::{CmaEs, CmaEsSettings, Search, Start};
+//!
+//! let start = Start::new(vec![0.0; 2], vec![1.0; 2], 7);
+//! let mut search = CmaEs::new(start, CmaEsSettings::default())?;
+//! for _ in 0..60 {
+//!     let rewards: Vec<(u64, f64)> = search
+//!         .ask(usize::MAX)
+//!         .iter()
+//!         .map(|c| (c.id, -(c.parameters[0] - 1.0).powi(2) - (c.parameters[1] + 2.0).powi(2)))
+//!         .collect();
+//!     search.tell(&rewards)?;
+//! }
+//! let (best, reward) = search.best().expect("rewards");
+//! assert!(reward > -1e-6, "{best:?}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod bayesian;
+mod cma;
+mod cross_entropy;
+mod finite_differences;
+mod generations;
+mod nes;
+mod path_integral;
+mod power;
+mod reps;
+mod start;
+
+pub use bayesian::{Acquisition, BayesianOptimisation, BayesianSettings};
+pub use cma::{CmaEs, CmaEsSettings, Covariance, Restarts};
+pub use cross_entropy::{CrossEntropy, CrossEntropySettings, Elite};
+pub use finite_differences::{Differences, FiniteDifferences, FiniteDifferencesSettings};
+pub use generations::{Distribution, Generations, Samples};
+pub use nes::{ExponentialNes, Natural, NaturalSeparable, NesSettings, SeparableNes};
+pub use path_integral::{PathIntegral, PathIntegralSettings, SoftmaxMean};
+pub use power::{Power, PowerSettings, Weighted};
+pub use reps::{RelativeEntropy, Reps, RepsSettings};
+pub use start::{Start, StartError};
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// A candidate of a search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Number of the candidate, counted from 0 in the order of the proposals.
+    pub id: u64,
+    /// Parameters to evaluate.
+    pub parameters: Vec<f64>,
+    /// Seed of the random numbers of the evaluation. Candidates that are compared under common random numbers
+    /// share it.
+    pub seed: u64,
+}
+
+/// A search for the parameters of the largest reward.
+pub trait Search {
+    /// Number of parameters.
+    fn dimensions(&self) -> usize;
+
+    /// Proposes up to `count` candidates. Returns fewer, or none, while the method needs rewards of earlier
+    /// candidates.
+    fn ask(&mut self, count: usize) -> Vec<Candidate>;
+
+    /// Accepts rewards of candidates by their numbers, in any order. A reward that is not finite counts as
+    /// the worst.
+    ///
+    /// # Errors
+    ///
+    /// [`TellError`]; no reward of the call is accepted then.
+    fn tell(&mut self, rewards: &[(u64, f64)]) -> Result<(), TellError>;
+
+    /// Candidates that wait for rewards, as after an interrupted run.
+    fn pending(&self) -> Vec<Candidate>;
+
+    /// The best parameters evaluated so far and their reward, or `None` before the first finite reward.
+    fn best(&self) -> Option<(&[f64], f64)>;
+
+    /// Returns the whole state as JSON.
+    fn save(&self) -> String;
+
+    /// Restores a saved state of a search of the same kind and size; the search then continues bit for bit.
+    ///
+    /// # Errors
+    ///
+    /// [`RestoreError`]; the search is unchanged then.
+    fn restore(&mut self, state: &str) -> Result<(), RestoreError>;
+}
+
+/// The errors of [`Search::tell`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TellError {
+    /// The candidate does not exist, or its generation has ended.
+    #[error("candidate {id} is unknown or its generation has ended, expected one of {first} to {last}")]
+    Unknown {
+        /// Number of the candidate.
+        id: u64,
+        /// First candidate that waits for a reward.
+        first: u64,
+        /// Last candidate that was proposed.
+        last: u64,
+    },
+    /// The candidate has a reward already.
+    #[error("candidate {id} has two rewards, expected one")]
+    Repeated {
+        /// Number of the candidate.
+        id: u64,
+    },
+}
+
+/// The errors of [`Search::restore`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RestoreError {
+    /// The text is not a saved state.
+    #[error("the state does not parse: {0}")]
+    Parse(String),
+    /// The state belongs to another method.
+    #[error("found the state of {found}, expected {expected}")]
+    Method {
+        /// Method of the state.
+        found: String,
+        /// Method of the search.
+        expected: String,
+    },
+    /// The state has another number of parameters.
+    #[error("found a state of {found} parameters, expected {expected}")]
+    Dimensions {
+        /// Parameters of the state.
+        found: usize,
+        /// Parameters of the search.
+        expected: usize,
+    },
+}
+
+/// The best parameters so far, with the number of their candidate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Best(Option<(u64, Vec<f64>, f64)>);
+
+impl Best {
+    /// Records a finite reward. Of equal rewards the first candidate's stays, whatever the order of their
+    /// arrival.
+    fn record(&mut self, id: u64, parameters: &[f64], reward: f64) {
+        let is_better =
+            |(first, _, best): &(u64, Vec<f64>, f64)| reward > *best || (reward == *best && id < *first);
+        if reward.is_finite() && self.0.as_ref().is_none_or(is_better) {
+            self.0 = Some((id, parameters.to_vec(), reward));
+        }
+    }
+
+    fn get(&self) -> Option<(&[f64], f64)> {
+        self.0.as_ref().map(|(_, parameters, reward)| (parameters.as_slice(), *reward))
+    }
+}
+
+/// A saved search and the name of its method.
+#[derive(Serialize, Deserialize)]
+struct Saved<T> {
+    method: String,
+    search: T,
+}
+
+impl<T: Serialize> Saved<&T> {
+    fn write(method: &str, search: &T) -> String {
+        serde_json::to_string(&Saved { method: method.to_owned(), search })
+            .expect("numbers, lists and texts serialise")
+    }
+}
+
+impl<T: Search + DeserializeOwned> Saved<T> {
+    /// Reads the state of a search of a method with a number of parameters.
+    fn read(method: &str, expected: usize, state: &str) -> Result<T, RestoreError> {
+        let parse = |error: serde_json::Error| RestoreError::Parse(error.to_string());
+        let saved: Saved<serde_json::Value> = serde_json::from_str(state).map_err(parse)?;
+        if saved.method != method {
+            return Err(RestoreError::Method { found: saved.method, expected: method.to_owned() });
+        }
+        let search: T = serde_json::from_value(saved.search).map_err(parse)?;
+        let found = search.dimensions();
+        if found != expected {
+            return Err(RestoreError::Dimensions { found, expected });
+        }
+        Ok(search)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,229 @@
+//! A learning task: observations, action, reward, terminations, start and randomisation of one robot.
+//!
+//! A task is a TOML file. Its `observations` and `action` follow the format of a policy folder
+//! ([`motorium_models::policy`]), so that a trained policy runs with the same terms.
+//!
+//! ```
+//! use motorium_learners::task::Task;
+//!
+//! let task = Task::parse(
+//!     r#"
+//!     title = "Balance a pole"
+//!     robot = "cart-pole"
+//!     step = 0.005
+//!     decimation = 4
+//!     duration = 10.0
+//!     observations = [{ term = "joint_positions" }, { term = "joint_velocities" }]
+//!     rewards = [{ term = "alive" }, { term = "action", shape = "square", weight = -0.01 }]
+//!     terminations = [{ term = "joint_position", joint = "hinge", outside = [2.93, 3.35] }]
+//!     [start]
+//!     position = [0.0, 3.14]
+//!     [action]
+//!     joints = ["slider", "hinge"]
+//!     kind = "effort"
+//!     scale = [10.0, 0.0]
+//!     default_pose = [0.0, 3.14]
+//!     clip = [-1.0, 1.0]
+//!     "#,
+//! )?;
+//! assert_eq!((task.rate(), task.steps()), (50.0, 500));
+//! // two actions between -1 and 1, of which the mean square counts
+//! assert_eq!(task.reward_range()?, [0.99, 1.0]);
+//! # Ok::<(), motorium_learners::task::TaskError>(())
+//! ```
+
+mod quantity;
+mod terms;
+
+use motorium_models::policy::{Policy, PolicyError};
+use motorium_physics::randomise::{RandomiseConfig, RangeError};
+use serde::Deserialize;
+
+pub use quantity::{Quantity, Reward, Shape, Termination, Verdict};
+pub(crate) use terms::Actions;
+pub use terms::{Outcome, Terms};
+
+/// File of the network in a policy folder.
+pub const NETWORK: &str = "policy.onnx";
+
+/// A learning task.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Task {
+    /// One line about the task.
+    pub title: String,
+    /// The robot: a name of the catalogue, or a URDF or MJCF file relative to the task.
+    pub robot: String,
+    /// Physics step \[s\], above 0.
+    pub step: f64,
+    /// Physics steps in a step of the policy, from 1.
+    pub decimation: usize,
+    /// Longest episode \[s\]. An episode that reaches it is truncated, not terminated.
+    pub duration: f64,
+    /// Start of an episode.
+    pub start: StartState,
+    /// Observation terms, as in `policy.toml`.
+    pub observations: Vec<toml::Value>,
+    /// Action, as in `policy.toml`.
+    pub action: toml::Table,
+    /// Terms of the reward; it is their sum.
+    pub rewards: Vec<Reward>,
+    /// Conditions that end an episode.
+    #[serde(default)]
+    pub terminations: Vec<Termination>,
+    /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
+    #[serde(default)]
+    pub randomise: RandomiseConfig,
+    /// Settings of learners for this task, by the name of the algorithm.
+    #[serde(default)]
+    pub algorithms: toml::Table,
+}
+
+/// Start of an episode, before its randomisation.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StartState {
+    /// Configuration (nq) \[rad or m\].
+    pub position: Vec<f64>,
+    /// Velocity (nv) \[rad/s or m/s\]. Default: at rest.
+    pub velocity: Option<Vec<f64>>,
+    /// Each velocity differs from the start by at most this, uniformly distributed \[rad/s or m/s\]. Default:
+    /// 0.
+    #[serde(default)]
+    pub velocity_spread: f64,
+}
+
+/// A task that cannot be learned.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TaskError {
+    /// The file does not parse.
+    #[error("{0}")]
+    Parse(String),
+    /// A value is out of range.
+    #[error("`{key}`: found {found}, expected {expected}")]
+    Value {
+        /// The key.
+        key: String,
+        /// Value found.
+        found: String,
+        /// Values allowed.
+        expected: String,
+    },
+    /// A reward can be infinite.
+    #[error(
+        "`rewards[{index}]`: the term lies between {low} and {high}, expected a finite range\n\
+         help: add `clip = [LOW, HIGH]` or `shape = \"kernel\"` with a `width`"
+    )]
+    Unbounded {
+        /// Index of the reward.
+        index: usize,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
+    },
+    /// The observations or the action are invalid.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// A range cannot be sampled.
+    #[error("`randomise.{}`: {}", .0.key, .0.message)]
+    Range(RangeError),
+}
+
+impl TaskError {
+    fn value(key: impl Into<String>, found: impl core::fmt::Display, expected: impl Into<String>) -> Self {
+        Self::Value { key: key.into(), found: found.to_string(), expected: expected.into() }
+    }
+}
+
+impl Task {
+    /// Reads the text of a task file.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`] with the key and the value expected.
+    pub fn parse(text: &str) -> Result<Self, TaskError> {
+        let task: Self = toml::from_str(text).map_err(|error| TaskError::Parse(error.to_string()))?;
+        for (key, value) in [("step", task.step), ("duration", task.duration)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(TaskError::value(key, value, "a time above 0 s"));
+            }
+        }
+        if task.decimation == 0 {
+            return Err(TaskError::value("decimation", 0, "at least 1"));
+        }
+        if task.steps() == 0 {
+            let expected = format!("at least one step of the policy, {} s", 1.0 / task.rate());
+            return Err(TaskError::value("duration", task.duration, expected));
+        }
+        let spread = task.start.velocity_spread;
+        if !(spread >= 0.0 && spread.is_finite()) {
+            return Err(TaskError::value("start.velocity_spread", spread, "at least 0"));
+        }
+        if task.rewards.is_empty() {
+            return Err(TaskError::value("rewards", "none", "at least one term"));
+        }
+        task.policy()?;
+        task.reward_range()?;
+        for (index, termination) in task.terminations.iter().enumerate() {
+            termination.check(index)?;
+        }
+        Ok(task)
+    }
+
+    /// Steps of the policy a second \[Hz\].
+    pub fn rate(&self) -> f64 {
+        1.0 / (self.step * self.decimation as f64)
+    }
+
+    /// Steps of the policy in the longest episode.
+    pub fn steps(&self) -> usize {
+        (self.duration * self.rate()).round() as usize
+    }
+
+    /// The text of the `policy.toml` of policies for this task.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Parse`] where the terms do not serialise.
+    pub fn policy_text(&self) -> Result<String, TaskError> {
+        let mut table = toml::Table::new();
+        table.insert("network".into(), NETWORK.into());
+        table.insert("rate".into(), self.rate().into());
+        table.insert("robot".into(), self.robot.clone().into());
+        table.insert("observations".into(), toml::Value::Array(self.observations.clone()));
+        table.insert("action".into(), toml::Value::Table(self.action.clone()));
+        toml::to_string(&table).map_err(|error| TaskError::Parse(error.to_string()))
+    }
+
+    /// Observations and action of the task.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`].
+    pub fn policy(&self) -> Result<Policy, TaskError> {
+        Ok(Policy::parse(&self.policy_text()?)?)
+    }
+
+    /// Lowest and highest reward of a step.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Unbounded`] if a term can be infinite.
+    pub fn reward_range(&self) -> Result<[f64; 2], TaskError> {
+        let clip = self.policy()?.action.clip;
+        let mut total = [0.0; 2];
+        for (index, reward) in self.rewards.iter().enumerate() {
+            let [low, high] = reward.range(index, clip)?;
+            if !(low.is_finite() && high.is_finite()) {
+                return Err(TaskError::Unbounded { index, low, high });
+            }
+            total[0] += low;
+            total[1] += high;
+        }
+        Ok(total)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,230 @@
+//! Quantities of a robot that rewards and terminations measure.
+
+use serde::Deserialize;
+
+use super::TaskError;
+
+/// A quantity of the state after a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// 1 in every step.
+    Alive,
+    /// Position of `joint` \[rad or m\].
+    JointPosition,
+    /// Velocity of `joint` \[rad/s or m/s\].
+    JointVelocity,
+    /// Cosine of the sum of the positions of `joints`, -1 to 1.
+    JointCosine,
+    /// Effort of the drive of `joint` in the last physics step \[Nm or N\].
+    JointEffort,
+    /// Root mean square of the action, clipped as it is applied.
+    Action,
+    /// Root mean square of the change of the action since the last step, clipped as it is applied.
+    ActionChange,
+}
+
+/// Function that maps a quantity to a reward.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shape {
+    /// `x`.
+    #[default]
+    Linear,
+    /// `|x|`.
+    Absolute,
+    /// `x^2`.
+    Square,
+    /// `exp(-(x / width)^2)`, 0 to 1.
+    Kernel,
+}
+
+/// A term of the reward: `weight * clip(shape(quantity - target))`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reward {
+    /// The quantity.
+    pub term: Quantity,
+    /// Joint of a joint quantity.
+    pub joint: Option<String>,
+    /// Joints of `joint_cosine`.
+    pub joints: Option<Vec<String>>,
+    /// Subtracted from the quantity. Default: 0.
+    #[serde(default)]
+    pub target: f64,
+    /// Function of the difference. Default: `linear`.
+    #[serde(default)]
+    pub shape: Shape,
+    /// Width of a kernel, in units of the quantity, above 0.
+    pub width: Option<f64>,
+    /// Bounds before the weight. Default: unbounded.
+    pub clip: Option<[f64; 2]>,
+    /// Factor. Default: 1.
+    #[serde(default = "one")]
+    pub weight: f64,
+}
+
+/// Meaning of a termination.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The episode failed.
+    #[default]
+    Failure,
+    /// The episode succeeded.
+    Success,
+}
+
+/// A condition that ends an episode.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Termination {
+    /// The quantity.
+    pub term: Quantity,
+    /// Joint of a joint quantity.
+    pub joint: Option<String>,
+    /// Joints of `joint_cosine`.
+    pub joints: Option<Vec<String>>,
+    /// Ends the episode while the quantity is outside of this range.
+    pub outside: Option<[f64; 2]>,
+    /// Ends the episode while the quantity is inside this range.
+    pub inside: Option<[f64; 2]>,
+    /// Meaning of the end. Default: `failure`.
+    #[serde(default)]
+    pub verdict: Verdict,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Checks that the joints of a term fit its quantity.
+fn check_joints(
+    key: &str,
+    term: Quantity,
+    joint: Option<&String>,
+    joints: Option<&Vec<String>>,
+) -> Result<(), TaskError> {
+    let takes_one = matches!(term, Quantity::JointPosition | Quantity::JointVelocity | Quantity::JointEffort);
+    let takes_many = term == Quantity::JointCosine;
+    match (joint, joints) {
+        (None, _) if takes_one => Err(TaskError::value(format!("{key}.joint"), "none", "a joint")),
+        (Some(name), _) if !takes_one => {
+            Err(TaskError::value(format!("{key}.joint"), name, "no joint for this term"))
+        }
+        (_, None) if takes_many => {
+            Err(TaskError::value(format!("{key}.joints"), "none", "at least one joint"))
+        }
+        (_, Some(names)) if takes_many && names.is_empty() => {
+            Err(TaskError::value(format!("{key}.joints"), "none", "at least one joint"))
+        }
+        (_, Some(names)) if !takes_many => {
+            Err(TaskError::value(format!("{key}.joints"), names.join(", "), "no joints for this term"))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn is_ordered(range: Option<[f64; 2]>) -> bool {
+    range.is_none_or(|[low, high]| low < high)
+}
+
+impl Quantity {
+    /// Range of the quantity; `clip` are the bounds of the actions.
+    fn range(self, clip: Option<[f64; 2]>) -> [f64; 2] {
+        let largest = clip.map_or(f64::INFINITY, |[low, high]| low.abs().max(high.abs()));
+        match self {
+            Self::Alive => [1.0, 1.0],
+            Self::JointCosine => [-1.0, 1.0],
+            Self::JointPosition | Self::JointVelocity | Self::JointEffort => {
+                [f64::NEG_INFINITY, f64::INFINITY]
+            }
+            Self::Action => [0.0, largest],
+            Self::ActionChange => [0.0, clip.map_or(f64::INFINITY, |[low, high]| high - low)],
+        }
+    }
+}
+
+impl Reward {
+    /// Checks the term and derives its range, weight included.
+    pub(super) fn range(&self, index: usize, clip: Option<[f64; 2]>) -> Result<[f64; 2], TaskError> {
+        let key = format!("rewards[{index}]");
+        check_joints(&key, self.term, self.joint.as_ref(), self.joints.as_ref())?;
+        for (name, value) in [("target", self.target), ("weight", self.weight)] {
+            if !value.is_finite() {
+                return Err(TaskError::value(format!("{key}.{name}"), value, "a finite number"));
+            }
+        }
+        if !is_ordered(self.clip) {
+            let found = format!("{:?}", self.clip);
+            return Err(TaskError::value(format!("{key}.clip"), found, "a lower and a higher bound"));
+        }
+        match (self.shape, self.width) {
+            (Shape::Kernel, Some(width)) if width > 0.0 && width.is_finite() => {}
+            (Shape::Kernel, width) => {
+                let found = width.map_or_else(|| "none".to_owned(), |width| width.to_string());
+                return Err(TaskError::value(format!("{key}.width"), found, "a width above 0"));
+            }
+            (_, Some(width)) => {
+                return Err(TaskError::value(format!("{key}.width"), width, "a width for kernels only"));
+            }
+            _ => {}
+        }
+        let [low, high] = self.term.range(clip).map(|bound| bound - self.target);
+        let crosses = low <= 0.0 && high >= 0.0;
+        let [near, far] = [low.abs().min(high.abs()), low.abs().max(high.abs())];
+        let near = if crosses { 0.0 } else { near };
+        let [low, high] = match self.shape {
+            Shape::Linear => [low, high],
+            Shape::Absolute => [near, far],
+            Shape::Square => [near * near, far * far],
+            Shape::Kernel => [self.shaped(far + self.target), self.shaped(near + self.target)],
+        };
+        let [least, most] = self.clip.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let ends = [low.clamp(least, most), high.clamp(least, most)].map(|end| {
+            // no term contributes NaN where its weight is 0
+            if self.weight == 0.0 { 0.0 } else { self.weight * end }
+        });
+        Ok([ends[0].min(ends[1]), ends[0].max(ends[1])])
+    }
+
+    /// The shaped quantity, before clip and weight.
+    fn shaped(&self, value: f64) -> f64 {
+        let away = value - self.target;
+        match self.shape {
+            Shape::Linear => away,
+            Shape::Absolute => away.abs(),
+            Shape::Square => away * away,
+            Shape::Kernel => (-(away / self.width.unwrap_or(1.0)).powi(2)).exp(),
+        }
+    }
+
+    /// The reward for a value of its quantity.
+    pub(super) fn evaluate(&self, value: f64) -> f64 {
+        let shaped = self.shaped(value);
+        self.weight * self.clip.map_or(shaped, |[low, high]| shaped.clamp(low, high))
+    }
+}
+
+impl Termination {
+    pub(super) fn check(&self, index: usize) -> Result<(), TaskError> {
+        let key = format!("terminations[{index}]");
+        check_joints(&key, self.term, self.joint.as_ref(), self.joints.as_ref())?;
+        let count = usize::from(self.outside.is_some()) + usize::from(self.inside.is_some());
+        if count != 1 {
+            let found = if count == 0 { "none" } else { "both" };
+            return Err(TaskError::value(key, found, "one of `outside` and `inside`"));
+        }
+        if !(is_ordered(self.outside) && is_ordered(self.inside)) {
+            let found = format!("{:?}", self.outside.or(self.inside));
+            return Err(TaskError::value(key, found, "a lower and a higher bound"));
+        }
+        Ok(())
+    }
+
+    /// True if a value of its quantity ends the episode.
+    pub(super) fn is_met(&self, value: f64) -> bool {
+        let within = |[low, high]: [f64; 2]| (low..=high).contains(&value);
+        self.inside.is_some_and(within) || self.outside.is_some_and(|range| !within(range))
+    }
+}

@@ -1,0 +1,196 @@
+//! Multilayer perceptrons on batches.
+
+use nalgebra::{DMatrix, DVector};
+use rand_distr::{Distribution as _, StandardNormal};
+use rand_pcg::Pcg64;
+
+use super::layers::{Gradients, Linear};
+use crate::arithmetic::Real;
+
+/// A multilayer perceptron with `tanh` between its layers.
+///
+/// A batch is a matrix with one sample a column. Sums have an order that depends on the size of the batch
+/// alone.
+///
+/// ```
+/// use motorium_models::networks::{Adam, Perceptron};
+/// use nalgebra::DMatrix;
+/// use rand_pcg::Pcg64;
+///
+/// let mut network = Perceptron::random(&[2, 8, 1], 1.0, &mut Pcg64::new(1, 2));
+/// let mut adam = Adam::new(&[network.parameters()]);
+/// let (input, target) = (DMatrix::from_column_slice(2, 1, &[0.5, -1.0]), 0.7);
+/// for _ in 0..200 {
+///     let trace = network.forward(input.clone());
+///     let gradient = network.gradients(&trace, trace.output().add_scalar(-target));
+///     let mut parameters = network.to_vec();
+///     adam.step([&mut parameters[..]], [&gradient[..]], 0.01, 0.0);
+///     network.set(&parameters);
+/// }
+/// assert!((network.forward(input).output()[0] - target).abs() < 0.01);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Perceptron {
+    layers: Vec<Linear>,
+}
+
+/// Inputs of all layers of a forward pass, then its output.
+#[derive(Clone, Debug)]
+pub struct PerceptronTrace(Vec<DMatrix<f32>>);
+
+impl PerceptronTrace {
+    /// The output, one sample a column.
+    pub fn output(&self) -> &DMatrix<f32> {
+        &self.0[self.0.len() - 1]
+    }
+}
+
+impl Perceptron {
+    /// Random weights for layers between these numbers of units. Weights are orthogonal, times the square
+    /// root of 2, or times `gain` in the last layer; biases are 0 (Saxe, McClelland, Ganguli 2014; the gains
+    /// are common for policy gradients).
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer than two sizes.
+    pub fn random(sizes: &[usize], gain: f32, random: &mut Pcg64) -> Self {
+        assert!(sizes.len() >= 2, "inputs and outputs");
+        let last = sizes.len() - 2;
+        let layer = |(index, pair): (usize, &[usize])| {
+            let gain = if index == last { gain } else { core::f32::consts::SQRT_2 };
+            let (outputs, inputs) = (pair[1], pair[0]);
+            Linear { weights: orthogonal(outputs, inputs, random) * gain, bias: DVector::zeros(outputs) }
+        };
+        Self { layers: sizes.windows(2).enumerate().map(layer).collect() }
+    }
+
+    /// Number of parameters.
+    pub fn parameters(&self) -> usize {
+        self.layers.iter().map(|layer| layer.weights.len() + layer.bias.len()).sum()
+    }
+
+    /// All parameters: of each layer the weights, column by column, then the bias.
+    pub fn to_vec(&self) -> Vec<f32> {
+        let slices = self.layers.iter().flat_map(|layer| [layer.weights.as_slice(), layer.bias.as_slice()]);
+        slices.flatten().copied().collect()
+    }
+
+    /// Replaces all parameters, in the order of [`to_vec`](Self::to_vec).
+    ///
+    /// # Panics
+    ///
+    /// If their number differs.
+    pub fn set(&mut self, parameters: &[f32]) {
+        assert_eq!(parameters.len(), self.parameters(), "number of parameters");
+        let mut rest = parameters;
+        for layer in &mut self.layers {
+            for slice in [layer.weights.as_mut_slice(), layer.bias.as_mut_slice()] {
+                let (own, others) = rest.split_at(slice.len());
+                slice.copy_from_slice(own);
+                rest = others;
+            }
+        }
+    }
+
+    /// Weights (outputs x inputs, row by row) and bias of each layer, as
+    /// [`Program::mlp`](crate::inference::Program::mlp) and [`write_mlp`](crate::onnx::write_mlp) expect
+    /// them.
+    pub fn rows(&self) -> Vec<(Vec<f32>, Vec<f32>)> {
+        let layer =
+            |layer: &Linear| (layer.weights.transpose().as_slice().to_vec(), layer.bias.as_slice().to_vec());
+        self.layers.iter().map(layer).collect()
+    }
+
+    /// Computes the output and keeps the inputs of all layers.
+    pub fn forward(&self, input: DMatrix<f32>) -> PerceptronTrace {
+        let mut values = vec![input];
+        for (index, layer) in self.layers.iter().enumerate() {
+            let mut output = layer.forward(&values[index]);
+            if index + 1 < self.layers.len() {
+                output.iter_mut().for_each(|value| *value = Real::tanh(*value));
+            }
+            values.push(output);
+        }
+        PerceptronTrace(values)
+    }
+
+    /// Gradient of a loss by all parameters, summed over the batch, from its gradient by the outputs. The
+    /// order is that of [`to_vec`](Self::to_vec).
+    pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
+        let mut found: Vec<Gradients> = Vec::with_capacity(self.layers.len());
+        let mut gradient = output;
+        for (index, layer) in self.layers.iter().enumerate().rev() {
+            let input = &trace.0[index];
+            found.push(layer.gradients(input, &gradient));
+            if index > 0 {
+                gradient = layer.backward(&gradient);
+                // the slope of tanh is 1 - tanh^2
+                gradient.iter_mut().zip(input.iter()).for_each(|(g, y)| *g *= 1.0 - y * y);
+            }
+        }
+        let slices = found.iter().rev().flat_map(|g| [g.weights.as_slice(), g.bias.as_slice()]);
+        slices.flatten().copied().collect()
+    }
+}
+
+/// A matrix with orthonormal rows or columns, uniformly distributed.
+fn orthogonal(rows: usize, columns: usize, random: &mut Pcg64) -> DMatrix<f32> {
+    let (long, short) = (rows.max(columns), rows.min(columns));
+    let normal = DMatrix::<f64>::from_fn(long, short, |_, _| StandardNormal.sample(random));
+    let (mut q, r) = normal.qr().unpack();
+    for (mut column, diagonal) in q.column_iter_mut().zip(r.diagonal().iter()) {
+        if *diagonal < 0.0 {
+            column.neg_mut();
+        }
+    }
+    let q = q.map(|entry| entry as f32);
+    if rows >= columns { q } else { q.transpose() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng as _;
+
+    #[test]
+    fn gradients_match_finite_differences() {
+        let mut network = Perceptron::random(&[3, 5, 4, 2], 1.0, &mut Pcg64::seed_from_u64(3));
+        let input = DMatrix::from_fn(3, 4, |i, k| (1.7 * (i + 3 * k) as f32).sin());
+        let target = DMatrix::from_fn(2, 4, |i, k| 0.3 * (i as f32 - k as f32));
+        let trace = network.forward(input.clone());
+        let found = network.gradients(&trace, trace.output() - &target);
+        let known = network.to_vec();
+        for index in 0..known.len() {
+            let mut loss = |step: f32| {
+                let mut parameters = known.clone();
+                parameters[index] += step;
+                network.set(&parameters);
+                let error = network.forward(input.clone()).output() - &target;
+                0.5 * error.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>()
+            };
+            let slope = (loss(1e-2) - loss(-1e-2)) / 2e-2;
+            assert!((slope - f64::from(found[index])).abs() < 2e-3, "{index}: {slope} {}", found[index]);
+        }
+    }
+
+    #[test]
+    fn rows_are_the_layers_of_the_inference_program() {
+        use crate::inference::{Program, Unary};
+        let network = Perceptron::random(&[3, 6, 2], 1.0, &mut Pcg64::seed_from_u64(4));
+        let mut program = Program::mlp(1, 3, &network.rows(), Unary::Tanh).expect("layers that fit");
+        program.input_mut(0).copy_from_slice(&[0.3, -0.8, 1.1]);
+        program.run();
+        let expected = network.forward(DMatrix::from_column_slice(3, 1, &[0.3, -0.8, 1.1]));
+        for (found, expected) in program.output(0).iter().zip(expected.output().iter()) {
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn initial_weights_are_orthogonal() {
+        let wide = orthogonal(3, 7, &mut Pcg64::seed_from_u64(1));
+        assert!((&wide * wide.transpose() - DMatrix::identity(3, 3)).amax() < 1e-6);
+        let tall = orthogonal(7, 3, &mut Pcg64::seed_from_u64(1));
+        assert!((tall.transpose() * &tall - DMatrix::identity(3, 3)).amax() < 1e-6);
+    }
+}

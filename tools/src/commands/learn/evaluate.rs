@@ -1,0 +1,49 @@
+//! `motorium learn evaluate`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use motorium_learners::evaluation::evaluate;
+
+use crate::out::outln;
+
+/// Run a policy on a task without exploration, and print its returns.
+///
+/// Prints mean, median and interquartile mean with a bootstrap interval of 95 %.
+///
+/// Example: motorium learn evaluate out/cart-pole --task tasks/cart-pole.toml --episodes 100
+#[derive(Debug, clap::Args)]
+pub(super) struct Evaluate {
+    /// Folder of the policy
+    policy: PathBuf,
+    /// File of the task; the policy's own task.toml if not given
+    #[arg(long, value_name = "FILE")]
+    task: Option<PathBuf>,
+    /// Episodes
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    episodes: u32,
+    /// Seed of the starts of episodes
+    #[arg(long, default_value_t = 1000)]
+    seed: u64,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Evaluate {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let task = self.task.unwrap_or_else(|| self.policy.join("task.toml"));
+        let found = evaluate(&self.policy, &task, self.episodes as usize, self.seed)?;
+        if self.json {
+            outln!("{}", serde_json::to_string(&found)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        let [low, high] = found.iqm_interval;
+        outln!("{} episodes of {:.1} steps on average", found.episodes, found.mean_length);
+        outln!("{} failures, {} successes", found.failures, found.successes);
+        outln!("mean return          {:.2}", found.mean);
+        outln!("median               {:.2}", found.median);
+        outln!("interquartile mean   {:.2} [{low:.2}, {high:.2}]", found.iqm);
+        Ok(ExitCode::SUCCESS)
+    }
+}

@@ -1,0 +1,35 @@
+//! `motorium learn`: training of policies.
+
+mod evaluate;
+mod list;
+mod train;
+
+use std::process::ExitCode;
+
+/// Policies that learn a task: train one, continue a training run, evaluate it, list tasks.
+///
+/// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
+#[derive(Debug, clap::Args)]
+pub(crate) struct Learn {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Train(train::Train),
+    Resume(train::Resume),
+    Evaluate(evaluate::Evaluate),
+    List(list::List),
+}
+
+impl Learn {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::Train(command) => command.run(),
+            Command::Resume(command) => command.run(),
+            Command::Evaluate(command) => command.run(),
+            Command::List(command) => command.run(),
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! `motorium learn train` and `resume`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use motorium_learners::ppo::{Progress, Run};
+use serde_json::json;
+
+use crate::out::outln;
+
+/// Time between two lines of progress.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Algorithm {
+    /// Proximal policy optimisation
+    Ppo,
+}
+
+/// Train a policy on a task.
+///
+/// The folder of the output receives the policy, a checkpoint to resume from, and progress.csv. Equal seeds
+/// give equal weights on any number of threads.
+///
+/// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
+#[derive(Debug, clap::Args)]
+pub(super) struct Train {
+    /// File of the task
+    task: PathBuf,
+    /// Algorithm
+    #[arg(long, default_value = "ppo")]
+    algorithm: Algorithm,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; all cores if not given
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
+    threads: Option<u32>,
+    /// Steps of all worlds together, instead of the task's, such as 2e5
+    #[arg(long, value_parser = steps)]
+    steps: Option<u64>,
+    /// Folder of the run
+    #[arg(long, short, value_name = "FOLDER")]
+    output: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Continue a training run from its last checkpoint.
+///
+/// The result equals a run without interruption to the bit.
+///
+/// Example: motorium learn resume out/cart-pole
+#[derive(Debug, clap::Args)]
+pub(super) struct Resume {
+    /// Folder of the run
+    folder: PathBuf,
+    /// Threads; all cores if not given
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
+    threads: Option<u32>,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A number of steps, with an exponent or without.
+fn steps(text: &str) -> Result<u64, String> {
+    let value: f64 =
+        text.replace('_', "").parse().map_err(|_| "expected a number, such as 2e5".to_owned())?;
+    if (1.0..=1e15).contains(&value) { Ok(value as u64) } else { Err("expected 1 to 1e15".to_owned()) }
+}
+
+fn threads(given: Option<u32>) -> usize {
+    let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    given.map_or_else(cores, |threads| threads as usize)
+}
+
+impl Train {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let Algorithm::Ppo = self.algorithm;
+        let run = Run::create(&self.task, &self.output, (self.seed, threads(self.threads)), self.steps)?;
+        let [low, high] = run.task().reward_range()?;
+        anstream::eprintln!("{}: reward of a step {low} to {high}", run.task().title);
+        finish(run, self.json)
+    }
+}
+
+impl Resume {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let run = Run::resume(&self.folder, threads(self.threads))?;
+        anstream::eprintln!("{}: resumed after {} steps", run.task().title, run.steps().0);
+        finish(run, self.json)
+    }
+}
+
+/// Trains to the end, with a line of progress a second on standard error.
+fn finish(mut run: Run, json: bool) -> anyhow::Result<ExitCode> {
+    let (first, began) = (run.steps().0, Instant::now());
+    let mut printed = began;
+    while let Some(progress) = run.advance()? {
+        let (steps, all) = run.steps();
+        if printed.elapsed() >= INTERVAL && steps < all {
+            printed = Instant::now();
+            let rate = (steps - first) as f64 / began.elapsed().as_secs_f64();
+            let left = (all - steps) as f64 / rate;
+            anstream::eprintln!("{}, {rate:.0} steps/s, {left:.0} s left", line(&progress));
+        }
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    let summary = run.summary();
+    let rate = (summary.steps - first) as f64 / seconds;
+    if json {
+        let last = summary.last;
+        outln!(
+            "{}",
+            json!({
+                "steps": summary.steps,
+                "updates": summary.updates,
+                "episodes": last.map(|last| last.episodes),
+                "mean_return": last.and_then(|last| last.mean_return),
+                "mean_length": last.and_then(|last| last.mean_length),
+                "seconds": seconds,
+                "steps_per_second": rate,
+                "weights_sha256": summary.weights_sha256,
+            })
+        );
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(last) = &summary.last {
+        outln!("{}", line(last));
+    }
+    outln!("{} steps in {seconds:.1} s, {rate:.0} steps/s", summary.steps - first);
+    outln!("weights {}", summary.weights_sha256);
+    Ok(ExitCode::SUCCESS)
+}
+
+fn line(progress: &Progress) -> String {
+    let Progress { steps, episodes, mean_return, .. } = progress;
+    let mean =
+        mean_return.map_or_else(|| "no return yet".to_owned(), |mean| format!("mean return {mean:.1}"));
+    format!("{steps:>9} steps, {episodes} episodes, {mean}")
+}
