@@ -154,13 +154,9 @@ mod tests {
     #[test]
     fn it_finds_the_optimum_of_a_function_with_ridges() {
         let value = |x: &[f64]| -(1.0 - x[0]).powi(2) - 5.0 * (x[1] - x[0] * x[0]).powi(2) - x[2].abs();
-        // about half of the seeds follow the valley to its end
-        let found = (0..16).map(|seed| {
-            let mut search = search(seed, 40);
-            rollouts(&mut search, 60 * 40, value);
-            search.best().expect("rewards").1
-        });
-        let best = found.fold(f64::NEG_INFINITY, f64::max);
+        let mut search = search(7, 40);
+        rollouts(&mut search, 60 * 40, value);
+        let best = search.best().expect("rewards").1;
         assert!(best > -0.05, "{best}");
     }
 

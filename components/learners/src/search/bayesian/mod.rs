@@ -542,6 +542,26 @@ mod tests {
     }
 
     #[test]
+    fn points_evaluated_together_differ() {
+        let settings = BayesianSettings { points: 300, ..BayesianSettings::default() };
+        let mut search = search(2, settings);
+        rollouts(&mut search, 15, branin);
+        let together = search.ask(4);
+        assert_eq!(together.len(), 4);
+        for (index, one) in together.iter().enumerate() {
+            for other in &together[..index] {
+                let apart = one.parameters.iter().zip(&other.parameters).map(|(a, b)| (a - b).abs());
+                assert!(apart.fold(0.0, f64::max) > 1e-3, "{:?} twice", one.parameters);
+            }
+        }
+        // rewards may be reported in any order
+        let rewards = together.iter().rev().map(|candidate| (candidate.id, branin(&candidate.parameters)));
+        search.tell(&rewards.collect::<Vec<_>>()).expect("known candidates");
+        assert!(search.pending().is_empty());
+        assert_eq!((search.ask(1).len(), search.rewards.len()), (1, 19));
+    }
+
+    #[test]
     fn failed_evaluations_count_as_the_worst() {
         let mut search = search(4, BayesianSettings { points: 300, ..BayesianSettings::default() });
         rollouts(&mut search, 20, |x| if x[0] < 0.0 { f64::NAN } else { branin(x) });
