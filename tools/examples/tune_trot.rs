@@ -1,8 +1,9 @@
 //! Tunes the trot of the quadruped: frequency, amplitude, duty factor and the phase of the knees.
 //!
-//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the place of the
-//! policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks how far the base went. What
-//! a gait reaches does not depend on the core that tries it, nor on what was tried there before.
+//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the
+//! place of the policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks
+//! how far the base went. What a gait reaches does not depend on the core that tries it, nor on what was
+//! tried there before.
 //!
 //! ```console
 //! $ cargo run --release --example tune_trot -- --episodes 200
@@ -72,12 +73,13 @@ impl Gait {
     const DEVIATION: [f64; 4] = [0.6, 0.3, 0.08, 0.4];
     const BOUNDS: [[f64; 2]; 4] = [[0.5, 4.0], [0.2, 2.0], [0.3, 0.8], [-1.5, 1.5]];
 
-    fn of(numbers: &[f64]) -> Self {
+    fn from_numbers(numbers: &[f64]) -> Self {
         let [frequency, amplitude, duty, phase] = [0, 1, 2, 3].map(|i| numbers[i]);
         Self { frequency, amplitude, duty, phase }
     }
 
-    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it swings.
+    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it
+    /// swings.
     fn warped(&self, turns: f64) -> f64 {
         let share = turns.rem_euclid(1.0);
         if share < self.duty {
@@ -118,7 +120,7 @@ struct Legs {
 }
 
 impl Legs {
-    fn of(plan: &Plan) -> anyhow::Result<Self> {
+    fn from_plan(plan: &Plan) -> anyhow::Result<Self> {
         let policy = plan.components.iter().find(|component| component.name == POLICY);
         let policy = policy.context("the graph has no policy")?;
         let robot = policy.robot.as_ref().context("the policy has no robot")?;
@@ -172,7 +174,8 @@ impl Legs {
     }
 }
 
-/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone nowhere.
+/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone
+/// nowhere.
 fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -> anyhow::Result<f64> {
     session.reset(session.plan().seed)?;
     let mut command = JointCommand::default();
@@ -201,8 +204,8 @@ struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// Tries the candidates that `ask` returns, until there are none, and passes the distance of each to `tell`, m. Two
-    /// generations are open at a time, so that no core waits for the last gait of one.
+    /// Tries the candidates that `ask` returns, until there are none, and passes the distance of each to
+    /// `tell`, m. Two generations are open at a time, so that no core waits for the last gait of one.
     fn run(
         &self,
         mut ask: impl FnMut() -> Vec<Candidate>,
@@ -237,7 +240,7 @@ impl Trial<'_> {
             loop {
                 for candidate in ask() {
                     request
-                        .send((candidate.id, Gait::of(&candidate.parameters)))
+                        .send((candidate.id, Gait::from_numbers(&candidate.parameters)))
                         .context("the sessions have ended")?;
                     running += 1;
                 }
@@ -269,7 +272,7 @@ fn main() -> anyhow::Result<()> {
     let text = std::fs::read_to_string(&file).with_context(|| file.display().to_string())?;
     let checked = graph::check(&file, text, &settings, &registry(), &Machine::detect())
         .map_err(|error| anyhow::anyhow!(error.render(false)))?;
-    let legs = Legs::of(&checked.plan)?;
+    let legs = Legs::from_plan(&checked.plan)?;
     // those that the program may run on: `taskset` leaves it fewer
     let cores = allowed_cores();
     let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
@@ -307,7 +310,7 @@ fn main() -> anyhow::Result<()> {
     let took = began.elapsed().as_secs_f64();
     let search = search.into_inner();
     let ((best, reached), first) = search.best().zip(first).context("no gait was tried")?;
-    let Gait { frequency, amplitude, duty, phase } = Gait::of(best);
+    let Gait { frequency, amplitude, duty, phase } = Gait::from_numbers(best);
     println!("before: {:.3} m/s", first / seconds);
     println!(
         "after:  {:.3} m/s with frequency {frequency:.2} Hz, amplitude {amplitude:.2}, duty factor {duty:.2}, phase {phase:.2} rad",

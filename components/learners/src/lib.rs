@@ -15,6 +15,7 @@ pub mod perception;
 pub mod ppo;
 pub mod random;
 pub mod search;
+mod sha256;
 pub mod task;
 
 pub use files::FileError;

@@ -1,7 +1,7 @@
 //! Ports for types that are known at run time only.
 //!
-//! [`RawInput`] and [`RawOutput`] carry states as bytes, [`RawStreamInput`] and [`RawStreamOutput`] streams of
-//! values and of slices. Layouts are compared as for typed ports, and published content is checked by its
+//! [`RawInput`] and [`RawOutput`] carry states as bytes, [`RawStreamInput`] and [`RawStreamOutput`] streams
+//! of values and of slices. Layouts are compared as for typed ports, and published content is checked by its
 //! layout.
 
 mod input;

@@ -220,12 +220,9 @@ impl<E: Engine + Send> Ppo<E> {
 
     /// SHA-256 of all weights of policy and value and of the deviations, in hexadecimal.
     pub fn weights_sha256(&self) -> String {
-        use sha2::Digest as _;
-        let mut digest = sha2::Sha256::new();
-        for parameters in [&self.policy.to_vec(), &self.value.to_vec(), &self.deviations] {
-            parameters.iter().for_each(|value| digest.update(value.to_le_bytes()));
-        }
-        digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        let weights = [&self.policy.to_vec(), &self.value.to_vec(), &self.deviations];
+        let bytes: Vec<u8> = weights.into_iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+        crate::sha256::sha256_hex(&bytes)
     }
 }
 

@@ -18,7 +18,7 @@ impl Adam {
     /// One step against the gradients; `decay` draws parameters to 0 beside it (AdamW).
     ///
     /// # Panics
-    /// When slices differ in length from those of [`new`](Self::new).
+    /// When slices differ in length from the slices of [`new`](Self::new).
     pub fn step<'a>(
         &mut self,
         parameters: impl IntoIterator<Item = &'a mut [f32]>,

@@ -115,7 +115,7 @@ impl Perceptron {
     }
 
     /// Gradient of a loss by all parameters, summed over the batch, from its gradient by the outputs. The
-    /// order is that of [`to_vec`](Self::to_vec).
+    /// order equals [`to_vec`](Self::to_vec)'s.
     pub fn gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> Vec<f32> {
         let mut found: Vec<Gradients> = Vec::with_capacity(self.layers.len());
         let mut gradient = output;

@@ -279,6 +279,10 @@ fn check(
         ));
     }
     let loaded = crate::robot::load(robot)?;
+    if config.limits.as_ref().is_some_and(|limits| limits.jerk.is_some()) {
+        return Err(ConfigError::key("limits.jerk", "setpoints that follow actions have no limit of jerk")
+            .advise("remove `jerk`; `acceleration` limits how fast setpoints change"));
+    }
     let limits = match (&config.limits, config.chunks) {
         (Some(limits), _) => Some(limits.resolve(&loaded.model, loaded.profile.as_ref())?),
         (None, Some(_)) => {

@@ -24,7 +24,7 @@ pub(super) struct Import {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// The folder to write; it has no policy.toml yet
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
     /// The table of a safetensors file
     #[arg(long, value_name = "TABLE.toml", conflicts_with_all = ["rate", "history"])]

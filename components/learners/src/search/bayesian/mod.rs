@@ -51,8 +51,9 @@ type Feasible = Arc<dyn Fn(&[f64]) -> bool + Send + Sync>;
 ///
 /// The process has a Matern 5/2 kernel with a length scale per parameter, on parameters in the unit box and
 /// standardised rewards. Its hyperparameters are the maximum of the marginal likelihood with log-normal
-/// priors: length scales around 0.5 and variance around 1, both with a deviation of 1 in the logarithm. Several
-/// candidates at a time are chosen one after the other, each as if the pending ones had returned their mean.
+/// priors: length scales around 0.5 and variance around 1, both with a deviation of 1 in the logarithm.
+/// Several candidates at a time are chosen one after the other, each as if the pending ones had returned
+/// their mean.
 ///
 /// Sources: Snoek, Larochelle, Adams, *Practical Bayesian optimization of machine learning algorithms*, NIPS
 /// 2012; whole numbers after Garrido-Merchan, Hernandez-Lobato, *Dealing with categorical and integer-valued
