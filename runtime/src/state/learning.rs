@@ -103,7 +103,8 @@ counted_buffer! {
     /// use motorium::state::ActionChunk;
     ///
     /// // two actions for two joints, 20 ms apart
-    /// let mut chunk = ActionChunk { width: 2, period: 20_000_000, ..ActionChunk::default() };
+    /// let mut chunk = ActionChunk::default();
+    /// (chunk.width, chunk.period) = (2, 20_000_000);
     /// chunk.set_count(4);
     /// chunk.value_mut().copy_from_slice(&[0.1, 0.2, 0.3, 0.4]);
     /// assert_eq!(chunk.value().chunks_exact(2).nth(1), Some(&[0.3, 0.4][..]));
