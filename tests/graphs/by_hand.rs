@@ -83,7 +83,7 @@ fn a_graph_that_comes_with_the_program_runs_from_any_folder() {
         assert_eq!(output.status.code(), Some(0), "{errors}");
         let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
         assert_eq!(report["graph"], graph);
-        assert_eq!(errors.contains("takes its place"), arguments.is_empty(), "{errors}");
+        assert_eq!(errors.contains("using the built-in example"), arguments.is_empty(), "{errors}");
     }
     assert_eq!(command(&["run", "--example", "no-such"]).status.code(), Some(2));
 }

@@ -8,7 +8,8 @@
 //! let first: f64 = counter.stream(Purpose::Action).random();
 //! let second: f64 = counter.stream(Purpose::Action).random();
 //! assert_eq!(first, second);
-//! assert_ne!(first, Counter { step: 18, ..counter }.stream(Purpose::Action).random());
+//! let other: f64 = Counter { step: 18, ..counter }.stream(Purpose::Action).random();
+//! assert_ne!(first, other);
 //! ```
 
 use core::hash::Hasher as _;
