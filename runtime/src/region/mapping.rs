@@ -103,7 +103,7 @@ pub struct Region {
 }
 
 /// A digest of the layout of all parts of a control block: programs that share one have the same.
-pub(crate) fn layout_digest() -> String {
+pub fn layout_digest() -> String {
     let mut digest = crate::state::Digest::default();
     digest.write_u64(MAGIC);
     for size in [

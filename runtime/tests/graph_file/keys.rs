@@ -98,7 +98,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
 /// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`,
 /// `world`, `activate` (there are no events in lockstep), `robots`, those of episodes (the kinds of this test
 /// cannot be reset), and those by which files are laid over one another.
-const TABLES: [&str; 21] = [
+const TABLES: [&str; 23] = [
     "Component.activate",
     "Activate.on",
     "Activate.min_interval",
@@ -108,6 +108,8 @@ const TABLES: [&str; 21] = [
     "Episodes.count",
     "Episodes.vary_seed",
     "Component.ends_episode",
+    "Component.begins_episodes",
+    "Component.safety",
     "Graph.extends",
     "Graph.remove",
     "Safety.emergency_stop",

@@ -48,6 +48,7 @@ fn declaration(ports: &[&str]) -> String {
         .collect();
     serde_json::json!({
         "motorium": VERSION,
+        "memory": motorium::region::layout_digest(),
         "declaration": { "ports": ports, "parameters": [], "actuator": false },
     })
     .to_string()
@@ -103,6 +104,7 @@ fn a_program_that_never_reads_its_request_is_heard_all_the_same() {
 fn a_configuration_it_refuses_is_shown_in_the_file() {
     let answer = serde_json::json!({
         "motorium": VERSION,
+        "memory": motorium::region::layout_digest(),
         "error": { "key": "gain", "message": "is 2, expected at most 1", "advice": "try 0.5" },
     });
     insta::assert_snapshot!("exec__config-refused", check(&format!("echo '{answer}'")).expect_err("refused"));
