@@ -26,8 +26,7 @@ pub use events::{EVENT_TEXT_BYTES, EventKind, EventLog, EventReader, EventRecord
 pub(crate) use events::{Ring, RingFound};
 pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refusal, Refused};
 pub use header::{Command, EpisodeStart, Header, Phase};
-pub use mapping::layout_digest;
-pub use mapping::{Region, RegionError};
+pub use mapping::{Region, RegionError, layout_digest};
 pub use trace::TraceEvent;
 pub use trace_ends::TraceReader;
 pub(crate) use trace_ends::TraceWriter;
