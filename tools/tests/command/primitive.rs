@@ -207,7 +207,10 @@ fn kernelised_and_polynomial_primitives_round_trip() {
     ] {
         let output = run(&[&["primitive", "fit", text(&shown[0])], options].concat());
         let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(!output.status.success() && errors.contains(&format!("{refused} says nothing")), "{errors}");
+        assert!(
+            !output.status.success() && errors.contains(&format!("{refused} has no effect on this fit")),
+            "{errors}"
+        );
     }
     let output = run(&["primitive", "replay", text(&model), "--goal", "1,2"]);
     let errors = String::from_utf8_lossy(&output.stderr);

@@ -163,7 +163,7 @@ fn a_constraint_task_is_kept_by_velocities_and_torques() {
     }
     refused(
         "{ tasks = [{ constraint = { task = { limit = { frames = [{ max_linear = 1.0 }] } } } }] }",
-        &["tasks[0].constraint.task", "`limit` is no task"],
+        &["tasks[0].constraint.task", "`limit` is not a task that can hold exactly"],
     );
     refused(
         "{ tasks = [{ constraint = { task = { cartesian = { gain = -1.0 } } } }] }",
