@@ -235,7 +235,7 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
         one(hasty),
         (
             Some("goals[0].duration".into()),
-            "goal 0 is to be reached in 0.000001 s, expected at least 0.001 s".into()
+            "goal 0 has a duration of 0.000001 s, expected at least 0.001 s".into()
         )
     );
     let quaternion =

@@ -226,7 +226,7 @@ fn invalid_sequence_is_rejected_with_its_segment() {
     let fine = segment(home(), 1000, 0, PathShape::Straight);
     let hasty = segment(home(), 0, 0, PathShape::Straight);
     let error = refuse(vec![fine.clone(), hasty]).to_string();
-    assert_eq!(error, "goal 1 is to be reached in 0 s, expected at least 0.001 s");
+    assert_eq!(error, "goal 1 has a duration of 0 s, expected at least 0.001 s");
     let nowhere = segment(pose([0.0, f64::INFINITY, 0.0], [0.0; 3]), 1000, 0, PathShape::Straight);
     assert_eq!(refuse(vec![nowhere]), ReachError::Goal { segment: 0 });
     let classic = DmpModel::new(3, Settings { variant: Variant::Classic, ..Settings::default() }).unwrap();
