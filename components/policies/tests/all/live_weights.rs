@@ -219,46 +219,6 @@ fn weights_for_episodes_wait_for_the_next_one_and_stay() {
 }
 
 #[test]
-fn weights_are_taken_at_an_episode_of_real_time() {
-    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds());
-    let text = graph("take_weights = \"episode\"")
-        .replace("clock = \"lockstep\"", "clock = \"realtime\"")
-        .replace("rate = \"1 kHz\"", "rate = \"500 Hz\"\nschedule = \"normal\"")
-        .replace("trigger = \"target\"", "trigger = \"target\"\nschedule = \"normal\"");
-    let checked = graph::check(Path::new("weights.toml"), text, &[], &registry, &Machine::detect());
-    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
-    let options = Options::threads().leaving_signals().standing_in_for("learner");
-    let mut session = Session::launch(plan, &registry, &options).unwrap();
-    let newest = |session: &mut Session<'_>, episode: u64| loop {
-        session.step_until(session.time() + Duration::from_millis(2)).unwrap();
-        let read = session.read::<PoseTarget>("target").unwrap();
-        if let Some(read) = read.filter(|read| read.stamp.episode == episode) {
-            break read.value;
-        }
-    };
-    let target = loop {
-        let target = newest(&mut session, 0);
-        if target.position[0] > 0.2 {
-            break target;
-        }
-    };
-    assert_eq!((target.position[1], target.goal), (0.0, 1));
-    session.publish("weights", &*weights(1, 30.0)).unwrap();
-    session.begin_episode(2).unwrap();
-    let first = newest(&mut session, 1);
-    assert!(first.position[0] > 0.2, "it sets out from where it is, not from the start: {first:?}");
-    assert_eq!(first.goal, 2, "the first goal again");
-    let mut y = Vec::new();
-    while session.time() < Duration::from_millis(1200) {
-        y.push(newest(&mut session, 1).position[1]);
-    }
-    assert!(widest(&y) > 1e-4, "with the weights: {}", widest(&y));
-    let report = session.stop();
-    assert_eq!(report.results["policy"]["weights"]["taken"], 1);
-    assert_eq!(report.episodes.len(), 2);
-}
-
-#[test]
 fn a_shape_of_weights_says_how_many_kernels_or_names_a_file() {
     let refuse = |shape: serde_json::Value| {
         let goal = json!({ "position": [0.1, 0.0, 0.0], "duration": "1 s", "shape": { "weights": shape } });
