@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn gait_for_another_leg_count_is_rejected_with_alternatives() {
         let error = Gait::Tripod.phases(4).unwrap_err().to_string();
-        assert_eq!(error, "4 legs have no tripod gait: take walk, trot, pace or bound");
+        assert_eq!(error, "4 legs have no tripod gait: use walk, trot, pace or bound");
         assert!(Gait::Walk.phases(5).unwrap_err().to_string().contains("two, four and six"));
     }
 
