@@ -149,6 +149,6 @@ mod tests {
     #[test]
     fn unknown_oscillator_is_rejected_by_index() {
         let error = consistent_phases(2, &[lag(0, 5, 1.0)]).unwrap_err().to_string();
-        assert_eq!(error, "a lag of oscillator 5: there are 2, counted from 0");
+        assert_eq!(error, "lag of oscillator 5: out of range, expected an index below 2");
     }
 }

@@ -173,6 +173,6 @@ mod tests {
         assert_eq!(via("0.5:0.1,-2:0.01"), Ok(ViaPoint { deviation: 0.01, ..expected }));
         assert_eq!(via("1.5:1").unwrap_err(), "a phase of 1.5, expected from 0 to 1");
         assert!(via("0.5").unwrap_err().contains("a colon"));
-        assert!(via("0.5:a").unwrap_err().contains("`a` is no number"));
+        assert!(via("0.5:a").unwrap_err().contains("`a` is not a number"));
     }
 }
