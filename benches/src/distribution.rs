@@ -33,7 +33,7 @@ pub struct Distribution {
 
 impl Distribution {
     /// The distribution of single samples; percentiles are exact.
-    pub fn of(mut samples: Vec<u64>) -> Self {
+    pub fn from_samples(mut samples: Vec<u64>) -> Self {
         samples.sort_unstable();
         let rank =
             |share: f64| samples.get(rank(share, samples.len() as u64) as usize - 1).copied().unwrap_or(0);
@@ -130,7 +130,7 @@ mod tests {
     fn percentiles_of_samples_are_exact_and_the_maximum_stays() {
         let mut samples: Vec<u64> = (1..=100_000).rev().collect();
         samples[17] = 9_000_000;
-        let seen = Distribution::of(samples);
+        let seen = Distribution::from_samples(samples);
         assert_eq!((seen.p50, seen.p99, seen.p99_9, seen.max), (50_000, 99_000, 99_900, 9_000_000));
         assert_eq!(seen.count, 100_000);
     }
@@ -138,7 +138,7 @@ mod tests {
     #[test]
     fn buckets_count_every_sample() {
         let samples = vec![5, 5, 70, 1_000, 16_383, 16_384, 1_000_000, u64::MAX];
-        let seen = Distribution::of(samples.clone());
+        let seen = Distribution::from_samples(samples.clone());
         assert_eq!(seen.buckets.iter().map(|(_, count)| count).sum::<u64>(), 8);
         for sample in samples {
             let (bound, _) = seen.buckets.iter().find(|(bound, _)| *bound >= sample).unwrap();
@@ -152,7 +152,7 @@ mod tests {
         // Three distributions: uniform, over many decades, and constant.
         let spreads: [fn(u64) -> u64; 3] = [|n| 200 + n, |n| 900 + n * n * n / 7_000, |_| 55_555];
         for spread in spreads {
-            let seen = Distribution::of((1..=10_007).map(spread).collect());
+            let seen = Distribution::from_samples((1..=10_007).map(spread).collect());
             for (share, stored) in [(0.5, seen.p50), (0.99, seen.p99), (0.999, seen.p99_9), (1.0, seen.max)] {
                 let again = seen.quantile(share);
                 assert!(again >= stored && again - stored <= stored / 8_192, "{share}: {again} for {stored}");
@@ -183,12 +183,12 @@ mod tests {
 
     #[test]
     fn nothing_measured_is_all_zero_and_no_fault() {
-        assert_eq!(Distribution::of(Vec::new()), Distribution::default());
+        assert_eq!(Distribution::from_samples(Vec::new()), Distribution::default());
     }
 
     #[test]
     fn the_curve_ends_with_all_samples_at_the_maximum() {
-        let seen = Distribution::of((1..=1_000).collect());
+        let seen = Distribution::from_samples((1..=1_000).collect());
         assert_eq!(seen.curve().last(), Some(&(1.0, 1_000)));
     }
 }

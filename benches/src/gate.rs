@@ -176,7 +176,7 @@ impl Component for Actuator {
 
     /// The time of each step that followed a command.
     fn result(&self) -> Option<serde_json::Value> {
-        let took = Distribution::of(self.took_ns.clone());
+        let took = Distribution::from_samples(self.took_ns.clone());
         (took.count > 0).then(|| serde_json::json!({ "step_ns": took }))
     }
 }

@@ -25,7 +25,7 @@ fn the_effort_follows_a_step_as_a_first_order_lag() {
 }
 
 #[test]
-fn a_step_far_longer_than_the_lag_neither_overshoots_nor_swings() {
+fn a_long_step_neither_overshoots_nor_oscillates() {
     let mut lagging = actuator(ActuatorSettings { lag: 1e-4, ..ActuatorSettings::default() }, 10.0);
     let mut before = 0.0;
     for _ in 0..20 {

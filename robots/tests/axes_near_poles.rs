@@ -145,7 +145,7 @@ struct Placed {
     ancestors: Vec<usize>,
 }
 
-fn place(parts: &[Part]) -> Vec<Placed> {
+fn place_parts(parts: &[Part]) -> Vec<Placed> {
     let mut links: Vec<Placed> = Vec::new();
     for (index, part) in parts.iter().enumerate() {
         let (rotation, position, mut ancestors) = match part.parent.checked_sub(1) {
@@ -203,7 +203,7 @@ proptest! {
         const BOUND: f64 = 1e-13;
         let model = parse_urdf(&urdf(&parts), None, MimicMode::Follow, &PackagePath::default()).unwrap().model;
         let n = parts.len();
-        let links = place(&parts);
+        let links = place_parts(&parts);
         // Our columns follow the tree, theirs the file.
         let column = |part: usize| model.joint_index(&format!("j{}", part + 1)).unwrap();
         let arrange = |theirs: DMatrix<f64>| {
@@ -260,7 +260,7 @@ fn trees_with_axes_near_every_pole_match_pinocchio() {
         let base = if tree["floating_base"] == true { BaseMode::Floating } else { BaseMode::Fixed };
         let options = LoadOptions { base, ..LoadOptions::default() };
         let model: Model = parse_urdf_with(tree["urdf"].as_str().unwrap(), None, &options).unwrap().model;
-        let errors = Golden::of(tree.clone()).compare(&model);
+        let errors = Golden::from_document(tree.clone()).compare(&model);
         println!("{}: {}", model.name(), errors.summary());
         assert!(errors.0.len() >= 30, "{}", errors.summary());
         // Pinocchio takes an axis within 1e-12 of a pole for the pole itself: nearer it cannot judge.

@@ -195,7 +195,7 @@ fn stiff_teeth_and_long_steps_stay_stable() {
 }
 
 #[test]
-fn a_drivetrain_without_inertia_or_stiffness_is_refused_by_name() {
+fn an_invalid_drivetrain_is_refused_by_name() {
     let refused = |change: fn(&mut Drivetrain)| {
         let mut drivetrain = GEAR;
         change(&mut drivetrain);

@@ -15,7 +15,7 @@ fn configuration(model: &Model, seed: f64) -> Vec<f64> {
     q
 }
 
-fn at(model: &Model, q: &[f64], frame: FrameId, rows: TaskRows) -> f64 {
+fn manipulability_at(model: &Model, q: &[f64], frame: FrameId, rows: TaskRows) -> f64 {
     let mut kinematics = Kinematics::new(model);
     kinematics.update(model, q);
     kinematics.manipulability(model, frame, rows)
@@ -93,7 +93,8 @@ fn the_slope_is_that_of_the_measure() {
                     step[column] = sign * h;
                     model.integrate(&q, &step, moved);
                 }
-                let rise = at(&model, &moved[0], frame, rows) - at(&model, &moved[1], frame, rows);
+                let rise = manipulability_at(&model, &moved[0], frame, rows)
+                    - manipulability_at(&model, &moved[1], frame, rows);
                 assert_relative_eq!(slope[column], rise / (2.0 * h), epsilon = 1e-7);
             }
             // From the Jacobian itself, base columns left out.

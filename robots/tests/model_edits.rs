@@ -153,7 +153,7 @@ fn a_tool_attached_is_a_tool_in_the_file() {
 }
 
 #[test]
-fn a_payload_weighs_on_the_joints_as_a_force_at_its_centre_does() {
+fn a_payload_loads_the_joints_as_a_force_does() {
     let arm = panda(BaseMode::AsFile);
     let hand = arm.frame("panda_hand_tcp").unwrap();
     let payload =

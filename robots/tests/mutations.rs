@@ -57,7 +57,7 @@ fn texts() -> Vec<String> {
 }
 
 /// Bounds of the tokens of a text: names, values of attributes, single characters of the rest.
-fn words(text: &str) -> Vec<std::ops::Range<usize>> {
+fn tokens(text: &str) -> Vec<std::ops::Range<usize>> {
     let mut words: Vec<std::ops::Range<usize>> = Vec::new();
     let mut inside = false;
     for (at, letter) in text.char_indices() {
@@ -75,7 +75,7 @@ fn words(text: &str) -> Vec<std::ops::Range<usize>> {
 /// A text with some of its words replaced, removed, repeated or exchanged.
 fn damaged(mut text: String, damages: &[(u8, prop::sample::Index, prop::sample::Index)]) -> String {
     for (kind, first, second) in damages {
-        let words = words(&text);
+        let words = tokens(&text);
         if words.is_empty() {
             break;
         }

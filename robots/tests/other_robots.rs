@@ -101,7 +101,7 @@ fn tiago_with_its_impossible_inertias_agrees_with_pinocchio() {
 }
 
 #[test]
-fn every_robot_of_the_package_loads_or_is_refused_with_its_line() {
+fn every_package_robot_loads_or_is_refused_by_line() {
     let Some(robots) = robots() else { return };
     let mut files = Vec::new();
     find_urdfs(&robots, &mut files);

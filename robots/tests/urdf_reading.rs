@@ -263,7 +263,7 @@ fn sizes_as_of_millimetres_are_doubted() {
     let far = warnings(&robot(&good, "0 0 300"));
     assert_eq!(far, [doubt("distance from its parent of 300.0 m", "c")]);
     let all = read(&robot(&inertial(1.2, [1200.0, 9000.0, 9000.0]), "0 0 300")).warnings;
-    let [told] = &ModelWarning::told(&all)[..] else { panic!("{all:?}") };
+    let [told] = &ModelWarning::summarise(&all)[..] else { panic!("{all:?}") };
     assert!(told.starts_with("links \"b\", \"c\": lengths of more than 20 m"), "{told}");
 }
 

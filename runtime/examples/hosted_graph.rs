@@ -14,7 +14,7 @@ use motorium::testing::{Graph, Instance, Probe, RunError, Sample, Source};
 
 /// Runs the filter on a step of 1 rad/s for 50 ms of simulated time, with a time constant of 10 ms.
 pub(crate) fn step_response() -> Result<Vec<Sample<JointState>>, RunError> {
-    let filtered = Probe::<JointState>::of("filtered");
+    let filtered = Probe::<JointState>::for_topic("filtered");
     Graph::new("low-pass")
         .with(Source::new("robot", "state", |_| {
             let mut state = JointState::default();

@@ -74,7 +74,7 @@ pub(crate) trait Atomics: Debug + 'static {
     type U64: Word<u64>;
 
     /// Memory ordering at a site; `strong` unless a model weakens it.
-    fn at(site: Site, strong: Ordering) -> Ordering;
+    fn ordering(site: Site, strong: Ordering) -> Ordering;
 
     /// A sequentially consistent fence.
     fn fence(site: Site);
@@ -92,7 +92,7 @@ pub(crate) trait Atomics: Debug + 'static {
     /// Stores with release ordering at `site`, followed by the fence at `fence`.
     #[inline(always)]
     fn store_fenced(word: &Self::U32, value: u32, site: Site, fence: Site) {
-        word.store(value, Self::at(site, Release));
+        word.store(value, Self::ordering(site, Release));
         Self::fence(fence);
     }
 }
@@ -148,7 +148,7 @@ impl Atomics for Native {
     type U64 = core::sync::atomic::AtomicU64;
 
     #[inline(always)]
-    fn at(_: Site, strong: Ordering) -> Ordering {
+    fn ordering(_: Site, strong: Ordering) -> Ordering {
         strong
     }
 

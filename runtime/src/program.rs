@@ -97,7 +97,7 @@ pub fn host(kinds: &[Kind]) -> ExitCode {
 
 /// Answers a request for the kinds that the program hosts: JSON on standard output.
 pub fn list(kinds: &[Kind]) -> ExitCode {
-    let mut kinds: Vec<KindAnswer> = kinds.iter().map(KindAnswer::of).collect();
+    let mut kinds: Vec<KindAnswer> = kinds.iter().map(KindAnswer::from_kind).collect();
     kinds.sort_by(|one, other| one.name.cmp(&other.name));
     let motorium = env!("CARGO_PKG_VERSION").to_string();
     print(&KindsAnswer { motorium, memory: crate::region::layout_digest(), kinds })

@@ -55,7 +55,7 @@ fn let_go(desk: &Value) -> usize {
 }
 
 #[test]
-fn the_arm_is_moved_through_the_driver_of_the_kernel_on_a_simulated_adapter() {
+fn the_arm_moves_through_the_kernel_driver() {
     let Some((arm, desk)) = both("slcan") else { return };
     let adapter = &arm["adapter"];
     row("slcan").expect("it was run").assert_steady(adapter);
@@ -68,7 +68,7 @@ fn the_arm_is_moved_through_the_driver_of_the_kernel_on_a_simulated_adapter() {
 }
 
 #[test]
-fn a_queue_of_the_kernel_that_is_full_refuses_frames_and_keeps_none_of_them_for_later() {
+fn a_full_kernel_queue_refuses_frames() {
     let Some((arm, desk)) = both("slcan_alone") else { return };
     let (adapter, bus) = (&arm["adapter"], &arm["adapter"]["buses"]["can0"]);
     assert!(number(&bus["queue_full"]) >= 1 && number(&bus["unsent"]) >= 8, "{bus}");
@@ -78,7 +78,7 @@ fn a_queue_of_the_kernel_that_is_full_refuses_frames_and_keeps_none_of_them_for_
 }
 
 #[test]
-fn a_controller_of_the_kernel_that_is_error_passive_is_told_and_the_arm_goes_on() {
+fn an_error_passive_controller_is_reported() {
     let Some((arm, _)) = both("slcan_passive") else { return };
     let bus = &arm["adapter"]["buses"]["can0"];
     assert_eq!(
@@ -90,7 +90,7 @@ fn a_controller_of_the_kernel_that_is_error_passive_is_told_and_the_arm_goes_on(
 }
 
 #[test]
-fn a_controller_of_the_kernel_that_leaves_the_bus_trips_and_comes_back_when_its_link_is_set_up() {
+fn a_kernel_controller_leaves_and_rejoins_the_bus() {
     let Some((arm, desk)) = both("slcan_bus_off") else { return };
     let bus = &arm["adapter"]["buses"]["can0"];
     assert!(number(&bus["bus_off"]) >= 1, "{bus}");

@@ -25,7 +25,7 @@ fn awaited(text: &str, is_running: bool) -> bool {
 }
 
 #[test]
-fn the_machine_ends_with_a_program_that_is_killed_while_it_waits_for_it() {
+fn the_machine_ends_with_a_killed_program() {
     if super::machine().is_none() {
         eprintln!("NOT RUN: the end of a virtual machine needs one");
         return;

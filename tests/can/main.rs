@@ -25,7 +25,7 @@ fn the_machine_runs_all_rows_to_their_end() {
 }
 
 #[test]
-fn twelve_joints_at_1_khz_lose_no_reply_on_two_buses_of_a_real_kernel() {
+fn twelve_joints_at_1_khz_lose_no_reply_in_the_kernel() {
     let Some(row) = row("twelve") else { return };
     let (report, results) = (row.report(), row.results());
     let adapter = &results["adapter"];
@@ -71,7 +71,7 @@ fn a_silent_node_is_lost_in_its_third_cycle() {
 }
 
 #[test]
-fn late_replies_are_counted_as_late_and_their_cycles_as_missing() {
+fn late_replies_count_as_late_and_missing() {
     let Some(row) = row("late") else { return };
     let adapter = &row.results()["adapter"];
     let joint = &adapter["joints"]["panda_joint4"];
@@ -90,7 +90,7 @@ fn a_duplicate_answer_is_counted_and_trips_nothing() {
 }
 
 #[test]
-fn answers_of_a_second_drive_with_the_same_number_are_counted_and_not_taken() {
+fn answers_of_a_duplicate_drive_are_ignored() {
     let Some(row) = row("twice") else { return };
     let adapter = &row.results()["adapter"];
     let joint = &adapter["joints"]["panda_joint2"];
@@ -104,7 +104,7 @@ fn answers_of_a_second_drive_with_the_same_number_are_counted_and_not_taken() {
 }
 
 #[test]
-fn answers_of_a_wrong_length_and_corrupt_ones_are_refused_and_never_become_a_state() {
+fn malformed_and_corrupt_answers_are_refused() {
     let Some(row) = row("refused") else { return };
     let adapter = &row.results()["adapter"];
     // three of each
@@ -125,7 +125,7 @@ fn a_drive_that_lost_its_power_stays_disabled() {
 }
 
 #[test]
-fn one_resume_releases_an_adapter_that_has_tripped_and_the_arm_follows_again() {
+fn one_resume_releases_a_tripped_adapter() {
     let Some(row) = row("resumed") else { return };
     let results = row.results();
     let adapter = &results["adapter"];
@@ -191,7 +191,7 @@ fn after_bus_off_every_drive_has_let_go_and_stays_so() {
 }
 
 #[test]
-fn frames_that_nobody_acknowledges_are_told_with_the_likely_causes() {
+fn unacknowledged_frames_are_reported() {
     let Some(row) = row("unacknowledged") else { return };
     let bus = &row.results()["adapter"]["buses"]["can0"];
     assert_eq!(number(&bus["unacknowledged"]), 1, "{bus}");
@@ -210,7 +210,7 @@ fn a_link_that_goes_down_trips_and_is_used_again_when_it_is_up() {
 }
 
 #[test]
-fn an_interface_that_is_pulled_and_plugged_in_again_is_found_again() {
+fn an_interface_plugged_in_again_is_found() {
     let Some(row) = row("gone") else { return };
     let results = row.results();
     let bus = &results["adapter"]["buses"]["can0"];
@@ -236,7 +236,7 @@ fn an_interface_that_is_not_there_is_named_with_the_next_step() {
 }
 
 #[test]
-fn when_the_adapter_is_killed_or_hangs_every_drive_lets_go_by_its_own_watchdog() {
+fn drives_release_when_the_adapter_is_killed_or_hangs() {
     for name in ["adapter_killed", "adapter_hung"] {
         let Some(row) = row(name) else { return };
         let results = row.results();
@@ -249,7 +249,7 @@ fn when_the_adapter_is_killed_or_hangs_every_drive_lets_go_by_its_own_watchdog()
 }
 
 #[test]
-fn when_the_controller_is_killed_or_stopped_the_adapter_holds_the_robot_in_its_safe_state() {
+fn a_lost_controller_leads_to_the_safe_state() {
     for name in ["controller_killed", "controller_stopped"] {
         let Some(row) = row(name) else { return };
         let results = row.results();
@@ -260,7 +260,7 @@ fn when_the_controller_is_killed_or_stopped_the_adapter_holds_the_robot_in_its_s
 }
 
 #[test]
-fn when_the_launcher_is_killed_nothing_goes_over_the_bus_any_more() {
+fn nothing_is_sent_after_the_launcher_is_killed() {
     let Some(row) = row("launcher_killed") else { return };
     // the log after two seconds is empty, and so is the list of processes
     assert_eq!((row.code, row.errors.split_whitespace().collect::<Vec<_>>()), (1, vec!["0", "0"]), "{row:?}");
@@ -268,7 +268,7 @@ fn when_the_launcher_is_killed_nothing_goes_over_the_bus_any_more() {
 }
 
 #[test]
-fn a_bus_that_the_cycle_does_not_fit_on_is_refused_with_its_arithmetic() {
+fn an_overloaded_bus_is_refused_with_its_arithmetic() {
     let Some(row) = row("saturated") else { return };
     assert_eq!(row.code, 3, "{row:?}");
     assert!(row.errors.contains("8 drives do not fit on bus `can0`"), "{row:?}");

@@ -10,7 +10,7 @@ pub(crate) fn kills() -> u64 {
 }
 
 #[test]
-fn each_time_the_adapter_is_killed_or_hangs_every_drive_lets_go_and_follows_again_once_it_is_back() {
+fn drives_follow_again_after_each_adapter_restart() {
     for name in ["adapter_kill_often", "adapter_stop_often"] {
         let Some(row) = row(name) else { return };
         let results = row.results();

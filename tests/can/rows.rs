@@ -239,7 +239,7 @@ pub(crate) fn drives(results: &Value, is: impl Fn(&Value) -> bool) -> usize {
 }
 
 #[test]
-fn what_a_machine_prints_is_read_with_the_leaps_of_its_clock_in_each_row() {
+fn machine_output_is_read_with_clock_leaps() {
     let text = "=== one 0\nreport\n--- errors\nsaid\n--- times\n1.00 0.50 1.40 2.00 0.70\n\
                 === two 3\n--- errors\n--- times\n2.00 0.70 2.10 3.00 1.50\n=== cut 0\nrep\n\
                 === socket_leaps 0\n1.50 98.1 100\n1.70 20.0 0\n2.50 7.0 10\n--- errors\n--- times\n3.0 1.5 3.0 3.0 1.5\n";

@@ -24,7 +24,7 @@ fn table() -> String {
 }
 
 #[test]
-fn drives_of_can_fd_are_found_on_an_interface_of_the_kernel_and_none_is_enabled() {
+fn can_fd_drives_are_found_and_not_enabled() {
     let (Some(found), Some(desk)) = (row("scan_fd"), row("scanned_desk")) else { return };
     let report = found.report();
     let devices: Vec<_> = report["devices"].as_array().expect("devices").iter().collect();
@@ -36,7 +36,7 @@ fn drives_of_can_fd_are_found_on_an_interface_of_the_kernel_and_none_is_enabled(
 }
 
 #[test]
-fn no_frame_of_can_fd_is_sent_on_an_interface_with_a_drive_that_sends_classic_frames() {
+fn can_fd_frames_avoid_interfaces_with_classic_drives() {
     let Some(found) = row("scan_classic") else { return };
     let report = found.report();
     assert_eq!(report["fd_search"]["outcome"], "classic", "{report}");
@@ -44,7 +44,7 @@ fn no_frame_of_can_fd_is_sent_on_an_interface_with_a_drive_that_sends_classic_fr
 }
 
 #[test]
-fn an_interface_of_the_kernel_that_carries_no_can_fd_is_refused_with_the_next_step() {
+fn an_interface_without_can_fd_is_refused() {
     let Some(refused) = row("scan_no_fd") else { return };
     assert_eq!(refused.code, 1, "{refused:?}");
     let said = format!("{} {}", refused.text, refused.errors);

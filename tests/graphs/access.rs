@@ -265,7 +265,7 @@ fn a_graph_runs_in_a_user_namespace_of_its_own() {
 }
 
 #[test]
-fn a_run_of_another_user_on_the_same_core_is_told_as_far_as_the_kernel_tells_it() {
+fn a_run_of_another_user_is_reported() {
     let _machine = machine();
     if !is_root() || !others_can_start() {
         return eprintln!("skipped: needs root, and a program that other users can start");

@@ -74,7 +74,7 @@ fn watched_reach(measure_from: u64) -> (tempfile::TempDir, PathBuf) {
 }
 
 #[test]
-fn after_an_outage_of_its_controller_the_arm_comes_back_within_its_limits() {
+fn the_arm_comes_back_within_limits_after_an_outage() {
     let _machine = machine();
     for away_ms in [500, 3_000] {
         // The recovery is measured, from shortly before the controller continues.
@@ -99,7 +99,7 @@ fn after_an_outage_of_its_controller_the_arm_comes_back_within_its_limits() {
 }
 
 #[test]
-fn when_the_whole_machine_or_its_actuator_stands_still_for_a_moment_the_arm_goes_on_within_its_limits() {
+fn the_arm_survives_a_pause_of_machine_or_actuator() {
     let _machine = machine();
     let (_folder, graph) = watched_reach(1_000);
     let run = Run::start(&graph, &["--for", "8 s", "--set", "realtime.hang_after=10 s"]);
@@ -123,7 +123,7 @@ fn when_the_whole_machine_or_its_actuator_stands_still_for_a_moment_the_arm_goes
 }
 
 #[test]
-fn while_the_goal_moves_the_arm_follows_again_in_a_stated_time_within_its_limits() {
+fn the_arm_follows_a_moving_goal_within_limits() {
     let _machine = machine();
     for (away, within) in [(60, 1_500), (500, 2_500), (3_000, 3_500)] {
         // The controller no longer sees the joints: it commands nothing, and starts again from where the arm
@@ -185,7 +185,7 @@ config = {{ {config} }}
 }
 
 #[test]
-fn finite_nonsense_moves_no_joint_beyond_its_velocity_limit_and_is_counted_by_joint() {
+fn finite_nonsense_keeps_velocity_limits_and_is_counted() {
     for (nonsense, limit) in [
         ("far_position", LimitKind::Position),
         ("jumping_position", LimitKind::PositionRate),
@@ -212,7 +212,7 @@ fn finite_nonsense_moves_no_joint_beyond_its_velocity_limit_and_is_counted_by_jo
 }
 
 #[test]
-fn what_is_no_command_is_refused_by_reason_and_the_gate_never_says_it_follows() {
+fn invalid_commands_are_refused_and_never_followed() {
     for (nonsense, reason) in [("wrong_count", Refusal::Count), ("negative_gain", Refusal::NegativeGain)] {
         let config = format!("nonsense = \"{nonsense}\", from = 300");
         let (_folder, graph) = rogue(&config, Path::new(ROGUE), "");
@@ -237,7 +237,7 @@ fn what_is_no_command_is_refused_by_reason_and_the_gate_never_says_it_follows() 
 }
 
 #[test]
-fn under_refuse_a_command_beyond_a_limit_puts_the_robot_into_its_safe_state() {
+fn refused_commands_beyond_a_limit_lead_to_the_safe_state() {
     let config = "nonsense = \"far_position\", from = 300, until = 600";
     let (_folder, graph) = rogue(config, Path::new(ROGUE), "limits = \"refuse\"");
     let ended = run(&graph, &["--for", "2 s", "--clock", "lockstep"]);
@@ -282,7 +282,7 @@ stop_together = true
 }
 
 #[test]
-fn a_robot_whose_commands_are_refused_now_and_then_does_not_make_the_other_flap() {
+fn one_flapping_robot_does_not_disturb_the_other() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = "nonsense = \"far_position\", from = 500, until = 1500, every = 50";
     let graph = two_robots(folder.path(), config);
@@ -299,7 +299,7 @@ fn a_robot_whose_commands_are_refused_now_and_then_does_not_make_the_other_flap(
 }
 
 #[test]
-fn commands_stamped_by_a_clock_ten_seconds_ahead_are_never_applied() {
+fn commands_from_a_clock_ahead_are_never_applied() {
     let _machine = machine();
     let ahead = ["--time", "--monotonic", "10"];
     let works = Command::new("unshare").args(ahead).arg("true").status().is_ok_and(|status| status.success());

@@ -123,7 +123,7 @@ fn rounds(endings: &[&str]) {
 }
 
 #[test]
-fn damaged_records_of_iceoryx2_crash_neither_launcher_nor_actuator() {
+fn damaged_iceoryx2_records_crash_nothing() {
     rounds(&[".dynamic"]);
 }
 

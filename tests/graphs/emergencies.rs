@@ -60,7 +60,7 @@ fn follow(run: &Run, feeder: &UdpSocket) {
 }
 
 #[test]
-fn nothing_moves_before_the_feeder_is_heard_and_silence_latches() {
+fn nothing_moves_before_the_feeder_and_silence_latches() {
     let _machine = machine();
     let (_folder, graph, feeder) = graph();
     let run = start(&graph);

@@ -27,7 +27,7 @@ fn kinds(events: &[LoggedEvent]) -> Vec<EventKind> {
     events.iter().map(|event| event.kind).collect()
 }
 
-fn of(events: &[LoggedEvent], kind: EventKind) -> &LoggedEvent {
+fn event_of_kind(events: &[LoggedEvent], kind: EventKind) -> &LoggedEvent {
     events.iter().find(|event| event.kind == kind).unwrap_or_else(|| panic!("{kind:?} in {events:#?}"))
 }
 
@@ -49,10 +49,10 @@ fn a_failure_and_its_restart_are_in_the_event_log() {
     let shown = events(&id, &[]);
     assert_eq!(kinds(&shown)[..2], [EventKind::Created, EventKind::Started]);
     assert!(shown[0].time_s < 0.0, "before the first step: {:?}", shown[0]);
-    let failed = of(&shown, EventKind::Failed);
+    let failed = event_of_kind(&shown, EventKind::Failed);
     assert_eq!((failed.severity, failed.component.as_deref()), (EventSeverity::Error, Some("controller")));
     assert!(failed.text.contains("SIGKILL") && failed.text.contains("restarting"), "{}", failed.text);
-    let restarted = of(&shown, EventKind::Restarted);
+    let restarted = event_of_kind(&shown, EventKind::Restarted);
     assert!(restarted.time_s > failed.time_s && restarted.value > 0.0, "{restarted:?}");
     // Two more ways to ask for the same.
     let of_controller = events(&id, &["--component", "controller", "--severity", "error"]);
@@ -69,7 +69,7 @@ fn a_failure_and_its_restart_are_in_the_event_log() {
     let report = ended.report();
     assert_eq!(report.events_left_out, 0);
     assert!(report.events.iter().any(|event| event == failed), "{:#?}", report.events);
-    assert_eq!(of(&report.events, EventKind::Ending).text, "the run ends: a signal asked for it");
+    assert_eq!(event_of_kind(&report.events, EventKind::Ending).text, "the run ends: a signal asked for it");
     assert!(report.events.is_sorted_by(|a, b| a.time_s <= b.time_s), "{:#?}", report.events);
 }
 
@@ -92,7 +92,7 @@ fn entering_and_leaving_the_safe_state_is_in_the_log() {
     signal(controller, Signal::CONT);
     await_changes(before + 2);
     let shown = events(&id, &["--component", "physics"]);
-    let entered = of(&shown, EventKind::EnteredSafeState);
+    let entered = event_of_kind(&shown, EventKind::EnteredSafeState);
     assert_eq!(entered.severity, EventSeverity::Warning);
     assert_eq!(entered.text, "`physics` entered its safe state: its commands are stale");
     signal(run.launcher(), Signal::INT);
@@ -111,9 +111,9 @@ fn followers_read_what_the_guard_does_without_the_launcher() {
     kill(run.launcher());
     let output = follower.wait_with_output().expect("it ends with the run");
     let shown = parsed(&String::from_utf8_lossy(&output.stdout));
-    let ended = of(&shown, EventKind::LauncherEnded);
+    let ended = event_of_kind(&shown, EventKind::LauncherEnded);
     assert!(ended.text.contains("was killed") && ended.severity == EventSeverity::Error, "{ended:?}");
-    let acted = of(&shown, EventKind::GuardActed);
+    let acted = event_of_kind(&shown, EventKind::GuardActed);
     assert!(acted.text.contains("`physics` in its safe state"), "{acted:?}");
     assert!(acted.time_s > ended.time_s);
     let told = String::from_utf8_lossy(&output.stderr);
@@ -224,7 +224,7 @@ fn refused_commands_are_in_the_log_with_their_reason() {
     assert_eq!(sum, 300.0, "{told:#?}");
     assert!(told.len() < 5, "they are told together: {told:#?}");
     assert!(told[0].text.contains("beyond a limit"), "{}", told[0].text);
-    let entered = of(&ended.report().events, EventKind::EnteredSafeState);
+    let entered = event_of_kind(&ended.report().events, EventKind::EnteredSafeState);
     assert_eq!(entered.text, "`physics` entered its safe state: its commands are refused");
     assert!((0.3..0.45).contains(&entered.simulated_s.expect("simulated time")), "{entered:?}");
 }
@@ -238,7 +238,7 @@ fn a_flood_of_output_is_bounded_and_counted_in_the_report() {
     assert!(report.events.len() <= REPORTED_EVENTS, "{}", report.events.len());
     let lines = report.events.iter().filter(|event| event.kind == EventKind::Output).count();
     assert!(lines > 0 && report.events_left_out > 500, "{lines} lines, {} left out", report.events_left_out);
-    of(&report.events, EventKind::Ending);
+    event_of_kind(&report.events, EventKind::Ending);
 }
 
 #[test]

@@ -128,7 +128,7 @@ fn a_run_asks_for_as_many_processes_and_threads_as_it_takes() {
 }
 
 #[test]
-fn a_component_that_opens_all_the_files_it_may_is_told_and_follows_the_policy() {
+fn exhausted_files_of_a_component_follow_the_policy() {
     let _machine = machine();
     let restart = "restart = { when = \"failure\" }\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"";
     let (_folder, graph) = faulty("{ fault = \"open\", at = 200, once = true }", restart);
@@ -145,7 +145,7 @@ fn a_component_that_opens_all_the_files_it_may_is_told_and_follows_the_policy() 
 }
 
 #[test]
-fn a_launcher_without_descriptors_for_a_restart_names_them_and_stops_the_robot_safely() {
+fn a_launcher_without_descriptors_stops_safely() {
     let _machine = machine();
     let restart = ["--for", "60 s", "--set", "controller.restart.when=failure"];
     let run = Run::start(&panda_reach(), &restart);
@@ -185,7 +185,7 @@ const RUN: &str =
     "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1 2>&1";
 
 #[test]
-fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything_is_made() {
+fn too_little_shared_memory_is_named_before_the_start() {
     let _machine = machine();
     if !mounts_are_allowed() {
         return eprintln!("skipped: no mounts for this user");
@@ -235,7 +235,7 @@ fn killed_after(fill: &str) -> String {
 }
 
 #[test]
-fn a_component_is_restarted_although_others_have_filled_the_shared_memory_meanwhile() {
+fn a_component_restarts_despite_full_shared_memory() {
     let _machine = machine();
     if !mounts_are_allowed() {
         return eprintln!("skipped: no mounts for this user");
@@ -257,7 +257,7 @@ fn a_restart_that_finds_no_memory_names_it() {
 }
 
 #[test]
-fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_policy() {
+fn a_component_out_of_memory_dies_alone() {
     let _machine = machine();
     let restart = "restart = { when = \"failure\" }";
     let settings = format!("{restart}\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"");
@@ -275,12 +275,13 @@ fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_polic
 }
 
 #[test]
-fn a_full_disk_takes_the_report_and_the_events_but_neither_the_run_nor_its_end() {
+fn a_full_disk_takes_reports_but_not_the_run() {
     let _machine = machine();
     let run = format!(
         "\"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 500ms --set realtime.lost_steps=1"
     );
-    let events = Ended::of(&shell(&format!("{run} --json 2>/dev/full")).output().expect("bash runs"));
+    let events =
+        Ended::from_output(&shell(&format!("{run} --json 2>/dev/full")).output().expect("bash runs"));
     assert_eq!((events.code, &events.report().exit), (Some(0), &Exit::Finished));
     let report = shell(&format!("{run} --json >/dev/full")).output().expect("bash runs");
     let told = text(&report);

@@ -16,7 +16,7 @@ use rustix::process::Signal;
 const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
 
 #[test]
-fn each_component_killed_in_turn_is_restarted_and_the_robot_still_reaches_its_goals() {
+fn each_killed_component_restarts_and_goals_are_reached() {
     let _machine = machine();
     let restart: Vec<String> = COMPONENTS.iter().map(|name| format!("{name}.restart.when=failure")).collect();
     let mut arguments = vec!["--for", "12 s"];
@@ -43,7 +43,7 @@ fn each_component_killed_in_turn_is_restarted_and_the_robot_still_reaches_its_go
 }
 
 #[test]
-fn each_component_killed_without_a_restart_policy_brings_the_robot_to_its_safe_state() {
+fn each_component_killed_for_good_leads_to_the_safe_state() {
     let _machine = machine();
     for component in COMPONENTS {
         let run = Run::start(&panda_reach(), &["--for", "60 s"]);
@@ -61,7 +61,7 @@ fn each_component_killed_without_a_restart_policy_brings_the_robot_to_its_safe_s
 }
 
 #[test]
-fn when_the_launcher_is_killed_the_guard_sees_the_robot_to_safety_and_cleans_up() {
+fn the_guard_makes_safe_when_the_launcher_is_killed() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = run.folder.id().to_string();
@@ -117,7 +117,7 @@ fn a_killed_guard_is_replaced_and_the_run_goes_on() {
 }
 
 #[test]
-fn with_launcher_and_guard_both_dead_the_components_end_by_themselves_and_doctor_cleans_up() {
+fn components_end_when_launcher_and_guard_die() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = run.folder.id().to_string();
@@ -149,7 +149,7 @@ pub(crate) fn faulty(fault: &str, settings: &str) -> (tempfile::TempDir, PathBuf
 }
 
 #[test]
-fn a_panic_an_error_a_nan_and_an_exit_are_told_with_the_components_name_and_tick() {
+fn failures_are_reported_with_component_and_tick() {
     let _machine = machine();
     for (fault, words) in [
         ("panic", "ordered to panic"),
@@ -169,7 +169,7 @@ fn a_panic_an_error_a_nan_and_an_exit_are_told_with_the_components_name_and_tick
 }
 
 #[test]
-fn an_error_that_the_graph_tolerates_is_counted_and_the_graph_goes_on() {
+fn a_tolerated_error_is_counted() {
     let _machine = machine();
     for fault in ["error", "nan"] {
         let config = format!("{{ fault = \"{fault}\", at = 200 }}");
@@ -182,7 +182,7 @@ fn an_error_that_the_graph_tolerates_is_counted_and_the_graph_goes_on() {
 }
 
 #[test]
-fn a_component_that_may_fail_is_left_behind_and_the_graph_goes_on() {
+fn an_expendable_component_is_left_behind() {
     let _machine = machine();
     let (_folder, graph) = faulty("{ fault = \"panic\", at = 200 }", "on_failure = \"ignore\"");
     let ended = run(&graph, &["--for", "2 s"]);
@@ -191,7 +191,7 @@ fn a_component_that_may_fail_is_left_behind_and_the_graph_goes_on() {
 }
 
 #[test]
-fn a_component_that_fails_once_is_restarted_and_one_that_fails_always_exhausts_its_restarts() {
+fn restarts_are_exhausted_by_constant_failure() {
     let _machine = machine();
     let restart = "restart = { when = \"failure\", at_most = 3 }";
     let (_folder, graph) = faulty("{ fault = \"panic\", at = 200, once = true }", restart);
@@ -205,7 +205,7 @@ fn a_component_that_fails_once_is_restarted_and_one_that_fails_always_exhausts_i
 }
 
 #[test]
-fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
+fn a_failed_configuration_ends_the_launch_with_its_message() {
     let _machine = machine();
     for (fault, words) in [
         ("configure", "configured to fail"),
@@ -222,7 +222,7 @@ fn a_component_that_cannot_be_configured_ends_the_launch_with_its_own_words() {
 }
 
 #[test]
-fn a_component_that_hangs_while_it_is_configured_can_be_interrupted_and_ends_the_launch_in_time() {
+fn a_hung_configuration_can_be_interrupted() {
     let machine = machine();
     let (_folder, graph) = faulty("{ fault = \"configure_hang\" }", "");
     let name = "hangs-at-first";
@@ -250,7 +250,7 @@ fn a_component_that_hangs_while_it_is_configured_can_be_interrupted_and_ends_the
     let forgotten = start(&["--clock", "lockstep"]);
     // Others may have the machine: nothing steps in this run, which takes half a minute.
     drop(machine);
-    let ended = Ended::of(&forgotten.wait_with_output().expect("it ends"));
+    let ended = Ended::from_output(&forgotten.wait_with_output().expect("it ends"));
     assert_eq!(ended.code, Some(1));
     let told = "component `faulty` did not start: it is not ready after 30 s";
     assert!(ended.stderr.contains(told), "{}", ended.stderr);
@@ -258,7 +258,7 @@ fn a_component_that_hangs_while_it_is_configured_can_be_interrupted_and_ends_the
 }
 
 #[test]
-fn a_component_that_hangs_while_it_is_configured_again_is_killed_and_follows_the_policy() {
+fn a_hung_reconfiguration_is_killed_by_policy() {
     let _machine = machine();
     let restart = "restart = { when = \"failure\", at_most = 2, within = \"400 ms\" }";
     let (_folder, graph) = faulty("{ fault = \"configure_hang_again\" }", restart);
@@ -273,7 +273,7 @@ fn a_component_that_hangs_while_it_is_configured_again_is_killed_and_follows_the
 }
 
 #[test]
-fn a_step_that_stalls_is_counted_as_too_long_and_safe_stop_on_overrun_is_honoured() {
+fn a_stalled_step_counts_as_too_long() {
     let _machine = machine();
     let (_folder, graph) =
         faulty("{ fault = \"stall\", at = 200 }", "on_overrun = \"safe_stop\"\npriority = 1");

@@ -51,7 +51,7 @@ fn each_component_that_is_stopped_is_told_killed_and_restarted() {
 }
 
 #[test]
-fn a_stopped_component_without_a_restart_policy_brings_the_robot_to_its_safe_state() {
+fn a_stopped_component_leads_to_the_safe_state() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = run.folder.id().to_string();
@@ -133,7 +133,7 @@ fn a_component_whose_trigger_is_silent_has_not_hung() {
 }
 
 #[test]
-fn a_triggered_actuator_reaches_its_safe_state_when_nobody_publishes() {
+fn a_triggered_actuator_reaches_its_safe_state_in_silence() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let graph = folder.path().join("drive.toml");
@@ -155,7 +155,7 @@ fn a_triggered_actuator_reaches_its_safe_state_when_nobody_publishes() {
 }
 
 #[test]
-fn a_tick_of_lockstep_that_hangs_is_told_and_can_be_interrupted() {
+fn a_hung_lockstep_tick_can_be_interrupted() {
     let _machine = machine();
     for how in [Signal::INT, Signal::TERM] {
         let run = Run::start(&panda_reach(), &["--clock", "lockstep", "--for", "1000 s"]);
@@ -173,7 +173,7 @@ fn a_tick_of_lockstep_that_hangs_is_told_and_can_be_interrupted() {
 }
 
 #[test]
-fn a_component_that_fails_again_and_again_waits_longer_each_time_and_is_no_success() {
+fn a_repeatedly_failing_component_waits_longer() {
     let _machine = machine();
     let restart = "restart = { when = \"failure\", at_most = 100000 }";
     let (_folder, graph) = faulty("{ fault = \"panic\", at = 200 }", restart);
@@ -188,7 +188,7 @@ fn a_component_that_fails_again_and_again_waits_longer_each_time_and_is_no_succe
 }
 
 #[test]
-fn a_component_that_loses_too_many_steps_is_told_at_the_time_and_in_the_end() {
+fn too_many_lost_steps_are_reported() {
     let _machine = machine();
     let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "priority = 1\nlost_steps = 0.05");
     let ended = run(&graph, &["--for", "2500 ms"]);
@@ -222,7 +222,7 @@ fn a_segmentation_fault_is_told_and_restarted() {
 }
 
 #[test]
-fn a_graph_that_does_not_hold_beside_a_living_run_is_refused_unless_forced() {
+fn an_infeasible_graph_is_refused_unless_forced() {
     let _machine = machine();
     let first = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = first.folder.id().to_string();

@@ -11,7 +11,7 @@ use crate::commands::{ROGUE, await_gate, gate, gate_of, motorium, rogue};
 use crate::support::{Ended, Run, await_that, kill, machine, panda_reach, signal, workspace};
 
 #[test]
-fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
+fn stop_now_works_while_the_launcher_is_stopped() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     await_gate(&run, "it follows", |gate| gate.state == GateState::Following);
@@ -53,7 +53,7 @@ fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
 }
 
 #[test]
-fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
+fn a_latched_outage_lasts_until_resume() {
     let _machine = machine();
     // Commands are stale after so long that no stall of the machine is taken for an outage.
     let settings = ["safety.resume=latch", "safety.stale_after=2 s", "safety.source_stale_after=2 s"];
@@ -109,7 +109,7 @@ fn an_adapter_tripped_by_a_drive_is_latched_until_resume() {
 }
 
 #[test]
-fn a_restarted_adapter_homes_no_joint_under_latch_before_it_is_resumed() {
+fn a_restarted_adapter_homes_nothing_while_latched() {
     let _machine = machine();
     let drives = std::fs::read_to_string(workspace().join("graphs/drives/panda.toml")).expect("a table");
     let wrist = "ranges   = { position = 2.9, velocity = 2.7, torque = 12.1 }";
@@ -150,7 +150,7 @@ homing = { by = "stop", velocity = 1.5, effort = 2.0, position = 2.8973, back_of
 }
 
 #[test]
-fn an_emergency_stop_of_a_component_latches_and_cannot_be_resumed_while_it_is_pressed() {
+fn a_pressed_emergency_stop_cannot_be_resumed() {
     let _machine = machine();
     let (_folder, graph) = rogue("from = 500, until = 3500", Path::new(ROGUE), "emergency_stop = \"stop\"");
     let run = Run::start(&graph, &["--for", "60 s"]);

@@ -43,7 +43,7 @@ fn with_stream() -> (tempfile::TempDir, PathBuf) {
 }
 
 #[test]
-fn killed_observers_of_a_state_and_of_a_stream_leave_their_places_to_others() {
+fn killed_observers_free_their_places() {
     let _machine = machine();
     let (_folder, graph) = with_stream();
     let run = Run::start(&graph, &["--for", "60 s", "--force"]);

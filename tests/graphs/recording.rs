@@ -100,7 +100,7 @@ fn a_controller_runs_on_the_recorded_sensors() {
 }
 
 #[test]
-fn the_cost_of_a_recording_is_told_for_each_latency_and_each_component() {
+fn the_cost_of_a_recording_is_reported() {
     let _machine = machine();
     let graph = workspace().join("graphs/panda-reach.toml");
     let output = motorium(&["bench", "recording", text(&graph), "--turns", "2", "--for", "300 ms", "--json"]);

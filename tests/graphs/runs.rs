@@ -196,7 +196,7 @@ fn without_privileges_a_run_completes_and_says_what_it_lost() {
         .gid(65534)
         .output()
         .expect("motorium starts");
-    let ended = crate::support::Ended::of(&output);
+    let ended = crate::support::Ended::from_output(&output);
     assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
     let lost = ended.report().lost.join("; ");
     assert!(lost.contains("real-time priority") && lost.contains("locked memory"), "{lost}");

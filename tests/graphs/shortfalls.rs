@@ -181,7 +181,7 @@ fn a_replaced_program_still_starts_its_own_guard() {
         }
         std::thread::sleep(Duration::from_millis(20));
     };
-    let ended = Ended::of(&output);
+    let ended = Ended::from_output(&output);
     assert_eq!(ended.stderr.matches("`guard`").count(), 1, "{}", ended.stderr);
     assert!(
         !ended.report().warnings.iter().any(|warning| warning.contains("guard")),

@@ -18,7 +18,7 @@ struct Installed(tempfile::TempDir);
 impl Installed {
     fn new() -> Self {
         let installed = Self(tempfile::tempdir().unwrap());
-        place(MOTORIUM, &installed.path("motorium"));
+        link_or_copy(MOTORIUM, &installed.path("motorium"));
         installed.graph("bridge.push", "force = 3.0");
         installed
     }
@@ -54,7 +54,9 @@ impl Installed {
     }
 
     fn run(&self, arguments: &[&str]) -> Ended {
-        Ended::of(&self.motorium(&[&["run", "graph.toml", "--json"], &ANY_LOSS[..], arguments].concat()))
+        Ended::from_output(
+            &self.motorium(&[&["run", "graph.toml", "--json"], &ANY_LOSS[..], arguments].concat()),
+        )
     }
 
     /// The digest of the layout of shared memory that programs of this version answer with.
@@ -76,7 +78,7 @@ impl Installed {
 }
 
 /// A link to a program, or a copy.
-fn place(program: &str, at: &Path) {
+fn link_or_copy(program: &str, at: &Path) {
     std::fs::create_dir_all(at.parent().unwrap()).unwrap();
     if std::fs::hard_link(program, at).is_err() {
         std::fs::copy(program, at).unwrap();
@@ -87,7 +89,7 @@ fn place(program: &str, at: &Path) {
 fn a_kind_of_a_sibling_runs_as_a_process_of_that_program() {
     let _machine = machine();
     let installed = Installed::new();
-    place(SIBLING, &installed.path("motorium-bridges"));
+    link_or_copy(SIBLING, &installed.path("motorium-bridges"));
     for arguments in [
         &["--for", "1 s"][..],
         &["--for", "1 s", "--clock", "lockstep"],
@@ -106,7 +108,7 @@ fn a_kind_of_a_sibling_runs_as_a_process_of_that_program() {
 #[test]
 fn a_program_on_the_path_is_found_and_asked_once_for_its_kinds() {
     let installed = Installed::new();
-    place(SIBLING, &installed.path("real"));
+    link_or_copy(SIBLING, &installed.path("real"));
     let calls = installed.path("calls");
     let script =
         format!("echo \"$1\" >> {}; exec {} \"$@\"", calls.display(), installed.path("real").display());
@@ -182,7 +184,7 @@ fn a_program_of_another_version_or_layout_is_refused() {
 #[test]
 fn configuration_mistakes_of_siblings_are_shown_in_the_file() {
     let installed = Installed::new();
-    place(SIBLING, &installed.path("motorium-bridges"));
+    link_or_copy(SIBLING, &installed.path("motorium-bridges"));
     installed.graph("bridge.push", "force = 300.0");
     let text = installed.complaint();
     assert!(

@@ -16,7 +16,7 @@ use crate::support::{
 const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
 
 #[test]
-fn asked_to_end_all_at_once_the_actuator_stays_in_its_safe_state_for_the_settling_time() {
+fn the_actuator_stays_safe_for_the_settling_time() {
     let _machine = machine();
     let settle = Duration::from_millis(900);
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "safety.settle=900 ms"]);
@@ -58,7 +58,7 @@ fn an_actuator_that_prints_survives_the_launcher() {
 }
 
 #[test]
-fn output_that_nobody_reads_holds_up_neither_restarts_nor_the_end() {
+fn unread_output_delays_neither_restarts_nor_the_end() {
     let _machine = machine();
     let (_folder, graph) = faulty("{ fault = \"print\", at = 0 }", "");
     // neither standard output nor standard error of the launcher is read
@@ -151,7 +151,7 @@ fn a_guard_that_is_asked_to_end_stays_and_guards() {
 }
 
 #[test]
-fn a_stopped_launcher_is_told_and_supervises_the_graph_again_when_it_goes_on() {
+fn a_stopped_launcher_resumes_supervision() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "policy.restart.when=failure"]);
     signal(run.launcher(), Signal::STOP);
@@ -175,7 +175,7 @@ fn a_stopped_launcher_is_told_and_supervises_the_graph_again_when_it_goes_on() {
 }
 
 #[test]
-fn with_a_stopped_launcher_the_guard_ends_the_run_when_a_component_dies_or_hangs() {
+fn the_guard_ends_the_run_of_a_stopped_launcher() {
     let _machine = machine();
     // also of what ends before the guard has noticed the silence, which lasts 1 s
     for (how, after_ms) in
@@ -220,7 +220,7 @@ fn a_dead_actuator_is_named_and_not_certified() {
 }
 
 #[test]
-fn when_everything_was_stopped_and_goes_on_nothing_is_killed_and_the_robot_comes_back() {
+fn everything_stopped_and_continued_comes_back() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "8 s", "--set", "realtime.lost_steps=1"]);
     let id = run.folder.id().to_string();

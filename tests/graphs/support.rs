@@ -135,7 +135,7 @@ impl Run {
     /// Waits for the end; exit code, report, standard error.
     pub(crate) fn finish(mut self) -> Ended {
         let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
-        Ended::of(&output)
+        Ended::from_output(&output)
     }
 
     /// Number of steps that a component has done.
@@ -187,7 +187,7 @@ pub(crate) struct Ended {
 }
 
 impl Ended {
-    pub(crate) fn of(output: &Output) -> Self {
+    pub(crate) fn from_output(output: &Output) -> Self {
         Self {
             code: output.status.code(),
             report: serde_json::from_slice(&output.stdout).ok(),
@@ -213,7 +213,7 @@ pub(crate) fn run(graph: &Path, arguments: &[&str]) -> Ended {
         .stdin(Stdio::null())
         .output()
         .expect("motorium starts");
-    Ended::of(&output)
+    Ended::from_output(&output)
 }
 
 pub(crate) fn kill(pid: u32) {

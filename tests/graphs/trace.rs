@@ -25,7 +25,7 @@ fn traced(output: &Path, arguments: &[&str]) -> (Ended, Value) {
         .stdin(Stdio::null())
         .output()
         .expect("motorium starts");
-    let ended = Ended::of(&ended);
+    let ended = Ended::from_output(&ended);
     let text = std::fs::read(output).unwrap_or_else(|error| panic!("{error}: {}", ended.stderr));
     let trace = serde_json::from_slice(&text).expect("JSON");
     (ended, trace)
@@ -161,7 +161,7 @@ fn a_lockstep_trace_has_every_step_and_no_side_effects() {
 }
 
 #[test]
-fn events_that_are_overwritten_before_they_are_read_are_counted() {
+fn overwritten_events_are_counted() {
     let text = std::fs::read_to_string(panda_reach()).expect("the graph is there");
     let lockstep: Override = "clock=lockstep".parse().expect("an override");
     let registry = motorium_tools::registry();

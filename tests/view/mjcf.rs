@@ -71,7 +71,7 @@ fn write(folder: &Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_robot_of_mjcf_is_described_as_urdf_and_its_meshes_are_sent() {
+fn an_mjcf_robot_is_described_as_urdf_with_meshes() {
     let _machine = machine();
     let folder = tempfile::tempdir().unwrap();
     let run = Run::start(&write(folder.path()), &["--for", "300s", "--clock", "lockstep", "--pace", "1"]);

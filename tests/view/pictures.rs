@@ -37,7 +37,7 @@ const PLACES: [(f64, f64); 6] = [(0.0, 0.0), (0.3, 0.25), (0.5, 0.5), (0.6, 0.8)
 
 fn places(image: &RawImage) -> impl Iterator<Item = (u32, u32)> {
     let at = |part: f64, size: u32| (part * f64::from(size)) as u32;
-    PLACES.iter().map(move |(x, y)| (at(*x, image.width), at(*y, image.height)))
+    PLACES.iter().map(move |(x, y)| (picture_at(*x, image.width), picture_at(*y, image.height)))
 }
 
 /// The bytes of a pixel.
@@ -107,7 +107,7 @@ fn compare(browser: &mut Browser, topic: &str, image: &RawImage) {
 }
 
 /// The newest picture of a topic at a time.
-fn at(recording: &Recording, topic: &str, time_ns: u64) -> RawImage {
+fn picture_at(recording: &Recording, topic: &str, time_ns: u64) -> RawImage {
     let index = recording.pictures().iter().position(|pictures| pictures.topic == topic).expect(topic);
     let of_topic = recording.images().filter(|picture| picture.pictures == index);
     let newest: Option<RecordedPicture> = of_topic.take_while(|picture| picture.time_ns <= time_ns).last();
@@ -158,7 +158,7 @@ fn a_played_recording_shows_its_pictures_and_depths() {
         );
         let place = browser.evaluate(&moved).unwrap().as_f64().unwrap();
         for topic in ["camera/image", "scene/depth", "scene/grey"] {
-            let image = at(&recording, topic, start + (place * 1e9) as u64);
+            let image = picture_at(&recording, topic, start + (place * 1e9) as u64);
             compare(&mut browser, &format!("{topic}/image"), &image);
         }
     }

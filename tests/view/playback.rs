@@ -28,7 +28,7 @@ fn recorded(folder: &Path) -> PathBuf {
 }
 
 /// The newest sample of a topic at a time.
-fn at(recording: &Recording, topic: &str, time_ns: u64) -> RecordedSample {
+fn sample_at(recording: &Recording, topic: &str, time_ns: u64) -> RecordedSample {
     let index = recording.topic(topic).expect("the topic is recorded");
     let of_topic = recording.sorted().unwrap().into_iter().filter(|sample| sample.topic == index);
     of_topic.take_while(|sample| sample.time_ns <= time_ns).last().expect("a sample")
@@ -69,7 +69,7 @@ fn a_recording_is_played_from_the_requested_time_and_speed() {
         let place = start + (end - start) / share;
         let state = client.control(false, 1.0, Some(place));
         assert_eq!((state.status, state.time_ns, state.did_seek), (HELD, place, true));
-        shown(&mut client, &at(&recording, STATE, place));
+        shown(&mut client, &sample_at(&recording, STATE, place));
     }
     let place = client.control(false, 1.0, None).time_ns;
     assert_eq!(place, start + (end - start) / 3, "it stays there");
@@ -95,7 +95,7 @@ fn a_recording_is_played_from_the_requested_time_and_speed() {
 }
 
 fn at_end(recording: &Recording) -> u64 {
-    at(recording, STATE, u64::MAX).time_ns
+    sample_at(recording, STATE, u64::MAX).time_ns
 }
 
 #[test]
@@ -125,7 +125,7 @@ fn the_page_shows_the_recording_at_its_slider() {
              slider.dispatchEvent(new Event('input')); return Number(slider.value); }})()"
         );
         let place = browser.evaluate(&moved).unwrap().as_f64().unwrap();
-        let wanted = at(&recording, &topic, start + (place * 1e9) as u64).stamp.sequence;
+        let wanted = sample_at(&recording, &topic, start + (place * 1e9) as u64).stamp.sequence;
         until(&mut browser, "the sample at the place of the slider", |state| {
             state["robots"][0]["sequence"] == wanted
         });

@@ -32,8 +32,11 @@ pub(crate) fn describe(gate: &GateReport) -> Option<String> {
         let rest = if rest > 0 { format!(", {rest} others") } else { String::new() };
         parts.push(format!("beyond a limit: {}{rest}", shown.join(", ")));
     }
-    let refused: Vec<String> =
-        gate.refused.iter().map(|refused| format!("{} {}", refused.count, refused.reason.words())).collect();
+    let refused: Vec<String> = gate
+        .refused
+        .iter()
+        .map(|refused| format!("{} {}", refused.count, refused.reason.description()))
+        .collect();
     if !refused.is_empty() {
         parts.push(format!("commands refused: {}", refused.join(", ")));
     }

@@ -67,5 +67,5 @@ fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
         cause @ LoadError::NotMjcf(_) => ConfigError::key("mjcf", cause.to_string()),
         cause => ConfigError::new(cause.to_string()),
     })?;
-    Ok(ModelWarning::told(&loaded.warnings))
+    Ok(ModelWarning::summarise(&loaded.warnings))
 }

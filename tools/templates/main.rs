@@ -231,7 +231,7 @@ mod tests {
     // The component in a graph of its own, in simulated time: two seconds take a few milliseconds.
     #[test]
     fn commands_start_at_the_measured_pose_and_move_one_joint() {
-        let commands = Probe::<JointCommand>::of("command");
+        let commands = Probe::<JointCommand>::for_topic("command");
         let controller = Instance::of::<Controller>("controller")
             .trigger("state")
             .subscribe("state", "state")

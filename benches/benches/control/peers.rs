@@ -106,7 +106,7 @@ struct Pythons {
 
 impl Pythons {
     /// The Python of a peer.
-    fn of(&self, peer: &str) -> &Path {
+    fn python(&self, peer: &str) -> &Path {
         match peer.split('-').next() {
             Some("placo") => &self.placo,
             Some("tsid") => &self.tsid,
@@ -123,7 +123,7 @@ impl<'a> Row<'a> {
     fn measure(mut self, pythons: &Pythons) {
         let mut peers = Vec::new();
         for (name, file) in &self.peers {
-            match Peer::start(pythons.of(name), name, file) {
+            match Peer::start(pythons.python(name), name, file) {
                 Ok(peer) => peers.push((name.split('-').next().unwrap_or(name), peer)),
                 Err(error) => eprintln!("no {name}: {error}"),
             }

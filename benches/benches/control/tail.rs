@@ -48,7 +48,7 @@ fn row(name: &str, mut cycle: TorqueCycle) {
         floor.run();
         floors.push((start.elapsed().as_nanos() as f64 * 1e-3, 0));
     }
-    let (ours, floors) = (Tail::of(ours), Tail::of(floors));
+    let (ours, floors) = (Tail::from_samples(ours), Tail::from_samples(floors));
     let excess = (ours.p99_9 - ours.p50) - (floors.p99_9 - floors.p50);
     println!("{} {excess:>14.1}", ours.line(name));
     println!("{}", floors.line("  floor"));
@@ -64,7 +64,7 @@ struct Tail {
 }
 
 impl Tail {
-    fn of(mut samples: Vec<(f64, u32)>) -> Self {
+    fn from_samples(mut samples: Vec<(f64, u32)>) -> Self {
         let mut counts: Vec<u32> = samples.iter().map(|(_, iterations)| *iterations).collect();
         counts.sort_unstable();
         samples.sort_by(|a, b| a.0.total_cmp(&b.0));

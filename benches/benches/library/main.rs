@@ -38,21 +38,21 @@ fn library(criterion: &mut Criterion) {
     group
         .bench_function(name("build, all eigenforces"), |b| b.iter(|| build(Metric::Force, Truncation::All)));
     let library = build(Metric::Force, Truncation::Rank(64));
-    let movement = Movement::of(&set.trajectories[0], &spring);
+    let movement = Movement::from_trajectory(&set.trajectories[0], &spring);
     let mut recogniser = Recogniser::new(&library, 50);
     group.sample_size(50);
     group.bench_function("recognise by 50 eigenforces", |b| {
         b.iter(|| recogniser.project(black_box(&movement.forces))[0]);
     });
     let forces: Vec<Vec<f64>> =
-        set.trajectories.iter().map(|letter| Movement::of(letter, &spring).forces).collect();
+        set.trajectories.iter().map(|letter| Movement::from_trajectory(letter, &spring).forces).collect();
     let mut recursive = RecursiveLibrary::new(library.clone(), 50, 1.0);
     let mut next = forces.iter().cycle();
     group.bench_function("recursive update, rank 50", |b| {
         b.iter(|| recursive.add_forces(next.next().expect("a cycle has no end")));
     });
     let mut generator = Generator::new(&library);
-    let known = Superposition::of(&library, 0, 50);
+    let known = Superposition::from_entry(&library, 0, 50);
     group.bench_function("generator, start by 50 eigenforces", |b| {
         b.iter(|| generator.start(black_box(&known.weights), &known.frame).is_ok());
     });

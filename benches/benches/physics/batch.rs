@@ -54,7 +54,7 @@ fn median(times: &mut [f64]) -> f64 {
 
 fn quadrupeds() -> Batch<Articulated> {
     let loaded = load("quadruped", Path::new(".")).expect("the catalogue's robots load");
-    let setup = RobotSetup::of(&loaded).expect("the catalogue's profiles are whole");
+    let setup = RobotSetup::from_loaded(&loaded).expect("the catalogue's profiles are whole");
     let profile = loaded.profile.expect("the catalogue's robots have profiles");
     let q = profile.configuration(&loaded.model, &profile.home).expect("home is a pose");
     let gains = profile.gains(&loaded.model).expect("the catalogue's robots have gains");

@@ -96,7 +96,7 @@ pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
 
 impl Scene {
     fn of_robot(name: &'static str, (loaded, urdf): (Loaded, PathBuf), motion: Motion) -> Self {
-        let setup = RobotSetup::of(&loaded).expect("the profiles are whole");
+        let setup = RobotSetup::from_loaded(&loaded).expect("the profiles are whole");
         let profile = loaded.profile.expect("the robots have profiles");
         let q = profile.configuration(&loaded.model, &profile.home).expect("home is a pose");
         let gains = profile.gains(&loaded.model).expect("the robots have gains");

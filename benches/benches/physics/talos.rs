@@ -53,7 +53,7 @@ fn write(source: &Path) -> Result<PathBuf, String> {
         robot.postures.iter().find(|one| one.name == "half_sitting").ok_or("no posture half_sitting")?;
     let model = &robot.model;
     let q = posture.configuration(model);
-    let setup = RobotSetup::of(&robot).map_err(|error| error.to_string())?;
+    let setup = RobotSetup::from_loaded(&robot).map_err(|error| error.to_string())?;
     let world = World { ground: Some(Ground::default()), ..World::default() };
     let mut simulation = ArticulatedSimulator::new(setup, world, q.as_slice(), Options::default())
         .map_err(|error| error.to_string())?;

@@ -32,7 +32,7 @@ impl Ran {
 
     /// Causes of its components' lateness.
     pub fn causes(&self) -> Causes {
-        Causes::of(&self.report)
+        Causes::from_report(&self.report)
     }
 
     /// The least `SCHED_FIFO` priority among its components.

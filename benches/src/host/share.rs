@@ -71,7 +71,7 @@ impl Causes {
     }
 
     /// Collects the causes from the report of a run.
-    pub fn of(report: &Report) -> Self {
+    pub fn from_report(report: &Report) -> Self {
         let mut causes = Self::default();
         for component in &report.components {
             causes.stolen += component.misses.stolen;

@@ -167,7 +167,7 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
         summary.add(&trial.end(), launcher_died);
     }
     collected.sort_by(|one, other| (&one.victim, one.fault).cmp(&(&other.victim, other.fault)));
-    summary.cells = collected.into_iter().map(Cell::of).collect();
+    summary.cells = collected.into_iter().map(Cell::from_collected).collect();
     summary.hangs += summary.cells.iter().map(|cell| cell.hung).sum::<u32>();
     summary.unsafe_outages = summary.cells.iter().map(|cell| cell.unsafe_outages).sum();
     summary.seconds = began.elapsed().as_secs_f64();
@@ -214,15 +214,15 @@ impl Summary {
 }
 
 impl Cell {
-    fn of(collected: Collected) -> Self {
+    fn from_collected(collected: Collected) -> Self {
         let Collected { victim, fault, consequences } = collected;
         let times = |of: fn(&Consequence) -> Option<u64>| Distribution {
             buckets: Vec::new(),
-            ..Distribution::of(consequences.iter().filter_map(of).collect())
+            ..Distribution::from_samples(consequences.iter().filter_map(of).collect())
         };
         let count = |of: fn(&Consequence) -> bool| consequences.iter().filter(|one| of(one)).count() as u32;
         Self {
-            outcome: Outcome::of(fault, &consequences),
+            outcome: Outcome::most_frequent(fault, &consequences),
             victim,
             fault,
             count: consequences.len() as u32,

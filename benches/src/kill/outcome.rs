@@ -64,7 +64,7 @@ impl fmt::Display for Outcome {
 
 impl Outcome {
     /// Most frequent outcome of these faults of one kind.
-    pub(super) fn of(fault: Fault, consequences: &[Consequence]) -> Option<Self> {
+    pub(super) fn most_frequent(fault: Fault, consequences: &[Consequence]) -> Option<Self> {
         let counts = |one: &&Consequence| !fault.passes() || PAUSES.contains(&one.pause);
         let mut outcomes: Vec<Self> =
             consequences.iter().filter(counts).filter_map(|one| one.outcome).collect();
@@ -117,7 +117,7 @@ pub(super) struct Before {
 }
 
 impl Before {
-    pub(super) fn of(trial: &Trial, victim: &Victim) -> Self {
+    pub(super) fn capture(trial: &Trial, victim: &Victim) -> Self {
         let guard = trial.region.header().guard.load(Relaxed);
         let index = match victim {
             Victim::Component(name) => trial.index(name),
@@ -146,9 +146,9 @@ mod tests {
         let replaced = consequence(Robot::Safe, After::Replaced, 250);
         let short = consequence(Robot::GoesOn, After::GoesOn, 2);
         let seen = [replaced, replaced, replaced, goes_on, short, short];
-        let outcome = |fault| Outcome::of(fault, &seen).map(|outcome| outcome.to_string());
+        let outcome = |fault| Outcome::most_frequent(fault, &seen).map(|outcome| outcome.to_string());
         assert_eq!(outcome(Fault::Pause).as_deref(), Some("safe state"));
         assert_eq!(outcome(Fault::Kill).as_deref(), Some("safe state; new process"));
-        assert_eq!(Outcome::of(Fault::Pause, &[short]), None);
+        assert_eq!(Outcome::most_frequent(Fault::Pause, &[short]), None);
     }
 }

@@ -160,7 +160,7 @@ impl Trial {
         pause: Duration,
     ) -> Consequence {
         self.see();
-        let before = Before::of(self, victim);
+        let before = Before::capture(self, victim);
         let mut observer = None;
         let process = match victim {
             Victim::Observer => {

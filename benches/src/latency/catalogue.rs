@@ -205,15 +205,15 @@ impl Case {
     pub(super) fn run(&self, bench: &Bench<'_>) -> Result<Outcome, MeasureError> {
         let core = bench.places.realtime;
         match &self.kind {
-            Kind::Clock => Ok(Outcome::of(timer::clock(), 0)),
+            Kind::Clock => Ok(Outcome::from_samples(timer::clock(), 0)),
             Kind::Read { bytes } => {
                 let reads = bench.samples.min(10_000);
                 let (took, fifo) = read::newest(bench.registry, *bytes, reads, core, bench.fifo)?;
-                Ok(Outcome::of(took, fifo))
+                Ok(Outcome::from_samples(took, fifo))
             }
             Kind::Timer => {
                 let measured = timer::timer(core, bench.fifo, 1_000 * bench.seconds as usize)?;
-                Ok(Outcome::of(measured.late_ns, u32::from(measured.fifo)))
+                Ok(Outcome::from_samples(measured.late_ns, u32::from(measured.fifo)))
             }
             Kind::PingPong { transport, across, bytes, paced } => {
                 let other = bench.places.other.ok_or(MeasureError::Needs("a second core"));
@@ -234,7 +234,7 @@ impl Case {
                     pace_ns: if *paced { PACE_NS } else { 0 },
                 };
                 let measured = pair::measure(&bench.program, bench.registry, &ping_pong)?;
-                Ok(Outcome::of(measured.samples, measured.fifo))
+                Ok(Outcome::from_samples(measured.samples, measured.fifo))
             }
             Kind::Release { rate_hz } => {
                 let seconds = if *rate_hz > 1_000 { bench.fast_seconds } else { bench.seconds };
@@ -257,7 +257,7 @@ impl Case {
                     rounds: 1_000 * u64::from(bench.seconds),
                 };
                 let (samples, fifo) = raw_chain::measure(&bench.program, &chain)?;
-                Ok(Outcome::of(samples, fifo))
+                Ok(Outcome::from_samples(samples, fifo))
             }
             Kind::Caterpillar => way(&bench.launch(graphs::caterpillar(bench.seconds, core))?, "tail"),
             Kind::FanOut { readers } => {

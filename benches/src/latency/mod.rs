@@ -103,7 +103,7 @@ struct Outcome {
 }
 
 impl Outcome {
-    fn of(samples: Vec<u64>, fifo: u32) -> Self {
+    fn from_samples(samples: Vec<u64>, fifo: u32) -> Self {
         Self { samples: Samples::All(samples), fifo, causes: None }
     }
 }
@@ -111,14 +111,14 @@ impl Outcome {
 impl Samples {
     fn distribution(self) -> Distribution {
         match self {
-            Self::All(samples) => Distribution::of(samples),
+            Self::All(samples) => Distribution::from_samples(samples),
             Self::Histogram(distribution) => distribution,
         }
     }
 
     fn p50(&self) -> u64 {
         match self {
-            Self::All(samples) => Distribution::of(samples.clone()).p50,
+            Self::All(samples) => Distribution::from_samples(samples.clone()).p50,
             Self::Histogram(distribution) => distribution.p50,
         }
     }
@@ -187,7 +187,7 @@ impl Bench<'_> {
                 what: case.what.clone(),
                 ns: match turns.histogram {
                     Some(histogram) => histogram,
-                    None => Distribution::of(turns.samples),
+                    None => Distribution::from_samples(turns.samples),
                 },
                 fifo: turns.fifo.unwrap_or(0),
                 host: turns.host,

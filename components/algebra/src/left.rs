@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn singular_values_over_many_scales_are_as_exact_as_by_a_direct_method() {
+    fn singular_values_are_exact_over_many_scales() {
         let values: Vec<f64> = (0..40).map(|k| 10.0_f64.powf(-0.3 * f64::from(k))).collect();
         for (rows, columns) in [(40, 40), (40, 90), (90, 40)] {
             let matrix = graded(rows, columns, &values);

@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn roots_and_vectors_hold_for_spread_close_equal_and_missing_entries() {
+    fn eigenpairs_hold_for_spread_close_equal_and_missing_entries() {
         check(&[1.0], &[0.5]);
         check(&[0.0, 0.0], &[1.0, 0.0]);
         check(&[0.0, 1.0, 2.0, 5.0], &[0.3, 0.2, 1e-9, 0.7]);

@@ -81,7 +81,7 @@ fn graph(
     max_rate: &str,
     mut act: impl FnMut(&Foreign, &Publisher<Stock, PoseTarget, ()>, u64) + Send + 'static,
 ) -> (Graph, Probe<PoseTarget>) {
-    let (probe, run) = (Probe::of("arm/target").triggered(), name.to_string());
+    let (probe, run) = (Probe::for_topic("arm/target").triggered(), name.to_string());
     let mut ports = None;
     let source = Source::new("arm", "arm/state", move |tick| {
         if tick.index >= 10 {
@@ -105,7 +105,7 @@ fn a_pressed_stop_wins_over_newer_values_and_limits() {
         .rate("200 Hz")
         .publish("stop", "stop")
         .config("in", toml::Table::from_iter([("stop".to_string(), toml::Value::Table(limits))]));
-    let (name, probe) = (name("pressed"), Probe::<EmergencyStop>::of("stop").triggered());
+    let (name, probe) = (name("pressed"), Probe::<EmergencyStop>::for_topic("stop").triggered());
     let run = name.clone();
     let mut port = None;
     let source = Source::new("arm", "arm/state", move |tick| {
@@ -332,8 +332,10 @@ fn flood() {
 fn flooding_programs_affect_only_the_limited_topic() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let name = name("flooded");
-    let (probe, reader) =
-        (Probe::<PoseTarget>::of("arm/target").triggered(), Probe::<JointState>::of("arm/state").triggered());
+    let (probe, reader) = (
+        Probe::<PoseTarget>::for_topic("arm/target").triggered(),
+        Probe::<JointState>::for_topic("arm/state").triggered(),
+    );
     let normal = |instance: Instance| instance.set("schedule", "normal");
     let graph = Graph::new(&name)
         .set("clock", "realtime")

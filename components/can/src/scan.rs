@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_of_another_program_on_a_live_bus_are_no_heartbeats_of_an_odrive() {
+    fn foreign_commands_are_not_odrive_heartbeats() {
         let (drive, mut found) =
             (mit::Drive::damiao(1, 0x11, Ranges::new(12.5, 30.0, 10.0)), Found::default());
         // the low byte of the gain passes all states of an axis, and that of the torque all flags
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn moteus_are_found_where_it_is_wanted_and_no_device_sends_classic_frames() {
+    fn moteus_drives_are_found_without_classic_devices() {
         let mut desk = desk(false);
         let found = scanned(&mut desk, true);
         let kind = DeviceKind::Moteus { mode: Mode::Stopped, home: Some(Home::Output), fault: 0 };
@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn no_frame_of_can_fd_is_sent_to_a_bus_with_a_device_that_sends_classic_frames() {
+    fn can_fd_frames_avoid_buses_with_classic_devices() {
         let mut desk = desk(true);
         let found = scanned(&mut desk, true);
         assert_eq!((found.fd, desk.fd_frames), (FdSearch::Classic, 0));

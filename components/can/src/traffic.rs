@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interface_that_is_missing_is_named_with_those_that_there_are_and_the_next_step() {
+    fn a_missing_interface_is_named_with_its_alternatives() {
         let error = Listener::open(["no-such-bus"]).err().unwrap();
         assert!(error.to_string().contains("no CAN interface `no-such-bus`"), "{error}");
         assert!(error.advice().contains("ip -details link show type can"));

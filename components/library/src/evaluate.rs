@@ -55,7 +55,7 @@ pub(super) fn forces_of(
     let mut forces = DMatrix::zeros(rows, recordings.trajectories.len());
     let mut frames = Vec::new();
     for (k, trajectory) in recordings.trajectories.iter().enumerate() {
-        let movement = Movement::of(trajectory, spring);
+        let movement = Movement::from_trajectory(trajectory, spring);
         forces.column_mut(k).copy_from_slice(&movement.forces);
         frames.push(movement.frame);
     }
@@ -111,7 +111,7 @@ pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, 
     let mut right = 0;
     let labelled: Vec<&Trajectory> = recordings.trajectories.iter().filter(|t| t.label.is_some()).collect();
     for trajectory in &labelled {
-        let movement = Movement::of(trajectory, library.spring());
+        let movement = Movement::from_trajectory(trajectory, library.spring());
         recogniser.project(&movement.forces);
         let found = recogniser.nearest().and_then(|(k, _)| library.entries()[k].label.as_ref());
         right += usize::from(found == trajectory.label.as_ref());

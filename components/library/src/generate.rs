@@ -14,7 +14,7 @@ pub struct Superposition {
 
 impl Superposition {
     /// A movement of the library by its first `eigenforces`.
-    pub fn of(library: &MotionLibrary, entry: usize, eigenforces: usize) -> Self {
+    pub fn from_entry(library: &MotionLibrary, entry: usize, eigenforces: usize) -> Self {
         let eigenforces = eigenforces.clamp(1, library.rank());
         let weights = library.weights().column(entry).rows(0, eigenforces).iter().copied().collect();
         Self { weights, frame: library.entries()[entry].frame.clone() }
@@ -26,9 +26,9 @@ impl Superposition {
             .filter(|k| library.entries()[*k].label.as_deref() == Some(label))
             .collect();
         let (&first, rest) = members.split_first()?;
-        let mut mean = Self::of(library, first, eigenforces);
+        let mut mean = Self::from_entry(library, first, eigenforces);
         for (count, &k) in rest.iter().enumerate() {
-            mean = mean.blend(&Self::of(library, k, eigenforces), 1.0 / (count + 2) as f64);
+            mean = mean.blend(&Self::from_entry(library, k, eigenforces), 1.0 / (count + 2) as f64);
         }
         Some(mean)
     }

@@ -71,7 +71,7 @@ pub struct LibraryParts {
 /// let library = MotionLibrary::build(&letters(2, Variation::default(), 1), spring, Metric::Position, Truncation::Rank(8))?;
 ///
 /// // A movement half way between the first two, in 2 s.
-/// let [first, second] = [0, 1].map(|entry| Superposition::of(&library, entry, 8));
+/// let [first, second] = [0, 1].map(|entry| Superposition::from_entry(&library, entry, 8));
 /// let blend = first.blend(&second, 0.5).placed(None, None, Some(2.0));
 /// assert_eq!(blend.path(&library).shape(), (60, 2));
 ///
@@ -153,7 +153,7 @@ impl MotionLibrary {
         let mut data = DMatrix::zeros(layout.dofs() * spring.forces(), recordings.trajectories.len());
         for (k, trajectory) in recordings.trajectories.iter().enumerate() {
             check(trajectory, layout.dofs())?;
-            let movement = Movement::of(trajectory, &spring);
+            let movement = Movement::from_trajectory(trajectory, &spring);
             data.column_mut(k).copy_from_slice(&movement.forces);
             let (id, label) = (trajectory.id.clone(), trajectory.label.clone());
             entries.push(Entry { id, label, frame: movement.frame });

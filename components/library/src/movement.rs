@@ -48,7 +48,7 @@ impl Frame {
 impl Movement {
     /// Computes the forces that make the spring follow a recording. The goal is the last sample; the start
     /// velocity is the difference of the first two.
-    pub fn of(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
+    pub fn from_trajectory(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
         let path = trajectory.sampled(spring);
         let (forces_each, dofs) = (spring.forces(), path.ncols());
         let mut frame = Frame { duration: trajectory.duration, ..Frame::default() };

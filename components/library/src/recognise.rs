@@ -96,7 +96,7 @@ impl Recogniser {
 
     /// Projects a recording and returns weights, novelty and nearest movement.
     pub fn recognise(&mut self, trajectory: &Trajectory) -> Recognised {
-        let movement = Movement::of(trajectory, &self.spring);
+        let movement = Movement::from_trajectory(trajectory, &self.spring);
         let novelty = self.novelty(&movement.forces);
         let size = self.weights.iter().map(|w| w * w).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
         let nearest = self.nearest().map(|(index, distance)| (index, distance / size));

@@ -137,7 +137,7 @@ impl RecursiveLibrary {
     /// The recording does not match the library.
     pub fn add(&mut self, trajectory: &Trajectory) -> Result<(), BuildError> {
         check(trajectory, self.origin.layout().dofs())?;
-        let movement = Movement::of(trajectory, self.origin.spring());
+        let movement = Movement::from_trajectory(trajectory, self.origin.spring());
         self.add_forces(&movement.forces);
         self.added_data.extend_from_slice(&movement.forces);
         let (id, label) = (trajectory.id.clone(), trajectory.label.clone());

@@ -66,7 +66,7 @@ impl Trace {
         if count < 2 {
             return TraceErrors { generated: None, tracking: None, path: None };
         }
-        let whole = Superposition::of(library, entry, library.rank()).path(library);
+        let whole = Superposition::from_entry(library, entry, library.rank()).path(library);
         let known: Vec<f64> = (0..count)
             .flat_map(|k| {
                 let at = k as f64 * (whole.nrows() - 1) as f64 / (count - 1) as f64;
@@ -114,7 +114,7 @@ mod tests {
         let spring = SampledSpring::new(60, DAMPING).unwrap();
         let letters = letters(1, Variation::default(), 1);
         let library = MotionLibrary::build(&letters, spring, Metric::Position, Truncation::All).unwrap();
-        let path = Superposition::of(&library, 2, library.rank()).path(&library);
+        let path = Superposition::from_entry(&library, 2, library.rank()).path(&library);
         let mut trace = Trace::new(2, 60);
         assert_eq!(trace.errors(&library, 2).generated, None);
         for row in path.row_iter() {

@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_body_that_coasts_in_still_air_slows_down_as_the_closed_form_says() {
+    fn a_coasting_body_slows_as_in_closed_form() {
         let air = Air::new(&World::default());
         // v' = -k v^2 from v0: v = v0 / (1 + k v0 t).
         let (drag, mass, start) = (0.02, 0.5, 30.0);

@@ -202,10 +202,10 @@ impl BuildWarning {
     /// use motorium_physics::BuildWarning;
     ///
     /// let ignored = |link: &str| BuildWarning::ShapeIgnored { link: link.into(), reason: "no mesh".into() };
-    /// let told = BuildWarning::told(&[ignored("base"), ignored("hand")]);
+    /// let told = BuildWarning::summarise(&[ignored("base"), ignored("hand")]);
     /// assert_eq!(told, ["collision shapes of 2 links (base, hand) are ignored, the first: no mesh"]);
     /// ```
-    pub fn told(warnings: &[Self]) -> Vec<String> {
+    pub fn summarise(warnings: &[Self]) -> Vec<String> {
         let (mut ignored, mut reasons, mut close, mut told) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut overlapping = Vec::new();

@@ -31,7 +31,7 @@ impl JointProperties {
     ///
     /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint
     /// it follows. Its spring acts there with `multiplier^2` times its stiffness.
-    pub fn of(model: &Model, armature: f64) -> Vec<Self> {
+    pub fn from_model(model: &Model, armature: f64) -> Vec<Self> {
         let mut joints: Vec<Self> = (0..model.joint_count())
             .map(|index| Self {
                 lower: model.lower()[index],

@@ -161,7 +161,7 @@ impl<E: Engine> Simulation<E> {
         let models: Vec<&Model> = core::iter::once(model).chain(others).collect();
         let articulations = &self.robot.articulations;
         let armature = self.options().armature;
-        let joints = models.iter().flat_map(|model| JointProperties::of(model, armature)).collect();
+        let joints = models.iter().flat_map(|model| JointProperties::from_model(model, armature)).collect();
         let of_all: Vec<Model> = articulations.iter().map(|own| own.model.clone()).collect();
         let before = (of_all, self.robot.joints.clone(), self.robot.gravity);
         self.robot.set_properties(models, joints, world.gravity.into());

@@ -62,10 +62,10 @@ impl RobotSetup {
     /// # Errors
     ///
     /// [`UnknownFrame`] when the profile names a frame that the robot does not have.
-    pub fn of(robot: &Loaded) -> Result<Self, UnknownFrame> {
+    pub fn from_loaded(robot: &Loaded) -> Result<Self, UnknownFrame> {
         let model = robot.model.clone();
         let rotors = match &robot.profile {
-            Some(profile) if model.base().floating => RotorDrive::of(&model, profile)?,
+            Some(profile) if model.base().floating => RotorDrive::from_profile(&model, profile)?,
             _ => Vec::new(),
         };
         let feet = robot.profile.iter().flat_map(|profile| profile.feet.values());
@@ -213,7 +213,7 @@ impl Robot {
             let v = articulations.last().map_or(0, |last| last.v.end);
             let (joint, drive) = (joints.len(), names.len());
             names.extend(model.joint_names().iter().chain(rotors.iter().map(|rotor| &rotor.name)).cloned());
-            joints.extend(JointProperties::of(model, options.armature));
+            joints.extend(JointProperties::from_model(model, options.armature));
             articulations.push(Articulation {
                 kinematics: Kinematics::new(model),
                 q: q.len()..q.len() + model.nq(),

@@ -24,7 +24,7 @@ impl RotorDrive {
     /// # Errors
     ///
     /// [`UnknownFrame`] when the profile names a frame that `model` does not have.
-    pub fn of(model: &Model, profile: &Profile) -> Result<Vec<Self>, UnknownFrame> {
+    pub fn from_profile(model: &Model, profile: &Profile) -> Result<Vec<Self>, UnknownFrame> {
         let rotors = profile.rotors.iter().map(|(name, rotor)| {
             let sign = if rotor.spin == Spin::Clockwise { 1.0 } else { -1.0 };
             Ok(Self {

@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_with_even_times_stay_as_they_are_and_others_are_interpolated() {
+    fn evenly_sampled_times_are_kept_others_interpolated() {
         let f = |t: f64| t * t;
         let even = recorded(&[0.0, 0.333, 0.667, 1.0], f);
         assert_eq!(even.evenly_spaced(), *even.values());
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_keeps_the_ends_and_halves_the_power_at_its_cutoff() {
+    fn the_filter_halves_the_power_at_its_cutoff() {
         let times: Vec<f64> = (0..4001).map(|k| f64::from(k) * 1e-3).collect();
         let wave = recorded(&times, |t| (std::f64::consts::TAU * 3.0 * t).sin());
         let filtered = wave.evenly(2001, Some(3.0)).unwrap();

@@ -6,7 +6,7 @@ fn all() -> Selection {
     Selection::default()
 }
 
-fn at(rate: f64) -> Selection {
+fn selection(rate: f64) -> Selection {
     Selection { rate: Some(rate), ..all() }
 }
 
@@ -42,7 +42,7 @@ fn a_table_is_read_whatever_separates_its_cells() {
 fn a_byte_order_mark_is_no_part_of_the_first_name() {
     let recording = read_text("x.csv", "\u{feff}t,a\n0,1\n1,2\n", &all()).unwrap();
     assert_eq!((recording.names(), recording.times()), (&["a".to_string()][..], &[0.0, 1.0][..]));
-    let recording = read_text("x.json", "\u{feff}[[1], [2]]", &at(1.0)).unwrap();
+    let recording = read_text("x.json", "\u{feff}[[1], [2]]", &selection(1.0)).unwrap();
     assert_eq!(column(&recording, 0), [1.0, 2.0]);
 }
 
@@ -55,7 +55,7 @@ fn quotes_protect_separators_in_names_and_enclose_numbers() {
 }
 
 #[test]
-fn channels_are_chosen_in_the_order_asked_for_and_others_need_not_be_numbers() {
+fn channels_are_selected_in_order() {
     let text = "clip,t,arm_b,arm_a,leg\nwalk,0,1,2,3\nwalk,1,4,5,6\n";
     let recording = read_text("x.csv", text, &channels(&["leg", "arm_*"])).unwrap();
     assert_eq!(recording.names(), ["leg", "arm_b", "arm_a"]);
@@ -67,7 +67,7 @@ fn channels_are_chosen_in_the_order_asked_for_and_others_need_not_be_numbers() {
 }
 
 #[test]
-fn velocities_beside_positions_are_channels_only_where_they_are_asked_for() {
+fn velocities_are_channels_only_on_request() {
     let text = "time_s,a,b,a_velocity,b_velocity,wind_velocity\n0,1,2,3,4,5\n1,6,7,8,9,10\n";
     let recording = read_text("x.csv", text, &all()).unwrap();
     assert_eq!(recording.names(), ["a", "b", "wind_velocity"]);
@@ -93,9 +93,9 @@ fn time_comes_from_every_usual_name_from_steps_or_from_a_rate() {
     // one of two clocks is the time, the other no channel
     let recording = read_text("x.csv", "timestamp,t,a\n7,0,1\n8,2,3\n", &all()).unwrap();
     assert_eq!((recording.times(), recording.names().len()), (&[0.0, 2.0][..], 1));
-    assert_eq!(read_text("x.csv", "a\n1\n2\n", &at(50.0)).unwrap().times(), [0.0, 0.02]);
+    assert_eq!(read_text("x.csv", "a\n1\n2\n", &selection(50.0)).unwrap().times(), [0.0, 0.02]);
     assert!(matches!(read_text("x.csv", "a\n1\n2\n", &all()), Err(RecordingError::NoTime { .. })));
-    assert!(refusal("x.csv", "a\n1\n2\n", &at(0.0)).starts_with("rate = 0: expected"));
+    assert!(refusal("x.csv", "a\n1\n2\n", &selection(0.0)).starts_with("rate = 0: expected"));
 }
 
 #[test]
@@ -130,12 +130,12 @@ fn values_that_are_not_finite_are_refused_with_their_place() {
     }
     let error = refusal("x.jsonl", "{\"t\":0,\"a\":1}\n{\"t\":1,\"a\":[null]}\n", &all());
     assert!(error.contains("x.jsonl, line 2: found `null`, expected a finite number"), "{error}");
-    let error = refusal("x.json", "[{\"x\":[1,2]},{\"x\":[1,null]}]", &at(1.0));
+    let error = refusal("x.json", "[{\"x\":[1,2]},{\"x\":[1,null]}]", &selection(1.0));
     assert!(error.contains("x.json, item 2: found `null`"), "{error}");
 }
 
 #[test]
-fn a_topic_as_it_is_printed_is_read_with_the_field_that_is_asked_for() {
+fn a_printed_topic_is_read_by_field() {
     let line = |t: f64, x: f64| {
         format!(
             r#"{{"topic":"arm/joint_state","sequence":7,"time_s":{t},"publisher":"encoder","value":{{"count":2,"position":[{x},2.0],"velocity":[9.0,{x}]}}}}"#
@@ -154,15 +154,16 @@ fn a_topic_as_it_is_printed_is_read_with_the_field_that_is_asked_for() {
 
 #[test]
 fn lists_are_samples_and_objects_with_arrays_are_recordings() {
-    let recording = read_text("x.json", "[[1, 2], [3, 4], [5, 6]]", &at(50.0)).unwrap();
+    let recording = read_text("x.json", "[[1, 2], [3, 4], [5, 6]]", &selection(50.0)).unwrap();
     assert_eq!(recording.times(), [0.0, 0.02, 0.04]);
     assert_eq!((recording.id(), recording.names()), ("x", &["0".to_string(), "1".to_string()][..]));
-    let recording = read_text("c.json", r#"{"names":["a"],"positions":[[1],[2],[4]]}"#, &at(10.0)).unwrap();
+    let recording =
+        read_text("c.json", r#"{"names":["a"],"positions":[[1],[2],[4]]}"#, &selection(10.0)).unwrap();
     assert_eq!((recording.names(), column(&recording, 0)), (&["a".to_string()][..], vec![1.0, 2.0, 4.0]));
     let recording = read_text("c.json", r#"{"x":[1,2,4],"t":[0,1,3]}"#, &all()).unwrap();
     assert_eq!((recording.times(), column(&recording, 0)), (&[0.0, 1.0, 3.0][..], vec![1.0, 2.0, 4.0]));
     let text = "{\"id\":1,\"x\":[1,2]}\n{\"t\":0,\"x\":1}\n";
-    assert!(refusal("x.jsonl", text, &at(1.0)).contains("line 2: found a sample among recordings"));
+    assert!(refusal("x.jsonl", text, &selection(1.0)).contains("line 2: found a sample among recordings"));
 }
 
 #[test]
@@ -174,7 +175,7 @@ fn recordings_a_line_keep_their_names_labels_and_durations() {
         r#"{"letter":"A","demo":3,"duration":2,"vx":[1,2],"vy":[3,4]}"#,
     ];
     std::fs::write(&path, lines.join("\n")).unwrap();
-    let all_of_it = read_all(&path, &at(100.0)).unwrap();
+    let all_of_it = read_all(&path, &selection(100.0)).unwrap();
     let described: Vec<_> =
         all_of_it.iter().map(|r| (r.id(), r.label(), r.duration(), r.names().join(" "))).collect();
     assert_eq!(described, [("1", Some("l"), 0.2, "x y".into()), ("A-3", Some("A"), 2.0, "x y".into())]);
@@ -194,7 +195,7 @@ fn a_folder_is_read_in_the_order_of_its_files() {
     {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
-    let recordings = read_all(folder.path(), &at(1.0)).unwrap();
+    let recordings = read_all(folder.path(), &selection(1.0)).unwrap();
     assert_eq!(recordings.iter().map(Recording::id).collect::<Vec<_>>(), ["0", "b"]);
     let error = read_all(&folder.path().join("c.txt"), &all()).unwrap_err().to_string();
     assert!(error.contains("expected a name that ends in .csv, .tsv, .json"), "{error}");

@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let world: World = toml::from_str(&(text + "]"))?;
     scene.add_world(&world);
-    let paints: Vec<Paint> = (0..scene.len()).map(|_| Paint::plain([0.8, 0.5, 0.2])).collect();
+    let paints: Vec<Paint> = (0..scene.len()).map(|_| Paint::solid([0.8, 0.5, 0.2])).collect();
     let turn = UnitQuaternion::from_euler_angles(0.0, 0.5, std::f64::consts::PI);
     let pose = Isometry3::from_parts(Vector3::new(1.6, 0.0, 0.9).into(), turn);
     let mut renderer = Renderer::new(Pinhole::new(160, 120, std::f64::consts::FRAC_PI_3), 100.0);

@@ -129,7 +129,7 @@ impl Channel {
         number: u64,
     ) -> Result<Self, SettingError> {
         let first = 16 * number;
-        Self::of(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
+        Self::from_parts(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
     }
 
     /// A sensor each of whose axes has errors of its own. `streams` are the numbers of the noises of a seed
@@ -144,10 +144,10 @@ impl Channel {
         streams: [u64; 4],
     ) -> Result<Self, SettingError> {
         let axes = errors.len();
-        Self::of(name, errors, axes, seed, streams)
+        Self::from_parts(name, errors, axes, seed, streams)
     }
 
-    fn of(
+    fn from_parts(
         name: &str,
         errors: Vec<ErrorModel>,
         axes: usize,

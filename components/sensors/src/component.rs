@@ -67,7 +67,7 @@ impl Component for JointEncoder {
             let period = TimeSpan { ns: period.as_nanos() as u64 };
             declare
                 .warn(format!("a latency of {} is shorter than the period", config.latency))
-                .at("latency")
+                .key("latency")
                 .advise(format!("readings leave at steps, {period} late: say so, or raise the rate"));
         }
         declare.input::<JointState>("joint_state", "true joint state");

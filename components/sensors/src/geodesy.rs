@@ -68,7 +68,7 @@ impl Geodetic {
 /// use nalgebra::Vector3;
 ///
 /// let lausanne = Geodetic { latitude: 46.52, longitude: 6.57, altitude: 400.0 };
-/// let plane = TangentPlane::at(&lausanne);
+/// let plane = TangentPlane::tangent_at(&lausanne);
 /// let north = plane.geodetic(&Vector3::new(0.0, 100.0, 0.0));
 /// assert!((north.latitude - 46.5209).abs() < 1e-5 && (north.longitude - 6.57).abs() < 1e-9);
 /// ```
@@ -81,7 +81,7 @@ pub struct TangentPlane {
 
 impl TangentPlane {
     /// The plane at a place.
-    pub fn at(place: &Geodetic) -> Self {
+    pub fn tangent_at(place: &Geodetic) -> Self {
         let ((sin, cos), (sin_l, cos_l)) =
             (place.latitude.to_radians().sin_cos(), place.longitude.to_radians().sin_cos());
         let east = Vector3::new(-sin_l, cos_l, 0.0);
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn degree_lengths_match_maps() {
         let equator = Geodetic { latitude: 0.0, longitude: 0.0, altitude: 0.0 };
-        let plane = TangentPlane::at(&equator);
+        let plane = TangentPlane::tangent_at(&equator);
         let arc = |degrees: f64| plane.geodetic(&Vector3::new(degrees * 111_319.49, 0.0, 0.0)).longitude;
         assert!((arc(1e-3) / 1e-3 - 1.0).abs() < 1e-7);
         let north = Geodetic { latitude: 1e-3, ..equator };
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn the_plane_and_the_ellipsoid_part_by_the_curvature() {
         let place = Geodetic { latitude: 46.52, longitude: 6.57, altitude: 0.0 };
-        let plane = TangentPlane::at(&place);
+        let plane = TangentPlane::tangent_at(&place);
         let far = plane.geodetic(&Vector3::new(0.0, 10e3, 0.0));
         assert!((far.altitude - 10e3_f64.powi(2) / (2.0 * 6.37e6)).abs() < 0.1, "{far:?}");
         assert!((plane.local(&far) - Vector3::new(0.0, 10e3, 0.0)).norm() < 1e-6);

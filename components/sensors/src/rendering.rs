@@ -28,12 +28,12 @@ pub struct Paint {
 
 impl Paint {
     /// One colour all over.
-    pub fn plain(colour: Colour) -> Self {
+    pub fn solid(colour: Colour) -> Self {
         Self { colour, checker: None }
     }
 
     /// The colour at a point of the world.
-    fn at(&self, point: &Point3<f64>) -> Colour {
+    fn colour_at(&self, point: &Point3<f64>) -> Colour {
         match self.checker {
             Some(Checker { side, colour })
                 if ((point.x / side).floor() + (point.y / side).floor()) % 2.0 != 0.0 =>
@@ -70,7 +70,7 @@ pub struct Looks {
 /// let ball = RayShape::new(&ConvexShape::Sphere { radius: 0.2 });
 /// scene.add(ball, &Isometry3::translation(2.0, 0.0, 0.0));
 /// let light = Light { direction: [1.0, 0.0, 0.0], ambient: 0.0, shadows: true };
-/// let looks = Looks { paints: [Paint::plain([1.0, 0.5, 0.0])].into(), sky: [0.0, 0.0, 1.0], light };
+/// let looks = Looks { paints: [Paint::solid([1.0, 0.5, 0.0])].into(), sky: [0.0, 0.0, 1.0], light };
 ///
 /// let mut renderer = Renderer::new(Pinhole::new(3, 1, 1.0), 100.0);
 /// let mut picture = [[0.0; 3]; 3];
@@ -147,7 +147,7 @@ impl Renderer {
                 continue;
             };
             let point = rays[index].at(hit.distance);
-            let colour = looks.paints[hit.target].at(&point);
+            let colour = looks.paints[hit.target].colour_at(&point);
             *pixel = colour.map(|part| part * ambient);
             let share = (1.0 - ambient) * hit.normal.dot(&to_light);
             if share > 0.0 {

@@ -24,7 +24,7 @@ pub enum Activation {
 }
 
 impl Activation {
-    fn of(self, x: f64) -> f64 {
+    fn apply(self, x: f64) -> f64 {
         match self {
             Self::Softsign => x / (1.0 + x.abs()),
             Self::Tanh => x.tanh(),
@@ -144,7 +144,7 @@ impl NetworkWeights {
             for ((row, bias), out) in weight.chunks_exact(*inputs).zip(bias).zip(next.iter_mut()) {
                 let sum =
                     row.iter().zip(values.iter()).fold(*bias, |sum, (weight, value)| sum + weight * value);
-                *out = if is_last { sum } else { self.activation.of(sum) };
+                *out = if is_last { sum } else { self.activation.apply(sum) };
             }
             core::mem::swap(&mut values, &mut next);
         }

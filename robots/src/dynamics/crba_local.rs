@@ -135,7 +135,7 @@ impl Dynamics {
                 continue;
             }
             let posture = &postures[index / LANES];
-            let (turn, lift) = posture.of(index % LANES);
+            let (turn, lift) = posture.lane(index % LANES);
             let screwed = inertia.screwed_z::<FUSED>(&turn, lift);
             let handed = match &body.transform {
                 LinkTransform::CommonNormal { turn: twist, shift } => {
@@ -199,7 +199,7 @@ impl Posture {
     }
 
     #[inline(always)]
-    fn of(&self, lane: usize) -> (Turn, f64) {
+    fn lane(&self, lane: usize) -> (Turn, f64) {
         let turn =
             Turn { sin: self.sin[lane], cos: self.cos[lane], sin2: self.sin2[lane], cos2: self.cos2[lane] };
         (turn, self.lift[lane])
@@ -242,7 +242,7 @@ impl Block {
     }
 
     #[inline(always)]
-    fn place<const FUSED: bool>(&mut self, r: &M3, p: V3) {
+    fn set_placement<const FUSED: bool>(&mut self, r: &M3, p: V3) {
         let [fx, fy, fz, mx, my, mz] = &mut self.0;
         for k in 0..LANES {
             let force = turn::<FUSED>(r, V3::new(fx[k], fy[k], fz[k]), V3::ZERO);

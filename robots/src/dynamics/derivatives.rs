@@ -47,7 +47,7 @@ impl Coriolis {
     const ZERO: Self = Self { momentum: V3::ZERO, moment: M3::ZERO };
 
     #[inline(always)]
-    fn of(inertia: &RigidInertia, velocity: Spatial) -> Self {
+    fn new(inertia: &RigidInertia, velocity: Spatial) -> Self {
         let (u, w) = (velocity.linear, velocity.angular);
         // sum m r r'
         let i = &inertia.rotational;
@@ -187,7 +187,7 @@ impl Dynamics {
         if flat.floating {
             base.velocity = Spatial::from_slice(v);
             base.acceleration += Spatial::from_slice(a);
-            base.coriolis = Coriolis::of(&flat.base, base.velocity);
+            base.coriolis = Coriolis::new(&flat.base, base.velocity);
             base.wrench = flat.base.apply(base.acceleration)
                 + base.velocity.cross_wrench(flat.base.apply(base.velocity));
         }
@@ -206,7 +206,7 @@ impl Dynamics {
                 acceleration,
                 first,
                 second,
-                coriolis: Coriolis::of(inertia, velocity),
+                coriolis: Coriolis::new(inertia, velocity),
                 wrench: inertia.apply(acceleration) + velocity.cross_wrench(inertia.apply(velocity)),
             };
         }

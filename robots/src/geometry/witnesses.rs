@@ -91,7 +91,7 @@ impl View<'_> {
 
     /// The point of the solid at a place within the corners: on one of the triangles between two corners and
     /// the nearest point.
-    fn at(&self, place: Vector2<f64>, corners: &[Seen]) -> V3 {
+    fn point_at(&self, place: Vector2<f64>, corners: &[Seen]) -> V3 {
         let [x, y] = self.axes;
         if self.solid.is_half_space() {
             return self.centre + x * place.x + y * place.y;
@@ -191,7 +191,7 @@ impl Collisions {
         }
         keep_corners(overlap, most.min(Self::MOST_WITNESSES));
         for place in &*overlap {
-            let ends = [0, 1].map(|side| views[side].at(*place, &corners[side]));
+            let ends = [0, 1].map(|side| views[side].point_at(*place, &corners[side]));
             found.push(Proximity {
                 pair: nearest.pair,
                 distance: (ends[1] - ends[0]).dot(normal),

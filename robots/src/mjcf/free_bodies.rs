@@ -31,7 +31,7 @@ pub(super) enum Weight {
 }
 
 impl Weight {
-    pub(super) fn of(
+    pub(super) fn from_element(
         geometry: &Geometry,
         inertia: Result<Inertia, MjcfError>,
         read: &Element<'_, '_, '_>,
@@ -83,12 +83,12 @@ pub(super) fn object<'a, 'i>(
                     Weight::Density(density) => shape.volume().map(|volume| density * volume),
                 };
                 let Some(mass) = mass else { return other(node, "its mesh has no volume, and so no mass") };
-                let BasePose { position, rpy } = BasePose::of(&within.inv_mul(&pose));
+                let BasePose { position, rpy } = BasePose::from_isometry(&within.inv_mul(&pose));
                 parts.push(CompoundPart { shape, position, rpy, mass: Some(mass) });
             }
             (ObjectShape::Compound(parts), *within, None, None, surface)
         }
     };
-    let BasePose { position, rpy } = BasePose::of(&pose);
+    let BasePose { position, rpy } = BasePose::from_isometry(&pose);
     Ok(Object { name, shape, mass, density, position, rpy, ..surface })
 }

@@ -298,7 +298,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             if inertia.is_err() {
                 self.geoms.check_solid(&read)?;
             }
-            let weight = Weight::of(&geometry, inertia, &read)?;
+            let weight = Weight::from_element(&geometry, inertia, &read)?;
             let shape = shape(&geometry, &read)?;
             // The name of its object follows when all of its geoms are read.
             self.looks.add(node, Some(""), colour, is_seen);
@@ -369,7 +369,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         let body = node.ancestors().find(|node| node.has_tag_name("body")).map(body_name);
         let name = node.attribute("name").map(str::to_owned).or(body);
         let name = unique(&self.world, name.as_deref().unwrap_or("geom"));
-        let BasePose { position, rpy } = BasePose::of(pose);
+        let BasePose { position, rpy } = BasePose::from_isometry(pose);
         self.looks.add(node, Some(&name), colour, is_seen);
         self.world.objects.push(Object { name, shape, position, rpy, ..surface });
     }

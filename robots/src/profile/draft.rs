@@ -111,7 +111,7 @@ fn ends(model: &Model) -> String {
 fn limits(model: &Model, home: &DVector<f64>) -> String {
     let joints = 0..model.joint_count();
     let velocity: Vec<f64> = joints.clone().map(|index| speed(model, index)).collect();
-    let at = Weights::at(model, home);
+    let at = Weights::at_home(model, home);
     let acceleration = joints.map(|index| {
         let effort = model.effort_limit()[index];
         let left = effort - at.gravity[index].abs();
@@ -128,7 +128,7 @@ fn limits(model: &Model, home: &DVector<f64>) -> String {
 }
 
 fn gains(model: &Model, home: &DVector<f64>) -> String {
-    let at = Weights::at(model, home);
+    let at = Weights::at_home(model, home);
     let pairs: Vec<(f64, f64)> = (0..model.joint_count())
         .map(|index| {
             if is_passive(model, index) {
@@ -162,7 +162,7 @@ struct Weights {
 }
 
 impl Weights {
-    fn at(model: &Model, home: &DVector<f64>) -> Self {
+    fn at_home(model: &Model, home: &DVector<f64>) -> Self {
         let q = configuration(model, home.as_slice());
         let (nv, first) = (model.nv(), model.nv() - model.joint_count());
         let mut dynamics = Dynamics::new(model);

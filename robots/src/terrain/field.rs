@@ -84,7 +84,7 @@ impl HeightField {
             .map(|index| {
                 let (i, j) = (index / blocks[1] * BLOCK, index % blocks[1] * BLOCK);
                 let corners = (i..=i + BLOCK).flat_map(|i| (j..=j + BLOCK).map(move |j| (i, j)));
-                corners.map(|(i, j)| field.at(i, j)).fold(f64::NEG_INFINITY, f64::max)
+                corners.map(|(i, j)| field.corner_height(i, j)).fold(f64::NEG_INFINITY, f64::max)
             })
             .collect();
         field
@@ -107,7 +107,7 @@ impl HeightField {
 
     /// Height of a grid corner; beyond the grid, of the nearest corner.
     #[inline(always)]
-    pub(super) fn at(&self, i: i64, j: i64) -> f64 {
+    pub(super) fn corner_height(&self, i: i64, j: i64) -> f64 {
         let i = i.clamp(0, self.count[0] as i64 - 1) as usize;
         let j = j.clamp(0, self.count[1] as i64 - 1) as usize;
         self.heights[i * self.count[1] + j]
@@ -122,8 +122,8 @@ impl HeightField {
 
     #[inline(always)]
     pub(super) fn cell(&self, i: i64, j: i64) -> Cell {
-        let (a, b) = (self.at(i, j), self.at(i + 1, j));
-        let (c, d) = (self.at(i, j + 1), self.at(i + 1, j + 1));
+        let (a, b) = (self.corner_height(i, j), self.corner_height(i + 1, j));
+        let (c, d) = (self.corner_height(i, j + 1), self.corner_height(i + 1, j + 1));
         Cell { height: a, slopes: [(b - a, d - b), (d - c, c - a)], top: a.max(b).max(c.max(d)) }
     }
 
@@ -189,7 +189,7 @@ impl HeightField {
                     V3::new(
                         self.origin[0] + self.spacing * i as f64,
                         self.origin[1] + self.spacing * j as f64,
-                        self.at(i, j),
+                        self.corner_height(i, j),
                     )
                 };
                 let (first, last) = (corner(i, j), corner(i + 1, j + 1));
@@ -218,11 +218,11 @@ impl HeightField {
         let least = 1e-6 * self.spacing;
         for i in (u - wide).ceil() as i64..=(u + wide).floor() as i64 {
             for j in (v - wide).ceil() as i64..=(v + wide).floor() as i64 {
-                let height = self.at(i, j);
+                let height = self.corner_height(i, j);
                 let above = |a: f64, b: f64| height - 0.5 * (a + b) > least;
                 let beside = |a: i64, by: i64| a.saturating_add(by);
-                let along = above(self.at(beside(i, -1), j), self.at(beside(i, 1), j));
-                if along || above(self.at(i, beside(j, -1)), self.at(i, beside(j, 1))) {
+                let along = above(self.corner_height(beside(i, -1), j), self.corner_height(beside(i, 1), j));
+                if along || above(self.corner_height(i, beside(j, -1)), self.corner_height(i, beside(j, 1))) {
                     let (x, y) =
                         (self.origin[0] + self.spacing * i as f64, self.origin[1] + self.spacing * j as f64);
                     visit(i.wrapping_mul(1 << 15).wrapping_add(j) as u32, Point3::new(x, y, height));

@@ -79,7 +79,7 @@ impl Picture {
     /// Returns the grey value at a position from 0 (left) to 1 (right) and from 0 (top) to 1 (bottom),
     /// interpolated from the four surrounding pixels. The centres of the outermost pixels are on the edges;
     /// beyond them the value is constant.
-    pub(super) fn at(&self, right: f64, down: f64) -> f64 {
+    pub(super) fn grey_at(&self, right: f64, down: f64) -> f64 {
         let [width, height] = self.size;
         let part = |share: f64, count: usize| {
             let place = share.clamp(0.0, 1.0) * (count - 1) as f64;

@@ -164,7 +164,7 @@ impl TerrainLayer {
                 })?;
                 by_place(&mut |x, y| {
                     let (right, up) = ((x - centre[0]) / size[0] + 0.5, (y - centre[1]) / size[1] + 0.5);
-                    black + (white - black) * picture.at(right, 1.0 - up)
+                    black + (white - black) * picture.grey_at(right, 1.0 - up)
                 });
             }
             Self::Slope { angle, direction, from, length } => {

@@ -207,10 +207,10 @@ impl ModelWarning {
     /// use motorium_robots::ModelWarning;
     ///
     /// let effort = |joint: &str| ModelWarning::ZeroLimit { joint: joint.into(), what: "effort" };
-    /// let told = ModelWarning::told(&[effort("hip"), effort("knee"), effort("ankle")]);
+    /// let told = ModelWarning::summarise(&[effort("hip"), effort("knee"), effort("ankle")]);
     /// assert!(told.len() == 1 && told[0].starts_with("joints \"hip\", \"knee\", \"ankle\": effort limit is 0"));
     /// ```
-    pub fn told(warnings: &[Self]) -> Vec<String> {
+    pub fn summarise(warnings: &[Self]) -> Vec<String> {
         let mut told: Vec<(Option<Shared<'_>>, Vec<&str>, String)> = Vec::new();
         for warning in warnings {
             let shared = warning.shared();

@@ -176,7 +176,7 @@ pub(super) fn mesh(path: &Path, scale: [f64; 3]) -> ObjectShape {
 }
 
 pub(super) fn fixed(name: String, shape: ObjectShape, pose: &Isometry3<f64>) -> Object {
-    let BasePose { position, rpy } = BasePose::of(pose);
+    let BasePose { position, rpy } = BasePose::from_isometry(pose);
     Object { name, shape, position, rpy, ..Object::default() }
 }
 

@@ -48,10 +48,10 @@ impl Errors {
 
 impl Golden {
     pub(crate) fn parse(text: &str) -> Self {
-        Self::of(serde_json::from_str(text).unwrap())
+        Self::from_document(serde_json::from_str(text).unwrap())
     }
 
-    pub(crate) fn of(document: Value) -> Self {
+    pub(crate) fn from_document(document: Value) -> Self {
         Self { document }
     }
 

@@ -21,7 +21,7 @@ fn world() -> World {
 }
 
 #[test]
-fn rays_from_above_meet_a_height_field_at_the_heights_of_mujoco() {
+fn rays_meet_a_height_field_as_in_mujoco() {
     let (world, golden) = (world(), golden());
     let mut scene = RayScene::default();
     let objects = world.objects.into_iter().filter(|object| object.name == "field").collect();

@@ -24,7 +24,7 @@ pub(crate) fn with_shape(geometry: &str) -> Model {
     parse_urdf_with(&text, None, &LoadOptions::default()).unwrap().model
 }
 
-pub(crate) fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
+pub(crate) fn translation(x: f64, y: f64, z: f64) -> Isometry3<f64> {
     Isometry3::translation(x, y, z)
 }
 

@@ -123,7 +123,7 @@ impl Declare {
     ///     if let Some(period) = declare.period() && period > latency.into() {
     ///         declare
     ///             .warn(format!("a latency of {latency}, less than a period of the component"))
-    ///             .at("latency")
+    ///             .key("latency")
     ///             .advise("raise its rate");
     ///     }
     /// }

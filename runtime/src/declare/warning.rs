@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// use motorium::declare::Declare;
 ///
 /// let mut declare = Declare::new(None);
-/// declare.warn("a noise of 3 rad, more than the range of the joint").at("noise").advise("0.003 is usual");
+/// declare.warn("a noise of 3 rad, more than the range of the joint").key("noise").advise("0.003 is usual");
 /// let warning = &declare.into_declaration().warnings[0];
 /// assert_eq!((warning.key.as_deref(), warning.advice.as_deref()), (Some("noise"), Some("0.003 is usual")));
 /// ```
@@ -31,7 +31,7 @@ impl DeclareWarning {
     }
 
     /// Sets the affected key of the `config` table, dotted, such as `goals[0].duration`.
-    pub fn at(&mut self, key: impl Into<String>) -> &mut Self {
+    pub fn key(&mut self, key: impl Into<String>) -> &mut Self {
         self.key = Some(key.into());
         self
     }

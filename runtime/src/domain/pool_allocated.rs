@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_too_large_for_the_pool_lives_and_dies_like_any_other() {
+    fn a_value_beyond_the_pool_lives_like_any_other() {
         #[derive(Debug)]
         struct Large([u64; 100]);
         impl Abandonable for Large {

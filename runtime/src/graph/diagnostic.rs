@@ -89,7 +89,7 @@ impl Diagnostic {
     /// Everything as data.
     pub fn report(&self) -> DiagnosticReport {
         let place = |label: &Label| {
-            let source = self.sources.of(&label.span);
+            let source = self.sources.source_of(&label.span);
             let (line, column) = source.position(&label.span);
             PlaceReport { file: source.name.clone(), line, column, label: label.text.clone() }
         };
@@ -108,7 +108,7 @@ impl Diagnostic {
     }
 
     /// The main place.
-    pub(super) fn at(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
+    pub(super) fn label(&mut self, span: &Span, label: impl Into<String>) -> &mut Self {
         self.primary = Some(Label { span: span.clone(), text: shortened(label.into()) });
         self
     }

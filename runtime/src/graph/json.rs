@@ -21,7 +21,7 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
             Err(_) => {
                 report
                     .error(format!("the number {} is too large", number.as_str()))
-                    .at(&value.span(), "does not fit into 64 bits")
+                    .label(&value.span(), "does not fit into 64 bits")
                     .advise("write it as a decimal number, such as 1e20, if the component takes one");
                 return None;
             }
@@ -31,7 +31,7 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
             if let Some(found) = parsed.filter(|found| found.is_finite() && found.abs() > LARGEST) {
                 report
                     .error(format!("{found:e} is larger than any length, angle, force or gain"))
-                    .at(&value.span(), format!("expected a number between -{LARGEST:e} and {LARGEST:e}"))
+                    .label(&value.span(), format!("expected a number between -{LARGEST:e} and {LARGEST:e}"))
                     .advise("check its exponent; leave the key out if it means \"no limit\"");
                 return None;
             }
@@ -40,7 +40,7 @@ pub(super) fn to_json(value: &Value<'_>, report: &mut Report) -> Option<Json> {
                 None => {
                     report
                         .error(format!("{} is not a finite number", number.as_str()))
-                        .at(&value.span(), "a configuration holds finite numbers only")
+                        .label(&value.span(), "a configuration holds finite numbers only")
                         .advise("leave the key out if it means \"no limit\"");
                     return None;
                 }

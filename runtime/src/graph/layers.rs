@@ -148,7 +148,7 @@ pub(super) struct Problems(Vec<Problem>);
 impl Problems {
     pub(super) fn report(self, report: &mut Report) {
         for Problem { span, message, advice } in self.0 {
-            report.error(message).at(&span, "the file extended here").advise(advice);
+            report.error(message).label(&span, "the file extended here").advise(advice);
         }
     }
 }

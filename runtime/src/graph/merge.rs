@@ -57,7 +57,7 @@ fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report)
             };
             report
                 .error(format!("`{path}` cannot be removed: the files below have no `{step}`"))
-                .at(span, "nothing to remove")
+                .label(span, "nothing to remove")
                 .advise(advice);
             return;
         }
@@ -70,7 +70,7 @@ fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report)
         let DeValue::Table(next) = value.get_mut() else {
             report
                 .error(format!("`{path}` cannot be removed: `{step}` has no keys of its own"))
-                .at(span, "not a table")
+                .label(span, "not a table")
                 .and(&place, "its value here")
                 .advise(format!("remove `{step}` as a whole, or give it another value"));
             return;

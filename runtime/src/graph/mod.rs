@@ -213,7 +213,7 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> GraphError {
     let mut report = Report::new(Arc::new(Sources::of_file(path.display().to_string(), text)));
     report
         .error("the graph file is not text")
-        .at(&(valid..valid), "the first byte that is not UTF-8 follows here")
+        .label(&(valid..valid), "the first byte that is not UTF-8 follows here")
         .advise("save the file as UTF-8");
     GraphError::new(report.into_diagnostics())
 }

@@ -106,7 +106,7 @@ impl<'i> GraphTable<'i> {
         for at in table.extends.iter().map(|at| &at.key).chain(table.remove.iter().map(|at| &at.key)) {
             keys.report()
                 .error("`extends` and `remove` cannot be set from the command line")
-                .at(at, "belongs into a file")
+                .label(at, "belongs into a file")
                 .advise("write a file of its own, and lay it over the graph by `--with FILE`");
         }
         table.meant = keys.finish("the graph");

@@ -91,14 +91,14 @@ fn read_value<'i>(
         Err(error) if setting.value.starts_with(['[', '{', '"', '\'']) => {
             report
                 .error(format!("the value of `{}` is not TOML: {}", setting.path, error.message()))
-                .at(&error.span().unwrap_or(span), "")
+                .label(&error.span().unwrap_or(span), "")
                 .advise("quote the whole argument in the shell: --set 'name.key=[1, 2]'");
             None
         }
         Err(_) if setting.value.is_empty() => {
             report
                 .error(format!("`{}` is set to nothing", setting.path))
-                .at(&span, "a value is missing")
+                .label(&span, "a value is missing")
                 .advise(format!("for empty text write --set '{}=\"\"'", setting.path));
             None
         }
@@ -121,7 +121,7 @@ fn read_path<'i>(
         if step.trim().is_empty() {
             report
                 .error(format!("`{}` has an empty part", setting.path))
-                .at(&span, "expected a key here")
+                .label(&span, "expected a key here")
                 .advise("write it as in `controller.config.damping`");
             return None;
         }
@@ -146,7 +146,7 @@ fn read_path<'i>(
         );
         report
             .error(format!("the graph has no component named `{}`", name.get_ref()))
-            .at(&name.span(), "not a component of this graph")
+            .label(&name.span(), "not a component of this graph")
             .advise(advice);
         return None;
     }
@@ -179,7 +179,7 @@ impl<'t, 'i> Place<'t, 'i> {
             _ => {
                 report
                     .error(format!("`{name}` has no keys of its own"))
-                    .at(&step.span(), "not a table")
+                    .label(&step.span(), "not a table")
                     .and(&old, "its value here")
                     .advise(format!("end the path at `{name}`"));
                 None
@@ -218,7 +218,7 @@ fn element<'t, 'i>(
         };
         report
             .error(format!("`{name}` is not the place of an entry in an array"))
-            .at(&span, label)
+            .label(&span, label)
             .advise("count entries from 0, as in `latency.0.max`");
     }
     array.get_mut(index?)

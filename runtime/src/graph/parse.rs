@@ -55,7 +55,7 @@ fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> 
         if error.message() != "duplicate key" {
             report
                 .syntax_error(format!("the file is not TOML: {}", error.message()))
-                .at(&span, "")
+                .label(&span, "")
                 .advise("graph files are TOML, see https://toml.io: `key = value`, text in quotes");
             continue;
         }
@@ -67,7 +67,7 @@ fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> 
                     "`{}` stands here for the second time",
                     file.text.get(local).unwrap_or_default()
                 ))
-                .at(&span, "already defined above")
+                .label(&span, "already defined above")
                 .advise("put both together, or rename one of them");
         }
     }

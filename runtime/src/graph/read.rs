@@ -72,14 +72,14 @@ pub(super) struct Keys<'t, 'i, 'r> {
 
 impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
     /// The keys of a table.
-    pub(super) fn of(table: &'t DeTable<'i>, report: &'r mut Report) -> Self {
+    pub(super) fn new(table: &'t DeTable<'i>, report: &'r mut Report) -> Self {
         Self { table, known: Vec::new(), report }
     }
 
     /// Reads the keys of the table at `key`, if it is a table.
     pub(super) fn read(key: &str, value: &'t Value<'i>, report: &'r mut Report) -> Option<Self> {
         let table = table(key, value, report)?;
-        Some(Self::of(table, report))
+        Some(Self::new(table, report))
     }
 
     /// The value at a key.
@@ -109,7 +109,7 @@ impl<'t, 'i, 'r> Keys<'t, 'i, 'r> {
             };
             self.report
                 .error(format!("unknown key `{name}` in {context}"))
-                .at(&key.span(), "not a key that is known here")
+                .label(&key.span(), "not a key that is known here")
                 .advise(advice);
         }
         meant
@@ -177,6 +177,6 @@ pub(super) fn mismatch<'r>(
     };
     report
         .error(format!("`{key}` is {found}, expected {expected}"))
-        .at(&value.span(), format!("expected {expected}"))
+        .label(&value.span(), format!("expected {expected}"))
         .advise(advice)
 }

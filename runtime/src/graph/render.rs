@@ -38,7 +38,7 @@ impl Diagnostic {
         let primary = self.primary.iter().map(|label| (AnnotationKind::Primary, label));
         let secondary = self.secondary.iter().map(|label| (AnnotationKind::Context, label));
         for (kind, label) in primary.chain(secondary) {
-            let source = self.sources.of(&label.span);
+            let source = self.sources.source_of(&label.span);
             let annotation = annotation(kind, label, source);
             match snippets.iter_mut().find(|(known, _)| known.start == source.start) {
                 Some((_, annotations)) => annotations.push(annotation),

@@ -122,13 +122,13 @@ impl Sources {
     }
 
     /// Returns the text that contains a span.
-    pub(super) fn of(&self, span: &Span) -> &Source {
+    pub(super) fn source_of(&self, span: &Span) -> &Source {
         let after = self.texts.partition_point(|source| source.start <= span.start);
         &self.texts[after.saturating_sub(1)]
     }
 
     /// Returns the folder of the file that contains a span.
     pub(super) fn folder(&self, span: &Span) -> &Path {
-        &self.of(span).folder
+        &self.source_of(span).folder
     }
 }

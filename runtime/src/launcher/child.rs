@@ -62,7 +62,7 @@ impl Child {
         let mut child = Self::spawn(command, program, folder, name)?;
         if let Body::Process { process, ending, .. } = &mut child.body {
             // Without it the end is detected a few milliseconds later.
-            *ending = Ending::of(process.id(), region, index).ok();
+            *ending = Ending::watch(process.id(), region, index).ok();
         }
         Ok(child)
     }

@@ -39,7 +39,7 @@ const BETWEEN: Duration = Duration::from_micros(20);
 
 impl Ending {
     /// Watches a component's process that was just started.
-    pub(super) fn of(pid: u32, region: &Rc<Region>, index: usize) -> io::Result<Self> {
+    pub(super) fn watch(pid: u32, region: &Rc<Region>, index: usize) -> io::Result<Self> {
         let seen = Seen { flag: Flag::new()?, status: OnceLock::new(), is_over: AtomicBool::new(false) };
         let seen = Arc::new(seen);
         // SAFETY: the word lies in the mapping of the region, which this value keeps until the thread has

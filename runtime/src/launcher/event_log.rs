@@ -49,7 +49,7 @@ pub struct LoggedEvent {
 
 impl LoggedEvent {
     /// A record of the log of a run of this plan.
-    pub fn of(record: EventRecord, plan: &Plan, region: &Region) -> Self {
+    pub fn from_record(record: EventRecord, plan: &Plan, region: &Region) -> Self {
         // Before the first step, only the time of the run's creation is known.
         let start_ns = match region.header().start_ns.load(Relaxed) {
             0 => region.events().opened_ns(),
@@ -74,7 +74,7 @@ impl LoggedEvent {
 /// Returns the events of a run that are still in its log, oldest first, and the number of lost ones.
 pub fn logged(plan: &Plan, region: &Region) -> (Vec<LoggedEvent>, u64) {
     let (records, lost) = region.events().all();
-    (records.into_iter().map(|record| LoggedEvent::of(record, plan, region)).collect(), lost)
+    (records.into_iter().map(|record| LoggedEvent::from_record(record, plan, region)).collect(), lost)
 }
 
 /// Writes observed events to the log of a run.
@@ -143,7 +143,7 @@ impl Launch {
     /// The events since the last call of this reader.
     pub(crate) fn events(&self, reader: &mut EventReader) -> Vec<LoggedEvent> {
         let records = reader.read(self.region.events()).into_iter();
-        records.map(|record| LoggedEvent::of(record, &self.plan, &self.region)).collect()
+        records.map(|record| LoggedEvent::from_record(record, &self.plan, &self.region)).collect()
     }
 
     /// Returns the newest events for the report, and the number of omitted ones.

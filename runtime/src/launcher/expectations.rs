@@ -56,7 +56,7 @@ fn figure(report: &Report, figure: &str) -> Result<Value, String> {
     let result = report.results.get(component);
     let part = report.components.iter().find(|part| part.name == component);
     let part = part.and_then(|part| serde_json::to_value(part).ok());
-    let found = result.and_then(|result| at(result, path)).or_else(|| at(part.as_ref()?, path));
+    let found = result.and_then(|result| value_at(result, path)).or_else(|| value_at(part.as_ref()?, path));
     found.cloned().ok_or_else(|| {
         let keys = |value: Option<&Value>| -> Vec<String> {
             let object = value.and_then(Value::as_object);
@@ -70,7 +70,7 @@ fn figure(report: &Report, figure: &str) -> Result<Value, String> {
 }
 
 /// Returns the value at a dotted path of keys and list indices.
-fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
+fn value_at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     path.split('.').try_fold(value, |value, step| match value {
         Value::Array(values) => values.get(step.parse::<usize>().ok()?),
         value => value.get(step),

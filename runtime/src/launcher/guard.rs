@@ -255,7 +255,7 @@ fn describe_safety(
         let name = &component.name;
         let worker = workers.iter().find(|(worker, _)| worker == name);
         let ended = worker.is_none_or(|(_, watch)| watch.has_ended());
-        let reached = Reached::of(block, ended, noticed);
+        let reached = Reached::from_block(block, ended, noticed);
         are_safe &= matches!(reached, Reached::Safe { .. });
         words.push(match reached {
             Reached::Safe { since_ns } if since_ns < noticed => {

@@ -112,7 +112,7 @@ impl Launch {
                 self.warnings.push(format!("`{name}` was restarted and did not step again before the end"));
                 continue;
             }
-            let lost = LostShare::of(block.steps.load(Relaxed), block.skipped.load(Relaxed));
+            let lost = LostShare::new(block.steps.load(Relaxed), block.skipped.load(Relaxed));
             if !supervision.is_gone() && lost.0 > component.liveness.lost_steps {
                 let warning = format!("`{name}` lost {lost} of its steps");
                 if has_priorities {
@@ -141,7 +141,7 @@ pub(super) struct LostShare(pub(super) f64);
 
 impl LostShare {
     /// Of all steps that were due.
-    pub(super) fn of(steps: u64, skipped: u64) -> Self {
+    pub(super) fn new(steps: u64, skipped: u64) -> Self {
         Self(skipped as f64 / (steps + skipped).max(1) as f64)
     }
 }

@@ -36,7 +36,7 @@ impl LostSteps {
         let (steps_before, skipped_before) = core::mem::replace(&mut self.before, (steps, skipped));
         self.since_ns = now_ns;
         let LostShare(share) =
-            LostShare::of(steps.saturating_sub(steps_before), skipped.saturating_sub(skipped_before));
+            LostShare::new(steps.saturating_sub(steps_before), skipped.saturating_sub(skipped_before));
         if share <= self.limit || now_ns < self.quiet_until_ns {
             return None;
         }
@@ -68,6 +68,6 @@ mod tests {
 
     #[test]
     fn shares_are_printed_in_percent() {
-        assert_eq!(LostShare::of(760, 240).to_string(), "24.0 %");
+        assert_eq!(LostShare::new(760, 240).to_string(), "24.0 %");
     }
 }

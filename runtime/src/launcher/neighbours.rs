@@ -18,14 +18,14 @@ impl Launch {
             self.plan.components.iter().filter_map(|component| component.core).collect();
         cores.sort_unstable();
         cores.dedup();
-        if let Some(text) = words(&realtime_of_others(&cores)) {
+        if let Some(text) = describe(&realtime_of_others(&cores)) {
             observe(Event::Warning(&text));
         }
     }
 }
 
 /// Describes the neighbours in a line; `None` if there are none.
-fn words(others: &[Foreign]) -> Option<String> {
+fn describe(others: &[Foreign]) -> Option<String> {
     let told: Vec<String> = others
         .iter()
         .take(NAMED)
@@ -62,10 +62,10 @@ mod tests {
             class: "SCHED_FIFO 83".to_string(),
             cores: vec![1],
         };
-        assert_eq!(words(&[]), None);
-        let one = words(&[other(7)]).expect("one");
+        assert_eq!(describe(&[]), None);
+        let one = describe(&[other(7)]).expect("one");
         assert!(one.contains("`motorium` (process 7 of user 65534, SCHED_FIFO 83) on core 1;"), "{one}");
-        let five = words(&[1, 2, 3, 4, 5].map(other)).expect("five");
+        let five = describe(&[1, 2, 3, 4, 5].map(other)).expect("five");
         assert!(five.contains("process 3 of") && !five.contains("process 4 of"), "{five}");
         assert!(five.contains(" and 2 more;"), "{five}");
     }

@@ -43,24 +43,24 @@ pub enum Hosting {
 }
 
 impl Options {
-    fn of(hosting: Hosting, program: PathBuf) -> Self {
+    fn new(hosting: Hosting, program: PathBuf) -> Self {
         Self { hosting, program, core: None, catch_signals: true, stand_in: Vec::new() }
     }
 
     /// Each component in a separate process, hosted by `program`: the `motorium` command, or another one that
     /// calls `program::run_worker`.
     pub fn processes(program: PathBuf) -> Self {
-        Self::of(Hosting::Processes, program)
+        Self::new(Hosting::Processes, program)
     }
 
     /// Each component in a thread of this process.
     pub fn threads() -> Self {
-        Self::of(Hosting::Threads, PathBuf::new())
+        Self::new(Hosting::Threads, PathBuf::new())
     }
 
     /// All components in the calling thread.
     pub fn inline() -> Self {
-        Self::of(Hosting::Inline, PathBuf::new())
+        Self::new(Hosting::Inline, PathBuf::new())
     }
 
     /// Pins a lockstep run to one core; concurrent runs need one each.

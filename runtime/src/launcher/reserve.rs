@@ -54,7 +54,7 @@ struct Need {
 }
 
 impl Need {
-    fn of(plan: &Plan, hosting: Hosting) -> Self {
+    fn for_plan(plan: &Plan, hosting: Hosting) -> Self {
         let topics = plan.topics.iter().map(|topic| topic.memory_bytes() as u64);
         let (components, count) = (plan.components.len() as u64, plan.topics.len() as u64);
         let tables =
@@ -82,7 +82,7 @@ impl Need {
 /// Descriptors, the size of files, processes or shared memory are insufficient; the error states the
 /// requirement, the available amount and advice.
 pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
-    let need = Need::of(plan, hosting);
+    let need = Need::for_plan(plan, hosting);
     let exhausted = |what: &'static str, need: String, found: String, advice: String| {
         Err(LaunchError::Exhausted { what, need, found, advice })
     };
@@ -120,7 +120,7 @@ pub(super) fn check(plan: &Plan, hosting: Hosting) -> Result<(), LaunchError> {
             ),
         );
     }
-    let Some(room) = Room::of(Path::new(SHARED_MEMORY)) else {
+    let Some(room) = Room::for_path(Path::new(SHARED_MEMORY)) else {
         let advice = "`motorium doctor` looks at it".to_string();
         return exhausted(
             "no shared memory",

@@ -156,7 +156,7 @@ pub(super) enum Reached {
 
 impl Reached {
     /// Derives it from the control block, unless the component has ended.
-    pub(super) fn of(block: &ComponentBlock, ended: bool, noticed: u64) -> Self {
+    pub(super) fn from_block(block: &ComponentBlock, ended: bool, noticed: u64) -> Self {
         let stepped = block.last_step_ns.load(Relaxed) >= noticed;
         let is_safe = stepped && block.safe.load(Relaxed) != 0;
         match block.phase() {
@@ -204,7 +204,7 @@ impl Launch {
         let actuators: Vec<usize> = components.map(|(index, _)| index).collect();
         let reached = |index: usize| {
             let ended = self.children[index].ended().is_some();
-            Reached::of(&self.region.components()[index], ended, noticed)
+            Reached::from_block(&self.region.components()[index], ended, noticed)
         };
         actuators.iter().copied().zip(actuators.iter().copied().map(reached)).collect()
     }

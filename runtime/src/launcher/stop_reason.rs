@@ -14,12 +14,12 @@ pub(super) fn reason(plan: &Plan, region: &Region) -> String {
             (block.missed.load(std::sync::atomic::Ordering::Relaxed), block.latency.percentiles().max)
         })
         .collect();
-    words(plan, &misses, &latencies)
+    describe(plan, &misses, &latencies)
 }
 
 /// Like [`reason`], from the misses of each component, and the number of misses and the longest time (ns) of
 /// each budget.
-fn words(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
+fn describe(plan: &Plan, misses: &[Misses], latencies: &[(u64, u64)]) -> String {
     let overruns = plan.components.iter().zip(misses).filter_map(|(component, misses)| {
         let strict = component.on_overrun == OnOverrun::SafeStop;
         let tolerated = component.overruns_tolerated.or(strict.then_some(0))?;
@@ -80,18 +80,18 @@ mod tests {
         let late = Misses { long_step: 1, late_wake: 2, ..Misses::default() };
         let both = [late, late];
         assert_eq!(
-            words(&plan(), &both, &[(0, 0)]),
+            describe(&plan(), &both, &[(0, 0)]),
             "`controller` had 3 late steps (1 too long, 2 held up by others) where 0 are tolerated"
         );
         let mut tolerant = plan();
         tolerant.components[1].overruns_tolerated = Some(3);
-        assert!(words(&tolerant, &both, &[(0, 0)]).starts_with("a component ordered"));
+        assert!(describe(&tolerant, &both, &[(0, 0)]).starts_with("a component ordered"));
     }
 
     #[test]
     fn excessive_latency_is_reported_with_its_budget() {
         assert_eq!(
-            words(&plan(), &[Misses::default(); 2], &[(1, 412_000)]),
+            describe(&plan(), &[Misses::default(); 2], &[(1, 412_000)]),
             "the latency from `topic/physics` to `topic/controller` was 412 us where 300 us are allowed"
         );
     }

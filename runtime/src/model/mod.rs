@@ -63,7 +63,7 @@ impl Atomics for Modelled {
     type U32 = loom::sync::atomic::AtomicU32;
     type U64 = loom::sync::atomic::AtomicU64;
 
-    fn at(site: Site, strong: Ordering) -> Ordering {
+    fn ordering(site: Site, strong: Ordering) -> Ordering {
         if WEAKENED.get() == Some(site) { Relaxed } else { strong }
     }
 

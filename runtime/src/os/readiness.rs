@@ -23,7 +23,7 @@ impl Readiness {
     ///
     /// # Errors
     /// The kernel refused the mask of signals.
-    pub fn of(descriptor: OwnedFd) -> io::Result<Self> {
+    pub fn new(descriptor: OwnedFd) -> io::Result<Self> {
         // SAFETY: zero is a valid value of the plain structure, which the call overwrites with the present
         // mask.
         let mut waiting: libc::sigset_t = unsafe { core::mem::zeroed() };
@@ -85,7 +85,7 @@ mod tests {
 
     fn pipe() -> (Readiness, io::PipeWriter) {
         let (reader, writer) = io::pipe().unwrap();
-        (Readiness::of(reader.into()).unwrap(), writer)
+        (Readiness::new(reader.into()).unwrap(), writer)
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub struct Room {
 
 impl Room {
     /// Returns the free space in the file system of a path; `None` if unavailable.
-    pub fn of(path: &Path) -> Option<Self> {
+    pub fn for_path(path: &Path) -> Option<Self> {
         let stat = rustix::fs::statvfs(path).ok()?;
         // A file system without a limit on files says 0 of 0.
         let files = if stat.f_files == 0 { u64::MAX } else { stat.f_favail };
@@ -61,7 +61,7 @@ pub fn shortage(place: &Path) -> Option<String> {
         }
     }
     [Path::new("/dev/shm"), place].into_iter().find_map(|path| {
-        let room = Room::of(path).filter(|room| room.is_full())?;
+        let room = Room::for_path(path).filter(|room| room.is_full())?;
         let what = if room.bytes < NO_ROOM {
             format!("{} of {} are free", amount(room.bytes), amount(room.total))
         } else {
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn nothing_is_short_on_a_machine_with_room() {
-        let room = Room::of(Path::new("/dev/shm")).expect("there is shared memory");
+        let room = Room::for_path(Path::new("/dev/shm")).expect("there is shared memory");
         if room.is_full() {
             return eprintln!("skipped: /dev/shm is full");
         }

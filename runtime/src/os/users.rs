@@ -145,10 +145,10 @@ struct Status {
 
 impl Status {
     fn read(path: &str) -> Option<Self> {
-        Some(Self::of(&fs::read_to_string(path).ok()?))
+        Some(Self::parse(&fs::read_to_string(path).ok()?))
     }
 
-    fn of(text: &str) -> Self {
+    fn parse(text: &str) -> Self {
         let mut status = Self::default();
         for (key, value) in text.lines().filter_map(|line| line.split_once(':')) {
             let value = value.trim();
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn status_is_parsed_by_key() {
-        let status = Status::of("Name:\tcat\nUid:\t5\t6\t6\t6\nThreads:\t3\nCpus_allowed_list:\t0-1,4\n");
+        let status = Status::parse("Name:\tcat\nUid:\t5\t6\t6\t6\nThreads:\t3\nCpus_allowed_list:\t0-1,4\n");
         assert_eq!((status.name.as_str(), status.user, status.threads), ("cat", Some(5), 3));
         assert_eq!(status.cores, [0, 1, 4]);
     }

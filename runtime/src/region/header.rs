@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_safe_stop_takes_back_no_stop_and_a_late_run_no_safe_stop() {
+    fn late_stops_and_runs_do_not_undo_each_other() {
         let header = Header::default();
         for (order, expected) in [
             (Command::Connect, Command::Connect),

@@ -52,7 +52,7 @@ impl Counts {
     /// The event log is between the header and the first block.
     const COMPONENTS_AT: usize = size_of::<Header>() + size_of::<EventLog>();
 
-    fn of(plan: &Plan) -> Self {
+    fn from_plan(plan: &Plan) -> Self {
         Self {
             components: plan.components.len(),
             topics: plan.topics.len(),
@@ -131,12 +131,12 @@ pub fn layout_digest() -> String {
 impl Region {
     /// The size of the control block of a plan, bytes.
     pub fn bytes(plan: &Plan) -> usize {
-        Counts::of(plan).bytes()
+        Counts::from_plan(plan).bytes()
     }
 
     /// Returns `true` if it has the blocks of this plan; a damaged one may not.
     pub fn fits(&self, plan: &Plan) -> bool {
-        self.counts == Counts::of(plan)
+        self.counts == Counts::from_plan(plan)
     }
 
     /// Creates the control block of a run.
@@ -144,7 +144,7 @@ impl Region {
     /// # Errors
     /// The file cannot be created: no space, no permission, or it exists.
     pub fn create(path: &Path, plan: &Plan) -> Result<Self, RegionError> {
-        let counts = Counts::of(plan);
+        let counts = Counts::from_plan(plan);
         let io = |source| RegionError::Io { path: path.to_path_buf(), source };
         let file =
             OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path).map_err(io)?;

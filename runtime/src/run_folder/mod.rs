@@ -153,7 +153,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// It is not private to this user.
-    pub fn place() -> Result<PathBuf, RunFolderError> {
+    pub fn parent_folder() -> Result<PathBuf, RunFolderError> {
         let place = place::all().swap_remove(0);
         match place::check(&place) {
             Err(RunFolderError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {

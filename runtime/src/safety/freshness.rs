@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stamp_from_the_future_is_never_fresh_neither_ten_seconds_nor_centuries_ahead() {
+    fn a_future_stamp_is_never_fresh() {
         let mut check = check();
         assert_eq!(
             check.check(&published(101 * MS, 101 * MS, 1), 100 * MS),
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn an_older_command_of_the_same_publisher_is_refused_and_a_restarted_publisher_is_not() {
+    fn older_commands_of_a_running_publisher_are_refused() {
         let mut check = check();
         let now = 100 * MS;
         assert_eq!(check.check(&published(now, now, 7), now), Age::Fresh);
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_suspend_ages_the_commands_from_before_it_and_not_those_after() {
+    fn a_suspend_ages_earlier_commands_only() {
         // Monotonic 100 ms, booted 7 s before; the machine sleeps for an hour between the steps.
         let (before, hour) = (100 * MS, 3_600_000 * MS);
         let mut clock = SuspendClock::new(before, 7_000 * MS);

@@ -75,7 +75,7 @@ impl Gate {
             setpoints: vec![JointSetpoint::default(); count],
             next: vec![JointSetpoint::default(); count],
             gravity: vec![0.0; count],
-            envelope: Envelope::of(&joints),
+            envelope: Envelope::from_limits(&joints),
             resume: Resume::new(count),
             rest: Rest::default(),
             joints,

@@ -121,7 +121,7 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn a_gate_is_held_by_another_without_a_good_command_where_they_stop_together() {
+    fn a_gate_is_held_by_another_that_stops_with_it() {
         let joints = || [7, 7].into_iter();
         let (alone, together) = (Group::new(joints(), false), Group::new(joints(), true));
         for group in [&alone, &together] {
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn robots_that_stopped_together_go_on_together_when_all_had_good_commands_for_a_time() {
+    fn robots_that_stopped_together_resume_together() {
         let group = Group::new([7, 7].into_iter(), true);
         (0..2).for_each(|place| group.set_good(place, true, 0));
         group.set_good(0, false, MS);

@@ -160,7 +160,7 @@ pub(super) const FULL_SPEED: f64 = 0.2;
 const CREEP: f64 = 0.05;
 
 impl Bounds {
-    pub(super) fn of(limits: &JointLimits) -> Self {
+    pub(super) fn from_limits(limits: &JointLimits) -> Self {
         let JointLimits { lower, upper, velocity, acceleration, effort, effort_rate, max_kp, max_kd, .. } =
             *limits;
         let twice_acceleration = 2.0 * limits.usual_acceleration();

@@ -96,7 +96,7 @@ pub(super) struct Resume {
 
 impl Reference {
     /// The joint's reference in a safe state: where it is held, or where it moves.
-    fn of(setpoint: &JointSetpoint, joint: &Joint) -> Self {
+    fn from_setpoint(setpoint: &JointSetpoint, joint: &Joint) -> Self {
         let (position, velocity, effort) = match setpoint.kp > 0.0 {
             true => (setpoint.position, setpoint.velocity, setpoint.effort - joint.gravity),
             false => (joint.position, joint.velocity, 0.0),
@@ -154,7 +154,7 @@ impl Reference {
 impl Rest {
     /// The difference of a setpoint from its command. Without its gain a setpoint means nothing, and may be
     /// anything.
-    fn of(position: f64, velocity: f64, effort: f64, command: &JointSetpoint) -> Self {
+    fn from_difference(position: f64, velocity: f64, effort: f64, command: &JointSetpoint) -> Self {
         Self {
             position: if command.kp > 0.0 { position - command.position } else { 0.0 },
             velocity: if command.kd > 0.0 { velocity - command.velocity } else { 0.0 },
@@ -208,7 +208,7 @@ impl Resume {
     pub(super) fn begin<'a>(&mut self, safe: impl Iterator<Item = (&'a JointSetpoint, Joint)>) {
         (self.elapsed, self.met_for, self.faded_for) = (0.0, 0.0, f64::INFINITY);
         for (reference, (setpoint, joint)) in self.references.iter_mut().zip(safe) {
-            *reference = Reference::of(setpoint, &joint);
+            *reference = Reference::from_setpoint(setpoint, &joint);
         }
     }
 
@@ -228,7 +228,7 @@ impl Resume {
     pub(super) fn begin_fading(&mut self, commands: &[JointSetpoint], safe: &[JointSetpoint]) {
         let pairs = commands.iter().zip(safe).zip(&self.references);
         for (rest, ((command, safe), reference)) in self.rests.iter_mut().zip(pairs) {
-            *rest = Rest::of(reference.position, reference.velocity, safe.effort, command);
+            *rest = Rest::from_difference(reference.position, reference.velocity, safe.effort, command);
         }
         (self.faded_for, self.fade_time) = (0.0, FADE);
     }
@@ -279,7 +279,8 @@ impl Resume {
             effort: (1.0 - share) * joint.gravity + share * command.effort + reference.effort,
             ..*command
         };
-        self.rests[index] = Rest::of(setpoint.position, setpoint.velocity, setpoint.effort, command);
+        self.rests[index] =
+            Rest::from_difference(setpoint.position, setpoint.velocity, setpoint.effort, command);
         let effort = self.rests[index].effort.abs() <= MET * limits.effort;
         (setpoint, effort && reference.meets(command, limits))
     }
@@ -349,7 +350,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_fades_without_a_step_and_its_velocity_is_its_derivative() {
+    fn an_offset_fades_smoothly_with_its_derivative() {
         let rest = Rest { position: 3e-3, velocity: -0.04, effort: 1.7 };
         let (begin, end) = (rest.faded(0.0, FADE), rest.faded(1.0, FADE));
         assert_eq!(begin, rest);

@@ -10,8 +10,8 @@ pub(super) struct Envelope {
 }
 
 impl Envelope {
-    pub(super) fn of(joints: &[JointLimits]) -> Self {
-        Self { bounds: joints.iter().map(Bounds::of).collect() }
+    pub(super) fn from_limits(joints: &[JointLimits]) -> Self {
+        Self { bounds: joints.iter().map(Bounds::from_limits).collect() }
     }
 
     /// The numbers as they lie in memory.

@@ -64,9 +64,9 @@ pub fn admit(plan: &Plan, overheads: &Overheads, rt_limit: RtLimit) -> Admission
     if plan.clock == ClockKind::Lockstep {
         return admission;
     }
-    let tasks = StaticPlan::of(plan, overheads);
+    let tasks = StaticPlan::from_plan(plan, overheads);
     let responses = response::responses(&tasks, overheads);
-    let unknown = Unknown::of(plan, &tasks);
+    let unknown = Unknown::from_plan(plan, &tasks);
     let analysis = Analysis { plan, tasks: &tasks, responses: &responses, unknown: &unknown };
     admission.cores =
         tasks.cores().into_iter().map(|core| load::load(plan, &tasks, core, &rt_limit)).collect();

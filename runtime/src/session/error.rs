@@ -13,7 +13,7 @@ pub enum SessionError {
     Launch(#[from] LaunchError),
     /// The run has ended: a signal came, or something failed and the actuators went to their safe state. What
     /// remains is to stop the session.
-    #[error("the run has ended: {}", told(.0))]
+    #[error("the run has ended: {}", describe(.0))]
     Ended(Exit),
     /// The session belongs to the process that this one was forked from.
     #[error("the session: {0}")]
@@ -85,7 +85,7 @@ pub enum SessionError {
     Parameter(#[from] ParameterError),
 }
 
-fn told(exit: &Exit) -> String {
+fn describe(exit: &Exit) -> String {
     match exit {
         Exit::Finished => "all its components have".to_string(),
         Exit::Interrupted => "a signal asked for it".to_string(),

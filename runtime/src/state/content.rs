@@ -46,7 +46,7 @@ enum Number {
 }
 
 impl Number {
-    fn of(kind: &str) -> Option<Self> {
+    fn from_kind(kind: &str) -> Option<Self> {
         Some(match kind {
             "f64" => Self::Double,
             "f32" => Self::Single,
@@ -126,7 +126,7 @@ impl ContentCheck {
                 offset: field.offset,
             };
             let primitive = field.kind.trim_start_matches('[').split(';').next().unwrap_or_default();
-            let number = Number::of(primitive).ok_or_else(unknown)?;
+            let number = Number::from_kind(primitive).ok_or_else(unknown)?;
             let fits = field.offset.checked_add(field.size).is_some_and(|end| end <= layout.size);
             if !fits || !field.size.is_multiple_of(number.bytes()) {
                 return Err(unknown());

@@ -108,10 +108,10 @@ impl Numbers {
     /// ```
     /// use motorium::state::Numbers;
     ///
-    /// assert_eq!(Numbers::of(&[Numbers::Single, Numbers::Single]), Numbers::Single);
-    /// assert_eq!(Numbers::of(&[Numbers::Single, Numbers::Whole]), Numbers::Mixed);
+    /// assert_eq!(Numbers::concat(&[Numbers::Single, Numbers::Single]), Numbers::Single);
+    /// assert_eq!(Numbers::concat(&[Numbers::Single, Numbers::Whole]), Numbers::Mixed);
     /// ```
-    pub const fn of(parts: &[Self]) -> Self {
+    pub const fn concat(parts: &[Self]) -> Self {
         let mut index = 1;
         while index < parts.len() {
             if parts[index] as u8 != parts[0] as u8 {
@@ -152,7 +152,7 @@ pub struct Checked {
 
 impl Checked {
     /// The part covered by these values; empty unless they consist of one kind of floating-point numbers.
-    pub(crate) fn of<T: Field>(values: &[T]) -> Self {
+    pub(crate) fn from_values<T: Field>(values: &[T]) -> Self {
         let from = values.as_ptr().addr();
         match T::NUMBERS {
             Numbers::Double | Numbers::Single => {
@@ -171,7 +171,7 @@ impl Checked {
     /// True if these values lie within the part.
     #[inline]
     pub fn covers<T: Field>(&self, values: &[T]) -> bool {
-        let asked = Self::of(values);
+        let asked = Self::from_values(values);
         self.from <= asked.from && asked.to <= self.to && !asked.is_empty() && self.single == asked.single
     }
 }
@@ -253,13 +253,13 @@ mod tests {
     #[test]
     fn part_covers_only_its_own_numbers() {
         let values = [0.0_f64; 8];
-        let part = Checked::of(&values[2..6]);
+        let part = Checked::from_values(&values[2..6]);
         assert!(part.covers(&values[2..6]) && part.covers(&values[3..4]));
         for range in [1..6, 2..7, 0..2, 6..8] {
             assert!(!part.covers(&values[range.clone()]), "{range:?}");
         }
         assert!(!part.covers(&[0.0_f64]) && !Checked::default().covers(&values));
         let bits: [u64; 8] = values.map(f64::to_bits);
-        assert!(Checked::of(&bits).is_empty());
+        assert!(Checked::from_values(&bits).is_empty());
     }
 }

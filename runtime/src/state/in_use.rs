@@ -30,7 +30,7 @@ impl InUse {
     pub(crate) const MOST: usize = 1024;
 
     /// Parts of a slot whose value, with this layout, starts at `value`.
-    pub(crate) fn of(layout: &TypeLayout, value: usize) -> Self {
+    pub(crate) fn from_layout(layout: &TypeLayout, value: usize) -> Self {
         let counted = |name: &str, kind: &str, size: usize| {
             let count = layout.fields.iter().find(|field| field.name == name)?;
             let capacity: usize = kind.trim_end_matches(']').rsplit("; ").next()?.parse().ok()?;
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn command_for_eight_joints_prefetches_eight_entries() {
-        let in_use = InUse::of(&JointCommand::layout(), 56);
+        let in_use = InUse::from_layout(&JointCommand::layout(), 56);
         let of_eight = parts(&in_use, 8);
         // Stamp words and count, then position, velocity, effort, kp and kd.
         assert_eq!(of_eight, [(0, 64), (64, 64), (576, 64), (1088, 64), (1600, 64), (2112, 64)]);
@@ -112,6 +112,6 @@ mod tests {
     #[test]
     fn a_value_without_counted_arrays_is_one_part() {
         let layout = PoseTarget::layout();
-        assert_eq!(parts(&InUse::of(&layout, 56), 7), [(0, 56 + layout.size)]);
+        assert_eq!(parts(&InUse::from_layout(&layout, 56), 7), [(0, 56 + layout.size)]);
     }
 }

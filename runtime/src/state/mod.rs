@@ -115,7 +115,7 @@ macro_rules! state_buffer {
         unsafe impl $crate::state::Field for $name {
             const ZERO: Self = Self { $( $field: <$field_type as $crate::state::Field>::ZERO ),* };
             const NUMBERS: $crate::state::Numbers =
-                $crate::state::Numbers::of(&[$( <$field_type as $crate::state::Field>::NUMBERS ),*]);
+                $crate::state::Numbers::concat(&[$( <$field_type as $crate::state::Field>::NUMBERS ),*]);
 
             fn describe(prefix: &str, offset: usize, out: &mut Vec<$crate::state::FieldLayout>) {
                 $crate::state_buffer!(@describe $name, prefix, offset, out, $( $field : $field_type ),*);

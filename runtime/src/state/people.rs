@@ -47,8 +47,8 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Text;
     ///
-    /// assert_eq!(Text::of("go").as_str(), "go");
-    /// assert_eq!(Text::of(&"long ".repeat(1000)).as_str().len(), 1024, "cut at the length of the buffer");
+    /// assert_eq!(Text::truncated("go").as_str(), "go");
+    /// assert_eq!(Text::truncated(&"long ".repeat(1000)).as_str().len(), 1024, "cut at the length of the buffer");
     /// ```
     pub struct Text as "motorium.Text", at most MAX_TEXT {
         counted {
@@ -60,7 +60,7 @@ counted_buffer! {
 
 impl Text {
     /// Creates a text, cut after the last character that fits.
-    pub fn of(text: &str) -> Self {
+    pub fn truncated(text: &str) -> Self {
         let mut buffer = Self::default();
         let end = text.floor_char_boundary(MAX_TEXT);
         buffer.set_count(end);
@@ -80,7 +80,7 @@ counted_buffer! {
     /// ```
     /// use motorium::state::Event;
     ///
-    /// let mut event = Event::of("goal out of reach");
+    /// let mut event = Event::truncated("goal out of reach");
     /// event.severity = Event::WARNING;
     /// assert_eq!(event.as_str(), "goal out of reach");
     /// ```
@@ -109,7 +109,7 @@ impl Event {
     pub const ERROR: u32 = 2;
 
     /// Creates an event with this text, cut after the last character that fits.
-    pub fn of(text: &str) -> Self {
+    pub fn truncated(text: &str) -> Self {
         let mut event = Self::default();
         let end = text.floor_char_boundary(MAX_EVENT_TEXT);
         event.set_count(end);

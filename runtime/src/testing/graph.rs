@@ -62,7 +62,7 @@ impl Graph {
     /// Takes the graph for the content of this file: paths in it are relative to the file's folder. By
     /// default it is `graph.toml` in the working directory.
     #[must_use]
-    pub fn at(mut self, file: &Path) -> Self {
+    pub fn at_path(mut self, file: &Path) -> Self {
         self.file = file.to_path_buf();
         self
     }

@@ -33,7 +33,7 @@
 //! #     }
 //! # }
 //!
-//! let mirrored = Probe::<JointState>::of("mirrored");
+//! let mirrored = Probe::<JointState>::for_topic("mirrored");
 //! let report = Graph::new("mirror")
 //!     .with(Source::new("robot", "state", |tick| {
 //!         let mut state = JointState::default();

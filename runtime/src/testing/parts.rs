@@ -109,7 +109,7 @@ impl Function {
 
 impl<T: StateBuffer> Probe<T> {
     /// A probe of a topic, named `probe` and the topic.
-    pub fn of(topic: &str) -> Self {
+    pub fn for_topic(topic: &str) -> Self {
         let name = format!("probe-{}", topic.replace('/', "-"));
         Self { topic: topic.to_string(), name, rate: Some("1 kHz".to_string()), samples: Arc::default() }
     }

@@ -194,7 +194,8 @@ impl<T: StateBuffer> Loan<'_, T> {
         };
         let (written, valid) = E::write_checked(places, values.into_iter());
         // An invalid number is found again, and named, on publication.
-        let spared = if valid && written == length { Checked::of(places) } else { Checked::default() };
+        let spared =
+            if valid && written == length { Checked::from_values(places) } else { Checked::default() };
         self.checked = spared;
         written
     }

@@ -191,7 +191,7 @@ fn live(
             }
             (ClockKind::Realtime, Activation::Descriptor { .. }, _) => {
                 let Some(descriptor) = descriptor else { return Err(at_setup(NO_DESCRIPTOR.to_string())) };
-                let readiness = os::Readiness::of(descriptor)
+                let readiness = os::Readiness::new(descriptor)
                     .map_err(|error| at_setup(format!("waiting for its descriptor: {error}")))?;
                 let longest_wait = component.actuator.then(|| plan.safety_of(component).stale_after_ns);
                 sporadic::run(&mut stepper, &readiness, longest_wait, rest::Rest::new(component))?;

@@ -85,7 +85,7 @@ pub struct KindAnswer {
 
 impl KindAnswer {
     /// Describes a kind.
-    pub fn of(kind: &Kind) -> Self {
+    pub fn from_kind(kind: &Kind) -> Self {
         let (schema, definitions) = kind.config_schema();
         Self {
             name: kind.name.to_string(),

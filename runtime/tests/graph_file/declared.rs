@@ -42,7 +42,7 @@ impl Component for Surveyor {
         if let Some(map) = &config.map {
             let path = declare.folder().join(map);
             if !path.is_file() {
-                declare.warn(format!("there is no map at {}", path.display())).at("map").advise("draw one");
+                declare.warn(format!("there is no map at {}", path.display())).key("map").advise("draw one");
             }
         }
         if period_us.is_some_and(|us| us < 1_000 * config.least_period_ms) {
@@ -74,7 +74,7 @@ fn check(text: &str) -> Checked {
 }
 
 /// The port that says what each component was told.
-fn told(checked: &Checked) -> Vec<String> {
+fn declared_ports(checked: &Checked) -> Vec<String> {
     let last =
         |component: &motorium::plan::ComponentPlan| component.outputs.last().map(|port| port.port.clone());
     checked.plan.components.iter().filter_map(last).collect()
@@ -98,9 +98,9 @@ fn a_component_knows_its_period_at_the_end_of_a_chain() {
         rate = "400 Hz"
         publish = { out = "a" }
     "#;
-    assert_eq!(told(&check(text)), ["real-2500", "real-2500", "real-2500"]);
+    assert_eq!(declared_ports(&check(text)), ["real-2500", "real-2500", "real-2500"]);
     let lockstep = check(&text.replace("name = \"chain\"", "name = \"chain\"\nclock = \"lockstep\""));
-    assert_eq!(told(&lockstep), ["lockstep-2500", "lockstep-2500", "lockstep-2500"]);
+    assert_eq!(declared_ports(&lockstep), ["lockstep-2500", "lockstep-2500", "lockstep-2500"]);
     for component in &lockstep.plan.components {
         assert_eq!(component.period_ns(), 2_500_000, "as it is resolved after the declarations");
     }
@@ -218,7 +218,7 @@ fn a_kind_that_reads_gravity_gets_it_from_the_world_file() {
     let plain = || Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Faller>()]);
     let check = |registry: &Registry, text: String| graph::check(&path, text, &[], registry, &machine());
     let gravities = |registry: &Registry, text: String| {
-        told(&check(registry, text).unwrap_or_else(|error| panic!("{}", error.render(false))))
+        declared_ports(&check(registry, text).unwrap_or_else(|error| panic!("{}", error.render(false))))
     };
     let reading = plain().with_gravity_of_file(downwards);
     let file = "file = \"moon.txt\"";
@@ -231,7 +231,7 @@ fn a_kind_that_reads_gravity_gets_it_from_the_world_file() {
     assert!(missing.contains("graph.toml:13:"), "{missing}");
     // A program without a reader keeps what its kinds have, and says so.
     let checked = check(&plain(), text(file, "")).unwrap_or_else(|error| panic!("{}", error.render(false)));
-    assert_eq!(told(&checked), ["g9.5", "g9.5"]);
+    assert_eq!(declared_ports(&checked), ["g9.5", "g9.5"]);
     let warned =
         |warning: &graph::Diagnostic| warning.report().message.contains("`one` does not know the gravity");
     assert!(checked.warnings.iter().any(warned));

@@ -26,7 +26,7 @@ fn refused(loaded: Result<Checked, GraphError>) -> String {
 }
 
 #[test]
-fn a_graph_that_extends_another_is_that_graph_but_for_what_it_says() {
+fn an_extended_graph_differs_only_by_its_keys() {
     let (base, variant) = (plan(load(&good("panda-reach"))), plan(load(&overlay("variant.toml"))));
     assert_eq!((variant.name.as_str(), variant.seed), ("variant", base.seed));
     assert_eq!(variant.safety.gate.safe_state, SafeState::Damp);
@@ -103,7 +103,7 @@ fn a_mistake_is_shown_in_the_file_in_which_it_stands() {
 }
 
 #[test]
-fn files_that_extend_one_another_are_bounded_in_number_and_size() {
+fn extending_files_are_bounded_in_number_and_size() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |k: usize| folder.path().join(format!("{k}.toml"));
     for k in 0..9 {

@@ -95,7 +95,7 @@ fn a_program_is_asked_once_with_its_configuration() {
 }
 
 #[test]
-fn a_program_that_never_reads_its_request_is_heard_all_the_same() {
+fn a_program_that_never_reads_is_heard() {
     let answer = declaration(&["out"]);
     assert_eq!(check(&format!("echo '{answer}'")), Ok(vec!["out".to_string()]));
 }

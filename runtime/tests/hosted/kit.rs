@@ -23,7 +23,7 @@ fn doubling() -> Graph {
 
 #[test]
 fn a_probe_records_every_value_of_a_chain_once_and_in_order() {
-    let probe = Probe::<Wrench>::of("doubled");
+    let probe = Probe::<Wrench>::for_topic("doubled");
     let report = doubling().with(&probe).run("20 ms").unwrap();
     assert_eq!(report.exit, Exit::Finished);
     let doubled: Vec<f64> = probe.values().iter().map(|wrench| wrench.force[0]).collect();
@@ -36,7 +36,7 @@ fn a_probe_records_every_value_of_a_chain_once_and_in_order() {
 
 #[test]
 fn a_source_publishes_nothing_where_its_closure_returns_none() {
-    let probe = Probe::<JointState>::of("even");
+    let probe = Probe::<JointState>::for_topic("even");
     let even =
         |tick: &motorium::component::Tick| tick.index.is_multiple_of(2).then(|| joint(tick.index as f64));
     Graph::new("even").with(Source::new("source", "even", even)).with(&probe).run("10 ms").unwrap();
@@ -46,7 +46,7 @@ fn a_source_publishes_nothing_where_its_closure_returns_none() {
 
 #[test]
 fn a_slow_probe_reads_the_newest_value_only() {
-    let probe = Probe::<JointState>::of("count").rate("100 Hz");
+    let probe = Probe::<JointState>::for_topic("count").rate("100 Hz");
     let source = Source::new("counter", "count", |tick| Some(joint(tick.index as f64)));
     Graph::new("slow").with(source).with(&probe).run("30 ms").unwrap();
     let seen: Vec<f64> = probe.values().iter().map(|state| state.position()[0]).collect();
@@ -56,7 +56,7 @@ fn a_slow_probe_reads_the_newest_value_only() {
 #[test]
 fn parts_are_added_to_the_text_of_a_graph_file() {
     let text = "name = \"text\"\nclock = \"lockstep\"\nseed = 3\n";
-    let probe = Probe::<Phase>::of("phase").triggered();
+    let probe = Probe::<Phase>::for_topic("phase").triggered();
     let source =
         Source::new("source", "phase", |tick| Some(Phase { phase: tick.time(), ..Phase::default() }));
     let report = Graph::from_toml(text).with(source.rate("100 Hz")).with(&probe).run("50 ms").unwrap();
@@ -68,7 +68,7 @@ fn parts_are_added_to_the_text_of_a_graph_file() {
 
 #[test]
 fn equal_runs_of_closures_have_equal_state_hashes() {
-    let run = || doubling().with(&Probe::<Wrench>::of("doubled")).run("50 ms").unwrap().state_hash;
+    let run = || doubling().with(&Probe::<Wrench>::for_topic("doubled")).run("50 ms").unwrap().state_hash;
     assert!(run().is_some());
     assert_eq!(run(), run());
 }
@@ -81,7 +81,7 @@ fn a_graph_that_is_refused_says_why_in_the_words_of_check() {
 
 #[test]
 fn only_an_allocating_closure_step_counts_allocations() {
-    let probe = Probe::<Wrench>::of("doubled");
+    let probe = Probe::<Wrench>::for_topic("doubled");
     let report = doubling().with(&probe).run("500 ms").unwrap();
     for component in &report.components {
         assert_eq!(component.allocations, Some(0), "{}", component.name);
@@ -90,8 +90,11 @@ fn only_an_allocating_closure_step_counts_allocations() {
         let list = std::hint::black_box(vec![tick.index as f64]);
         Some(joint(list[0]))
     });
-    let report =
-        Graph::new("wasteful").with(wasteful).with(&Probe::<JointState>::of("count")).run("500 ms").unwrap();
+    let report = Graph::new("wasteful")
+        .with(wasteful)
+        .with(&Probe::<JointState>::for_topic("count"))
+        .run("500 ms")
+        .unwrap();
     assert_eq!(report.components[0].allocations, Some(report.components[0].steps - 100));
     assert_eq!(allocations(|| std::hint::black_box(Vec::<u8>::with_capacity(9))), 1);
     assert_eq!(allocations(|| std::hint::black_box(1 + 1)), 0);
@@ -100,7 +103,7 @@ fn only_an_allocating_closure_step_counts_allocations() {
 #[test]
 fn parts_run_in_real_time_too() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
-    let probe = Probe::<Wrench>::of("doubled").triggered();
+    let probe = Probe::<Wrench>::for_topic("doubled").triggered();
     let report = doubling().with(&probe).set("clock", "realtime").run("200 ms").unwrap();
     assert_eq!(report.exit, Exit::Finished);
     let doubled: Vec<f64> = probe.values().iter().map(|wrench| wrench.force[0]).collect();

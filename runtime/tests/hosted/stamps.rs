@@ -111,7 +111,7 @@ fn graph(clock: &str, age_ms: i64) -> Graph {
 }
 
 fn ages(report_of: Graph) -> (Report, Vec<Sample<JointCommand>>) {
-    let probe = Probe::<JointCommand>::of("command").triggered();
+    let probe = Probe::<JointCommand>::for_topic("command").triggered();
     let report = report_of.with(&probe).run("500 ms").unwrap();
     (report, probe.samples())
 }
@@ -168,7 +168,7 @@ fn a_source_time_beyond_a_millisecond_ahead_is_refused() {
 fn the_deadline_of_a_step_is_a_period_after_its_time() {
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     for (clock, kind) in [("lockstep", ClockKind::Lockstep), ("realtime", ClockKind::Realtime)] {
-        let left = Probe::<Wrench>::of("left").triggered();
+        let left = Probe::<Wrench>::for_topic("left").triggered();
         let report = graph(clock, 0).with(&left).run("300 ms").unwrap();
         assert_eq!(report.clock, kind);
         let values = left.values();

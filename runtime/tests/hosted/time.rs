@@ -14,7 +14,7 @@ fn state() -> JointState {
 /// A source at 500 Hz and a chain of two functions that it triggers; the samples of the source and of the
 /// chain's end.
 fn chain(clock: &str) -> [Vec<Sample<JointState>>; 2] {
-    let [first, last] = ["first", "last"].map(Probe::<JointState>::of);
+    let [first, last] = ["first", "last"].map(Probe::<JointState>::for_topic);
     let copy = |name: &str, from: &str, to: &str| {
         Function::new::<JointState, JointState>(name, from, to, |_, state| state.copied()).trigger(from)
     };

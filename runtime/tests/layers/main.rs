@@ -160,7 +160,7 @@ fn the_algorithms_of_a_wing_know_no_runtime() {
 }
 
 /// The arrows of one file of module `os::inner`.
-fn of(text: &str) -> Vec<(String, String)> {
+fn arrows_in(text: &str) -> Vec<(String, String)> {
     let tokens = tokens::product(tokens::tokens(text));
     let macros = BTreeMap::from([("state_buffer".to_string(), "state".to_string())]);
     paths::arrows(&["os".to_string(), "inner".to_string()], &tokens, &macros)
@@ -178,7 +178,7 @@ fn step_code_is_compiled_in_the_crate_of_its_kind() {
 
 #[test]
 fn arrows_are_found_in_every_form_of_a_path() {
-    let to = |text: &str| of(text).into_iter().map(|(_, to)| to).collect::<Vec<_>>();
+    let to = |text: &str| arrows_in(text).into_iter().map(|(_, to)| to).collect::<Vec<_>>();
     assert_eq!(to("use crate::launcher::Report;"), ["launcher"]);
     assert_eq!(
         to("use crate::{launcher::{Report, self}, plan::Plan, worker};"),
@@ -209,9 +209,9 @@ fn comments_texts_and_tests_draw_no_arrows() {
         "#[cfg(doc)] use crate::launcher::Report;",
     ];
     for text in none {
-        assert_eq!(of(text), [], "{text}");
+        assert_eq!(arrows_in(text), [], "{text}");
     }
     // what follows a test is seen again
-    assert_eq!(of("#[cfg(test)] mod tests; use crate::plan::Plan;").len(), 1);
-    assert_eq!(of("#[cfg(not(test))] use crate::plan::Plan;").len(), 1);
+    assert_eq!(arrows_in("#[cfg(test)] mod tests; use crate::plan::Plan;").len(), 1);
+    assert_eq!(arrows_in("#[cfg(not(test))] use crate::plan::Plan;").len(), 1);
 }

@@ -225,7 +225,7 @@ mod tests {
         Measurement {
             name: name.to_string(),
             what: what.to_string(),
-            ns: Distribution::of(samples),
+            ns: Distribution::from_samples(samples),
             fifo: 0,
             host: HostShare::default(),
             slices_p50: Vec::new(),

@@ -134,7 +134,7 @@ impl Events {
         let width = run.plan.components.iter().map(|component| component.name.chars().count()).max();
         let mut text = String::new();
         for record in records {
-            let event = LoggedEvent::of(record, &run.plan, &run.region);
+            let event = LoggedEvent::from_record(record, &run.plan, &run.region);
             text += &if self.json {
                 serde_json::to_string(&event)?
             } else {

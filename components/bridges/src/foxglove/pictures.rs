@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_of_another_number_are_no_picture_and_neither_is_a_file() {
+    fn corrupt_bytes_and_files_are_not_pictures() {
         let error = pictures(ImageInfo::RGB_8, 12).image(&[0; 23], 0).unwrap_err();
         assert!(error.to_string().contains("23 bytes"), "{error}");
         assert!(pictures(ImageInfo::JPEG, 0).image(&[0; 8], 0).is_err());

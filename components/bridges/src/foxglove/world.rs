@@ -154,7 +154,7 @@ fn add_shape(
         ObjectShape::Compound(_) => {
             let around = BasePose { position, rpy }.isometry();
             for (frame, part) in shape.shapes() {
-                let BasePose { position, rpy } = BasePose::of(&(around * frame));
+                let BasePose { position, rpy } = BasePose::from_isometry(&(around * frame));
                 add_shape(entity, part, (position, rpy), color);
             }
         }

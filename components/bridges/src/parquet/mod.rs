@@ -135,7 +135,7 @@ impl Values {
     }
 
     /// The values of some rows in the encoding PLAIN.
-    fn plain(&self, rows: Range<usize>, out: &mut Vec<u8>) {
+    fn encode_plain(&self, rows: Range<usize>, out: &mut Vec<u8>) {
         match self {
             Self::Int64(values) => values[rows].iter().for_each(|value| out.extend(value.to_le_bytes())),
             Self::UInt64(values) => values[rows].iter().for_each(|value| out.extend(value.to_le_bytes())),
@@ -152,9 +152,11 @@ impl Values {
             Self::List { lengths, entries } => {
                 let before: usize = lengths[..rows.start].iter().sum();
                 let within: usize = lengths[rows].iter().sum();
-                entries.plain(before..before + within, out);
+                entries.encode_plain(before..before + within, out);
             }
-            Self::Group(columns) => columns.iter().for_each(|column| column.values.plain(rows.clone(), out)),
+            Self::Group(columns) => {
+                columns.iter().for_each(|column| column.values.encode_plain(rows.clone(), out))
+            }
         }
     }
 }
@@ -280,7 +282,7 @@ fn page(values: &Values, rows: Range<usize>) -> (Vec<u8>, usize) {
         repetition.end(&mut body);
         definition.end(&mut body);
     }
-    values.plain(rows, &mut body);
+    values.encode_plain(rows, &mut body);
     let data = Struct::new().i32(1, entries as i64).i32(2, PLAIN).i32(3, RLE).i32(4, RLE);
     let head = Struct::new()
         .i32(1, DATA_PAGE)

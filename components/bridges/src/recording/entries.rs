@@ -99,7 +99,7 @@ impl Recording {
     ///
     /// # Errors
     /// A message is damaged.
-    pub fn at(&self, time_ns: u64) -> Result<(Vec<Entry>, Entries<'_>), ReadError> {
+    pub fn newest_at(&self, time_ns: u64) -> Result<(Vec<Entry>, Entries<'_>), ReadError> {
         let mut entries = self.entries();
         let newest = entries.pass(time_ns)?;
         Ok((newest, entries))

@@ -24,14 +24,14 @@ pub struct InOrder<'r> {
 struct Waiting(RecordedSample, u64);
 
 impl Waiting {
-    fn place(&self) -> (u64, u64) {
+    fn sort_key(&self) -> (u64, u64) {
         (self.0.time_ns, self.1)
     }
 }
 
 impl PartialEq for Waiting {
     fn eq(&self, other: &Self) -> bool {
-        self.place() == other.place()
+        self.sort_key() == other.sort_key()
     }
 }
 
@@ -45,7 +45,7 @@ impl PartialOrd for Waiting {
 
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.place().cmp(&other.place())
+        self.sort_key().cmp(&other.sort_key())
     }
 }
 

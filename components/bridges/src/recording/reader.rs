@@ -76,7 +76,7 @@ impl RecordedTopic {
     }
 }
 
-fn told(error: &McapError) -> String {
+fn describe(error: &McapError) -> String {
     match error {
         McapError::BadMagic => "this is no recording, which is an MCAP file".to_owned(),
         McapError::Io(error) => error.to_string(),
@@ -102,7 +102,7 @@ pub enum ReadError {
         reason: std::io::Error,
     },
     /// The file is no MCAP file, or damaged.
-    #[error("{path}: {}", told(.reason), path = .path.display())]
+    #[error("{path}: {}", describe(.reason), path = .path.display())]
     Format {
         /// The file.
         path: PathBuf,

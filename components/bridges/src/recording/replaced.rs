@@ -51,7 +51,7 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
     for name in live {
         find(&recorded, name).map_err(missing)?;
     }
-    let spans = Spans::of(recording, episode)?;
+    let spans = Spans::from_recording(recording, episode)?;
     if let Some(episode) = episode.filter(|_| spans.count() == 0) {
         let count = spans.episodes();
         let episodes = if count == 1 { "one".to_string() } else { count.to_string() };

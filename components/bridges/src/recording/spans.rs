@@ -25,7 +25,7 @@ impl Spans {
     }
 
     /// The spans of all samples of a recording.
-    pub(super) fn of(recording: &Recording, only: Option<u64>) -> Result<Self, ReadError> {
+    pub(super) fn from_recording(recording: &Recording, only: Option<u64>) -> Result<Self, ReadError> {
         let mut spans = Self::new(recording.plan()?.clock, only);
         for sample in recording.samples() {
             let sample = sample?;

@@ -73,7 +73,7 @@ impl Clock {
         Self { zero_ns, episode: (plan.clock == ClockKind::Lockstep).then_some((0, 0, 0)) }
     }
 
-    fn of(&mut self, stamp: &Stamp) -> u64 {
+    fn log_time(&mut self, stamp: &Stamp) -> u64 {
         let Some((episode, began, last)) = &mut self.episode else {
             return self.zero_ns + stamp.publish_time;
         };
@@ -117,7 +117,7 @@ impl Readers {
             for _ in 0..AT_A_TIME {
                 let read = tap.read(|stamp, bytes| {
                     *samples += 1;
-                    let time_ns = clock.of(stamp);
+                    let time_ns = clock.log_time(stamp);
                     channels.iter_mut().for_each(|channel| {
                         channel.take((stamp, bytes), time_ns, *drawn_every_ns, batch);
                     });
@@ -152,7 +152,7 @@ impl Readers {
                 publisher: record.component.map_or(u32::MAX, |index| index as u32),
                 restart_count: 0,
             };
-            let time_ns = self.clock.of(&stamp);
+            let time_ns = self.clock.log_time(&stamp);
             let text = format!("{}: {}", record.kind.name(), record.text);
             let bytes = event_bytes(&record);
             batch.push(self.events.channels.0, &stamp, time_ns, |out| {
@@ -223,7 +223,7 @@ impl Recorded {
 
 /// An event as the bytes of a [`Event`].
 fn event_bytes(record: &EventRecord) -> Vec<u8> {
-    let (layout, event) = (Event::layout(), Event::of(&record.text));
+    let (layout, event) = (Event::layout(), Event::truncated(&record.text));
     let mut bytes = vec![0; layout.size];
     let mut put = |field: &str, content: &[u8]| {
         if let Some(field) = layout.fields.iter().find(|known| known.name == field) {

@@ -170,7 +170,7 @@ pub fn verify(
         .iter()
         .map(|topic| (topic.name.clone(), plan.components[topic.writer].period_ns()))
         .collect();
-    let recorded_episodes = Spans::of(recording, None)?.episodes();
+    let recorded_episodes = Spans::from_recording(recording, None)?.episodes();
     if recorded_episodes == 0 {
         return Err(VerifyError::Nothing);
     }
@@ -280,7 +280,7 @@ fn compare(
                 continue;
             }
             let what = this.difference(&was, &(stamp, bytes))?;
-            let found = this.at(&was.0, what);
+            let found = this.difference(&was.0, what);
             if first
                 .as_ref()
                 .is_none_or(|first| (found.episode, found.time_ns) < (first.episode, first.time_ns))
@@ -303,7 +303,7 @@ fn missing(
         if recorded.fill(compared, index)?
             && let Some((stamp, _)) = compared[index].waiting.front()
         {
-            let found = compared[index].at(stamp, What::Missing);
+            let found = compared[index].difference(stamp, What::Missing);
             if first
                 .as_ref()
                 .is_none_or(|first| (found.episode, found.time_ns) < (first.episode, first.time_ns))
@@ -316,7 +316,7 @@ fn missing(
 }
 
 impl Compared<'_> {
-    fn at(&self, stamp: &Stamp, what: What) -> Difference {
+    fn difference(&self, stamp: &Stamp, what: What) -> Difference {
         Difference {
             topic: self.topic.name.clone(),
             sequence: stamp.sequence,

@@ -72,13 +72,13 @@ pub(super) struct Homing {
 }
 
 impl Homing {
-    pub(super) fn of(entry: &HomingEntry) -> Self {
+    pub(super) fn from_entry(entry: &HomingEntry) -> Self {
         Self {
             order: entry.order.unwrap_or(0),
             state: HomingState::Waiting,
             timeout_ns: entry.timeout().as_nanos() as u64,
             elapsed_ns: 0,
-            stop: (entry.by == HomingBy::Stop).then(|| Stop::of(entry)),
+            stop: (entry.by == HomingBy::Stop).then(|| Stop::from_entry(entry)),
         }
     }
 

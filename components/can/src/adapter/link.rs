@@ -69,7 +69,7 @@ impl Link {
             phase: Phase::Disabled,
             damping,
             stiffness: 0.0,
-            homing: entry.homing.as_ref().filter(|_| entry.is_homed()).map(Homing::of),
+            homing: entry.homing.as_ref().filter(|_| entry.is_homed()).map(Homing::from_entry),
             setpoint: Setpoint::default(),
             limits: ([f64::NEG_INFINITY, f64::INFINITY], 0.0),
             state_ns: None,

@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_torque_is_the_one_commanded_and_none_is_more_than_a_step_beside_it() {
+    fn mean_torque_matches_the_command_within_one_step() {
         for command in [wanted(), Command::default(), Command { kp: 0.0, kd: 0.0, ..wanted() }] {
             let (goal, step) = (command.torque_at(STATE.0, STATE.1), ranges().torque.resolution(12));
             let torques: Vec<f64> = torques(command).take(1000).collect();

@@ -47,9 +47,9 @@ impl Bits {
     /// use motorium_can::{Bits, Frame, Id};
     ///
     /// let zeros = Frame::classic(Id::Standard(0), &[0; 8]);
-    /// assert!(Bits::of(&zeros).nominal > Bits::of(&Frame::classic(Id::Standard(0x2aa), &[0x55; 8])).nominal);
+    /// assert!(Bits::from_frame(&zeros).nominal > Bits::from_frame(&Frame::classic(Id::Standard(0x2aa), &[0x55; 8])).nominal);
     /// ```
-    pub fn of(frame: &Frame) -> Self {
+    pub fn from_frame(frame: &Frame) -> Self {
         let mut wire = Wire::new();
         let data = frame.data();
         if frame.form == Form::Packet {

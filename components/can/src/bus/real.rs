@@ -41,7 +41,7 @@ impl RealBus {
     /// It cannot be opened, or has other rates.
     pub fn open(name: &str, rates: &Rates, is_fd: bool) -> Result<Self, OpenError> {
         let slcan = |path| SlcanBus::open(path, *rates, is_fd).map(|bus| Self::Serial(Box::new(bus)));
-        if let Some(place) = Place::of(name) {
+        if let Some(place) = Place::from_interface(name) {
             match place {
                 Place::Socket(name) => UnixBus::open(name).map(|bus| Self::Simulated(Box::new(bus))),
                 Place::Terminal(path) => slcan(path),
@@ -66,7 +66,7 @@ impl RealBus {
     /// # Errors
     /// It cannot be opened, or knows no such speed.
     pub fn open_servos(path: &str, speed: u32) -> Result<Self, OpenError> {
-        match Place::of(path) {
+        match Place::from_interface(path) {
             Some(Place::Socket(name)) => UnixBus::open(name).map(|bus| Self::Simulated(Box::new(bus))),
             Some(Place::Terminal(path)) => ServoBus::open(path, speed).map(|bus| Self::Servos(Box::new(bus))),
             None => ServoBus::open(path, speed).map(|bus| Self::Servos(Box::new(bus))),

@@ -114,7 +114,7 @@ impl SimulatedBus {
         let rival = ready.map(|(index, node)| (index, frame_of(node))).find(|(index, other)| {
             *index != sender && other.id.arbitration() == frame.id.arbitration() && *other != frame
         });
-        let lasts_ns = Bits::of(&frame).ns(&self.rates);
+        let lasts_ns = Bits::from_frame(&frame).ns(&self.rates);
         let is_packet = frame.form == Form::Packet;
         let alone = self.nodes.iter().enumerate().all(|(index, node)| index == sender || node.is_off);
         if !is_packet && (rival.is_some() || alone || self.disturbed > 0) {

@@ -88,7 +88,11 @@ pub(super) struct Fault {
 
 impl Fault {
     /// Reads one of the script.
-    pub(super) fn of(config: &FaultConfig, index: usize, table: &Table) -> Result<Self, ConfigError> {
+    pub(super) fn from_config(
+        config: &FaultConfig,
+        index: usize,
+        table: &Table,
+    ) -> Result<Self, ConfigError> {
         let of_bus = config.kind.is_of_bus();
         let refuse = |key: &str, message: String| {
             Err(ConfigError::key(format!("faults[{index}].{key}"), message)

@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn an_effort_below_the_weight_anywhere_on_the_way_is_told_with_the_weight() {
+    fn an_effort_below_the_weight_on_the_way_is_reported() {
         // the stretched arm weighs 9.81 (0.2 + 0.6 + 1.0) on its first joint, 9.81 (0.2 + 0.6) on its second
         for (joint, weight) in [(0, 17.658), (1, 7.848), (2, 1.962)] {
             let (low, high) =
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weight_that_is_too_much_on_the_way_is_no_refusal_for_where_the_homing_begins_is_not_known() {
+    fn a_heavy_weight_on_the_way_is_not_refused() {
         // at home the arm is bent: about its first joint it weighs less than stretched
         let home = [0.8_f64, 1.6];
         // centres of mass at 0.2, 0.4 + 0.2 e1, 0.4 + 0.4 e1 + 0.2 e2 from the first joint
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weight_that_presses_the_joint_off_its_stop_is_refused_where_friction_does_not_hold_it() {
+    fn a_weight_pressing_the_joint_off_its_stop_is_refused() {
         let homing = |effort: f64| {
             format!(
                 "homing = {{ by = \"stop\", velocity = -0.1, effort = {effort}, position = -2.9, order = 1 }}"
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weight_that_does_not_let_the_joint_off_its_stop_is_refused_with_the_friction() {
+    fn a_weight_holding_the_joint_at_its_stop_is_refused() {
         // the link lies at 2 x 2.85 + 2.9 rad
         let leaving = -1.962 * 8.6_f64.cos();
         let most = (leaving + 0.3) / 0.97;
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn viscous_damping_counts_as_it_acts_on_a_joint_that_nearly_stands() {
+    fn viscous_damping_counts_near_standstill() {
         // it moves at 43 % of its velocity
         let homing = at_stop(1.0, 1.5, "");
         assert_eq!(unfit(&rubbing_arm(["", "", &homing], [0.0, 2.0]), [0.0; 3]), []);
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn the_energy_at_the_stop_is_bounded_by_the_inertia_of_the_stretched_arm() {
+    fn stop_energy_is_bounded_by_the_stretched_arm() {
         // 3 I + m (0.2^2 + 0.6^2 + 1.0^2)
         let inertia = 3.0 * 0.013_558_333 + 1.4_f64;
         let fastest = (2.0 * 0.1 / inertia).sqrt();

@@ -34,7 +34,7 @@ pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
         let interface = bus.interface.as_deref().unwrap_or(&bus.name);
         let mut opened = table.open(index);
         let until = Instant::now() + START;
-        while Place::of(interface).is_some()
+        while Place::from_interface(interface).is_some()
             && matches!(opened, Err(OpenError::NotOffered(_) | OpenError::NoLine(_)))
             && Instant::now() < until
         {
@@ -55,7 +55,7 @@ pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
 pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or_default();
-        let place = Place::of(interface)
+        let place = Place::from_interface(interface)
             .ok_or_else(|| ConfigError::key("drives", format!("bus `{}` has no place", bus.name)))?;
         let is_servo_line = bus.kind == BusKind::Serial;
         Offer::open(place, table.rates(index), bus.data_bitrate.is_some(), is_servo_line).map_err(|error| {

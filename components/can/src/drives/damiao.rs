@@ -38,7 +38,7 @@ impl Register {
     /// family.
     pub const MIT_MODE: u32 = 1;
 
-    fn of(code: u8) -> Result<Self, DecodeError> {
+    fn from_code(code: u8) -> Result<Self, DecodeError> {
         let mut all = Self::CHECKED.into_iter().chain([Self::OverCurrent]);
         let found = all.find(|register| *register as u8 == code);
         found.ok_or(DecodeError::Field { field: "the register", found: code.into() })
@@ -126,7 +126,7 @@ impl Request {
         if action != READ {
             return Err(DecodeError::Field { field: "the action", found: action.into() });
         }
-        Ok(Self { node, register: Register::of(register)? })
+        Ok(Self { node, register: Register::from_code(register)? })
     }
 
     /// The drive's side: the answer, which has the identifier `master`.

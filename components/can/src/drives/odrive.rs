@@ -58,7 +58,7 @@ impl AxisState {
         Self::HallPhase,
     ];
 
-    fn of(code: u32) -> Result<Self, DecodeError> {
+    fn from_code(code: u32) -> Result<Self, DecodeError> {
         let found = Self::ALL.into_iter().find(|state| *state as u32 == code);
         found.ok_or(DecodeError::Field { field: "the axis state", found: code })
     }
@@ -261,7 +261,7 @@ impl Node {
         Ok(match command {
             ESTOP => length::<0>(data).map(|_| Instruction::EmergencyStop)?,
             CLEAR_ERRORS => length::<0>(data).map(|_| Instruction::ClearErrors)?,
-            SET_STATE => Instruction::SetState(AxisState::of(u32::from_le_bytes(*length(data)?))?),
+            SET_STATE => Instruction::SetState(AxisState::from_code(u32::from_le_bytes(*length(data)?))?),
             SET_MODES => {
                 let (control, input) = halves(data)?;
                 Instruction::SetModes(
@@ -338,7 +338,7 @@ impl Node {
             // trajectory
             HEARTBEAT => Report::Heartbeat {
                 error: u32::from_le_bytes(first),
-                state: AxisState::of(second[0].into())?,
+                state: AxisState::from_code(second[0].into())?,
                 result: second[1],
             },
             ENCODER => Report::Encoder {

@@ -62,7 +62,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         let advice = "write bits per second, from `bitrate` to 8000000";
         return refuse("a bitrate of data below the other, or too high", advice);
     }
-    if let Some(place) = bus.interface.as_deref().and_then(Place::of) {
+    if let Some(place) = bus.interface.as_deref().and_then(Place::from_interface) {
         check_place(bus, place)?;
     } else if let Some(interface) = &bus.interface {
         let is_path = interface.starts_with('/');
@@ -82,7 +82,8 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         let advice = "give all of them an `interface`, or none";
         return refuse("simulated buses and real ones in one table", advice);
     }
-    let is_offered = |bus: &BusEntry| bus.interface.as_deref().is_some_and(|name| Place::of(name).is_some());
+    let is_offered =
+        |bus: &BusEntry| bus.interface.as_deref().is_some_and(|name| Place::from_interface(name).is_some());
     if before.first().is_some_and(|first| is_offered(first) != is_offered(bus)) {
         let advice = "give all of them a place of a simulated bus (`unix:`, `pty:`), or none";
         return refuse("simulated buses and interfaces of the computer in one table", advice);

@@ -48,13 +48,17 @@ pub(super) fn complete(
     for (needed, is_written) in needed.chain([(Object::RATED_TORQUE, false), (object((0x6040, 0)), false)]) {
         let Some(entry) = sheet.entry(needed) else {
             return Err(at((
-                format!("it has no object {}, which the adapter needs", words(needed)),
+                format!("it has no object {}, which the adapter needs", display_object(needed)),
                 "such a drive cannot be commanded in a cyclic synchronous mode; look for newer firmware",
             )));
         };
         if is_written && !entry.is_writable() {
-            let message =
-                format!("line {}: {} \"{}\" cannot be written", entry.line(), words(needed), entry.name());
+            let message = format!(
+                "line {}: {} \"{}\" cannot be written",
+                entry.line(),
+                display_object(needed),
+                entry.name()
+            );
             return Err(at((message, CORRECT)));
         }
     }
@@ -85,7 +89,7 @@ fn homes_itself(drive: &DriveEntry) -> bool {
 }
 
 /// An object as people write it.
-fn words(object: Object) -> String {
+fn display_object(object: Object) -> String {
     format!("0x{:04X}:{:02X}", object.index, object.subindex)
 }
 
@@ -145,7 +149,8 @@ fn fixed(drive: &DriveEntry, sheet: &Eds) -> Result<Vec<Mapping>, Refusal> {
         for step in 0..Mapping::STEPS {
             let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
             let Some(entry) = sheet.entry(object) else {
-                let message = format!("it has no object {}, which the adapter writes", words(object));
+                let message =
+                    format!("it has no object {}, which the adapter writes", display_object(object));
                 return Err((message, "the drive has too few process data, or too few objects in them"));
             };
             if !object.is_mapping() || entry.is_writable() || value.number() == 0 {
@@ -158,7 +163,7 @@ fn fixed(drive: &DriveEntry, sheet: &Eds) -> Result<Vec<Mapping>, Refusal> {
                 let message = format!(
                     "line {}: {} maps {found} and cannot be written, expected 0x{:08X}",
                     entry.line(),
-                    words(object),
+                    display_object(object),
                     value.number()
                 );
                 return Err((message, "choose another `mode`, or a drive whose process data can be mapped"));

@@ -64,7 +64,7 @@ pub struct Table {
 
 /// A drive table that cannot be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}{message}", place(*.line, *.column))]
+#[error("{}{message}", position_prefix(*.line, *.column))]
 pub struct TableError {
     /// The line of the file, from 1, if one can be named.
     pub line: Option<usize>,
@@ -171,7 +171,10 @@ impl Table {
 
     /// True if its buses are simulated ones that other programs open: `unix:NAME` and `pty:PATH`.
     pub fn is_offered(&self) -> bool {
-        self.buses.iter().filter_map(|bus| bus.interface.as_deref()).any(|name| Place::of(name).is_some())
+        self.buses
+            .iter()
+            .filter_map(|bus| bus.interface.as_deref())
+            .any(|name| Place::from_interface(name).is_some())
     }
 
     /// Opens the interface of a bus.
@@ -190,9 +193,11 @@ impl Table {
     /// True if each of its buses tells when a frame was received, however much later it is read: interfaces
     /// of the kernel and unix sockets, but no serial lines.
     pub(crate) fn tells_times(&self) -> bool {
-        self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| match Place::of(name) {
-            Some(place) => matches!(place, Place::Socket(_)),
-            None => !name.starts_with('/'),
+        self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| {
+            match Place::from_interface(name) {
+                Some(place) => matches!(place, Place::Socket(_)),
+                None => !name.starts_with('/'),
+            }
         })
     }
 
@@ -200,7 +205,7 @@ impl Table {
     pub(crate) fn has_adapters_on_terminals(&self) -> bool {
         let of_can = self.buses.iter().filter(|bus| bus.kind == BusKind::Can);
         of_can
-            .filter_map(|bus| Place::of(bus.interface.as_deref()?))
+            .filter_map(|bus| Place::from_interface(bus.interface.as_deref()?))
             .any(|place| matches!(place, Place::Terminal(_)))
     }
 
@@ -376,7 +381,7 @@ fn place_of(text: &str, span: &Span<usize>) -> (usize, usize) {
 }
 
 /// The place in words, before a message.
-fn place(line: Option<usize>, column: Option<usize>) -> String {
+fn position_prefix(line: Option<usize>, column: Option<usize>) -> String {
     match (line, column) {
         (Some(line), Some(column)) => format!("line {line}, column {column}: "),
         (Some(line), None) => format!("line {line}: "),

@@ -39,7 +39,7 @@ pub struct Listener {
 
 /// The simulated bus of this name; `None` for an interface of the kernel.
 fn simulated(name: &str) -> Result<Option<Box<UnixBus>>, OpenError> {
-    match Place::of(name) {
+    match Place::from_interface(name) {
         Some(Place::Socket(socket)) => UnixBus::open(socket).map(|bus| Some(Box::new(bus))),
         Some(Place::Terminal(_)) => Err(OpenError::NotShared(name.to_string())),
         None if name.starts_with('/') => Err(OpenError::NotShared(name.to_string())),

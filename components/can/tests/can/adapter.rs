@@ -91,7 +91,7 @@ impl Rig {
 }
 
 #[test]
-fn drives_are_checked_then_asked_for_their_state_then_enabled_together() {
+fn drives_are_checked_queried_and_enabled_together() {
     let mut rig = Rig::new(well);
     rig.run(3);
     assert_eq!(rig.phases(), [Phase::Checking(3); 2], "one setting a cycle");
@@ -106,7 +106,7 @@ fn drives_are_checked_then_asked_for_their_state_then_enabled_together() {
 }
 
 #[test]
-fn a_drive_that_is_switched_on_later_is_waited_for_and_none_of_its_answers_is_missing() {
+fn a_drive_switched_on_later_is_awaited() {
     let mut rig = Rig::new(|cycle, answer| if cycle < 30 { vec![] } else { well(0, answer) });
     rig.run(30);
     assert!(!rig.adapter.links()[0].is_found() && rig.adapter.links()[1].is_found());
@@ -129,7 +129,7 @@ fn a_command_reaches_the_drive_through_the_gear() {
 }
 
 #[test]
-fn a_drive_that_falls_silent_is_lost_in_the_third_cycle_and_trips_the_adapter() {
+fn a_silent_drive_is_lost_in_the_third_cycle() {
     for from in [20, 57, 200] {
         let mut rig = Rig::new(match from {
             20 => |cycle, answer| if cycle < 20 { well(0, answer) } else { vec![] },
@@ -145,7 +145,7 @@ fn a_drive_that_falls_silent_is_lost_in_the_third_cycle_and_trips_the_adapter() 
 }
 
 #[test]
-fn an_answer_that_comes_a_cycle_late_is_counted_as_late_and_its_cycle_as_missing() {
+fn a_late_answer_counts_as_late_and_missing() {
     let mut rig = Rig::new(|cycle, answer| match cycle {
         50 => vec![(answer, 800_000)],
         _ => vec![(answer, 0)],
@@ -163,7 +163,7 @@ fn second_answers_are_counted_and_not_taken() {
 }
 
 #[test]
-fn answers_of_a_wrong_length_or_state_are_counted_and_never_become_a_state() {
+fn malformed_answers_are_counted_and_ignored() {
     let mut rig = Rig::new(|cycle, answer| match cycle {
         50 => vec![(Frame::classic(answer.id, &answer.data()[..7]), 0)],
         // the state 5, which there is not, and a position far away
@@ -200,7 +200,7 @@ fn a_wrong_range_or_watchdog_keeps_all_drives_disabled() {
 }
 
 #[test]
-fn drives_let_go_within_the_time_of_their_watchdog_once_nobody_commands_them() {
+fn drives_release_when_their_watchdog_expires() {
     let mut rig = Rig::new(well);
     rig.run(20);
     assert!(rig.drives.iter().all(SimulatedDrive::is_enabled));
@@ -215,7 +215,7 @@ fn drives_let_go_within_the_time_of_their_watchdog_once_nobody_commands_them() {
 }
 
 #[test]
-fn a_drive_that_lets_go_trips_the_adapter_until_it_is_resumed_and_all_follow_again() {
+fn a_released_drive_trips_the_adapter_until_resumed() {
     let mut rig = Rig::new(well);
     rig.run(20);
     rig.drives[0].cut_power();
@@ -241,7 +241,7 @@ fn the_others_are_damped_while_the_adapter_has_tripped() {
 }
 
 #[test]
-fn whenever_the_adapter_dies_each_drive_lets_go_within_its_time_out_100_of_100() {
+fn drives_release_after_the_adapter_dies_100_of_100() {
     let mut in_time = 0;
     for trial in 0..100 {
         let mut rig = Rig::new(well);
@@ -270,7 +270,7 @@ fn whenever_the_adapter_dies_each_drive_lets_go_within_its_time_out_100_of_100()
 }
 
 #[test]
-fn answers_that_are_always_a_cycle_late_are_found_out_and_one_that_is_lost_is_not_mistaken_for_them() {
+fn constant_latency_is_distinguished_from_a_lost_answer() {
     // as late as the frames of the next cycle can be answered
     let mut rig = Rig::new(|cycle, answer| vec![(answer, if cycle < 50 { 0 } else { CYCLE_NS + 20_000 })]);
     rig.run(52);

@@ -17,7 +17,7 @@ impl Numbers {
 }
 
 #[test]
-fn the_shortest_and_longest_classic_frames_have_the_published_lengths() {
+fn extreme_classic_frames_have_published_lengths() {
     for (extended, bytes, plain, worst) in
         [(false, 8, 111, 135), (false, 6, 95, 115), (true, 8, 131, 160), (false, 0, 47, 55)]
     {
@@ -44,14 +44,14 @@ fn frames_of_can_fd_take_the_published_times() {
 }
 
 #[test]
-fn random_frames_have_the_published_mean_length_and_none_is_longer_than_the_worst() {
+fn random_frames_have_the_published_mean_length() {
     let mut numbers = Numbers(7);
     for (extended, bytes, mean) in [(false, 8, 114.3), (false, 6, 97.8), (true, 8, 135.1)] {
         let mut sum = 0;
         for _ in 0..20_000 {
             let (id, data) = (numbers.next(), numbers.next().to_le_bytes());
             let id = if extended { Id::Extended(id as u32 >> 3) } else { Id::Standard((id & 0x7ff) as u16) };
-            let bits = Bits::of(&Frame::classic(id, &data[..bytes])).nominal;
+            let bits = Bits::from_frame(&Frame::classic(id, &data[..bytes])).nominal;
             assert!(bits <= Bits::worst(extended, Form::Classic, bytes).nominal);
             assert!(bits >= Bits::nominal(extended, Form::Classic, bytes).nominal);
             sum += bits;
@@ -100,7 +100,7 @@ fn stuffing_is_that_of_a_text_of_bits() {
         let body: String = data[..bytes].iter().map(|byte| format!("{byte:08b}")).collect();
         let bits = format!("0{id:011b}000{bytes:04b}{body}");
         let whole = format!("{bits}{}", checksum(&bits));
-        let found = Bits::of(&Frame::classic(Id::Standard(id), &data[..bytes])).nominal as usize;
+        let found = Bits::from_frame(&Frame::classic(Id::Standard(id), &data[..bytes])).nominal as usize;
         assert_eq!(found, stuffed(&whole) + 13, "{whole}");
     }
 }

@@ -31,7 +31,7 @@ fn of_frames_that_wait_the_lowest_identifier_is_sent_first() {
 }
 
 #[test]
-fn a_frame_that_has_begun_is_not_interrupted_by_a_lower_identifier() {
+fn a_running_frame_is_not_interrupted() {
     let mut bus = SimulatedBus::new(RATES, 3, 8);
     bus.enqueue(1, frame(0x300), 0);
     bus.enqueue(2, frame(0x001), 10_000);
@@ -40,12 +40,12 @@ fn a_frame_that_has_begun_is_not_interrupted_by_a_lower_identifier() {
 }
 
 #[test]
-fn frames_take_the_time_of_their_bits_and_follow_each_other_without_a_gap() {
+fn frames_take_their_bit_times_without_gaps() {
     let mut bus = SimulatedBus::new(RATES, 2, 8);
     let frames = [frame(0x000), frame(0x2aa)];
     frames.iter().for_each(|frame| assert!(bus.enqueue(0, *frame, 0)));
     let times: Vec<u64> = delivered(&mut bus, 1_000_000).into_iter().map(|(_, _, time)| time).collect();
-    let bits = frames.map(|frame| u64::from(Bits::of(&frame).nominal) * 1000);
+    let bits = frames.map(|frame| u64::from(Bits::from_frame(&frame).nominal) * 1000);
     // a frame is there before the three bits of pause
     assert_eq!(times, [bits[0] - 3000, bits[0] + bits[1] - 3000]);
     assert_eq!(bus.busy_ns(), bits[0] + bits[1]);
@@ -55,7 +55,7 @@ fn frames_take_the_time_of_their_bits_and_follow_each_other_without_a_gap() {
 fn nothing_arrives_before_its_last_bit() {
     let mut bus = SimulatedBus::new(RATES, 2, 8);
     bus.enqueue(0, frame(0x123), 500_000);
-    let lasts = u64::from(Bits::of(&frame(0x123)).nominal) * 1000;
+    let lasts = u64::from(Bits::from_frame(&frame(0x123)).nominal) * 1000;
     assert!(delivered(&mut bus, 500_000 + lasts - 3001).is_empty());
     assert_eq!(delivered(&mut bus, 500_000 + lasts - 3000).len(), 1);
 }
@@ -74,7 +74,7 @@ fn a_disturbed_frame_is_sent_again_and_counted() {
 }
 
 #[test]
-fn a_sender_that_is_always_disturbed_becomes_passive_at_128_errors_and_leaves_beyond_255() {
+fn a_disturbed_sender_becomes_passive_and_then_leaves() {
     let mut bus = SimulatedBus::new(RATES, 2, 8);
     bus.enqueue(0, frame(0x123), 0);
     bus.disturb(100);
@@ -97,7 +97,7 @@ fn a_sender_that_is_always_disturbed_becomes_passive_at_128_errors_and_leaves_be
 }
 
 #[test]
-fn a_node_that_is_alone_becomes_passive_and_never_leaves_the_bus() {
+fn a_lone_node_becomes_passive_and_stays() {
     let mut bus = SimulatedBus::new(RATES, 1, 8);
     bus.enqueue(0, frame(0x123), 0);
     let mut last = None;
@@ -108,7 +108,7 @@ fn a_node_that_is_alone_becomes_passive_and_never_leaves_the_bus() {
 }
 
 #[test]
-fn two_nodes_with_one_identifier_and_different_data_disturb_each_other() {
+fn two_nodes_with_one_identifier_disturb_each_other() {
     let mut bus = SimulatedBus::new(RATES, 3, 8);
     bus.enqueue(1, Frame::classic(Id::Standard(7), &[1]), 0);
     bus.enqueue(2, Frame::classic(Id::Standard(7), &[2]), 0);

@@ -15,7 +15,7 @@ fn hex(frame: Frame) -> String {
 }
 
 #[test]
-fn network_management_heartbeat_and_synchronisation_have_their_published_frames() {
+fn canopen_management_frames_match_the_standard() {
     assert_eq!(hex(node().network(NetworkCommand::Start)), "0x000#0105");
     assert_eq!(hex(node().network(NetworkCommand::PreOperational)), "0x000#8005");
     assert_eq!(hex(sync()), "0x080#");
@@ -59,9 +59,9 @@ fn the_statusword_tells_the_state_of_the_profile() {
         (0x021f, DriveState::FaultReaction),
         (0x0218, DriveState::Fault),
     ] {
-        assert_eq!(DriveState::of(word), Ok(state), "0x{word:04X}");
+        assert_eq!(DriveState::from_statusword(word), Ok(state), "0x{word:04X}");
     }
-    assert!(DriveState::of(0x0001).is_err());
+    assert!(DriveState::from_statusword(0x0001).is_err());
 }
 
 #[test]

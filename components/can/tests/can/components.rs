@@ -131,7 +131,7 @@ config    = {{ drives = "drives.toml" }}
 "#
     );
     Graph::from_toml(text)
-        .at(&folder.0.join("graph.toml"))
+        .at_path(&folder.0.join("graph.toml"))
         .kind::<ArticulatedPhysics>()
         .kind::<DriveSimulation>()
 }
@@ -146,9 +146,9 @@ pub(super) fn adapter(report: &Report) -> &Value {
 }
 
 #[test]
-fn commands_reach_the_arm_through_drives_and_no_answer_is_missing() {
+fn commands_reach_the_arm_and_no_answer_is_missing() {
     let folder = Folder::new("closed", DRIVES);
-    let states = Probe::<JointState>::of("arm/state");
+    let states = Probe::<JointState>::for_topic("arm/state");
     let report = graph(&folder, "", "").with(&states).run("3 s").unwrap();
     let result = adapter(&report);
     assert_eq!(result["missing_replies"], 0, "{result}");
@@ -166,7 +166,7 @@ fn commands_reach_the_arm_through_drives_and_no_answer_is_missing() {
 }
 
 #[test]
-fn two_runs_publish_the_same_to_the_last_bit_and_no_step_allocates() {
+fn two_runs_are_identical_and_do_not_allocate() {
     let noisy = r#"jitter = "30 us", loss = 0.001"#;
     let (one, two) = (run("hash-1", noisy, "1 s"), run("hash-2", noisy, "1 s"));
     assert!(one.state_hash.is_some());
@@ -177,12 +177,11 @@ fn two_runs_publish_the_same_to_the_last_bit_and_no_step_allocates() {
 }
 
 #[test]
-fn behind_a_soft_drivetrain_a_drive_measures_its_motor_and_the_joint_lies_off_by_the_load_over_the_stiffness()
-{
+fn the_joint_lags_its_motor_by_load_over_stiffness() {
     let soft = r#"actuator = { delay = "1 ms", drivetrain = { motor_inertia = 0.05, stiffness = 120.0, damping = 2.0 } }"#;
     let folder = Folder::new("soft", DRIVES);
-    let measured = Probe::<JointState>::of("arm/state");
-    let truth = Probe::<JointState>::of("arm/true_state");
+    let measured = Probe::<JointState>::for_topic("arm/state");
+    let truth = Probe::<JointState>::for_topic("arm/true_state");
     let commands = Source::new("commands", "arm/command", |_| Some(command()));
     let push = r#"pushes = [{ at = "0 s", duration = "10 s", link = "link3", force = [0.0, 12.0, 0.0] }]"#;
     let pushed = pushed_graph(&folder, push, soft, "").kind::<CanAdapter>().with(commands);
@@ -222,7 +221,7 @@ fn a_silent_drive_is_lost_in_the_third_cycle() {
 #[test]
 fn the_health_of_the_joints_shows_the_lost_one() {
     let folder = Folder::new("health", DRIVES);
-    let health = Probe::<JointHealth>::of("arm/health");
+    let health = Probe::<JointHealth>::for_topic("arm/health");
     let fault = r#"faults = [{ at = "300 ms", kind = "off", joint = "joint3" }]"#;
     graph(&folder, fault, "").with(&health).run("400 ms").unwrap();
     let last = health.values().pop().unwrap();

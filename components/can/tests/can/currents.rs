@@ -26,7 +26,7 @@ fn torque(protocol: &'static str, more: String) -> f64 {
 }
 
 #[test]
-fn a_drive_gives_no_more_torque_than_its_limit_of_current_whatever_its_loop_wants() {
+fn a_drive_keeps_its_current_limit() {
     // without a limit its loop has all 10 N m; 20 A of 0.1 N m/A, and 1.6 A of 4 A for 5 N m, are 2 N m
     assert_eq!(torque("odrive", ODRIVE.into()), 10.0);
     let limited = torque("odrive", format!("{ODRIVE}\ncurrent_limit = 20.0\ntorque_constant = 0.1"));
@@ -58,7 +58,7 @@ fn a_damiao_drive_lets_go_at_the_limit_of_its_current() {
 }
 
 #[test]
-fn a_servo_tells_its_effort_by_its_current_and_by_a_share_of_all_it_has() {
+fn a_servo_reports_effort_by_current_or_load() {
     for (protocol, more) in [("feetech", FEETECH), ("dynamixel", DYNAMIXEL)] {
         let case = Case { protocol, bus: "kind = \"serial\"", more, cycle_ns: 5_000_000 };
         let mut rig = Rig::healthy(&case);
@@ -87,7 +87,7 @@ fn a_servo_that_does_not_limit_its_current_is_not_enabled() {
 }
 
 #[test]
-fn the_range_of_a_damiao_drive_stays_that_of_its_fields_whatever_its_current() {
+fn damiao_ranges_do_not_depend_on_the_current_limit() {
     let limited = table("damiao", DAMIAO).unwrap();
     assert_eq!(limited.ranges(0).torque.max, 3.0);
     assert_eq!(limited.drive(0).unwrap().ranges().torque.max, 10.0);
@@ -103,7 +103,7 @@ fn table(protocol: &str, more: &str) -> Result<Table, String> {
 }
 
 #[test]
-fn the_torque_of_a_limited_current_is_the_end_of_the_range_of_efforts() {
+fn a_current_limit_bounds_the_effort_range() {
     let torque = |more: &str| table("odrive", more).unwrap().ranges(0).torque.max;
     assert_eq!(torque(""), 10.0);
     assert!((torque("current_limit = 20.0\ntorque_constant = 0.1") - 2.0).abs() < 1e-12);
@@ -123,7 +123,7 @@ fn a_drive_of_another_rated_current_is_not_enabled() {
 }
 
 #[test]
-fn a_limit_of_current_that_cannot_be_is_refused_with_what_is_missing() {
+fn an_impossible_current_limit_is_refused() {
     for (protocol, more, words) in [
         ("odrive", "current_limit = 20.0", "`current_limit` without `torque_constant`"),
         ("odrive", "current_limit = -1.0\ntorque_constant = 0.1", "`current_limit` is -1"),

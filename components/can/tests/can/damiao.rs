@@ -6,7 +6,7 @@ use motorium_can::{DecodeError, Frame, Id};
 const MASTER: Id = Id::Standard(0x11);
 
 #[test]
-fn a_request_has_the_published_bytes_and_is_understood_by_the_drive() {
+fn a_request_has_published_bytes_and_is_decoded() {
     let request = Request { node: 1, register: Register::TorqueMax };
     assert_eq!(request.frame(), Frame::classic(Id::Standard(0x7ff), &[1, 0, 0x33, 23, 0, 0, 0, 0]));
     assert_eq!(Request::decode(&request.frame(), 1), Ok(request));

@@ -166,7 +166,7 @@ impl Rig {
 }
 
 #[test]
-fn drives_of_every_protocol_are_enabled_where_they_stand_and_no_answer_is_missing() {
+fn drives_of_every_protocol_are_enabled_in_place() {
     for case in all() {
         let rig = Rig::healthy(&case);
         for link in rig.adapter.links() {
@@ -201,7 +201,7 @@ fn commands_turn_the_shafts_towards_their_goals() {
 }
 
 #[test]
-fn a_silent_drive_of_any_protocol_is_lost_three_cycles_after_its_answers_are_due() {
+fn a_silent_drive_of_any_protocol_is_lost_in_three_cycles() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
         rig.is_silent = true;
@@ -215,7 +215,7 @@ fn a_silent_drive_of_any_protocol_is_lost_three_cycles_after_its_answers_are_due
 }
 
 #[test]
-fn drives_that_are_enabled_again_begin_where_they_have_been_moved_to() {
+fn reenabled_drives_begin_at_their_moved_position() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
         // without power, at another place
@@ -237,7 +237,7 @@ fn drives_that_are_enabled_again_begin_where_they_have_been_moved_to() {
 }
 
 #[test]
-fn a_drive_whose_power_was_cut_trips_the_adapter_and_follows_again_once_it_is_resumed() {
+fn a_drive_without_power_trips_until_resumed() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
         rig.drives[0].cut_power();
@@ -257,7 +257,7 @@ fn a_drive_whose_power_was_cut_trips_the_adapter_and_follows_again_once_it_is_re
 }
 
 #[test]
-fn drives_let_go_by_their_watchdog_once_nobody_commands_them_and_are_found_so() {
+fn watchdog_releases_are_detected() {
     for case in &CASES {
         let mut rig = Rig::healthy(case);
         let killed_ns = rig.cycle * rig.cycle_ns;
@@ -289,8 +289,7 @@ fn drives_let_go_by_their_watchdog_once_nobody_commands_them_and_are_found_so() 
 }
 
 #[test]
-fn of_a_hundred_adapters_that_end_in_the_middle_of_a_batch_each_leaves_its_drives_to_watchdogs_that_act_in_time()
- {
+fn a_hundred_interrupted_batches_end_by_watchdogs() {
     for case in &CASES {
         for run in 0..100 {
             let mut rig = Rig::healthy(case);
@@ -315,7 +314,7 @@ fn of_a_hundred_adapters_that_end_in_the_middle_of_a_batch_each_leaves_its_drive
 }
 
 #[test]
-fn a_canopen_drive_that_keeps_another_watchdog_or_rated_torque_is_not_enabled() {
+fn a_canopen_drive_with_other_settings_is_not_enabled() {
     let no_watchdog = Overrides { watchdog_ns: Some(0), ..Overrides::default() };
     let stronger = Overrides { torque: Some(7.5), ..Overrides::default() };
     for overrides in [no_watchdog, stronger] {
@@ -331,7 +330,7 @@ fn a_canopen_drive_that_keeps_another_watchdog_or_rated_torque_is_not_enabled() 
 }
 
 #[test]
-fn a_dynamixel_stops_where_it_is_by_its_watchdog_until_it_is_checked_again() {
+fn a_dynamixel_watchdog_stops_it_until_checked() {
     let mut rig = Rig::healthy(&DYNAMIXEL);
     let killed_ns = rig.cycle * rig.cycle_ns;
     // the last packet came at the end of the commands of the last cycle
@@ -386,7 +385,7 @@ pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<Wron
 }
 
 #[test]
-fn in_the_velocity_mode_the_adapter_closes_the_position_loop_at_the_rate_of_the_gains() {
+fn the_adapter_closes_the_position_loop_in_velocity_mode() {
     let mut rig = Rig::healthy(&CASES[5]);
     assert!(CASES[5].more.contains("velocity"));
     // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, and 5 N m s/rad of them 2 N m; beside it a velocity of its

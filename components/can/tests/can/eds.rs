@@ -33,7 +33,7 @@ fn every_object_of_a_data_sheet_is_what_canopen_reads() {
 }
 
 #[test]
-fn numbers_of_every_notation_are_read_and_the_value_of_the_device_goes_before_the_default() {
+fn data_sheet_numbers_are_read_and_device_values_win() {
     let value = |text: &str| Eds::parse(&format!("[1001]\n{text}\n")).unwrap().value(0x1001, 0, 3);
     for (text, expected) in [
         ("DefaultValue=017", Some(15)),
@@ -77,7 +77,7 @@ fn table(entry: &str, sheet: &str) -> Result<Table, TableError> {
 const RANGES: &str = "ranges = { position = 3.0, velocity = 30.0, torque = 10.0 }";
 
 #[test]
-fn a_table_takes_increments_and_rated_torque_from_the_data_sheet() {
+fn a_table_takes_units_from_the_data_sheet() {
     let drive = &table(RANGES, SHEET).unwrap().drives[0];
     assert_eq!((drive.increments, drive.rated_torque), (Some(65536.0), Some(5.0)));
     // what the table says itself goes before
@@ -86,7 +86,7 @@ fn a_table_takes_increments_and_rated_torque_from_the_data_sheet() {
 }
 
 #[test]
-fn the_rated_current_of_a_data_sheet_serves_a_limit_of_current_whose_object_it_must_have() {
+fn a_current_limit_needs_rated_current_and_its_object() {
     let entry = format!("{RANGES}\ncurrent_limit = 2.0");
     let rated = "\n[6075]\nParameterName=Motor rated current\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\nDefaultValue=4000\n";
     let largest = |access: &str| {
@@ -106,7 +106,7 @@ fn the_rated_current_of_a_data_sheet_serves_a_limit_of_current_whose_object_it_m
 }
 
 #[test]
-fn a_homing_by_the_drive_needs_its_mode_and_its_objects_and_a_method_that_it_knows() {
+fn drive_homing_needs_its_mode_objects_and_method() {
     let homing = |method: i8| {
         format!(
             "{RANGES}\ncurrent_limit = 2.0\nrated_current = 4.0\nhoming = {{ by = \"drive\", method = {method}, velocity = 0.5, creep_velocity = 0.1, acceleration = 1.0 }}"
@@ -150,7 +150,7 @@ fn a_homing_by_the_drive_needs_its_mode_and_its_objects_and_a_method_that_it_kno
 }
 
 #[test]
-fn an_entry_that_the_drive_cannot_follow_by_its_data_sheet_is_refused_with_both_values() {
+fn an_entry_against_the_data_sheet_is_refused() {
     let refused = |entry: &str, sheet: &str| table(entry, sheet).unwrap_err().to_string();
     let found = refused(RANGES, &SHEET.replace("0x380", "0x300"));
     assert!(found.contains("does not know the mode 8 of `mode`: 0x6502 is 0x300"), "{found}");
@@ -179,7 +179,7 @@ fn fixed() -> String {
 }
 
 #[test]
-fn a_mapping_that_cannot_be_written_is_compared_and_not_written() {
+fn a_fixed_mapping_is_compared_and_not_written() {
     assert!(table(RANGES, &fixed()).is_ok());
     let found = table(&format!("{RANGES}\nmode = \"velocity\""), &fixed()).unwrap_err().to_string();
     assert!(
@@ -191,7 +191,7 @@ fn a_mapping_that_cannot_be_written_is_compared_and_not_written() {
 }
 
 #[test]
-fn a_drive_whose_mapping_is_fixed_is_enabled_and_one_that_maps_otherwise_is_not() {
+fn a_fixed_mapping_must_match() {
     use super::drives::follow;
     let sheet = fixed();
     assert_eq!(follow(&table(RANGES, &sheet).unwrap(), None), (true, None));

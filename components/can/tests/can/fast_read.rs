@@ -20,7 +20,7 @@ fn answered_after_ns(rig: &mut Rig) -> u64 {
 }
 
 #[test]
-fn servos_that_answer_together_lose_nothing_and_take_six_bytes_less_of_the_line() {
+fn a_fast_read_saves_six_bytes_a_servo() {
     let (mut fast, mut plain) = (Rig::healthy(&FAST), Rig::healthy(&DYNAMIXEL));
     for link in fast.adapter.links() {
         assert_eq!((link.counts().missing, link.counts().late, link.counts().refused), (0, 0, 0));
@@ -33,7 +33,7 @@ fn servos_that_answer_together_lose_nothing_and_take_six_bytes_less_of_the_line(
 }
 
 #[test]
-fn when_one_is_silent_those_behind_it_miss_one_cycle_and_are_asked_alone_then() {
+fn servos_behind_a_silent_one_are_asked_alone() {
     let mut rig = Rig::healthy(&FAST);
     rig.is_silent = true;
     rig.run(3);
@@ -43,7 +43,7 @@ fn when_one_is_silent_those_behind_it_miss_one_cycle_and_are_asked_alone_then() 
 }
 
 #[test]
-fn servos_that_know_no_fast_read_are_asked_the_other_way_from_then_on() {
+fn servos_without_fast_read_are_asked_normally() {
     let mut rig = Rig::new(&FAST, Overrides::default());
     rig.is_old = true;
     rig.run(100);
@@ -55,7 +55,7 @@ fn servos_that_know_no_fast_read_are_asked_the_other_way_from_then_on() {
 }
 
 #[test]
-fn a_common_answer_longer_than_a_frame_comes_in_parts_and_one_without_an_end_is_dropped() {
+fn a_long_common_answer_arrives_in_parts() {
     let (mut master, path) = terminal();
     let mut line = ServoBus::open(&path, 1_000_000).unwrap();
     let (mut whole, mut share) = (Vec::new(), [0; LONGEST]);
@@ -105,7 +105,7 @@ fn table(protocol: &str, servos: u8) -> String {
 }
 
 #[test]
-fn a_fast_read_is_refused_where_it_cannot_be_and_its_budget_is_smaller() {
+fn an_impossible_fast_read_is_refused() {
     let refused = |text: &str| Table::parse(text).unwrap_err().to_string();
     assert!(refused(&table("feetech", 2)).contains("a fast read of drives of Feetech"));
     assert!(refused(&table("dynamixel", 10)).contains("a fast read of 10 servos"));

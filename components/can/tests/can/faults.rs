@@ -52,7 +52,7 @@ fn a_silent_node_is_lost_in_its_third_cycle() {
 }
 
 #[test]
-fn a_reply_that_is_always_late_is_lost_in_its_third_cycle_whatever_its_delay() {
+fn a_constantly_late_reply_is_lost_in_three_cycles() {
     // by less than a cycle, by a cycle so that it looks like one in time, by two, and by more than it takes
     // to be lost
     for delay in ["800 us", "1 ms", "1.05 ms", "1.3 ms", "2 ms", "2.2 ms", "3.5 ms"] {
@@ -87,7 +87,7 @@ fn a_single_reply_that_is_a_whole_cycle_late_trips_nothing() {
 }
 
 #[test]
-fn a_single_reply_that_is_lost_costs_its_cycle_and_trips_nothing() {
+fn a_single_lost_reply_costs_one_cycle() {
     let report = row("lost-once", r#"lasts = "1 ms", kind = "silent", joint = "joint1""#);
     let result = adapter(&report);
     assert_eq!((&result["missing_replies"], &result["late_replies"]), (&json!(1), &json!(0)), "{result}");
@@ -98,7 +98,7 @@ fn a_single_reply_that_is_lost_costs_its_cycle_and_trips_nothing() {
 }
 
 #[test]
-fn a_bus_that_is_saturated_is_refused_and_one_that_nobody_can_send_on_trips() {
+fn a_saturated_bus_is_refused_and_a_blocked_one_trips() {
     let crowded = DRIVES
         .replace("bus      = \"can1\"", "bus      = \"can0\"")
         .replace("bitrate = 1_000_000", "bitrate = 500_000");
@@ -119,7 +119,7 @@ fn a_bus_that_is_saturated_is_refused_and_one_that_nobody_can_send_on_trips() {
 }
 
 #[test]
-fn frames_that_nobody_acknowledges_are_told_with_the_likely_causes_and_not_kept() {
+fn unacknowledged_frames_are_reported_and_dropped() {
     let report = row("alone", r#"lasts = "100 ms", kind = "alone", bus = "can0""#);
     let result = adapter(&report);
     let bus = &result["buses"]["can0"];
@@ -147,7 +147,7 @@ fn a_bus_that_is_error_passive_is_told_and_goes_on() {
 }
 
 #[test]
-fn a_controller_that_its_errors_drive_off_the_bus_trips_the_adapter_and_the_drives_let_go() {
+fn bus_off_trips_the_adapter_and_drives_release() {
     let report = row("disturbed", r#"lasts = "100 ms", kind = "disturbed", bus = "can0""#);
     let result = adapter(&report);
     let bus = &result["buses"]["can0"];
@@ -162,7 +162,7 @@ fn a_controller_that_its_errors_drive_off_the_bus_trips_the_adapter_and_the_driv
 }
 
 #[test]
-fn after_bus_off_nothing_is_sent_until_it_is_over_and_every_drive_has_let_go() {
+fn nothing_is_sent_after_bus_off_until_drives_release() {
     let report = row("off", r#"lasts = "100 ms", kind = "bus_off", bus = "can0""#);
     let result = adapter(&report);
     let bus = &result["buses"]["can0"];
@@ -192,7 +192,7 @@ fn a_link_that_goes_down_trips_and_is_used_again_when_it_is_up() {
 }
 
 #[test]
-fn two_drives_with_one_number_drive_each_other_off_the_bus_and_are_lost() {
+fn two_drives_with_one_number_are_lost() {
     let report = row("twin", r#"kind = "twin", joint = "joint1""#);
     let result = adapter(&report);
     let joint = &result["joints"]["joint1"];
@@ -203,7 +203,7 @@ fn two_drives_with_one_number_drive_each_other_off_the_bus_and_are_lost() {
 }
 
 #[test]
-fn answers_of_a_wrong_length_and_corrupt_ones_are_refused_and_never_become_a_state() {
+fn malformed_and_corrupt_answers_are_refused() {
     for kind in ["wrong_length", "corrupt"] {
         for joint in ["joint1", "joint3"] {
             let report = row(&format!("{kind}-{joint}"), &format!(r#"kind = "{kind}", joint = "{joint}""#));
@@ -256,7 +256,7 @@ impl<const DIES: bool> Component for Doomed<DIES> {
 }
 
 #[test]
-fn when_the_adapter_dies_or_hangs_every_drive_lets_go_by_its_own_watchdog() {
+fn drives_release_when_the_adapter_dies_or_hangs() {
     let run = |name: &str, turn: u32| {
         let folder = Folder::new(&format!("{name}-{turn}"), DRIVES);
         let commands = Source::new("commands", "arm/command", |_| Some(command()));
@@ -275,12 +275,12 @@ fn when_the_adapter_dies_or_hangs_every_drive_lets_go_by_its_own_watchdog() {
 }
 
 #[test]
-fn when_the_controller_is_silent_the_adapter_holds_the_robot_in_its_safe_state() {
+fn a_silent_controller_leads_to_the_safe_state() {
     let run = |turn: u32| {
         let folder = Folder::new(&format!("controller-{turn}"), DRIVES);
         let commands =
             Source::new("commands", "arm/command", |tick| (tick.time_ns < 300_000_000).then(command));
-        let health = Probe::<JointHealth>::of("arm/health");
+        let health = Probe::<JointHealth>::for_topic("arm/health");
         let graph = bare_graph(&folder, "", "").kind::<CanAdapter>().with(commands).with(&health);
         (graph.run("600 ms").unwrap(), health.values().pop().unwrap())
     };

@@ -83,7 +83,7 @@ pub(super) struct Joint {
 }
 
 impl Joint {
-    fn at(position: f64) -> Self {
+    fn at_position(position: f64) -> Self {
         Self {
             position,
             velocity: 0.0,
@@ -146,7 +146,7 @@ impl Rig {
         Self {
             bus: SimulatedBus::new(table.rates(0), count + 1, 64),
             drives: (0..count).map(drive).collect(),
-            joints: (0..count).map(|index| Joint::at(0.4 - 0.1 * index as f64)).collect(),
+            joints: (0..count).map(|index| Joint::at_position(0.4 - 0.1 * index as f64)).collect(),
             adapter,
             table,
             silent: None,
@@ -245,7 +245,7 @@ impl Rig {
 }
 
 #[test]
-fn joints_of_every_family_are_homed_and_then_their_positions_are_known() {
+fn joints_of_every_family_are_homed() {
     for case in all() {
         let mut rig = Rig::one(&case);
         rig.run(0.1);
@@ -261,7 +261,7 @@ fn joints_of_every_family_are_homed_and_then_their_positions_are_known() {
 }
 
 #[test]
-fn at_a_stop_the_joint_gives_no_more_than_its_effort_and_ends_off_the_stop() {
+fn homing_to_a_stop_keeps_its_effort_limit() {
     for case in AT_STOPS {
         let mut rig = Rig::one(&case);
         assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed, "{}", case.name);
@@ -274,7 +274,7 @@ fn at_a_stop_the_joint_gives_no_more_than_its_effort_and_ends_off_the_stop() {
 }
 
 #[test]
-fn joints_are_homed_in_their_order_and_those_that_are_homed_hold_still() {
+fn joints_are_homed_in_order_while_others_hold() {
     let homing = |order: u8| {
         format!(
             "homing = {{ by = \"stop\", velocity = -0.5, effort = 1.2, position = -0.8, order = {order} }}"
@@ -299,7 +299,7 @@ fn joints_are_homed_in_their_order_and_those_that_are_homed_hold_still() {
 }
 
 #[test]
-fn a_method_that_takes_the_place_where_the_drive_stands_moves_nothing() {
+fn homing_in_place_moves_nothing() {
     let homing = CIA402_HOMING.replace("17", "37");
     let mut rig = Rig::new(&BY_DRIVE[2], &[&homing], OnTrip::Damp);
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Homed);
@@ -310,7 +310,7 @@ fn a_method_that_takes_the_place_where_the_drive_stands_moves_nothing() {
 }
 
 #[test]
-fn an_odrive_that_reports_seldom_is_homed_once_a_report_counts_from_its_mark() {
+fn a_slow_odrive_is_homed_by_a_report_after_its_mark() {
     let case = &BY_DRIVE[0];
     let seldom = Case { drive: case.drive.replace("2 ms", "50 ms").leak(), ..*case };
     // its search ends at any time between a report and the heartbeat

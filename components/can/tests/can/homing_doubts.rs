@@ -49,7 +49,7 @@ fn the_failure_of_one_joint_is_none_of_its_neighbour() {
 }
 
 #[test]
-fn while_homing_is_stopped_joints_that_are_held_follow_what_is_set_and_are_then_held_where_they_are() {
+fn held_joints_follow_setpoints_while_homing_is_paused() {
     let mut rig = Rig::new(&AT_STOPS[0], &[&at_stop(0), &at_stop(1)], OnTrip::Damp);
     assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed);
     rig.run(0.3);
@@ -71,7 +71,7 @@ fn while_homing_is_stopped_joints_that_are_held_follow_what_is_set_and_are_then_
 }
 
 #[test]
-fn a_drive_that_loses_its_power_before_it_is_enabled_is_set_up_again() {
+fn a_drive_without_power_before_enabling_is_set_up_again() {
     let limited = "protocol = \"damiao\"\ncurrent_limit = 10.0\ntorque_constant = 0.5\nfull_current = 40.0";
     let damiao = Case { name: "damiao", bus: "", drive: limited, homing: "" };
     let cia402 = Case { name: "cia402", bus: "", drive: CIA402, homing: "" };
@@ -110,7 +110,7 @@ fn a_drive_that_loses_its_power_before_it_is_enabled_is_set_up_again() {
 }
 
 #[test]
-fn a_drive_that_starts_in_the_middle_of_its_check_is_checked_from_the_beginning() {
+fn a_drive_that_restarts_is_checked_from_the_beginning() {
     let case = Case { name: "cia402", bus: "", drive: CIA402, homing: "" };
     let mut rig = Rig::new(&case, &[""], OnTrip::Damp);
     while rig.adapter.links()[0].phase() != Phase::Checking(9) {
@@ -129,7 +129,7 @@ fn a_drive_that_starts_in_the_middle_of_its_check_is_checked_from_the_beginning(
 }
 
 #[test]
-fn a_drive_that_starts_while_it_is_homed_trips_the_adapter_at_once() {
+fn a_drive_that_restarts_while_homing_trips_at_once() {
     let mut rig = Rig::one(&BY_DRIVE[2]);
     rig.run(0.4);
     assert_eq!(rig.state(0), HomingState::Running);
@@ -143,7 +143,7 @@ fn a_drive_that_starts_while_it_is_homed_trips_the_adapter_at_once() {
 }
 
 #[test]
-fn what_was_found_is_forgotten_in_a_silence_that_follows_answers_a_cycle_late() {
+fn homing_is_forgotten_after_a_silence_of_late_answers() {
     let mut rig = Rig::one(&AT_STOPS[0]);
     assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed);
     rig.run(0.3);

@@ -6,7 +6,7 @@ use motorium_can::adapter::{HomingFault, HomingState, OnTrip};
 use super::homing::{AT_STOPS, BY_DRIVE, CYCLE_NS, Rig, STEP_NS, all};
 
 #[test]
-fn a_mark_that_is_never_found_trips_the_adapter_after_its_time_and_is_looked_for_again_once_it_is_resumed() {
+fn a_missing_mark_trips_and_homing_restarts_on_resume() {
     for case in &BY_DRIVE {
         let homing = case.homing.replace("by =", "timeout = \"3 s\", by =");
         let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
@@ -118,7 +118,7 @@ fn homing_that_is_interrupted_lets_go_and_begins_anew() {
 }
 
 #[test]
-fn a_drive_that_falls_silent_while_it_is_homed_trips_the_adapter_and_lets_go_by_its_watchdog() {
+fn a_silent_drive_in_homing_trips_and_releases() {
     for case in all() {
         let mut rig = Rig::one(&case);
         rig.run(0.3);
@@ -135,7 +135,7 @@ fn a_drive_that_falls_silent_while_it_is_homed_trips_the_adapter_and_lets_go_by_
 }
 
 #[test]
-fn when_the_adapter_ends_in_the_middle_of_a_homing_the_watchdog_of_the_drive_acts() {
+fn the_watchdog_acts_when_the_adapter_ends_in_homing() {
     for case in all() {
         let mut rig = Rig::one(&case);
         rig.run(0.3);
@@ -149,7 +149,7 @@ fn when_the_adapter_ends_in_the_middle_of_a_homing_the_watchdog_of_the_drive_act
 }
 
 #[test]
-fn a_drive_that_lost_its_power_is_homed_again_and_the_others_are_not() {
+fn only_the_drive_that_lost_its_power_is_homed_again() {
     for (case, on_trip) in
         [OnTrip::Damp, OnTrip::Disable].into_iter().flat_map(|on| all().map(move |c| (c, on)))
     {

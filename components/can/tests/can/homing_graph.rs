@@ -75,19 +75,20 @@ homing   = { by = "drive", order = 1 }
 }
 
 #[test]
-fn an_arm_is_homed_in_a_graph_before_its_state_is_published_and_then_follows_its_commands() {
+fn an_arm_is_homed_in_a_graph_before_it_follows() {
     homes_an_arm("homing", PLANAR);
 }
 
 #[test]
-fn an_arm_with_an_odrive_is_homed_in_a_graph_before_its_state_is_published() {
+fn an_arm_with_an_odrive_is_homed_in_a_graph() {
     homes_an_arm("homing-odrive", &with_odrive());
 }
 
 fn homes_an_arm(name: &str, drives: &str) {
     let folder = Folder::new(name, drives);
-    let (measured, truth) = (Probe::<JointState>::of("arm/state"), Probe::<JointState>::of("arm/true_state"));
-    let health = Probe::<JointHealth>::of("arm/health");
+    let (measured, truth) =
+        (Probe::<JointState>::for_topic("arm/state"), Probe::<JointState>::for_topic("arm/true_state"));
+    let health = Probe::<JointHealth>::for_topic("arm/health");
     let report = graph(&folder, "", "").with(&measured).with(&truth).with(&health).run("12 s").unwrap();
     let result = &report.results["adapter"];
     for joint in ["joint1", "joint2", "joint3"] {
@@ -127,7 +128,7 @@ fn homes_an_arm(name: &str, drives: &str) {
 #[test]
 fn an_emergency_stop_interrupts_a_homing() {
     let folder = Folder::new("homing-stopped", PLANAR);
-    let truth = Probe::<JointState>::of("arm/true_state");
+    let truth = Probe::<JointState>::for_topic("arm/true_state");
     let stop =
         Source::new("button", "button", |tick| Some(EmergencyStop { stop: u64::from(tick.time() > 1.0) }));
     let safety = "emergency_stop = \"button\"";

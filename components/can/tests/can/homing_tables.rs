@@ -21,7 +21,7 @@ fn refused(drive: &str, homing: &str) -> String {
 }
 
 #[test]
-fn a_homing_that_its_drive_cannot_be_told_is_refused_with_words() {
+fn an_impossible_homing_is_refused() {
     let own = "by = \"drive\", method = 17, velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0";
     let stop = "by = \"stop\", velocity = -0.5, effort = 1.2, position = -0.8";
     for (drive, homing, words) in [
@@ -96,7 +96,7 @@ fn a_homing_that_its_drive_cannot_be_told_is_refused_with_words() {
 }
 
 #[test]
-fn a_servo_with_another_homing_offset_than_that_of_the_table_is_not_enabled() {
+fn a_servo_with_another_homing_offset_is_not_enabled() {
     let table = |protocol: &str, steps: i32| {
         let watchdog = if protocol == "feetech" { "0 s" } else { "40 ms" };
         let text = format!(

@@ -152,9 +152,9 @@ stale_after = "50 ms"
         part("gripper", 200, "allow_no_watchdog = true", faults)
     );
     let topics = ["arm/state", "gripper/state", "whole/state"];
-    let probes = topics.map(|topic| Probe::<JointState>::of(topic).triggered());
+    let probes = topics.map(|topic| Probe::<JointState>::for_topic(topic).triggered());
     let mut graph = Graph::from_toml(graph)
-        .at(&folder.0.join("graph.toml"))
+        .at_path(&folder.0.join("graph.toml"))
         .kind::<ArticulatedPhysics>()
         .kind::<DriveSimulation>()
         .kind::<CanAdapter>()
@@ -168,7 +168,7 @@ stale_after = "50 ms"
 }
 
 #[test]
-fn the_merged_state_has_the_rate_of_its_own_the_newest_of_each_part_and_the_age_of_the_oldest() {
+fn the_merged_state_has_its_rate_and_the_oldest_age() {
     let (report, [arm, gripper, whole]) = run("two-adapters", "");
     let (arm, gripper, whole) = (arm.samples(), gripper.samples(), whole.samples());
     let counts = [arm.len(), gripper.len(), whole.len()];
@@ -213,7 +213,7 @@ fn the_merged_state_has_the_rate_of_its_own_the_newest_of_each_part_and_the_age_
 }
 
 #[test]
-fn when_the_slow_part_falls_silent_the_merged_state_does_once_it_is_stale() {
+fn a_stale_part_silences_the_merged_state() {
     let faults = r#"faults = [{ at = "500 ms", kind = "silent", joint = "joint3" }]"#;
     let (report, [arm, gripper, whole]) = run("two-adapters-silent", faults);
     let last = |samples: Vec<motorium::testing::Sample<JointState>>| samples.last().expect("one").stamp;

@@ -112,7 +112,7 @@ fn published(x: f64, range: &Range, bits: u32) -> (f64, f64) {
 }
 
 #[test]
-fn halves_are_rounded_down_at_zero_of_every_symmetric_range_and_ends_are_reached() {
+fn halves_round_down_and_range_ends_are_reached() {
     for most in [0.1, 1.0 / 3.0, 1.1, 2.2, 3.0, 6.27, 8.0, 9.42, 11.3, 12.5, 12.57, 65.0, 144.0, 1e6] {
         for bits in [8, 12, 16] {
             let (range, highest) = (Range::symmetric(most), ((1_u32 << bits) - 1) as u16);
@@ -135,7 +135,7 @@ fn halves_are_rounded_down_at_zero_of_every_symmetric_range_and_ends_are_reached
 
 proptest! {
     #[test]
-    fn an_integer_is_that_of_the_published_formula_wherever_it_is_no_half(
+    fn an_integer_follows_the_published_formula(
         x in -20.0..20.0_f64, min in -18.0..-0.01_f64, max in 0.01..18.0_f64, bits in 1..=16_u32,
     ) {
         let range = Range { min, max };
@@ -161,7 +161,7 @@ proptest! {
     }
 
     #[test]
-    fn an_answer_arrives_within_half_a_step_of_each_field_and_survives_a_second_trip(
+    fn an_answer_keeps_its_precision_in_two_round_trips(
         form in 0..5_usize, position in -8.0..8.0_f64, velocity in -8.0..8.0_f64, torque in -10.0..10.0_f64,
         temperature in 0..100_i32,
     ) {

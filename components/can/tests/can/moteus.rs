@@ -148,7 +148,7 @@ fn well(home: Home) -> State {
 }
 
 #[test]
-fn a_drive_that_counts_from_where_its_power_came_on_is_not_enabled_unless_it_is_homed() {
+fn a_relative_encoder_is_enabled_only_after_homing() {
     for (more, home, is_right) in [
         ("", Home::Output, true),
         ("", Home::Rotor, false),
@@ -172,7 +172,7 @@ fn a_drive_that_counts_from_where_its_power_came_on_is_not_enabled_unless_it_is_
 }
 
 #[test]
-fn the_simulated_drive_counts_from_its_output_or_where_it_is_homed_from_where_its_power_came_on() {
+fn the_simulated_encoder_counts_from_power_on_if_homed() {
     for (more, expected) in [
         ("", Home::Output),
         (
@@ -189,7 +189,7 @@ fn the_simulated_drive_counts_from_its_output_or_where_it_is_homed_from_where_it
 }
 
 #[test]
-fn faults_have_their_names_and_a_limit_at_which_a_drive_is_no_fault() {
+fn faults_have_names_and_limits() {
     for (code, fault) in [
         (34, mit::Fault::OverVoltage),
         (35, mit::Fault::Encoder),

@@ -38,7 +38,7 @@ fn received(bus: &mut RealBus, count: usize) -> Vec<Frame> {
 }
 
 #[test]
-fn programs_share_a_bus_over_a_socket_and_follow_the_state_of_its_controller() {
+fn programs_share_a_bus_over_a_socket() {
     let name = name("shared");
     let mut offer = Offer::open(Place::Socket(&name), RATES, true, false).unwrap();
     let mut one = RealBus::open(&format!("unix:{name}"), &RATES, true).unwrap();

@@ -129,7 +129,7 @@ stale_after = "50 ms"
 "#
         );
         Graph::from_toml(text)
-            .at(&folder.0.join("graph.toml"))
+            .at_path(&folder.0.join("graph.toml"))
             .kind::<ArticulatedPhysics>()
             .kind::<DriveSimulation>()
             .kind::<CanAdapter>()
@@ -146,7 +146,7 @@ stale_after = "50 ms"
 fn an_arm_is_led_to_its_goal_through_drives_of_every_protocol() {
     for case in &CASES {
         let folder = Folder::new(&format!("{}-closed", case.name), &case.table());
-        let states = Probe::<JointState>::of("arm/state");
+        let states = Probe::<JointState>::for_topic("arm/state");
         let report = case.graph(&folder, "").with(&states).run("3 s").unwrap();
         let result = adapter(&report);
         for count in ["missing_replies", "late_replies", "refused_frames", "stray_frames"] {
@@ -169,7 +169,7 @@ fn an_arm_is_led_to_its_goal_through_drives_of_every_protocol() {
 }
 
 #[test]
-fn two_runs_of_every_protocol_publish_the_same_and_no_step_allocates() {
+fn runs_of_every_protocol_are_identical_without_allocation() {
     for case in &CASES {
         let noisy = r#"jitter = "30 us", loss = 0.0005"#;
         let (one, two) = (case.run("hash-1", noisy, "1 s"), case.run("hash-2", noisy, "1 s"));
@@ -182,7 +182,7 @@ fn two_runs_of_every_protocol_publish_the_same_and_no_step_allocates() {
 }
 
 #[test]
-fn a_silent_drive_of_every_protocol_trips_the_adapter_and_the_others_go_on_answering() {
+fn one_silent_drive_of_any_protocol_trips_the_adapter() {
     for case in &CASES {
         let silent = r#"faults = [{ at = "700 ms", kind = "silent", joint = "joint2" }]"#;
         let report = case.run("silent", silent, "1 s");
@@ -197,7 +197,7 @@ fn a_silent_drive_of_every_protocol_trips_the_adapter_and_the_others_go_on_answe
 }
 
 #[test]
-fn answers_that_are_cut_or_corrupt_are_refused_whatever_the_protocol() {
+fn cut_or_corrupt_answers_of_any_protocol_are_refused() {
     for case in &CASES {
         for kind in ["wrong_length", "corrupt"] {
             let fault = format!(
@@ -226,7 +226,7 @@ fn faults_of_can_buses_are_refused_on_a_serial_line() {
 }
 
 #[test]
-fn a_line_that_is_unplugged_loses_all_servos_and_none_of_the_bits_of_a_can_bus() {
+fn an_unplugged_line_loses_all_its_servos() {
     let report =
         CASES[5].run("alone", r#"faults = [{ at = "700 ms", kind = "alone", bus = "bus0" }]"#, "1 s");
     let result = adapter(&report);

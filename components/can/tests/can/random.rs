@@ -45,7 +45,7 @@ impl Numbers {
 }
 
 #[test]
-fn of_ten_million_random_frames_none_panics_and_each_accepted_one_is_sent_the_same() {
+fn ten_million_random_frames_cause_no_panic() {
     let mut numbers = Numbers(15);
     let forms = [
         mit::Reply::MiniCheetah,
@@ -145,7 +145,7 @@ fn fd_frame(numbers: &mut Numbers) -> Frame {
 }
 
 #[test]
-fn of_random_fd_frames_none_panics_and_no_value_that_is_accepted_is_corrupt() {
+fn random_fd_frames_cause_no_panic_or_corrupt_value() {
     let (mut numbers, node) = (Numbers(16), moteus::Node::new(1).unwrap());
     let database = Database::parse(include_str!("databases/kinds.dbc")).unwrap();
     let mut accepted = [0_u64; 3];
@@ -188,7 +188,7 @@ fn of_random_fd_frames_none_panics_and_no_value_that_is_accepted_is_corrupt() {
 }
 
 #[test]
-fn of_random_lines_of_serial_adapters_none_panics_and_each_frame_is_written_the_same() {
+fn random_serial_lines_cause_no_panic() {
     let (mut numbers, mut reader) = (Numbers(17), Reader::default());
     let (mut read, mut torn) = (0_u64, 0_u64);
     for _ in 0..frames() / 4 {

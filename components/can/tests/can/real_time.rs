@@ -55,7 +55,7 @@ stale_after = "5 s"
     let controller = Function::new("commands", "arm/state", "arm/command", answer).trigger("arm/state");
     let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let graph = Graph::from_toml(text)
-        .at(&folder.0.join("graph.toml"))
+        .at_path(&folder.0.join("graph.toml"))
         .kind::<ArticulatedPhysics>()
         .kind::<DriveSimulation>()
         .kind::<CanAdapter>()
@@ -74,7 +74,7 @@ fn median(name: &str, config: &str) -> f64 {
 }
 
 #[test]
-fn a_step_that_waits_for_its_command_sends_it_at_once_and_one_that_does_not_a_cycle_later() {
+fn a_waiting_step_sends_its_command_at_once() {
     let (at_once, later) = (median("at-once", "command_within = \"20 ms\""), median("later", ""));
     assert!(at_once < later / 2.0, "{at_once} us and {later} us");
 }

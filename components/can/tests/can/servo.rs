@@ -66,7 +66,7 @@ fn packets_of_protocol_2_are_those_of_the_manual() {
 }
 
 #[test]
-fn many_servos_are_written_and_read_at_once_as_in_the_manual_of_protocol_2() {
+fn many_servos_are_synchronised_as_in_the_manual() {
     let data = bytes("01 00 02 00 00 02 C7 05 00 00");
     assert_eq!(
         written(Protocol::Two, 0xfe, &Instruction::WriteMany { register: 116, each: 4, data: &data }),
@@ -116,7 +116,7 @@ fn many_servos_are_written_and_read_at_once_as_in_the_manual_of_protocol_2() {
 }
 
 #[test]
-fn both_protocols_are_read_from_one_line_with_noise_between_them() {
+fn both_protocols_are_read_from_a_noisy_line() {
     let stream = bytes(
         "00 FF 12 FF FF FF 01 03 00 20 DB 55 FF FF FD 00 01 08 00 55 00 A6 00 00 00 8C C0 FF FF 01 02 00 FC",
     );

@@ -103,7 +103,7 @@ fn servos_are_enabled_and_follow_over_a_pseudo_terminal() {
 }
 
 #[test]
-fn a_line_that_hangs_up_has_gone_and_one_that_is_not_there_is_named() {
+fn a_closed_line_and_a_missing_line_are_reported() {
     let (master, path) = terminal();
     let mut line = ServoBus::open(&path, 1_000_000).unwrap();
     drop(master);
@@ -117,7 +117,7 @@ fn a_line_that_hangs_up_has_gone_and_one_that_is_not_there_is_named() {
 }
 
 #[test]
-fn bytes_that_are_no_packet_are_passed_over_and_the_next_one_is_read() {
+fn bytes_outside_packets_are_skipped() {
     let (mut master, path) = terminal();
     let mut line = ServoBus::open(&path, 1_000_000).unwrap();
     master.write_all(&[0x00, 0xff, 0x12, 0xff, 0xff, 1, 3, 0, 0x20, 0xdb, 0xff, 0xff, 2]).unwrap();

@@ -93,7 +93,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_bytes_come_a_frame_that_is_read_is_one_that_can_be_written(bytes: Vec<u8>) {
+    fn any_decoded_frame_can_be_encoded(bytes: Vec<u8>) {
         for line in lines(&bytes) {
             if let Line::Frame(frame) = line {
                 prop_assert_eq!(lines(text(&frame).as_bytes()), vec![Line::Frame(frame)]);
@@ -184,7 +184,7 @@ fn the_channel_is_closed_at_the_end() {
 }
 
 #[test]
-fn a_line_that_nobody_reads_takes_what_fits_and_no_frame_is_torn() {
+fn an_unread_line_takes_whole_frames_only() {
     let (mut terminal, bus, _) = opened(b"", false);
     let mut bus = bus.unwrap();
     let frame = |k: u32| Frame::classic(Id::Extended(k), &k.to_le_bytes());
@@ -235,7 +235,7 @@ fn an_adapter_that_is_pulled_is_gone() {
 }
 
 #[test]
-fn an_adapter_that_refuses_and_a_line_that_is_not_there_are_told_with_the_next_step() {
+fn a_refusing_adapter_and_a_missing_line_are_reported() {
     let (_, bus, _) = opened(b"\x07", false);
     let error = bus.unwrap_err();
     assert!(error.to_string().contains("the adapter refuses its bitrate"), "{error}");

@@ -50,7 +50,7 @@ fn joints_and_drives_must_match_one_to_one() {
 }
 
 #[test]
-fn a_joint_that_the_robot_does_not_have_is_told_with_the_line_and_the_column_of_its_name() {
+fn an_unknown_joint_is_reported_with_its_position() {
     let text = format!("{BUS}{}{}", drive("a", 1, ""), drive("ä", 2, "").replace("joint =", "  joint  ="));
     let error = Table::parse(&text).unwrap().of_joints(&["a".into()]).unwrap_err();
     assert_eq!((error.line, error.column, error.entry), (Some(13), Some(12), Some(("drive", 1))));

@@ -32,7 +32,7 @@ fn refused(bus: &str, drives: &[(&str, u8, &str)]) -> String {
 }
 
 #[test]
-fn drives_that_know_classic_frames_only_are_sent_such_on_a_bus_of_can_fd() {
+fn classic_drives_get_classic_frames_on_a_can_fd_bus() {
     for protocol in ["mini_cheetah", "mini_cheetah_voltage", "cubemars", "robstride"] {
         let form = |bus| table(bus, &[(protocol, 1, "")]).unwrap().drive(0).unwrap().form;
         assert_eq!([form(""), form(FD)], [Form::Classic; 2], "{protocol}");
@@ -42,7 +42,7 @@ fn drives_that_know_classic_frames_only_are_sent_such_on_a_bus_of_can_fd() {
 }
 
 #[test]
-fn a_drive_that_knows_classic_frames_only_is_refused_beside_one_that_is_sent_can_fd() {
+fn a_classic_only_drive_is_refused_next_to_can_fd() {
     for (fast, name) in [("damiao", "Damiao"), ("moteus", "Moteus")] {
         let text = refused(FD, &[(fast, 1, ""), ("mini_cheetah", 2, "")]);
         let words =
@@ -54,7 +54,7 @@ fn a_drive_that_knows_classic_frames_only_is_refused_beside_one_that_is_sent_can
 }
 
 #[test]
-fn answers_that_another_drive_would_take_for_its_commands_are_refused() {
+fn answers_that_collide_with_commands_are_refused() {
     let text = refused("", &[("damiao", 1, "master = 2"), ("damiao", 2, "")]);
     assert_eq!(
         text,
@@ -71,7 +71,7 @@ fn answers_that_another_drive_would_take_for_its_commands_are_refused() {
 }
 
 #[test]
-fn answers_of_two_kinds_with_one_identifier_are_refused_and_those_of_one_kind_name_their_drive() {
+fn colliding_answers_are_refused_or_name_their_drive() {
     let text = refused("", &[("damiao", 1, "master = 0"), ("mini_cheetah", 2, "")]);
     assert!(
         text.contains(
@@ -86,7 +86,7 @@ fn answers_of_two_kinds_with_one_identifier_are_refused_and_those_of_one_kind_na
 }
 
 #[test]
-fn ranges_beyond_the_fields_of_a_protocol_are_refused_with_where_they_end() {
+fn ranges_beyond_the_protocol_are_refused() {
     let ranges = |position: f64, velocity: f64, torque: f64| {
         format!("ranges = {{ position = {position:?}, velocity = {velocity:?}, torque = {torque:?} }}")
     };
@@ -130,7 +130,7 @@ fn ranges_beyond_the_fields_of_a_protocol_are_refused_with_where_they_end() {
 }
 
 #[test]
-fn a_watchdog_that_the_unit_of_the_drive_does_not_reach_is_refused_where_the_table_is_read() {
+fn an_unreachable_watchdog_is_refused_in_the_table() {
     let watchdog = |time: &str| format!("watchdog = \"{time}\"");
     for (protocol, more, bad, good) in [
         ("damiao", "", ["20.01 ms", "30 us"], ["20.05 ms", "0 s"]),
@@ -161,7 +161,7 @@ fn gains_of_commands_to_a_moteus_end_at_those_that_stand_in_it() {
 }
 
 #[test]
-fn process_data_are_stopped_before_they_are_mapped_for_a_drive_may_refuse_it_else() {
+fn process_data_are_stopped_before_mapping() {
     let table = table("", &[("cia402", 5, CIA402)]).unwrap();
     let (node, mut frames) = (Node::new(5).unwrap(), Vec::new());
     Adapter::new(&table, &[0], &[0.3], OnTrip::Damp).write(0, &mut frames);

@@ -82,7 +82,7 @@ impl Reduced {
     }
 
     /// Evaluates the map at a state: forces move the base of a robot whose joints rest.
-    pub(super) fn place(&mut self, order: &Order, mass: &DMatrix<f64>, posed: &Problem) {
+    pub(super) fn update_map(&mut self, order: &Order, mass: &DMatrix<f64>, posed: &Problem) {
         if self.unknowns != Unknowns::Forces || order.base != 6 {
             return;
         }
@@ -289,7 +289,7 @@ impl InverseDynamics {
             }
         }
         if let Some(reduced) = &mut self.reduced {
-            reduced.place(&self.order, &self.mass, &self.problem);
+            reduced.update_map(&self.order, &self.mass, &self.problem);
         }
     }
 }

@@ -145,7 +145,7 @@ mod tests {
     }
 
     impl Body {
-        fn at(x: f64, y: f64, z: f64, turn: UnitQuaternion<f64>) -> Self {
+        fn at_pose(x: f64, y: f64, z: f64, turn: UnitQuaternion<f64>) -> Self {
             let pose = Isometry3::from_parts(Translation3::new(x, y, z), turn);
             Self { pose, velocity: Vector3::zeros(), angular: Vector3::zeros(), mass: flight().mass }
         }
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn reaches_goal_position_and_yaw() {
-        let mut body = Body::at(0.0, 0.0, 0.0, UnitQuaternion::identity());
+        let mut body = Body::at_pose(0.0, 0.0, 0.0, UnitQuaternion::identity());
         let mut control = FlightControl::new(flight(), settings());
         let worst = body.fly(&mut control, still(0.4, -0.3, 1.0, 2.0), 24.0);
         assert!(worst < 2e-3, "{worst} m");
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn recovers_from_an_inverted_attitude() {
         let back = UnitQuaternion::from_euler_angles(2.9, 0.2, 0.0);
-        let mut body = Body::at(0.0, 0.0, 5.0, back);
+        let mut body = Body::at_pose(0.0, 0.0, 5.0, back);
         let worst = body.fly(&mut FlightControl::new(flight(), settings()), still(0.0, 0.0, 5.0, 0.0), 16.0);
         assert!(worst < 5e-3, "{worst} m");
     }
@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn integral_removes_the_error_of_a_wrong_mass() {
         let fly = |integral: f64| {
-            let mut body = Body::at(0.0, 0.0, 1.0, UnitQuaternion::identity());
+            let mut body = Body::at_pose(0.0, 0.0, 1.0, UnitQuaternion::identity());
             body.mass *= 1.1;
             let settings = FlightSettings { integral, ..settings() };
             body.fly(&mut FlightControl::new(flight(), settings), still(0.0, 0.0, 1.0, 0.0), 24.0)
@@ -223,7 +223,7 @@ mod tests {
             }
         };
         let fly = |known: f64| {
-            let mut body = Body::at(1.0, 0.0, 1.0, UnitQuaternion::identity());
+            let mut body = Body::at_pose(1.0, 0.0, 1.0, UnitQuaternion::identity());
             let mut control = FlightControl::new(flight(), settings());
             body.fly(&mut control, |time| circle(time, known), 40.0)
         };

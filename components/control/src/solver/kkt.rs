@@ -21,7 +21,7 @@ pub struct KktResidual {
 
 impl KktResidual {
     /// Residuals of `solution` for `problem`, which must be of the same structure.
-    pub fn of(problem: &Problem, solution: &Solution) -> Self {
+    pub fn from_solution(problem: &Problem, solution: &Solution) -> Self {
         let n = problem.gradient.len();
         let x = &solution.x;
         let mut stationarity = problem.gradient.clone() + &solution.bound_dual;

@@ -71,12 +71,12 @@ impl ManipulabilityTask {
     /// ```
     #[must_use]
     pub fn of_forces(self) -> Self {
-        self.of(Measure::Force)
+        self.with_measure(Measure::Force)
     }
 
     /// The same task for this measure.
     #[must_use]
-    pub fn of(mut self, measure: Measure) -> Self {
+    pub fn with_measure(mut self, measure: Measure) -> Self {
         self.of = measure;
         self
     }

@@ -56,7 +56,7 @@ impl Odometry {
     }
 
     /// Sets a pose measured by joints, which has no wheel error. `moved` is `true` if the base moved there.
-    pub fn place(&mut self, pose: PlanarPose, moved: bool) {
+    pub fn set_pose(&mut self, pose: PlanarPose, moved: bool) {
         if moved {
             self.distance += (pose.x - self.pose.x).hypot(pose.y - self.pose.y);
         }

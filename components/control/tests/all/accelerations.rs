@@ -197,7 +197,7 @@ fn a_hand_close_to_a_table_returns_at_joint_acceleration() {
 #[test]
 fn a_controller_uses_the_accelerations_of_the_profile() {
     let with = |limits: &str| {
-        let probe = Probe::<JointCommand>::of("panda/joint_command").triggered();
+        let probe = Probe::<JointCommand>::for_topic("panda/joint_command").triggered();
         let graph = graph("{}", Targets::default(), controller(&format!("{{ {limits} }}"))).with(&probe);
         (run(graph), probe.values())
     };

@@ -171,13 +171,13 @@ fn resting() -> Targets {
     Targets { offsets: vec![[0.0; 3]], ..Targets::default() }
 }
 
-fn place(value: &serde_json::Value) -> [f64; 3] {
+fn position(value: &serde_json::Value) -> [f64; 3] {
     std::array::from_fn(|axis| number(&value[axis]))
 }
 
 /// The centre of mass of the arm at its initial position.
 fn resting_centre_of_mass() -> [f64; 3] {
-    place(&run(graph("{}", resting(), controller("{}"))).results["plant"]["centre_of_mass"])
+    position(&run(graph("{}", resting(), controller("{}"))).results["plant"]["centre_of_mass"])
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn the_centre_of_mass_comes_to_its_goals_within_limits() {
     assert_eq!(report.results["plant"]["broken_limits"], 0);
     let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
     assert_eq!(controller.allocations, Some(0));
-    let end = place(&report.results["plant"]["centre_of_mass"]);
+    let end = position(&report.results["plant"]["centre_of_mass"]);
     for (axis, offset) in [-0.03, 0.04, 0.03].into_iter().enumerate() {
         assert!((end[axis] - start[axis] - offset).abs() < 1e-5, "axis {axis}: {end:?} from {start:?}");
     }
@@ -212,7 +212,7 @@ fn a_centre_of_mass_without_a_target_keeps_its_place() {
     };
     let start = resting_centre_of_mass();
     let moved = |report: &Report| {
-        let end = place(&report.results["plant"]["centre_of_mass"]);
+        let end = position(&report.results["plant"]["centre_of_mass"]);
         (0..3).map(|axis| (end[axis] - start[axis]).powi(2)).sum::<f64>().sqrt()
     };
     let held = unwired(&format!("{{ centre_of_mass = {{}} }}, {posture}"));
@@ -227,10 +227,10 @@ fn a_centre_of_mass_without_a_target_keeps_its_place() {
 fn a_hand_keeps_its_box_and_speed_for_any_target() {
     let limited =
         |limits: &str| run(graph("{}", Targets::default(), controller(&format!("{{ limits = {limits} }}"))));
-    let free = place(&run(graph("{}", Targets::default(), controller("{}"))).results["plant"]["hand"]);
+    let free = position(&run(graph("{}", Targets::default(), controller("{}"))).results["plant"]["hand"]);
     let wall = free[1] + 0.05;
     let boxed = limited(&format!("{{ frames = [{{ y = [{wall}, 10.0] }}] }}"));
-    let hand = place(&boxed.results["plant"]["hand"]);
+    let hand = position(&boxed.results["plant"]["hand"]);
     assert!(hand[1] > wall - 1e-4 && hand[1] < wall + 2e-3, "{hand:?}, free {free:?}");
     // what the box leaves open it does
     assert!((hand[0] - free[0]).abs() < 1e-2 && (hand[2] - free[2]).abs() < 1e-2, "{hand:?}, free {free:?}");
@@ -238,8 +238,8 @@ fn a_hand_keeps_its_box_and_speed_for_any_target() {
     let component = boxed.components.iter().find(|component| component.name == "controller").unwrap();
     assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
     // at 0.05 m/s it has not come far in 4 s
-    let slow = place(&limited("{ frames = [{ max_linear = 0.05 }] }").results["plant"]["hand"]);
-    let start = place(&run(graph("{}", resting(), controller("{}"))).results["plant"]["hand"]);
+    let slow = position(&limited("{ frames = [{ max_linear = 0.05 }] }").results["plant"]["hand"]);
+    let start = position(&run(graph("{}", resting(), controller("{}"))).results["plant"]["hand"]);
     for axis in 0..3 {
         assert!((slow[axis] - start[axis]).abs() < 0.05 * 4.0 + 1e-3, "{slow:?}");
     }

@@ -9,7 +9,7 @@ use crate::graph::{Targets, controller, graph};
 
 /// A run whose diagnostics are recorded, and those.
 fn watched(config: &str) -> (Report, Vec<ControlDiagnostics>) {
-    let probe = Probe::<ControlDiagnostics>::of("panda/diagnostics").triggered();
+    let probe = Probe::<ControlDiagnostics>::for_topic("panda/diagnostics").triggered();
     let controller = controller(config).publish("diagnostics", "panda/diagnostics");
     let report = graph("{}", Targets::default(), controller).with(&probe).run("4 s").unwrap();
     (report, probe.values())

@@ -19,7 +19,7 @@ fn potential_energy(model: &Model, q: &[f64]) -> f64 {
 }
 
 #[test]
-fn gravity_compensation_is_the_gradient_of_the_potential_energy() {
+fn gravity_compensation_is_the_potential_energy_gradient() {
     let panda = Panda::new();
     let model = &panda.model;
     let mut feed_forward = FeedForward::new(model, Some(GRAVITY));

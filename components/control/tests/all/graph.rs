@@ -198,13 +198,13 @@ impl From<Targets> for Source {
             ..Default::default()
         };
         Source::new("targets", "panda/target", move |tick| {
-            (tick.time() < targets.silent_from).then(|| targets.at(tick.time(), home))
+            (tick.time() < targets.silent_from).then(|| targets.target_at(tick.time(), home))
         })
     }
 }
 
 impl Targets {
-    fn at(&self, time: f64, home: PoseTarget) -> PoseTarget {
+    fn target_at(&self, time: f64, home: PoseTarget) -> PoseTarget {
         let segment = ((time / self.segment) as usize).min(self.offsets.len() - 1);
         let phase = 2.0 * (time / self.segment - segment as f64);
         let from = if segment == 0 { [0.0; 3] } else { self.offsets[segment - 1] };

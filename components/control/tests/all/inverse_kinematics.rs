@@ -142,7 +142,7 @@ fn a_moving_target_of_known_velocity_is_followed_without_lag() {
 }
 
 #[test]
-fn a_joint_outside_its_limits_comes_back_and_never_goes_farther() {
+fn a_joint_outside_its_limits_comes_back() {
     let panda = Panda::new();
     let mut start = panda.home.clone();
     start[1] = panda.model.lower()[1] - 0.2;

@@ -26,7 +26,7 @@ fn assert_solution(structure: &Structure, problem: &Problem, expected: &[f64]) -
     solve(structure, problem).map(|solution| {
         let solution = solution.unwrap();
         assert_abs_diff_eq!(solution.x.as_slice(), expected, epsilon = 1e-6);
-        let residual = KktResidual::of(problem, &solution);
+        let residual = KktResidual::from_solution(problem, &solution);
         assert!(residual.worst() < 1e-7, "{residual:?}");
         solution
     })
@@ -293,17 +293,17 @@ fn the_optimality_check_sees_a_wrong_solution() {
     let [Ok(good), _] = solve(&structure, &problem) else { panic!("it has a solution") };
     let mut moved = good.clone();
     moved.x[1] += 0.01;
-    assert!(KktResidual::of(&problem, &moved).stationarity > 9e-3);
+    assert!(KktResidual::from_solution(&problem, &moved).stationarity > 9e-3);
     let mut outside = good.clone();
     outside.x[2] += 0.01;
-    assert!(KktResidual::of(&problem, &outside).feasibility > 9e-3);
+    assert!(KktResidual::from_solution(&problem, &outside).feasibility > 9e-3);
     // a multiplier that presses on a side the solution does not touch
     let mut pressing = good.clone();
     pressing.bound_dual[1] = 0.1;
-    assert!(KktResidual::of(&problem, &pressing).complementarity > 0.1);
+    assert!(KktResidual::from_solution(&problem, &pressing).complementarity > 0.1);
     let mut nan = good;
     nan.x[0] = f64::NAN;
-    assert!(KktResidual::of(&problem, &nan).worst().is_nan());
+    assert!(KktResidual::from_solution(&problem, &nan).worst().is_nan());
 }
 
 /// Rows of the first from 2e0 to 3e6, of the second from 7e-5 to 2e7; quadprog and Clarabel solve both.

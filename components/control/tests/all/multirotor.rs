@@ -96,7 +96,7 @@ fn it_flies_to_its_goal_and_a_step_allocates_nothing() {
 
 #[test]
 fn a_multirotor_without_a_target_holds_its_place() {
-    let base = Probe::<BaseState>::of("base");
+    let base = Probe::<BaseState>::for_topic("base");
     let report =
         graph("quadrotor", plant(Some(0.031), 1.0), controller("{}")).with(&base).run("12 s").unwrap();
     let last = base.values().last().unwrap().position;

@@ -114,7 +114,7 @@ fn trial(seed: u64) -> Trial {
 fn residual(problem: &Problem, solution: &Solution) -> f64 {
     let multipliers = [&solution.equality_dual, &solution.row_dual, &solution.bound_dual];
     let size = multipliers.iter().fold(1.0 + solution.x.amax(), |size, dual| size + dual.amax());
-    KktResidual::of(problem, solution).worst() / size
+    KktResidual::from_solution(problem, solution).worst() / size
 }
 
 /// Answer of the reference to the problem; with `nearest`, of the point nearest to the origin instead, which
@@ -138,7 +138,7 @@ fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Option<String>
             // NaN is wrong too
             let right = residual < 1e-8;
             (!right).then(|| {
-                let of = KktResidual::of(&trial.problem, solution);
+                let of = KktResidual::from_solution(&trial.problem, solution);
                 let (accuracy, iterations) = (solution.accuracy, solution.iterations);
                 format!("residual {residual:e}, {of:?}, accuracy {accuracy:?}, {iterations} iterations")
             })

@@ -27,7 +27,7 @@ fn assert_sequence_is_optimal(file: &str, stationarity: f64, feasibility: f64, c
             solver.update(problem).unwrap();
             let solution = solver.solve().unwrap_or_else(|e| panic!("{file}[{tick}]: {e}"));
             assert_eq!(solution.accuracy, Accuracy::Full, "{file}[{tick}]");
-            let residual = KktResidual::of(problem, solution);
+            let residual = KktResidual::from_solution(problem, solution);
             assert!(
                 residual.stationarity < stationarity
                     && residual.feasibility < feasibility

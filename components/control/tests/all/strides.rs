@@ -72,7 +72,7 @@ const TROT: &str = "{ velocity = [0.4, 0.0, 0.0], gait = { period = \"400 ms\", 
 #[test]
 fn a_planner_without_a_gait_stands_on_all_feet() {
     let (forces, schedule) =
-        (Probe::<Wrench>::of("front_left_wrench"), Probe::<ContactSchedule>::of("schedule"));
+        (Probe::<Wrench>::for_topic("front_left_wrench"), Probe::<ContactSchedule>::for_topic("schedule"));
     let report = standing([0.0; 3]).with(planner("{}")).with(&forces).with(&schedule).run("500 ms").unwrap();
     no_allocations(&report, "planner");
     let robot = quadruped();
@@ -92,7 +92,7 @@ fn a_planner_without_a_gait_stands_on_all_feet() {
 #[test]
 fn a_moving_base_is_braked_and_a_wanted_velocity_reached() {
     let force = |velocity: [f64; 3], table: &str| {
-        let forces = Probe::<Wrench>::of("front_left_wrench");
+        let forces = Probe::<Wrench>::for_topic("front_left_wrench");
         standing(velocity).with(planner(table)).with(&forces).run("100 ms").unwrap();
         Vector3::from(forces.values().pop().unwrap().force)
     };
@@ -109,10 +109,12 @@ fn a_moving_base_is_braked_and_a_wanted_velocity_reached() {
 }
 
 #[test]
-fn a_trot_lifts_its_diagonals_in_turn_and_its_swings_lead_ahead() {
-    let (forces, targets) =
-        (Probe::<Wrench>::of("front_left_wrench"), Probe::<PoseTarget>::of("front_left_target"));
-    let schedule = Probe::<ContactSchedule>::of("schedule").triggered();
+fn a_trot_swings_its_diagonals_in_turn() {
+    let (forces, targets) = (
+        Probe::<Wrench>::for_topic("front_left_wrench"),
+        Probe::<PoseTarget>::for_topic("front_left_target"),
+    );
+    let schedule = Probe::<ContactSchedule>::for_topic("schedule").triggered();
     let graph = standing([0.4, 0.0, 0.0]).with(planner(TROT)).with(&forces).with(&targets).with(&schedule);
     let report = graph.run("2 s").unwrap();
     no_allocations(&report, "planner");
@@ -187,7 +189,7 @@ fn steps_with_unknown_contacts_are_reported_and_ignored() {
 /// The last command of a controller whose body is to move far aside, so that friction decides; the schedule
 /// has the ground tilted, and falls silent after this time.
 fn pushed_on_a_slope(silent_from: f64) -> Vec<f64> {
-    let commands = Probe::<JointCommand>::of("command");
+    let commands = Probe::<JointCommand>::for_topic("command");
     let schedule = Source::new("schedule", "schedule", move |tick| {
         let mut schedule = ContactSchedule::default();
         schedule.set_count(4);
@@ -240,8 +242,8 @@ fn the_ground_stays_tilted_when_the_schedule_falls_silent() {
 /// then falls silent.
 fn scheduled() -> (Report, Vec<JointCommand>, Vec<ControlDiagnostics>) {
     let (commands, steps) = (
-        Probe::<JointCommand>::of("command").triggered(),
-        Probe::<ControlDiagnostics>::of("diagnostics").triggered(),
+        Probe::<JointCommand>::for_topic("command").triggered(),
+        Probe::<ControlDiagnostics>::for_topic("diagnostics").triggered(),
     );
     let schedule = Source::new("schedule", "schedule", |tick| {
         let mut schedule = ContactSchedule::default();

@@ -168,8 +168,8 @@ fn accelerations_reach_the_goals_by_positions_or_torques() {
 fn held_joints_without_a_solution_only_bear_their_weight() {
     let config = "{ inverse_dynamics = { on_infeasible = \"hold\", stiff_start = \"0 s\" }, limits = { velocity = { fraction = 0.1 } }, \
                   tasks = [{ constraint = { task = { cartesian = { gain = 20.0 } } } }, { posture = {} }] }";
-    let commands = Probe::<JointCommand>::of("panda/joint_command").triggered();
-    let states = Probe::<JointState>::of("panda/joint_state").triggered();
+    let commands = Probe::<JointCommand>::for_topic("panda/joint_command").triggered();
+    let states = Probe::<JointState>::for_topic("panda/joint_state").triggered();
     let report = run(graph("{}", Targets::default(), controller(config)).with(&commands).with(&states));
     let unsolved = report.results["controller"]["steps_without_solution"].as_u64().unwrap();
     assert!(unsolved > 100, "{}", report.results["controller"]);

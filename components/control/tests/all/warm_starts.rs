@@ -15,7 +15,7 @@ use crate::robot::Random;
 fn solve(solver: &mut ActiveSetSolver, problem: &Problem) -> u32 {
     solver.update(problem).unwrap();
     let solution = solver.solve().unwrap();
-    let residual = KktResidual::of(problem, solution);
+    let residual = KktResidual::from_solution(problem, solution);
     assert!(residual.worst() < 1e-9, "{residual:?}");
     solution.iterations
 }

@@ -320,7 +320,8 @@ fn number(report: &Report, key: &str) -> f64 {
 
 #[test]
 fn a_base_in_a_graph_drives_its_arc_without_allocating() {
-    let (odometry, command) = (Probe::<Odometry>::of("odometry"), Probe::<JointCommand>::of("command"));
+    let (odometry, command) =
+        (Probe::<Odometry>::for_topic("odometry"), Probe::<JointCommand>::for_topic("command"));
     let graph = graph("differential-drive", "{}", 2, steady(0.1, 0.0, 0.5)).with(&odometry).with(&command);
     let report = graph.run("4 s").unwrap();
     let last = *odometry.values().last().unwrap();
@@ -340,7 +341,7 @@ fn a_base_in_a_graph_drives_its_arc_without_allocating() {
 
 #[test]
 fn without_a_fresh_target_the_base_brakes_within_its_limits() {
-    let (odometry, config) = (Probe::<Odometry>::of("odometry"), "{ acceleration = 0.5 }");
+    let (odometry, config) = (Probe::<Odometry>::for_topic("odometry"), "{ acceleration = 0.5 }");
     let mut target = steady(0.15, 0.0, 0.0);
     let silent = move |tick: &Tick| if tick.time() < 1.0 { target(tick) } else { None };
     let report = graph("differential-drive", config, 2, silent).with(&odometry).run("2 s").unwrap();
@@ -358,7 +359,8 @@ fn without_a_fresh_target_the_base_brakes_within_its_limits() {
 
 #[test]
 fn an_omnidirectional_base_moves_sideways_while_turning() {
-    let (odometry, command) = (Probe::<Odometry>::of("odometry"), Probe::<JointCommand>::of("command"));
+    let (odometry, command) =
+        (Probe::<Odometry>::for_topic("odometry"), Probe::<JointCommand>::for_topic("command"));
     let graph = graph("mobile-manipulator", "{}", 9, steady(0.0, 0.2, 0.4)).with(&odometry).with(&command);
     let report = graph.run("4 s").unwrap();
     let last = *odometry.values().last().unwrap();
@@ -375,7 +377,7 @@ fn an_omnidirectional_base_moves_sideways_while_turning() {
 
 #[test]
 fn a_car_in_a_graph_follows_its_curvature() {
-    let odometry = Probe::<Odometry>::of("odometry");
+    let odometry = Probe::<Odometry>::for_topic("odometry");
     let report = graph("ackermann", "{}", 6, steady(0.5, 0.0, 0.4)).with(&odometry).run("3 s").unwrap();
     let last = *odometry.values().last().unwrap();
     assert!((last.velocity[0] - 0.5).abs() < 1e-6 && (last.yaw_rate - 0.4).abs() < 1e-6, "{last:?}");

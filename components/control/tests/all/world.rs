@@ -201,7 +201,7 @@ fn missing_or_colliding_objects_and_grounds_are_refused() {
 fn beside(graph: Graph, name: &str, text: &str) -> (Graph, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(name), text).unwrap();
-    (graph.at(&folder.path().join("graph.toml")), folder)
+    (graph.at_path(&folder.path().join("graph.toml")), folder)
 }
 
 /// A world of MJCF: level ground, and a ball far away or, as `ball`, at this place.
@@ -217,7 +217,7 @@ fn yard(at: Vector3<f64>) -> String {
 const FAR: &str = "{ name = \"far\", shape = { sphere = { radius = 0.1 } }, position = [9.0, 9.0, 9.0] }";
 
 #[test]
-fn objects_and_ground_of_the_file_of_a_world_are_kept_away_from() {
+fn objects_and_ground_of_a_world_file_are_avoided() {
     for (level, own) in [("", ""), ("", FAR), ("inverse_dynamics = {},", FAR)] {
         let config = format!(
             "{{ {level} world = {{ file = \"yard.xml\", objects = [{own}] }}, limits = {{ collision = {{ distance = 0.03, ground = \"world\", objects = \"all\" }} }} }}"

@@ -248,7 +248,7 @@ fn a_limit_as_a_task_yields_to_higher_levels_only() {
 }
 
 #[test]
-fn tasks_of_wheels_constraints_and_soft_limits_allocate_nothing() {
+fn wheel_constraint_and_limit_tasks_do_not_allocate() {
     let robot = Robot::new("humanoid");
     let model = &robot.model;
     let frame = model.frame("left_palm").unwrap();

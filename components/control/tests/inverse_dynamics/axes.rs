@@ -23,7 +23,7 @@ struct Moving {
 }
 
 impl Moving {
-    fn at(&self, t: f64) -> Isometry3<f64> {
+    fn pose_at(&self, t: f64) -> Isometry3<f64> {
         let half = 0.5 * t * t;
         let way = self.velocity.linear * t + self.acceleration.linear * half;
         let turn = self.velocity.angular * t + self.acceleration.angular * half;
@@ -54,7 +54,8 @@ fn position_rows_are_second_derivatives_in_turning_axes() {
             task.update(&robot.state(), &control);
             let a = robot.accelerations(&mut random);
             let error = |t: f64| {
-                let (at, target) = (robot.after(&a, t).kinematics.pose(&robot.model, frame), target.at(t));
+                let (at, target) =
+                    (robot.after(&a, t).kinematics.pose(&robot.model, frame), target.pose_at(t));
                 let from_world = match axes {
                     PoseAxes::Frame => at.rotation.inverse(),
                     PoseAxes::Target => target.rotation.inverse(),

@@ -86,7 +86,7 @@ fn three_feet() -> Model {
 }
 
 #[test]
-fn of_three_flat_pairs_that_are_equally_near_each_has_witnesses() {
+fn three_equally_near_flat_pairs_each_have_witnesses() {
     let model = three_feet();
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     for x in [-0.4, 0.0, 0.4] {

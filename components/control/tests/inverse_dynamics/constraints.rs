@@ -104,7 +104,7 @@ fn solutions_are_optimal_and_within_the_friction_cone() {
         );
         use motorium_control::solver::QpSolver;
         solver.update(control.problem()).unwrap();
-        let residual = KktResidual::of(control.problem(), solver.solve().unwrap());
+        let residual = KktResidual::from_solution(control.problem(), solver.solve().unwrap());
         assert!(residual.worst() < 1e-6, "case {case}: {residual:?}");
         for force in solution.forces.as_slice().chunks_exact(3) {
             let tangential = force[0].hypot(force[1]);

@@ -192,7 +192,7 @@ fn a_steered_wheel_turns_to_its_course_critically_damped() {
 }
 
 #[test]
-fn velocities_die_away_at_their_rate_where_they_are_to_be_small() {
+fn velocities_decay_at_their_rate() {
     // at home, far from the limits of the joints
     let (mut random, mut robot) = (Random(65), Robot::new("panda"));
     robot.v[..7].iter_mut().for_each(|v| *v = random.within(0.1));

@@ -170,7 +170,7 @@ fn a_task_of_the_position_alone_leaves_the_orientation_free() {
 }
 
 #[test]
-fn forces_follow_their_target_and_are_spread_evenly_without_one() {
+fn forces_follow_their_target_or_are_spread_evenly() {
     let robot = Robot::new("humanoid");
     let weight = robot.model.mass() * 9.81;
     let mut control = InverseDynamics::new(&robot.model, robot.feet());

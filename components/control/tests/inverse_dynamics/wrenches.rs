@@ -115,7 +115,7 @@ fn the_contact_point_of_a_wheel_moves_as_its_rows_predict() {
 }
 
 #[test]
-fn a_cart_whose_wheel_rolls_turns_it_by_its_way_over_the_radius() {
+fn a_rolling_wheel_turns_by_distance_over_radius() {
     let urdf = r#"<robot name="cart">
         <link name="body"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
         <link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -71,7 +71,7 @@ impl Socket {
             let error = io::Error::last_os_error();
             return if error.kind() == io::ErrorKind::WouldBlock { Ok(None) } else { Err(error) };
         };
-        let (received_ns, lost) = told(&message);
+        let (received_ns, lost) = control_data(&message);
         Ok(Some(Datagram { length, sender: sender(&from), received_ns, lost }))
     }
 }
@@ -83,7 +83,7 @@ impl AsFd for Socket {
 }
 
 /// The time of a datagram and the number of those lost, from its control messages.
-fn told(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
+fn control_data(message: &libc::msghdr) -> (Option<u64>, Option<u32>) {
     let (mut received_ns, mut lost) = (None, None);
     // SAFETY: the kernel has filled the control buffer of this header, and wrote its length; the macros stay
     // within it, and each value is read from the data of a message of its type, at any alignment.

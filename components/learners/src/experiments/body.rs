@@ -142,7 +142,7 @@ impl Body {
                 .map(|j| &held.trajectories[(k + 7 * j) % count])
                 .find(|window| clip(window) != clip(upper));
             let Some(lower) = lower else { continue };
-            let (a, b) = (Movement::of(upper, spring), Movement::of(lower, spring));
+            let (a, b) = (Movement::from_trajectory(upper, spring), Movement::from_trajectory(lower, spring));
             let mut forces = b.forces.clone();
             let mut path = lower.sampled(spring);
             for dof in &arms {

@@ -62,7 +62,7 @@ impl Letters {
         let curve = |letter: &Trajectory| unit_extent(&letter.resampled(COMPARED));
         let curves = |set: &Recordings| set.trajectories.iter().map(curve).collect::<Vec<_>>();
         let (known, shown) = (curves(seen), curves(held));
-        let pictures = |curves: &[DMatrix<f64>]| curves.iter().map(Picture::of).collect::<Vec<_>>();
+        let pictures = |curves: &[DMatrix<f64>]| curves.iter().map(Picture::from_path).collect::<Vec<_>>();
         let (known_pictures, pictures) = (pictures(&known), pictures(&shown));
         Self { seen: seen.clone(), known, known_pictures, shown, pictures }
     }

@@ -32,7 +32,7 @@ impl Goal {
     /// The goal of reproducing a recorded movement.
     pub fn new(trajectory: &Trajectory, spring: &SampledSpring) -> Self {
         let spread = Trajectory::spread(&trajectory.sampled(spring));
-        Self { forces: Movement::of(trajectory, spring).forces, spread }
+        Self { forces: Movement::from_trajectory(trajectory, spring).forces, spread }
     }
 }
 

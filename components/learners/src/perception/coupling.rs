@@ -61,7 +61,7 @@ impl Default for Training {
 /// let coupling = Coupling::train(&known, spring, &training, |epoch, loss| println!("{epoch}: {loss}"))?;
 ///
 /// let letter = known.trajectories[0].resampled(40);
-/// let movement = coupling.movement(&Picture::of(&unit_extent(&letter)));
+/// let movement = coupling.movement(&Picture::from_path(&unit_extent(&letter)));
 /// assert_eq!(movement.path(coupling.library()).shape(), (40, 2));
 /// # Ok::<(), motorium_library::BuildError>(())
 /// ```
@@ -121,7 +121,7 @@ impl Coupling {
                 for (column, letter) in chunk.iter().enumerate() {
                     let curve = between(&curves, &siblings[*letter], *letter, &mut random);
                     let curve = augmented(&curve, training.augmentation, &mut random);
-                    pictures.column_mut(column).copy_from_slice(&Picture::of(&curve).0);
+                    pictures.column_mut(column).copy_from_slice(&Picture::from_path(&curve).0);
                     let target = &inverse * (output(&curve, &library) - &mean);
                     targets
                         .column_mut(column)
@@ -199,7 +199,7 @@ fn between(curves: &[DMatrix<f64>], siblings: &[usize], letter: usize, random: &
 /// Output of the network for a curve: weights, start, goal, velocity.
 fn output(curve: &DMatrix<f64>, library: &MotionLibrary) -> DVector<f64> {
     let trajectory = Trajectory { id: String::new(), label: None, duration: 1.0, positions: curve.clone() };
-    let movement = Movement::of(&trajectory, library.spring());
+    let movement = Movement::from_trajectory(&trajectory, library.spring());
     let weights = library.project(&movement.forces);
     let frame = &movement.frame;
     let all = weights.iter().chain(&frame.start).chain(&frame.goal).chain(&frame.velocity);

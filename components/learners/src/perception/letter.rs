@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_distance_of_two_parallel_lines_is_that_between_them_and_none_once_they_begin_together() {
+    fn parallel_lines_keep_their_distance_until_they_meet() {
         let line = |y: f64| DMatrix::from_fn(50, 2, |k, d| if d == 0 { k as f64 / 49.0 } else { y });
         assert!((chamfer(&line(0.0), &line(0.04)) - 0.04).abs() < 1e-12);
         assert!(chamfer(&begun_at_zero(&line(0.0)), &begun_at_zero(&line(0.04))) < 1e-12);

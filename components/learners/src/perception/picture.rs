@@ -17,7 +17,7 @@ pub(super) const LINE: f64 = 0.7;
 
 impl Picture {
     /// Draws a path (samples x 2, extent 1, centred on 0) as a soft line.
-    pub fn of(path: &DMatrix<f64>) -> Self {
+    pub fn from_path(path: &DMatrix<f64>) -> Self {
         let mut pixels = vec![0.0_f32; PIXELS * PIXELS];
         let place = |k: usize| {
             let middle = 0.5 * (PIXELS - 1) as f64;

@@ -37,7 +37,7 @@ fn clips() -> Recordings {
 }
 
 #[test]
-fn windows_are_in_radians_and_those_to_measure_on_come_from_the_last_fifth() {
+fn windows_are_in_radians_and_end_in_the_last_fifth() {
     let (seen, held) = windows(clips());
     // windows of 60 samples, one every 8, of 400 and of 100 samples
     assert_eq!((seen.trajectories.len(), held.trajectories.len()), (6 * 43, 6 * 6));
@@ -58,7 +58,7 @@ fn a_jump_of_an_angle_drops_the_windows_that_hold_it() {
 }
 
 #[test]
-fn parts_split_and_merged_are_the_libraries_of_their_recordings() {
+fn split_and_merged_parts_equal_their_recordings() {
     let (seen, _) = windows(clips());
     let body = Body::learn(&seen).unwrap();
     assert!(difference(&body.together, &body.whole) < 1e-12);
@@ -71,14 +71,14 @@ fn parts_split_and_merged_are_the_libraries_of_their_recordings() {
 }
 
 #[test]
-fn a_composite_has_the_arms_of_one_clip_and_the_legs_of_another() {
+fn a_composite_takes_arms_and_legs_from_two_clips() {
     let (seen, held) = windows(clips());
     let body = Body::learn(&seen).unwrap();
     let goals = body.composites(&held);
     assert_eq!(goals.len(), held.trajectories.len().div_ceil(3));
     let (spring, steps) = (body.whole.spring(), body.whole.spring().forces());
     let same = |window: &Trajectory, dofs: std::ops::Range<usize>| {
-        let forces = Movement::of(window, spring).forces;
+        let forces = Movement::from_trajectory(window, spring).forces;
         let range = dofs.start * steps..dofs.end * steps;
         forces[range.clone()] == goals[2].forces[range]
     };
@@ -90,7 +90,7 @@ fn a_composite_has_the_arms_of_one_clip_and_the_legs_of_another() {
 }
 
 #[test]
-fn libraries_of_all_ranks_hold_their_own_movements_and_merged_rows_are_in_order() {
+fn libraries_of_any_rank_reproduce_their_movements() {
     let (seen, held) = windows(clips());
     let body = Body::learn(&seen).unwrap();
     let goals = body.composites(&held);

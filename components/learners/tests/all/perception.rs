@@ -20,7 +20,7 @@ fn the_nearest_picture_of_a_letter_that_is_known_is_its_own() {
 }
 
 #[test]
-fn a_network_learns_epoch_by_epoch_and_writes_every_letter_held_out() {
+fn a_network_learns_and_writes_held_out_letters() {
     let (seen, held) = (letters(3, Variation::default(), 1), letters(1, Variation::default(), 5));
     let spring = SampledSpring::new(60, DAMPING).unwrap();
     let training = Training { epochs: 6, eigenforces: 8, ..Training::default() };
@@ -58,13 +58,13 @@ fn file(name: &str) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_coupling_that_is_read_again_writes_the_same_movement_to_the_bit() {
+fn a_reloaded_coupling_writes_the_same_movement() {
     let (path, coupling) = (file("coupling"), coupling());
     coupling.write(&path).unwrap();
     let read = Coupling::read(&path).unwrap();
     assert!(Coupling::is_coupling(&path));
     for letter in &letters(1, Variation::default(), 3).trajectories[..5] {
-        let picture = Picture::of(&unit_extent(&letter.resampled(80)));
+        let picture = Picture::from_path(&unit_extent(&letter.resampled(80)));
         assert_eq!(read.written(&picture, None), coupling.written(&picture, None));
     }
     let whole = std::fs::read(&path).unwrap();
@@ -80,14 +80,14 @@ fn a_coupling_that_is_read_again_writes_the_same_movement_to_the_bit() {
 }
 
 #[test]
-fn a_letter_is_written_at_the_pen_speed_that_is_asked_for_or_at_that_of_the_letters_learned() {
+fn a_letter_is_written_at_the_given_or_learned_speed() {
     let known = letters(1, Variation::default(), 1);
     let coupling = coupling();
     let speeds =
         known.trajectories.iter().map(|letter| length(&unit_extent(&letter.positions)) / letter.duration);
     let mean = speeds.sum::<f64>() / known.trajectories.len() as f64;
     assert!((coupling.pen_speed() - mean).abs() < 1e-12 * mean);
-    let picture = Picture::of(&unit_extent(&known.trajectories[3].resampled(80)));
+    let picture = Picture::from_path(&unit_extent(&known.trajectories[3].resampled(80)));
     for (asked, expected) in [(None, mean), (Some(0.25), 0.25)] {
         let movement = coupling.written(&picture, asked);
         let found = length(&movement.path(coupling.library())) / movement.frame.duration;
@@ -96,9 +96,9 @@ fn a_letter_is_written_at_the_pen_speed_that_is_asked_for_or_at_that_of_the_lett
 }
 
 #[test]
-fn a_picture_is_the_same_dark_on_light_light_on_dark_large_or_off_the_centre() {
+fn a_picture_is_normalised_for_contrast_size_and_position() {
     let letter = unit_extent(&letters(1, Variation::default(), 1).trajectories[0].resampled(80));
-    let expected = Picture::of(&letter);
+    let expected = Picture::from_path(&letter);
     // Three times as large, and off the centre.
     let large = |ink: bool| {
         let mut bytes = b"P5\n# a letter\n120 100\n255\n".to_vec();

@@ -20,7 +20,7 @@ fn library() -> MotionLibrary {
 }
 
 #[test]
-fn weights_of_a_library_are_explored_as_they_vary_over_its_movements() {
+fn library_weights_are_explored_with_their_spread() {
     let library = library();
     let space = SearchSpace::library(&library, 6);
     let movements = library.entries().len() as f64;
@@ -86,7 +86,7 @@ fn a_search_climbs_and_its_seed_repeats_it() {
 }
 
 #[test]
-fn search_in_a_library_that_knows_letters_is_better_than_in_as_many_kernels() {
+fn library_search_beats_as_many_kernels() {
     let library = library();
     let held = letters(1, Variation::default(), 9);
     let goals: Vec<Goal> = held.trajectories.iter().take(3).map(|t| Goal::new(t, &spring())).collect();

@@ -27,7 +27,7 @@ fn approximated(library: &MotionLibrary, forces: &[f64], n: usize) -> Vec<f64> {
 #[test]
 fn forces_and_responses_match_scipy() {
     let golden = golden();
-    let movement = Movement::of(&recordings(&golden).trajectories[3], &spring());
+    let movement = Movement::from_trajectory(&recordings(&golden).trajectories[3], &spring());
     assert!(off(&movement.forces, &numbers(&golden["forces_of_3"])) < 1e-12);
     let mut response = movement.forces.clone();
     response.chunks_exact_mut(47).for_each(|block| spring().respond(block));
@@ -147,7 +147,9 @@ fn recursive_updates_match_a_direct_decomposition() {
             < 1e-9
     );
     let mut block = RecursiveLibrary::new(start, 50, 1.0);
-    let rest = DMatrix::from_fn(141, 5, |i, k| Movement::of(&set.trajectories[9 + k], &spring()).forces[i]);
+    let rest = DMatrix::from_fn(141, 5, |i, k| {
+        Movement::from_trajectory(&set.trajectories[9 + k], &spring()).forces[i]
+    });
     block.add_block(&rest);
     assert!(off(&block.singular(), &known) < 1e-11);
 }
@@ -168,7 +170,8 @@ fn recursive_covariance_matches_the_batch_covariance() {
     let golden = golden();
     let mut scatter = RecursiveScatter::new(47);
     for trajectory in &recordings(&golden).trajectories {
-        scatter.add(&DVector::from_column_slice(&Movement::of(trajectory, &spring()).forces[..47]));
+        scatter
+            .add(&DVector::from_column_slice(&Movement::from_trajectory(trajectory, &spring()).forces[..47]));
     }
     assert!(off(scatter.mean().as_slice(), &numbers(&golden["mean_of_dof_0"])) < 1e-12);
     assert!(off(&scatter.components().values[..10], &numbers(&golden["variances_of_dof_0"])) < 1e-12);
@@ -190,7 +193,7 @@ fn a_movement_is_recognised_and_a_new_one_is_novel() {
 fn generated_movement_follows_recording_and_new_goal() {
     let set = recordings(&golden());
     let library = library(Metric::Force);
-    let movement = Superposition::of(&library, 2, usize::MAX);
+    let movement = Superposition::from_entry(&library, 2, usize::MAX);
     let path = movement.path(&library);
     assert!((&path - &set.trajectories[2].positions).amax() < 1e-10);
     let mut generator = Generator::new(&library);
@@ -219,7 +222,7 @@ fn generated_movement_follows_recording_and_new_goal() {
 #[test]
 fn blend_stays_between_its_movements() {
     let library = library(Metric::Position);
-    let (a, b) = (Superposition::of(&library, 0, 14), Superposition::of(&library, 1, 14));
+    let (a, b) = (Superposition::from_entry(&library, 0, 14), Superposition::from_entry(&library, 1, 14));
     let middle = a.blend(&b, 0.3).path(&library);
     let known = a.path(&library) * 0.7 + b.path(&library) * 0.3;
     assert!((middle - known).amax() < 1e-10);

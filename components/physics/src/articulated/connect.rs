@@ -37,7 +37,7 @@ impl Articulated {
             link.map(|link| ImpulseSums::link(colliders, &robot.articulations, link))
         };
         self.scene.connect([a.0, b.0], [frame, there], [sums(first), sums(second)], (*kind, lasting));
-        self.place(robot);
+        self.place_colliders(robot);
         Ok(())
     }
 

@@ -59,7 +59,7 @@ use crate::{Integrator, JointCommand};
 /// use nalgebra::Vector3;
 ///
 /// let model = load("panda", Path::new("."))?.model;
-/// let mut integrator = JointSpaceIntegrator::new(&model, JointProperties::of(&model, 0.0));
+/// let mut integrator = JointSpaceIntegrator::new(&model, JointProperties::from_model(&model, 0.0));
 /// let (mut q, mut v) = (model.neutral(), vec![0.0; model.nv()]);
 /// let commands = vec![JointCommand::default(); model.joint_count()];
 /// let mut tau = vec![0.0; model.joint_count()];

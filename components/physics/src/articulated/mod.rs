@@ -207,7 +207,7 @@ impl Engine for Articulated {
             part.external.fill(0.0);
         }
         self.scene.restart(world);
-        self.place(robot);
+        self.place_colliders(robot);
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
@@ -218,7 +218,7 @@ impl Engine for Articulated {
                 return;
             }
             self.scene.exclude(robot, &close);
-            self.place(robot);
+            self.place_colliders(robot);
         }
     }
 
@@ -327,7 +327,7 @@ impl Engine for Articulated {
 
 impl Articulated {
     /// Places all colliders as the robots stand, and the objects in their next state.
-    fn place(&mut self, robot: &Robot) {
+    fn place_colliders(&mut self, robot: &Robot) {
         for (of, base) in self.bases.iter_mut().enumerate() {
             *base = robot.base_pose(of);
         }
@@ -357,7 +357,7 @@ impl Simulation<Articulated> {
     pub fn place_one_on_ground(&mut self, articulation: usize) {
         let height = self.world.ground.map_or(0.0, |ground| ground.height);
         // Steps in which nothing can touch leave the colliders where they were.
-        self.engine.place(&self.robot);
+        self.engine.place_colliders(&self.robot);
         let lowest = self.engine.scene.lowest(articulation);
         let lowest = self.engine.scene.above_terrain(articulation).unwrap_or(lowest);
         let robot = &mut self.robot;
@@ -366,7 +366,7 @@ impl Simulation<Articulated> {
             robot.state.q[own.q().start + 2] += height - lowest;
             robot.state.v[own.v()].fill(0.0);
             robot.refresh();
-            self.engine.place(&self.robot);
+            self.engine.place_colliders(&self.robot);
         }
     }
 

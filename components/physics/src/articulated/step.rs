@@ -24,7 +24,7 @@ impl Articulated {
         let steps = if calm {
             1
         } else {
-            self.place(robot);
+            self.place_colliders(robot);
             let steps = self.scene.begin(dt, &robot.gravity, counts);
             self.scene.look_ahead(robot);
             steps

@@ -84,7 +84,7 @@ pub(super) fn load(
         settings: robot.settings.as_ref(),
     };
     let loaded = source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))?;
-    let setup = RobotSetup::of(&loaded).map_err(|error| ConfigError::new(error.to_string()))?;
+    let setup = RobotSetup::from_loaded(&loaded).map_err(|error| ConfigError::new(error.to_string()))?;
     let model = &loaded.model;
     let drives = model.joint_count() + setup.rotors.len();
     if drives > MAX_JOINTS || (drives == 0 && !model.base().floating) {

@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_gains_of_every_robot_of_the_catalogue_pass_the_command_gate() {
+    fn catalogue_gains_pass_the_command_gate() {
         let mut robots = 0;
         for entry in catalogue() {
             let robot = motorium_robots::load(entry.name, std::path::Path::new(".")).expect("it loads");

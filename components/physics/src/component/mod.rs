@@ -97,7 +97,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         // Links that are always close are how the robot is built: nothing that its user could mend.
         let mut warnings = simulation.warnings().to_vec();
         warnings.retain(|warning| !matches!(warning, BuildWarning::SelfCollisionOff { .. }));
-        for warning in BuildWarning::told(&warnings) {
+        for warning in BuildWarning::summarise(&warnings) {
             declare.warn(warning);
         }
         for robot in &robots {
@@ -208,7 +208,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             "steps_near_contact": totals.near_contact,
             "joints": self.simulation.joint_names(),
             "joint_position": self.simulation.positions(),
-            "warnings": BuildWarning::told(self.simulation.warnings()),
+            "warnings": BuildWarning::summarise(self.simulation.warnings()),
         });
         self.truth.report(&self.simulation, &mut result);
         if let Some(objects) = objects::report(&self.simulation) {

@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_on_another_touches_with_the_corners_of_the_smaller_face() {
+    fn a_box_on_another_touches_at_the_smaller_face() {
         let turned = pose([0.02, 0.01, 0.149], [0.0, 0.0, 0.3]);
         let (least, found) = points(([0.05; 3], turned), ([0.2, 0.2, 0.1], pose([0.0; 3], [0.0; 3])));
         assert!((least + 1e-3).abs() < 1e-12, "{least}");
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn planks_that_lie_crosswise_touch_at_the_corners_of_the_patch_they_share() {
+    fn crossed_planks_touch_at_their_common_patch() {
         let long = [0.5, 0.05, 0.02];
         let crosswise = pose([0.0, 0.0, 0.04], [0.0, 0.0, core::f64::consts::FRAC_PI_2]);
         let (_, found) = points((long, crosswise), (long, pose([0.0; 3], [0.0; 3])));
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_that_cross_touch_at_one_point_with_a_normal_square_to_both() {
+    fn crossing_edges_touch_at_one_point() {
         // Both stand on an edge: the upper one along y, the lower one along x.
         let high = pose([0.03, 0.02, 0.1 * 2.0_f64.sqrt() - 1e-3], [0.0, core::f64::consts::FRAC_PI_4, 0.0]);
         let low = pose([0.0; 3], [core::f64::consts::FRAC_PI_4, 0.0, 0.0]);
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bound_is_no_more_than_the_distance_and_both_orders_agree() {
+    fn the_bound_is_a_lower_bound_in_both_orders() {
         for index in 1..400 {
             let phase = f64::from(index);
             let wave = |rate: f64| (rate * phase).sin();

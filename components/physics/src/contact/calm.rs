@@ -146,7 +146,7 @@ impl Calm {
                 _ => None,
             };
             let (way, _) = motions.of_pair(pair.part, pair.first, pair.second);
-            let left = pair.until - way - (least.of(pair.parties) - FORESIGHT).max(0.0);
+            let left = pair.until - way - (least.for_parties(pair.parties) - FORESIGHT).max(0.0);
             self.watched.push(Watched { colliders, common, left });
         }
     }

@@ -100,7 +100,7 @@ fn impulses_fulfil_signorini_and_coulomb_at_every_point() {
 }
 
 #[test]
-fn an_impact_on_more_points_than_determine_the_forces_is_solved_within_millimetres_a_second() {
+fn an_overdetermined_impact_is_solved_precisely() {
     let mut numbers = Numbers(7);
     let mut exact = 0;
     for case in 0..300 {

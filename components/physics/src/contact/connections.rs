@@ -111,7 +111,7 @@ impl Connections {
     }
 
     /// Finds the points as everything stands.
-    pub(super) fn place<'a>(
+    pub(super) fn update_points<'a>(
         &mut self,
         (kinematics, bases): (impl Fn(usize) -> &'a Kinematics, &[Isometry3<f64>]),
         objects: &[FreeBody],

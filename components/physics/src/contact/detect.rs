@@ -127,7 +127,7 @@ impl Detector {
                 let half_space = b.shape == ConvexShape::HalfSpace;
                 let reach = a.shape.bounding_radius() + b.shape.bounding_radius();
                 let part = bounds::part([a, b]);
-                let parties = Parties::of(a.owner, b.owner);
+                let parties = Parties::new(a.owner, b.owner);
                 Pair { index, first, second, reach, half_space, parties, part, until: f64::NEG_INFINITY }
             })
             .collect();
@@ -328,7 +328,7 @@ impl Detector {
                 continue;
             }
             let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
-            let margin = margin(h, speed).max(least.of(pair.parties));
+            let margin = margin(h, speed).max(least.for_parties(pair.parties));
             if pair.until - way > margin {
                 continue;
             }
@@ -363,7 +363,7 @@ impl Detector {
                 + way
                 - ROUNDING;
         }
-        let near = |speed, owner| margin(h, speed).max(least.of(Parties::of(owner, Owner::World)));
+        let near = |speed, owner| margin(h, speed).max(least.for_parties(Parties::new(owner, Owner::World)));
         terrain::detect((all, moving), distances, motions, near, &mut |point| keep((points, *most), point));
         let kept = |point: &&ContactPoint| {
             point.held.is_none() && !moves(point.colliders.0) && !moves(point.colliders.1)

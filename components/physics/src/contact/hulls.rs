@@ -53,7 +53,7 @@ pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
 impl<'a> Faces<'a> {
     /// Those of a box, a hull beside meshes that touch by their triangles, or a prism around a cylinder that
     /// is turned towards the segment between `ends`; of other shapes none.
-    pub(super) fn of(
+    pub(super) fn from_collider(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],
         room: &'a mut [(Vector3<f64>, f64); SIDES],

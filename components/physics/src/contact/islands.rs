@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn points_that_a_chain_of_bodies_joins_are_one_island_and_others_are_not() {
+    fn a_chain_of_bodies_is_one_island() {
         let points = [
             [Some(0), None],
             [Some(2), Some(3)],

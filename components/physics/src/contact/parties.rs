@@ -15,7 +15,7 @@ pub(super) enum Parties {
 }
 
 impl Parties {
-    pub(super) fn of(a: Owner, b: Owner) -> Self {
+    pub(super) fn new(a: Owner, b: Owner) -> Self {
         match (a.is_robot(), b.is_robot()) {
             (false, false) => Self::Objects,
             _ if a == Owner::World || b == Owner::World || a.articulation() == b.articulation() => {
@@ -29,7 +29,7 @@ impl Parties {
 impl ContactPoint {
     /// True where a robot meets an object that moves, or another robot.
     pub(super) fn is_grasp(&self) -> bool {
-        Parties::of(self.owners.0, self.owners.1) == Parties::Grasp
+        Parties::new(self.owners.0, self.owners.1) == Parties::Grasp
     }
 }
 
@@ -49,7 +49,7 @@ impl Least {
     /// Those at the begin of a step.
     pub(super) const OF_STEP: Self = Self { robots: 0.0, grasps: NEAR };
 
-    pub(super) fn of(self, parties: Parties) -> f64 {
+    pub(super) fn for_parties(self, parties: Parties) -> f64 {
         match parties {
             Parties::Objects => 0.0,
             Parties::Robot => self.robots,

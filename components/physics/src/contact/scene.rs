@@ -103,7 +103,7 @@ impl ContactScene {
         kinematics: impl Fn(usize) -> &'a Kinematics,
         bases: &[Isometry3<f64>],
     ) {
-        self.connections.place((&kinematics, bases), &self.objects.next);
+        self.connections.update_points((&kinematics, bases), &self.objects.next);
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
@@ -195,13 +195,13 @@ impl ContactScene {
         };
         for (index, point, ..) in self.points() {
             let (one, two) = point.colliders;
-            let impulse = self.impulses.at(index, point);
+            let impulse = self.impulses.at_contact(index, point);
             sums.add([one, two], &point.point, &(impulse * share(point)));
         }
         let points = self.detector.points();
         for (index, point) in points.iter().enumerate() {
             let Some(held) = point.held else { continue };
-            let impulse = self.impulses.at(index, point);
+            let impulse = self.impulses.at_contact(index, point);
             for (part, sign) in self.connections.sums(point.key).into_iter().zip([1.0, -1.0]) {
                 match part {
                     Some(part) if held.turning => sums.add_moment_to(part, &(impulse * sign)),
@@ -377,7 +377,7 @@ impl ContactScene {
 
     /// Force at the contact point of this index on the first of its two colliders, world axes \[N\].
     pub(crate) fn force(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
-        self.impulses.at(index, point) / point.h
+        self.impulses.at_contact(index, point) / point.h
     }
 
     /// Sum of the forces on the robots in the last integration step, world axes \[N\].

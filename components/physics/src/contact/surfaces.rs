@@ -234,7 +234,7 @@ impl Mover<'_> {
         }
         let ends = edge.ends.map(|end| self.pose.inverse_transform_point(&end).coords);
         let mut room = [(Vector3::zeros(), 0.0); SIDES];
-        let faces = Faces::of(self.collider, &ends, &mut room);
+        let faces = Faces::from_collider(self.collider, &ends, &mut room);
         let out = |normal: &Vector3<f64>| self.pose.rotation * -normal;
         // The faces that the edge may touch, the two that it is least deep behind.
         let mut best: [Option<(f64, usize, [f64; 2])>; 2] = [None; 2];

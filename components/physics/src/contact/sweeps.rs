@@ -34,7 +34,7 @@ pub(super) struct Reduced<'a> {
 impl Reduced<'_> {
     /// The rows of a contact point that are not zero, with their places.
     #[inline]
-    fn of(&self, point: usize) -> impl Iterator<Item = (usize, &[f64; 4])> {
+    fn rows_of_point(&self, point: usize) -> impl Iterator<Item = (usize, &[f64; 4])> {
         let own = &self.rows[point * self.n..][..self.n];
         let support = &self.support[point * self.n..][..self.supported[point]];
         support.iter().map(move |k| (*k as usize, &own[*k as usize]))
@@ -210,7 +210,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
                 self.bodies[object].take(side, &(vector * sign));
             }
         }
-        for (k, row) in self.reduced.of(index) {
+        for (k, row) in self.reduced.rows_of_point(index) {
             self.sum[k] += row[0] * impulse[0] + row[1] * impulse[1] + row[2] * impulse[2];
         }
     }
@@ -225,7 +225,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         let old = [0, 1, 2].map(|part| self.lambda[3 * index + part]);
         let relative = self.relative(site);
         let mut velocity = site.free;
-        for (k, row) in self.reduced.of(index) {
+        for (k, row) in self.reduced.rows_of_point(index) {
             for (velocity, entry) in velocity.iter_mut().zip(row) {
                 *velocity += entry * self.sum[k];
             }

@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_library_is_named_with_what_the_loader_says() {
+    fn a_file_that_is_not_a_library_is_named() {
         let Err(error) = Library::load(Path::new("/dev/null")) else { panic!("no library") };
         assert!(matches!(&error, LibraryError::Unusable { .. }), "{error}");
         assert!(error.to_string().contains("`/dev/null` cannot be loaded: "), "{error}");

@@ -237,7 +237,7 @@ impl Interval {
     }
 
     /// The value at a share from 0 to 1 of the way.
-    pub(super) fn at(self, share: f64) -> f64 {
+    pub(super) fn interpolate(self, share: f64) -> f64 {
         let Self([low, high]) = self;
         (low + (high - low) * share).clamp(low, high)
     }

@@ -102,7 +102,7 @@ impl Quantity {
         if self.property == Property::TerrainSeed {
             self.interval.whole_at(share)
         } else {
-            self.interval.at(share)
+            self.interval.interpolate(share)
         }
     }
 }

@@ -46,7 +46,7 @@ fn a_delayed_command_acts_after_its_delay_and_not_before() {
 }
 
 #[test]
-fn at_full_effort_the_speed_approaches_that_without_load_as_a_motor_does() {
+fn speed_at_full_effort_approaches_the_no_load_speed() {
     let (stall, no_load) = (8.0, 5.0);
     let envelope = Some(Envelope { stall_effort: stall, no_load_velocity: no_load });
     let mut rod = rod(ActuatorSettings { envelope, ..ActuatorSettings::default() });
@@ -98,7 +98,7 @@ fn stiff_gains_behind_a_lag_stay_stable_and_a_position_is_held() {
 }
 
 #[test]
-fn a_saved_state_holds_the_commands_under_way_and_a_reset_forgets_them() {
+fn a_saved_state_holds_commands_and_a_reset_drops_them() {
     let settings = ActuatorSettings { delay: 7e-3, lag: 3e-3, ..ActuatorSettings::default() };
     let mut rod = rod(settings);
     let run = |rod: &mut ArticulatedSimulator, from: i32| -> Vec<u64> {
@@ -119,7 +119,7 @@ fn a_saved_state_holds_the_commands_under_way_and_a_reset_forgets_them() {
 }
 
 #[test]
-fn rapier_refuses_actuators_that_are_not_ideal_and_bad_ones_are_named() {
+fn rapier_refuses_actuators_that_are_not_ideal() {
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let slow = ActuatorSettings { lag: 1e-3, ..ActuatorSettings::default() };
     let setup = RobotSetup { actuators: vec![Some(slow)], ..RobotSetup::from(model.clone()) };

@@ -5,7 +5,7 @@ use motorium_physics::{Batch, Simulator};
 use crate::legged::held;
 
 #[test]
-fn a_batch_on_any_number_of_threads_gives_the_bits_of_each_world_alone() {
+fn a_batch_equals_single_worlds_on_any_thread_count() {
     let count = 5;
     let command = |world: usize, step: usize, drive: usize| {
         0.05 * ((world + 1) as f64 * 0.01 * step as f64 + drive as f64).sin()
@@ -64,7 +64,7 @@ fn a_world_that_fails_leaves_the_others_alone() {
 }
 
 #[test]
-fn observations_of_a_batch_are_those_of_each_world_on_any_number_of_threads_and_after_resets() {
+fn batch_observations_equal_single_worlds_after_resets() {
     for threads in [1, 2, 3] {
         let batch = Batch::new(5, threads, |_| Ok(held("quadruped"))).unwrap();
         let mut batch = batch.observing(2, |world, out| {

@@ -69,7 +69,7 @@ fn same_either_way(
 }
 
 #[test]
-fn legged_robots_that_fall_meet_the_ground_in_the_same_step_as_with_a_look_at_every_pair() {
+fn falling_robots_meet_the_ground_as_with_all_pairs() {
     for name in ["quadruped", "humanoid"] {
         let landed = same_either_way(name, ground(0.0), 0.5, &|_, _| {}, (500, true));
         assert!((50..450).contains(&landed), "{name}: {landed} steps on the ground");
@@ -77,7 +77,7 @@ fn legged_robots_that_fall_meet_the_ground_in_the_same_step_as_with_a_look_at_ev
 }
 
 #[test]
-fn an_arm_that_reaches_down_meets_the_ground_and_one_that_folds_itself() {
+fn an_arm_meets_the_ground_and_itself() {
     let reach = |step: usize, commands: &mut [JointCommand]| {
         commands[1].position += if step < 1500 { 1e-3 } else { 0.0 };
     };

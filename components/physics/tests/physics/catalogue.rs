@@ -29,7 +29,7 @@ fn fixed() -> impl Iterator<Item = Loaded> {
 }
 
 #[test]
-fn every_robot_with_a_fixed_base_is_held_at_home_by_its_default_gains() {
+fn every_fixed_base_robot_is_held_by_default_gains() {
     let mut names = Vec::new();
     for robot in fixed() {
         let name = robot.model.name();

@@ -190,7 +190,7 @@ fn numbers(value: &serde_json::Value) -> Vec<f64> {
 }
 
 #[test]
-fn a_commanded_arm_arrives_without_allocating_and_twice_the_same() {
+fn a_commanded_arm_arrives_identically_without_allocation() {
     for kind in KINDS.into_iter().chain(has_mujoco().then_some("physics.mujoco")) {
         let runs = [0, 1].map(|_| run_for(2, kind, "offset = 0.1, until = 100000, stiffness = 2000.0"));
         for report in &runs {
@@ -237,7 +237,7 @@ fn a_command_with_a_negative_gain_is_not_applied() {
 }
 
 #[test]
-fn mistakes_in_the_configuration_are_found_before_anything_runs() {
+fn configuration_mistakes_are_found_before_the_run() {
     for (config, expected) in [
         (r#"pose = "hom""#, "no pose is named"),
         ("position = [0.0, 1.0]", "2 numbers, expected 8: one per joint"),
@@ -295,7 +295,7 @@ safe_state = "hold"
 const BASE: &str = ", base_state = \"walker/base_state\"";
 
 #[test]
-fn a_robot_with_a_floating_base_stands_by_its_safe_state_and_publishes_where_its_base_is() {
+fn a_floating_base_stands_and_publishes_its_pose() {
     for (physics, height) in [("", 0.2294), ("base = { position = [0.3, 0.0, 0.26] }", 0.2294)] {
         let mut plan =
             check(legged_text("quadruped", physics, BASE)).unwrap_or_else(|error| panic!("{error}")).plan;
@@ -347,7 +347,7 @@ fn where_a_base_starts_is_checked_against_whether_it_floats() {
 }
 
 #[test]
-fn a_floating_base_with_rapier_is_refused_with_the_kind_that_takes_it() {
+fn rapier_refuses_a_floating_base_and_names_the_kind() {
     let text = legged_text("quadruped", "", BASE).replace("physics.articulated", "physics.rapier");
     let error = check(text).map(|_| ()).unwrap_err();
     assert!(

@@ -52,7 +52,7 @@ fn block() -> Object {
 }
 
 #[test]
-fn a_block_of_two_halves_slides_and_rests_as_one_block_on_every_engine() {
+fn a_block_of_two_halves_moves_as_one_on_every_engine() {
     let slope = 0.75_f64;
     let gravity = [G * slope.sin() * 0.6, G * slope.sin() * 0.8, -G * slope.cos()];
     for engine in engines() {
@@ -80,7 +80,7 @@ fn a_block_of_two_halves_slides_and_rests_as_one_block_on_every_engine() {
 }
 
 #[test]
-fn a_dumbbell_rests_on_both_balls_each_with_its_share_of_the_weight() {
+fn a_dumbbell_rests_on_both_balls_by_weight() {
     for engine in engines() {
         let world = World { ground: Some(Ground::default()), objects: vec![dumbbell()], ..World::default() };
         let mut simulation = simulate(engine, world);
@@ -113,7 +113,7 @@ fn a_compound_in_free_flight_turns_about_its_centre_of_mass() {
 }
 
 #[test]
-fn rays_meet_each_part_of_a_compound_and_go_through_the_gap_between() {
+fn rays_meet_parts_of_a_compound_and_pass_its_gap() {
     for engine in engines() {
         let simulation = simulate(engine, World { objects: vec![dumbbell()], ..World::default() });
         let down = |x: f64, y: f64| simulation.cast_ray(Point3::new(x, y, 2.0), -Vector3::z(), 5.0);
@@ -125,7 +125,7 @@ fn rays_meet_each_part_of_a_compound_and_go_through_the_gap_between() {
 }
 
 #[test]
-fn steps_with_compounds_allocate_nothing_and_go_on_to_the_bit_after_a_restore() {
+fn compounds_do_not_allocate_and_restore_exactly() {
     let ground = Some(Ground::default());
     let tilted = Object { rpy: [0.4, 0.7, 0.1], ..dumbbell() };
     let above = Object { position: [0.05, 0.0, 0.8], rpy: [0.2, 0.3, 0.0], ..halves() };
@@ -147,7 +147,7 @@ fn steps_with_compounds_allocate_nothing_and_go_on_to_the_bit_after_a_restore() 
 }
 
 #[test]
-fn parts_that_do_not_go_together_are_refused_by_the_name_of_their_object() {
+fn incompatible_parts_are_refused_by_object_name() {
     let refuse =
         |object: Object| Engine::Articulated.refuse(World { objects: vec![object], ..World::default() });
     let sphere = || ObjectShape::Sphere { radius: 0.1 };
@@ -176,7 +176,7 @@ const VALLEY: &str = r#"<mujoco>
 </mujoco>"#;
 
 #[test]
-fn a_ball_rolls_down_a_height_field_of_mjcf_as_the_closed_form_says() {
+fn a_ball_rolls_down_an_mjcf_height_field() {
     let slope = 0.5_f64.atan();
     for engine in with_triangles() {
         let mut world = parse_mjcf_world(VALLEY, None).unwrap().world;
@@ -238,7 +238,7 @@ fn a_body_that_a_world_of_mjcf_connects_swings_as_a_pendulum() {
 }
 
 #[test]
-fn connections_of_what_is_not_there_or_does_not_move_are_refused() {
+fn connections_of_missing_or_fixed_bodies_are_refused() {
     let refuse = |text: &str| Engine::Articulated.refuse(toml::from_str(text).unwrap());
     let cube = "objects = [{ name = \"cube\", shape = { box = { size = [1, 1, 1] } }, position = [0, 0, 9], mass = 1.0 }, { name = \"wall\", shape = { box = { size = [1, 1, 1] } }, position = [5, 0, 0] }]\n";
     let unknown = refuse(&format!("{cube}connections = [{{ parts = [\"cub\", \"world\"] }}]"));

@@ -106,7 +106,7 @@ fn a_restored_state_goes_on_to_the_bit_as_it_did_before() {
 }
 
 #[test]
-fn a_state_of_another_engine_or_world_is_refused_and_nothing_changes() {
+fn a_state_of_another_engine_or_world_is_refused() {
     let all: Vec<Engine> = engines().collect();
     for (index, engine) in all.iter().copied().enumerate() {
         let other = all[(index + 1) % all.len()];
@@ -236,7 +236,7 @@ fn with(change: impl FnOnce(&mut World)) -> World {
 }
 
 #[test]
-fn each_flag_of_an_engine_is_true_where_it_simulates_what_the_flag_is_for_and_false_where_it_refuses_it() {
+fn engine_capabilities_match_what_is_simulated() {
     use motorium_physics::{Capabilities, Integrator};
     use motorium_robots::{Conveyor, Softness};
     type Flag = fn(&Capabilities) -> bool;
@@ -290,7 +290,7 @@ fn each_flag_of_an_engine_is_true_where_it_simulates_what_the_flag_is_for_and_fa
 }
 
 #[test]
-fn rays_and_contacts_know_meshes_and_compounds_by_the_name_of_their_object() {
+fn rays_and_contacts_name_meshes_and_compounds() {
     for engine in engines() {
         let mut simulation = scene(engine);
         panda::command_hold(&mut *simulation, &panda::home());

@@ -124,7 +124,7 @@ fn with_bricks(gravity: [f64; 3]) -> ArticulatedSimulator {
 }
 
 #[test]
-fn two_bricks_that_are_fixed_to_one_another_fall_and_land_as_one() {
+fn two_fixed_bricks_fall_and_land_as_one() {
     let mut bricks = with_bricks([0.0, 0.0, -9.81]);
     bricks.attach("one", "two").unwrap();
     let relative = |bricks: &ArticulatedSimulator| {
@@ -145,7 +145,7 @@ fn two_bricks_that_are_fixed_to_one_another_fall_and_land_as_one() {
 }
 
 #[test]
-fn what_flies_connected_keeps_its_momentum_and_its_centre_of_mass() {
+fn connected_bodies_keep_momentum_in_flight() {
     for kind in [ConnectionKind::Ball, ConnectionKind::Fixed] {
         let mut bricks = with_bricks([0.0; 3]);
         let parts = ["one", "two"].map(str::to_owned);
@@ -258,7 +258,7 @@ fn connections_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn a_connection_to_a_fixed_object_leaves_the_contacts_with_the_others_and_is_taken_away_alone() {
+fn a_connection_to_a_fixed_object_keeps_other_contacts() {
     let cube = |name: &str, mass: Option<f64>, position: [f64; 3]| Object {
         name: name.to_owned(),
         shape: ObjectShape::Box { size: [0.1; 3] },

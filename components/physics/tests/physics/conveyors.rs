@@ -51,7 +51,7 @@ fn parcel() -> Object {
 }
 
 #[test]
-fn a_parcel_reaches_the_speed_of_the_belt_after_that_speed_over_mu_g() {
+fn a_parcel_reaches_belt_speed_in_closed_form_time() {
     let (speed, mu) = (0.8, 0.3);
     let mut simulation = simulate(
         Engine::Articulated,
@@ -144,7 +144,7 @@ fn falling(wind: [f64; 3]) -> World {
 }
 
 #[test]
-fn a_falling_ball_nears_its_terminal_velocity_as_the_hyperbolic_tangent() {
+fn a_falling_ball_nears_its_terminal_velocity() {
     let terminal = (2.0 * 0.5 * G / (1.225 * 0.02_f64)).sqrt();
     for engine in engines() {
         let mut simulation = simulate(engine, falling([0.0; 3]));

@@ -73,7 +73,7 @@ fn a_held_arm_settles_where_gains_and_gravity_balance() {
 }
 
 #[test]
-fn gains_of_any_size_are_stable_at_a_millisecond_even_on_the_wrist() {
+fn gains_of_any_size_are_stable_at_the_wrist() {
     for engine in engines() {
         let home = panda::home();
         let mut simulation = panda::at_home(engine, World::default(), options());
@@ -123,7 +123,7 @@ fn velocity_control_reaches_its_setpoint_and_damping_is_felt() {
 }
 
 #[test]
-fn the_sum_of_law_and_feed_forward_never_exceeds_the_effort_limit() {
+fn law_and_feed_forward_keep_the_effort_limit() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 8.0), World::default(), &[0.0], options());
         simulation.commands_mut()[0] =
@@ -222,7 +222,7 @@ fn a_joint_stops_at_its_limit_and_leaves_it_again() {
 }
 
 #[test]
-fn a_joint_that_starts_beyond_its_limit_comes_back_without_a_blow() {
+fn a_joint_beyond_its_limit_returns_without_a_blow() {
     for engine in engines() {
         let mut simulation = engine.simulate(slider(0.0, 0.0, 1e3), World::default(), &[1.1], options());
         assert!(simulation.warnings()[0].to_string().contains("\"slide\" starts at 1.1"));
@@ -361,7 +361,7 @@ fn a_drive_keeps_its_velocity_limit_whatever_it_is_commanded() {
 }
 
 #[test]
-fn within_its_velocity_limit_a_drive_moves_to_the_bit_as_one_without() {
+fn a_velocity_limit_changes_nothing_below_it() {
     let run_with = |limited: bool| {
         let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
         let limits = simulation.model().velocity_limit().clone();

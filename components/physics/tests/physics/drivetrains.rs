@@ -29,7 +29,7 @@ fn behind(drivetrain: Drivetrain) -> ArticulatedSimulator {
 }
 
 #[test]
-fn a_torque_on_the_motor_moves_the_rod_as_one_of_two_masses_on_a_spring() {
+fn motor_torque_moves_the_rod_through_its_spring() {
     let (motor, stiffness, torque) = (0.15, 60.0, 2.0);
     let mut rod = behind(elastic(motor, stiffness));
     rod.commands_mut()[0] = JointCommand::effort(torque);
@@ -47,7 +47,7 @@ fn a_torque_on_the_motor_moves_the_rod_as_one_of_two_masses_on_a_spring() {
 }
 
 #[test]
-fn in_the_gap_of_a_gear_the_rod_moves_freely_and_the_efforts_add_up_to_its_momentum() {
+fn the_rod_moves_freely_in_the_gap_of_a_gear() {
     let teeth = Drivetrain { motor_inertia: 0.1, stiffness: 1e5, damping: 20.0, backlash: 0.04 };
     let mut rod = behind(teeth);
     rod.reset(&[0.0], &[0.4]).unwrap();
@@ -67,7 +67,7 @@ fn in_the_gap_of_a_gear_the_rod_moves_freely_and_the_efforts_add_up_to_its_momen
 }
 
 #[test]
-fn a_pose_is_held_against_gravity_through_a_stiff_gear_with_backlash() {
+fn a_pose_is_held_through_a_gear_with_backlash() {
     let arm = load("panda", Path::new(".")).unwrap();
     let profile = arm.profile.unwrap();
     let (home, gains) = (profile.home(&arm.model).unwrap(), profile.gains(&arm.model).unwrap());
@@ -105,7 +105,7 @@ fn network() -> Arc<NetworkSettings> {
 }
 
 #[test]
-fn a_network_gives_the_effort_of_what_was_measured_now_and_before() {
+fn a_network_computes_effort_from_its_history() {
     let mut rod = rod(ActuatorSettings { network: Some(network()), ..ActuatorSettings::default() });
     let (mut errors, mut saturated) = (Vec::new(), 0);
     for step in 0..400 {
@@ -128,7 +128,7 @@ fn a_network_gives_the_effort_of_what_was_measured_now_and_before() {
 }
 
 #[test]
-fn a_saved_state_holds_motor_gap_and_measurements_to_the_last_bit_and_no_step_allocates() {
+fn drivetrain_state_is_saved_exactly_without_allocation() {
     let gear = Drivetrain { motor_inertia: 0.1, stiffness: 3e3, damping: 1.0, backlash: 0.01 };
     let settings = ActuatorSettings {
         delay: 3e-3,

@@ -20,14 +20,14 @@ fn slope(angle: f64, friction: f64) -> World {
     World { gravity, ground: Some(Ground { friction, ..Ground::default() }), ..World::default() }
 }
 
-fn at(z: f64) -> Vec<f64> {
+fn at_height(z: f64) -> Vec<f64> {
     vec![0.0, 0.0, z, 0.0, 0.0, 0.0, 1.0]
 }
 
 #[test]
 fn a_body_in_the_air_falls_as_galilei_says() {
     let mut simulation =
-        ArticulatedSimulator::new(body(BOX), World::default(), &at(10.0), Options::default()).unwrap();
+        ArticulatedSimulator::new(body(BOX), World::default(), &at_height(10.0), Options::default()).unwrap();
     run(&mut simulation, 1.0);
     // Semi-implicit: g t (t + dt) / 2.
     let fallen = 10.0 - simulation.base_pose().translation.z;
@@ -60,9 +60,10 @@ fn what_tumbles_and_kicks_in_the_air_keeps_its_momentum() {
 }
 
 #[test]
-fn a_box_on_a_slope_stays_within_the_friction_cone_and_slides_beyond_it() {
+fn a_box_on_a_slope_keeps_to_the_friction_cone() {
     let (angle, options) = (0.5_f64, Options { friction: 0.6, ..Options::default() });
-    let mut stuck = ArticulatedSimulator::new(body(BOX), slope(angle, 0.6), &at(0.05), options).unwrap();
+    let mut stuck =
+        ArticulatedSimulator::new(body(BOX), slope(angle, 0.6), &at_height(0.05), options).unwrap();
     run(&mut stuck, 0.5);
     let place = stuck.base_pose().translation.vector;
     run(&mut stuck, 5.0);
@@ -70,7 +71,8 @@ fn a_box_on_a_slope_stays_within_the_friction_cone_and_slides_beyond_it() {
     assert!(creep < 1e-6, "crept {creep} m in 5 s");
 
     let options = Options { friction: 0.4, ..Options::default() };
-    let mut sliding = ArticulatedSimulator::new(body(BOX), slope(angle, 0.4), &at(0.05), options).unwrap();
+    let mut sliding =
+        ArticulatedSimulator::new(body(BOX), slope(angle, 0.4), &at_height(0.05), options).unwrap();
     run(&mut sliding, 1.0);
     // g (sin - mu cos), from rest.
     let speed = (sliding.base_pose().rotation * Vector3::from_column_slice(&sliding.velocity()[..3])).x;
@@ -86,10 +88,10 @@ fn friction_points_against_the_slip_whatever_its_direction() {
         let heading = f64::from(degrees).to_radians();
         let options = Options { friction: 0.3, ..Options::default() };
         let mut simulation =
-            ArticulatedSimulator::new(body(BOX), slope(0.0, 0.3), &at(0.05), options).unwrap();
+            ArticulatedSimulator::new(body(BOX), slope(0.0, 0.3), &at_height(0.05), options).unwrap();
         let mut v = [0.0; 6];
         (v[0], v[1]) = (heading.cos(), heading.sin());
-        simulation.reset(&at(0.05), &v).unwrap();
+        simulation.reset(&at_height(0.05), &v).unwrap();
         run(&mut simulation, 0.2);
         let force = simulation.contact_force();
         let along = force.x * heading.cos() + force.y * heading.sin();
@@ -104,7 +106,8 @@ fn a_ball_bounces_to_the_height_its_restitution_leaves() {
     // The mean of 0 (the robot's) and 1.
     let ground = Some(Ground { restitution: 1.0, ..Ground::default() });
     let world = World { ground, ..World::default() };
-    let mut simulation = ArticulatedSimulator::new(body(BALL), world, &at(0.6), Options::default()).unwrap();
+    let mut simulation =
+        ArticulatedSimulator::new(body(BALL), world, &at_height(0.6), Options::default()).unwrap();
     let (mut lowest, mut highest) = (f64::MAX, 0.0_f64);
     for _ in 0..700 {
         simulation.step(DT).unwrap();
@@ -122,10 +125,10 @@ fn a_ball_bounces_to_the_height_its_restitution_leaves() {
 fn a_rolling_ball_rolls_on_with_five_sevenths_of_its_slip() {
     // Thrown without spin, a uniform ball loses 2/7 of its speed until it rolls.
     let mut simulation =
-        ArticulatedSimulator::new(body(BALL), grounded(vec![]), &at(0.1), Options::default()).unwrap();
+        ArticulatedSimulator::new(body(BALL), grounded(vec![]), &at_height(0.1), Options::default()).unwrap();
     let mut v = [0.0; 6];
     v[0] = 1.4;
-    simulation.reset(&at(0.1), &v).unwrap();
+    simulation.reset(&at_height(0.1), &v).unwrap();
     run(&mut simulation, 1.0);
     let pose = simulation.base_pose();
     let speed = pose.rotation * Vector3::from_column_slice(&simulation.velocity()[..3]);
@@ -135,7 +138,7 @@ fn a_rolling_ball_rolls_on_with_five_sevenths_of_its_slip() {
 }
 
 #[test]
-fn a_standing_quadruped_carries_its_weight_and_stays_where_it_is() {
+fn a_standing_quadruped_carries_its_weight() {
     let robot = load("quadruped", std::path::Path::new(".")).unwrap();
     let mut simulation = held("quadruped");
     run(&mut simulation, 1.0);
@@ -188,15 +191,15 @@ fn wheels_roll_a_base_as_far_as_they_turn() {
 }
 
 #[test]
-fn a_quadrotor_hovers_on_its_weight_and_turns_by_the_drag_of_its_rotors() {
+fn a_quadrotor_hovers_and_turns_by_rotor_drag() {
     let robot = load("quadrotor", std::path::Path::new(".")).unwrap();
     let profile = robot.profile.as_ref().unwrap();
-    let rotors = RotorDrive::of(&robot.model, profile).unwrap();
+    let rotors = RotorDrive::from_profile(&robot.model, profile).unwrap();
     let q = profile.configuration(&robot.model, "hovering").unwrap();
     let weight = robot.model.mass() * 9.81;
     let names: Vec<_> = rotors.iter().map(|rotor| rotor.name.clone()).collect();
     let mut simulation = ArticulatedSimulator::new(
-        RobotSetup::of(&robot).unwrap(),
+        RobotSetup::from_loaded(&robot).unwrap(),
         World::default(),
         q.as_slice(),
         Options::default(),
@@ -240,7 +243,7 @@ fn objects_stack_and_are_pushed_by_a_robot() {
         cube("hit", Some(2.0), [0.4, 0.0, 0.06]),
     ]);
     let options = Options { friction: 0.0, ..Options::default() };
-    let mut simulation = ArticulatedSimulator::new(body(BOX), world, &at(0.05), options).unwrap();
+    let mut simulation = ArticulatedSimulator::new(body(BOX), world, &at_height(0.05), options).unwrap();
     run(&mut simulation, 0.5);
     let object = |simulation: &ArticulatedSimulator, name: &str| {
         simulation.object_pose(simulation.object(name).unwrap())
@@ -275,7 +278,7 @@ fn objects_stack_and_are_pushed_by_a_robot() {
 }
 
 #[test]
-fn a_ball_rests_on_a_fixed_box_and_a_lying_capsule_on_the_ground() {
+fn a_ball_and_a_lying_capsule_rest() {
     let block = Object {
         name: "block".to_owned(),
         shape: ObjectShape::Box { size: [0.5, 0.5, 0.2] },
@@ -284,12 +287,13 @@ fn a_ball_rests_on_a_fixed_box_and_a_lying_capsule_on_the_ground() {
         ..Object::default()
     };
     let mut simulation =
-        ArticulatedSimulator::new(body(BALL), grounded(vec![block]), &at(0.35), Options::default()).unwrap();
+        ArticulatedSimulator::new(body(BALL), grounded(vec![block]), &at_height(0.35), Options::default())
+            .unwrap();
     run(&mut simulation, 1.0);
     assert!((simulation.base_pose().translation.z - 0.3).abs() < 1e-4);
     assert!(simulation.touching("block", "body") && !simulation.touching("ground", "body"));
     let capsule = body(r#"<cylinder radius="0.05" length="0.3"/>"#);
-    let mut q = at(0.2);
+    let mut q = at_height(0.2);
     let lying = UnitQuaternion::from_euler_angles(0.0, 1.2, 0.3);
     q[3..7].copy_from_slice(lying.coords.as_slice());
     let mut simulation =
@@ -329,15 +333,15 @@ fn a_robot_is_placed_on_the_ground_from_any_height() {
 }
 
 #[test]
-fn the_rapier_engine_refuses_a_floating_base_and_names_the_engine_that_takes_it() {
+fn rapier_refuses_a_floating_base_and_names_another_engine() {
     let error =
-        RapierSimulator::new(body(BOX), World::default(), &at(0.5), Options::default()).err().unwrap();
+        RapierSimulator::new(body(BOX), World::default(), &at_height(0.5), Options::default()).err().unwrap();
     assert_eq!(error, BuildError::FloatingBase { robot: "body".to_owned() });
     assert!(error.to_string().contains("physics.articulated"), "{error}");
 }
 
 #[test]
-fn a_robot_that_falls_freely_is_never_near_a_contact_however_fast() {
+fn a_freely_falling_robot_is_never_near_a_contact() {
     for name in ["quadruped", "humanoid"] {
         let mut simulation = crate::legged::held_in(name, World::default());
         let mut near = 0;

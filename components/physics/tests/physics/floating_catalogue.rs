@@ -15,7 +15,7 @@ fn floating() -> Vec<&'static str> {
 }
 
 #[test]
-fn every_robot_with_a_floating_base_is_held_on_the_ground_by_its_default_gains() {
+fn every_floating_base_robot_stands_by_default_gains() {
     let names = floating();
     assert_eq!(
         names,
@@ -58,7 +58,7 @@ fn every_robot_with_a_floating_base_is_held_on_the_ground_by_its_default_gains()
 }
 
 #[test]
-fn a_robot_without_drives_collapses_and_comes_to_rest_on_the_ground() {
+fn a_robot_without_drives_collapses_and_rests() {
     for name in ["quadruped", "hexapod"] {
         let mut simulation = standing(name, grounded(vec![]));
         // Joints with a little friction, as all real ones have.

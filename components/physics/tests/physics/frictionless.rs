@@ -70,7 +70,7 @@ fn the_caster_of_the_rover_rolls() {
     let mut q = loaded.model.neutral();
     q[2] = 0.033;
     let world = World { ground: Some(Ground::default()), ..World::default() };
-    let setup = RobotSetup::of(&loaded).unwrap();
+    let setup = RobotSetup::from_loaded(&loaded).unwrap();
     let mut simulation = ArticulatedSimulator::new(setup, world, &q, Options::default()).unwrap();
     for step in 0..1000 {
         let drive = JointCommand { velocity: 5.0, kd: 0.05, ..JointCommand::default() };

@@ -25,7 +25,7 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
     let (mut mass, mut bias, mut tau) = (DMatrix::zeros(n, n), vec![0.0; n], vec![0.0; n]);
     for _ in 0..400 {
         // Small efforts, strong friction, narrow ranges: every branch of every law is met.
-        let joints: Vec<JointProperties> = JointProperties::of(&model, 0.0)
+        let joints: Vec<JointProperties> = JointProperties::from_model(&model, 0.0)
             .into_iter()
             .map(|joint| JointProperties {
                 effort_limit: 10.0 * (1.1 + noise(&mut seed)),
@@ -114,7 +114,7 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
 fn energy_is_kept_by_a_free_arm_to_first_order() {
     // Without drives, damping and friction the drift of the total energy halves with the step.
     let model = panda::loaded().model;
-    let joints: Vec<JointProperties> = JointProperties::of(&model, 0.0)
+    let joints: Vec<JointProperties> = JointProperties::from_model(&model, 0.0)
         .into_iter()
         .map(|joint| JointProperties {
             damping: 0.0,

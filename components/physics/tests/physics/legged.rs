@@ -32,7 +32,7 @@ pub(crate) fn body(shape: &str) -> Model {
 /// A robot of the catalogue at home in `world`, its drives slack.
 pub(crate) fn standing(name: &str, world: World) -> ArticulatedSimulator {
     let robot = load(name, Path::new(".")).unwrap();
-    let setup = RobotSetup::of(&robot).unwrap();
+    let setup = RobotSetup::from_loaded(&robot).unwrap();
     let profile = robot.profile.unwrap();
     let q = profile.configuration(&robot.model, &profile.home).unwrap();
     ArticulatedSimulator::new(setup, world, q.as_slice(), Options::default()).unwrap()

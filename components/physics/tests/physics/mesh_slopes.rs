@@ -38,7 +38,7 @@ fn roll(simulation: &mut dyn Simulator) -> (f64, f64) {
 }
 
 #[test]
-fn a_cylinder_rolls_down_a_slope_of_triangles_as_the_closed_form_says() {
+fn a_cylinder_rolls_down_a_slope_of_triangles() {
     // a = 2/3 g sin(slope); the mesh itself slopes, its object does not.
     let height = |x: f64| -SLOPE.tan() * x;
     let sloping = mesh("slope", floor(|x, _| height(x)), MeshCollision::Triangles);
@@ -51,7 +51,7 @@ fn a_cylinder_rolls_down_a_slope_of_triangles_as_the_closed_form_says() {
 }
 
 #[test]
-fn a_cylinder_rolls_down_a_sloping_terrain_as_the_closed_form_says() {
+fn a_cylinder_rolls_down_a_sloping_terrain() {
     let text = format!(
         "size = [6.0, 4.0]\nspacing = 0.1\nfriction = 0.9\nlayers = [{{ equation = {{ height = \"-{} * x\" }} }}]",
         SLOPE.tan()
@@ -67,7 +67,7 @@ fn a_cylinder_rolls_down_a_sloping_terrain_as_the_closed_form_says() {
 }
 
 #[test]
-fn an_upright_cylinder_touches_a_wall_with_its_outermost_line_wherever_that_is() {
+fn an_upright_cylinder_touches_a_wall_with_a_line() {
     for yaw in [0.0, 0.3, core::f64::consts::FRAC_PI_4] {
         let wall = mesh("wall", box_between([0.3, -1.0, -0.1], [0.5, 1.0, 0.4]), MeshCollision::Triangles);
         let flat = mesh("floor", floor(|_, _| 0.0), MeshCollision::Triangles);
@@ -112,7 +112,7 @@ fn a_mesh_that_is_inside_out_carries_what_falls_on_it() {
 }
 
 #[test]
-fn triangles_that_face_opposite_sides_are_refused_by_the_name_of_the_object() {
+fn inconsistent_triangles_are_refused_by_object_name() {
     let mut twisted = box_between([0.0; 3], [1.0; 3]);
     twisted.triangles[4].swap(1, 2);
     let of =
@@ -153,7 +153,7 @@ fn a_box_behind_a_low_curb_stands_on_the_lower_ground_there() {
 }
 
 #[test]
-fn a_mesh_far_away_changes_no_bit_of_a_hull_that_falls_on_others() {
+fn a_distant_mesh_changes_no_bit_of_a_falling_hull() {
     let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("hull_of_a_link.obj");
     std::fs::write(&file, box_between([-0.05; 3], [0.05, 0.04, 0.06]).to_obj()).unwrap();
     let link = format!("<mesh filename=\"{}\"/>", file.display());

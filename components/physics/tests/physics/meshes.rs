@@ -125,7 +125,7 @@ fn tilted() -> [f64; 3] {
 }
 
 #[test]
-fn a_block_slides_over_a_floor_of_triangles_as_over_a_plane_and_meets_no_bump() {
+fn a_block_slides_over_triangles_as_over_a_plane() {
     for engine in with_triangles() {
         let world =
             |objects: Vec<Object>, ground| World { gravity: tilted(), objects, ground, ..World::default() };
@@ -145,7 +145,7 @@ fn a_block_slides_over_a_floor_of_triangles_as_over_a_plane_and_meets_no_bump() 
 }
 
 #[test]
-fn a_block_of_a_mesh_slides_and_rests_as_a_box_does_on_every_engine() {
+fn a_mesh_block_slides_and_rests_as_a_box() {
     // The origin of the mesh lies at one of its corners, its centre elsewhere.
     let cube = || {
         let cube = mesh("block", box_between([0.0; 3], [0.2, 0.16, 0.1]), MeshCollision::Hull);
@@ -175,7 +175,7 @@ fn a_block_of_a_mesh_slides_and_rests_as_a_box_does_on_every_engine() {
 }
 
 #[test]
-fn a_mesh_with_its_centre_beside_its_origin_turns_about_its_centre_in_free_flight() {
+fn a_mesh_turns_about_its_centre_of_mass_in_flight() {
     for engine in engines() {
         let rod = mesh("beam", box_between([0.0, -0.02, -0.02], [0.6, 0.02, 0.02]), MeshCollision::Hull);
         let rod = Object { mass: Some(1.0), position: [0.0, 0.0, 5.0], ..rod };
@@ -230,7 +230,7 @@ pub(crate) fn ball(position: [f64; 3]) -> Object {
 }
 
 #[test]
-fn a_ball_falls_into_a_trough_of_convex_parts_that_moves_and_onto_its_hull() {
+fn a_ball_falls_into_a_trough_of_convex_parts() {
     for engine in engines() {
         for (collision, expected) in [(MeshCollision::Parts(8), 0.1), (MeshCollision::Hull, 0.35)] {
             let trough = Object { mass: Some(5.0), ..mesh("trough", trough(), collision) };
@@ -257,7 +257,7 @@ fn a_ball_falls_into_a_fixed_trough_of_triangles() {
 }
 
 #[test]
-fn shapes_of_each_kind_rest_on_triangles_at_the_height_of_a_plane() {
+fn every_shape_rests_on_triangles_as_on_a_plane() {
     let shapes = [
         (ObjectShape::Box { size: [0.1, 0.12, 0.08] }, 0.04),
         (ObjectShape::Sphere { radius: 0.05 }, 0.05),
@@ -291,7 +291,7 @@ fn shapes_of_each_kind_rest_on_triangles_at_the_height_of_a_plane() {
 }
 
 #[test]
-fn a_box_lies_on_the_ridge_of_a_roof_and_a_capsule_across_the_edge_of_a_table() {
+fn a_box_lies_on_a_ridge_and_a_capsule_across_an_edge() {
     let engine = Engine::Articulated;
     let roof = mesh("roof", floor(|x, _| -0.5 * x.abs()), MeshCollision::Triangles);
     // Its ridge stands where the triangles have it: at the corners nearest to x = 0.
@@ -351,7 +351,7 @@ fn rays_meet_a_mesh_where_it_is_hollow_if_its_triangles_touch() {
 }
 
 #[test]
-fn steps_with_meshes_allocate_nothing_and_go_on_to_the_bit_after_a_restore() {
+fn meshes_do_not_allocate_and_restore_exactly() {
     let objects = || {
         let cube = mesh("cube", box_between([0.0; 3], [0.1, 0.12, 0.08]), MeshCollision::Hull);
         let cube = Object { mass: Some(0.5), position: [0.1, 0.1, 0.3], rpy: [0.4, 0.3, 0.2], ..cube };

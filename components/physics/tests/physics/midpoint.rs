@@ -42,7 +42,7 @@ fn energy(model: &Model, q: &[f64], v: &[f64], gravity: Vector3<f64>) -> f64 {
 }
 
 #[test]
-fn a_double_pendulum_keeps_its_energy_five_hundred_times_better_than_with_eulers_method() {
+fn a_double_pendulum_keeps_energy_better_than_euler() {
     let model = without_losses("double-pendulum");
     let drift = METHODS.map(|method| {
         let mut rods =
@@ -65,7 +65,7 @@ fn a_double_pendulum_keeps_its_energy_five_hundred_times_better_than_with_eulers
 }
 
 #[test]
-fn half_the_step_has_a_quarter_of_the_error_against_runge_kutta() {
+fn half_the_step_has_a_quarter_of_the_error() {
     let model = without_losses("ur5e");
     let n = model.nv();
     let (q0, v0) = (vec![0.3, -1.0, 1.2, 0.4, -0.7, 0.2], vec![0.5, -0.3, 0.8, 1.0, -1.0, 0.4]);
@@ -90,7 +90,7 @@ fn half_the_step_has_a_quarter_of_the_error_against_runge_kutta() {
             *x += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
     }
-    let joints: Vec<JointProperties> = JointProperties::of(&model, 0.0);
+    let joints: Vec<JointProperties> = JointProperties::from_model(&model, 0.0);
     let error = |method: Integrator, h: f64| {
         let mut arm = JointSpaceIntegrator::new(&model, joints.clone()).with_method(method);
         let (mut q, mut v, mut tau) = (q0.clone(), v0.clone(), vec![0.0; n]);
@@ -110,7 +110,7 @@ fn half_the_step_has_a_quarter_of_the_error_against_runge_kutta() {
 }
 
 #[test]
-fn a_robot_that_flies_with_moving_joints_keeps_energy_and_momentum() {
+fn a_flying_robot_keeps_energy_and_momentum() {
     let model = without_losses("quadruped");
     let mut v = vec![0.0; model.nv()];
     v[..6].copy_from_slice(&[0.3, -0.2, 0.1, 1.5, -2.0, 1.0]);

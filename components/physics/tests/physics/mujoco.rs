@@ -20,7 +20,7 @@ const DT: f64 = 1e-3;
 const BOTH: [Engine; 2] = [Engine::Articulated, Engine::Mujoco];
 
 /// One integration step a step, nothing of the robot touches itself.
-fn plain() -> Options {
+fn plain_options() -> Options {
     Options { contact_iterations: 1, self_collision: false, ..Options::default() }
 }
 
@@ -37,7 +37,7 @@ fn a_pendulum_swings_as_ours_does() {
     }
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let [ours, theirs] = BOTH.map(|engine| {
-        let mut simulation = engine.simulate(model.clone(), World::default(), &[1.2], plain());
+        let mut simulation = engine.simulate(model.clone(), World::default(), &[1.2], plain_options());
         (0..1000).for_each(|_| _ = simulation.step(DT).unwrap());
         [simulation.positions()[0], simulation.velocities()[0]]
     });
@@ -53,7 +53,7 @@ fn a_panda_that_is_driven_moves_as_in_ours() {
     let mut home = panda::home();
     home[7] = 0.02;
     let [ours, theirs] = BOTH.map(|engine| {
-        let mut simulation = engine.simulate(panda::loaded().model, World::default(), &home, plain());
+        let mut simulation = engine.simulate(panda::loaded().model, World::default(), &home, plain_options());
         for step in 0..1000 {
             let phase = 4e-3 * f64::from(step);
             let goal: Vec<f64> = home.iter().map(|q| q + 0.2 * (1.0 - phase.cos())).collect();
@@ -76,7 +76,7 @@ fn tumble(engine: Engine, h: f64) -> Vec<f64> {
     q[2] = 20.0;
     let mut v = vec![0.0; robot.model.nv()];
     v[..6].copy_from_slice(&[0.5, -0.3, 2.0, 0.6, -1.0, 0.4]);
-    let mut simulation = engine.simulate(robot.model, World::default(), &q, plain());
+    let mut simulation = engine.simulate(robot.model, World::default(), &q, plain_options());
     simulation.reset(&q, &v).unwrap();
     let steps = (1.0 / h).round() as u32;
     for step in 0..steps {
@@ -90,7 +90,7 @@ fn tumble(engine: Engine, h: f64) -> Vec<f64> {
 }
 
 #[test]
-fn a_tree_that_tumbles_in_the_air_moves_as_in_ours_in_the_limit_of_small_steps() {
+fn a_tumbling_tree_agrees_between_engines() {
     if !has_mujoco() {
         return;
     }
@@ -111,7 +111,7 @@ fn the_first_step_of_a_floating_robot_is_that_of_ours() {
     }
     for name in ["quadruped", "humanoid", "quadrotor"] {
         let robot = load(name, Path::new(".")).unwrap();
-        let setup = RobotSetup::of(&robot).unwrap();
+        let setup = RobotSetup::from_loaded(&robot).unwrap();
         let model = robot.model;
         let mut q = model.neutral();
         let turned = UnitQuaternion::from_euler_angles(0.4, -0.7, 1.1);
@@ -131,9 +131,10 @@ fn the_first_step_of_a_floating_robot_is_that_of_ours() {
             let gained = simulation.velocity().iter().zip(&v).map(|(after, before)| (after - before) / h);
             gained.collect::<Vec<f64>>()
         };
-        let ours =
-            step(&mut ArticulatedSimulator::new(setup.clone(), World::default(), &q, plain()).unwrap());
-        let theirs = step(&mut MujocoSimulator::new(setup, World::default(), &q, plain()).unwrap());
+        let ours = step(
+            &mut ArticulatedSimulator::new(setup.clone(), World::default(), &q, plain_options()).unwrap(),
+        );
+        let theirs = step(&mut MujocoSimulator::new(setup, World::default(), &q, plain_options()).unwrap());
         let scale = ours.iter().fold(1.0_f64, |most, a| most.max(a.abs()));
         let difference = apart(&ours, &theirs) / scale;
         println!("{name}: {difference:.1e} of the largest acceleration");
@@ -146,7 +147,7 @@ fn settled(name: &str, milliseconds: usize) -> (MujocoSimulator, ArticulatedSimu
     let robot = load(name, Path::new(".")).unwrap();
     let mut ours = legged::held(name);
     ours.place_on_ground();
-    let (setup, world) = (RobotSetup::of(&robot).unwrap(), legged::grounded(vec![]));
+    let (setup, world) = (RobotSetup::from_loaded(&robot).unwrap(), legged::grounded(vec![]));
     let mut theirs = MujocoSimulator::new(setup, world, ours.configuration(), Options::default()).unwrap();
     theirs.commands_mut().copy_from_slice(ours.commands_mut());
     for _ in 0..milliseconds {
@@ -157,7 +158,7 @@ fn settled(name: &str, milliseconds: usize) -> (MujocoSimulator, ArticulatedSimu
 }
 
 #[test]
-fn legged_robots_come_to_rest_where_they_do_in_ours_and_on_their_weight() {
+fn legged_robots_rest_alike_on_both_engines() {
     if !has_mujoco() {
         return;
     }
@@ -205,7 +206,7 @@ fn a_block_slides_as_far_as_coulomb_and_our_engine_say() {
 }
 
 #[test]
-fn a_block_on_a_slope_holds_within_the_friction_cone_and_slides_beyond_it() {
+fn a_block_on_a_slope_keeps_to_the_friction_cone() {
     if !has_mujoco() {
         return;
     }
@@ -260,14 +261,14 @@ fn a_ball_comes_back_with_its_restitution() {
 }
 
 #[test]
-fn a_force_from_outside_and_rotors_change_the_momentum_by_their_impulse() {
+fn external_forces_and_rotors_change_momentum() {
     if !has_mujoco() {
         return;
     }
     let model = block();
     let start = [0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0];
     let mut simulation =
-        MujocoSimulator::new(model, World { gravity: [0.0; 3], ..World::default() }, &start, plain())
+        MujocoSimulator::new(model, World { gravity: [0.0; 3], ..World::default() }, &start, plain_options())
             .unwrap();
     let base = simulation.model().frame("body").unwrap();
     for step in 0..200 {
@@ -288,11 +289,11 @@ fn a_force_from_outside_and_rotors_change_the_momentum_by_their_impulse() {
     assert!((turn + 0.1 * 3.0 / 0.008 * 0.1).abs() < 0.1, "{turn} rad/s about z");
 
     let quadrotor = load("quadrotor", Path::new(".")).unwrap();
-    let setup = RobotSetup::of(&quadrotor).unwrap();
+    let setup = RobotSetup::from_loaded(&quadrotor).unwrap();
     let (count, weight) = (setup.rotors.len(), 9.81 * quadrotor.model.mass());
     let mut q = quadrotor.model.neutral();
     q[2] = 1.0;
-    let mut simulation = MujocoSimulator::new(setup, World::default(), &q, plain()).unwrap();
+    let mut simulation = MujocoSimulator::new(setup, World::default(), &q, plain_options()).unwrap();
     simulation.commands_mut().fill(JointCommand::effort(weight / count as f64));
     (0..1000).for_each(|_| _ = simulation.step(DT).unwrap());
     let pose = simulation.base_pose();
@@ -322,7 +323,7 @@ fn balls_meet_a_terrain_at_its_height_everywhere() {
     let world = World { terrain: Some(terrain), objects, ..World::default() };
     // A robot that falls from far above meanwhile.
     let q = [0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 1.0];
-    let mut simulation = Engine::Mujoco.simulate(block(), world, &q, plain());
+    let mut simulation = Engine::Mujoco.simulate(block(), world, &q, plain_options());
     let (mut lowest, mut touched) = ([f64::INFINITY; 4], [false; 4]);
     for _ in 0..400 {
         simulation.step(DT).unwrap();
@@ -354,7 +355,7 @@ fn what_mujoco_cannot_do_is_refused_by_name() {
         motorium_robots::MimicMode::Follow,
         &motorium_robots::PackagePath::default(),
     );
-    let refused = MujocoSimulator::new(model.unwrap().model, World::default(), &[0.0], plain());
+    let refused = MujocoSimulator::new(model.unwrap().model, World::default(), &[0.0], plain_options());
     let error = refused.err().unwrap();
     assert!(matches!(&error, BuildError::Refused { .. }), "{error}");
     assert!(error.to_string().contains("refuses the model: error 'inertia must have positive"), "{error}");
@@ -365,7 +366,8 @@ fn what_mujoco_cannot_do_is_refused_by_name() {
 fn a_library_that_is_not_there_is_named_with_what_to_install() {
     const IN_CHILD: &str = "MOTORIUM_PHYSICS_NO_MUJOCO";
     if std::env::var_os(IN_CHILD).is_some() {
-        let built = MujocoSimulator::new(panda::loaded().model, World::default(), &panda::home(), plain());
+        let built =
+            MujocoSimulator::new(panda::loaded().model, World::default(), &panda::home(), plain_options());
         println!("the answer: {}", built.err().unwrap());
         return;
     }

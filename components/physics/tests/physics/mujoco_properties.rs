@@ -8,7 +8,7 @@ use motorium_robots::{BodyFactors, Model, load};
 use crate::engines::has_mujoco;
 
 #[test]
-fn properties_that_mujoco_refuses_are_told_and_change_nothing_and_others_move_as_if_built_with_them() {
+fn properties_refused_by_mujoco_are_reported() {
     if !has_mujoco() {
         return;
     }

@@ -38,7 +38,7 @@ pub(crate) fn of_ground(simulation: &ArticulatedSimulator) -> f64 {
 }
 
 #[test]
-fn a_wall_of_many_contact_points_stands_and_the_ground_bears_it() {
+fn a_wall_of_many_contacts_stands_on_the_ground() {
     // Bricks in a bond: one island of some two hundred points.
     let mut objects = Vec::new();
     for row in 0..5 {
@@ -87,7 +87,7 @@ fn dropped(contact_iterations: usize, above: f64) -> [u64; 3] {
 }
 
 #[test]
-fn the_steps_of_grasps_are_for_objects_near_a_robot_and_for_no_others() {
+fn grasp_steps_apply_near_a_robot_only() {
     assert_eq!(dropped(1, 30.0), dropped(4, 30.0));
     // The end of the rod is half a centimetre above the box as it starts.
     assert_ne!(dropped(1, 0.162), dropped(4, 0.162));

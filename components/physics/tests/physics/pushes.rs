@@ -43,7 +43,7 @@ fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
 }
 
 #[test]
-fn a_push_adds_its_impulse_and_its_moment_about_the_centre_of_mass_in_the_air() {
+fn a_push_adds_its_impulse_and_moment() {
     let model = load("quadruped", std::path::Path::new(".")).unwrap().model;
     let (shin, mut q) = (model.frame("front_left_foot").unwrap(), model.neutral());
     q[2] = 1.0;
@@ -119,7 +119,7 @@ fn pushes_that_cannot_be_applied_are_refused_by_their_key() {
 /// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest `M a
 /// = J' f`.
 #[test]
-fn a_wrench_on_a_link_accelerates_an_arm_as_its_jacobian_says_in_both_engines() {
+fn a_link_wrench_accelerates_an_arm_by_its_jacobian() {
     let arm = load("panda", std::path::Path::new(".")).unwrap();
     let mut q = arm.profile.unwrap().home(&arm.model).unwrap().as_slice().to_vec();
     q[7] = 0.02;

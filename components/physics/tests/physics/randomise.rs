@@ -77,7 +77,7 @@ fn changed(mut properties: Properties) -> Properties {
 }
 
 #[test]
-fn a_simulation_reset_with_other_properties_moves_to_the_bit_as_one_that_was_built_with_them() {
+fn a_reset_with_other_properties_equals_a_new_simulation() {
     for (robot, height) in [("quadruped", 0.3), ("rrbot", 0.0)] {
         let model = load(robot, Path::new(".")).unwrap().model;
         let mut q = model.neutral();
@@ -108,7 +108,7 @@ fn a_simulation_reset_with_other_properties_moves_to_the_bit_as_one_that_was_bui
 }
 
 #[test]
-fn properties_of_another_robot_or_world_and_surfaces_that_cannot_be_are_refused() {
+fn impossible_properties_and_surfaces_are_refused() {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let (q, v) = (model.neutral(), vec![0.0; model.nv()]);
     let mut simulator = ArticulatedSimulator::new(model, world(1.0), &q, Engine::default()).unwrap();
@@ -247,7 +247,7 @@ fn another_range_leaves_the_draws_of_the_others_as_they_are() {
 }
 
 #[test]
-fn a_drawn_start_moves_the_joints_and_the_base_and_feet_still_stand_on_the_ground() {
+fn a_random_start_keeps_the_feet_on_the_ground() {
     let config = "[component.physics.config.randomise]\nstart = [-0.2, 0.2]\nbase = { x = [0.4, 0.5], yaw = [1.0, 1.0] }";
     let report = run_of("quadruped", config, "seed = 3");
     let physics = &report.results["physics"];
@@ -261,7 +261,7 @@ fn a_drawn_start_moves_the_joints_and_the_base_and_feet_still_stand_on_the_groun
 }
 
 #[test]
-fn ranges_that_cannot_be_are_refused_at_their_place_in_the_file() {
+fn impossible_ranges_are_refused_at_their_position() {
     let line = |text: &str, part: &str| text[..text.find(part).unwrap()].lines().count();
     for (robot, ranges, expected, at) in [
         ("quadruped", "mass = [1.2, 0.8]", "the lowest value stands first", "mass"),
@@ -353,7 +353,7 @@ config = { offset = 0.0, until = 0, stiffness = 1.0 }
 }
 
 #[test]
-fn a_world_of_a_batch_takes_other_properties_and_the_rest_keep_theirs() {
+fn one_world_of_a_batch_takes_other_properties() {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let (q, v) = (vec![0.3; model.nq()], vec![0.0; model.nv()]);
     let build = |_| ArticulatedSimulator::new(model.clone(), World::default(), &q, Engine::default());
@@ -368,7 +368,7 @@ fn a_world_of_a_batch_takes_other_properties_and_the_rest_keep_theirs() {
 }
 
 #[test]
-fn actuators_of_a_graph_change_its_motion_and_bad_ones_are_refused_at_their_place() {
+fn graph_actuators_change_motion_or_are_refused() {
     let start = "[component.physics.config.randomise]\nstart = [-0.1, 0.1]";
     let hash = |actuator: &str| run_of("quadruped", &format!("{actuator}\n{start}"), "seed = 3").state_hash;
     let ideal = hash("");

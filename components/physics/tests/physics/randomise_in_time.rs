@@ -29,7 +29,7 @@ fn within(value: &Value, low: f64, high: f64) {
 }
 
 #[test]
-fn each_joint_draws_factors_of_its_actuator_and_equal_seeds_move_alike() {
+fn equal_seeds_draw_equal_actuator_factors() {
     let runs = ["seed = 3", "seed = 3", "seed = 4"].map(|seed| run_of("rrbot", ACTUATORS, seed));
     assert_eq!(runs[0].state_hash, runs[1].state_hash);
     assert_ne!(runs[0].state_hash, runs[2].state_hash);
@@ -90,7 +90,7 @@ fn efforts(settings: &ActuatorSettings, properties: impl Fn(&mut ActuatorSetting
 }
 
 #[test]
-fn a_simulation_reset_with_other_actuators_moves_as_one_that_was_built_with_them() {
+fn a_reset_with_other_actuators_equals_a_new_simulation() {
     let settings =
         ActuatorSettings { delay: 4e-3, lag: 5e-3, rate_limit: Some(900.0), ..ActuatorSettings::default() };
     let other =
@@ -103,7 +103,7 @@ fn a_simulation_reset_with_other_actuators_moves_as_one_that_was_built_with_them
 }
 
 #[test]
-fn properties_that_change_in_the_midst_of_motion_leave_the_state_and_act_from_there() {
+fn properties_changed_in_motion_keep_the_state() {
     let model = load("double-pendulum", Path::new(".")).unwrap().model;
     let q = [0.4, 0.3];
     let mut simulation =
@@ -133,7 +133,7 @@ fn properties_that_change_in_the_midst_of_motion_leave_the_state_and_act_from_th
 }
 
 #[test]
-fn effort_limits_that_change_in_the_midst_of_motion_bound_actuators_from_there() {
+fn effort_limits_changed_in_motion_apply_at_once() {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let (q, limit) = (model.neutral(), model.effort_limit()[0]);
     let mut setup = RobotSetup::from(model.clone());
@@ -178,7 +178,7 @@ fn properties_with_an_actuator_that_cannot_be_change_nothing() {
 }
 
 #[test]
-fn draws_in_time_change_gravity_and_not_the_start_and_are_told_with_their_time() {
+fn timed_draws_change_gravity_and_are_reported() {
     let config = r#"
 [component.physics.config.randomise]
 every   = "30 ms"

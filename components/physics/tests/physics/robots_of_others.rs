@@ -58,7 +58,7 @@ const FAILING: [(&str, &str); 7] = [
 ];
 
 #[test]
-fn the_robots_of_the_package_hold_their_pose_or_stand_but_for_those_with_a_reason() {
+fn package_robots_hold_or_stand_except_known_ones() {
     let Some(folder) = robots() else { return };
     let mut files = Vec::new();
     find(&folder, &mut files);
@@ -141,7 +141,7 @@ fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
     let (model, free) = (&robot.model, robot.model.base().floating);
     let profile = Profile::parse(&draft_profile(robot)).map_err(|error| error.to_string())?;
     let q = start(robot, &profile);
-    let setup = RobotSetup::of(robot).map_err(|error| error.to_string())?;
+    let setup = RobotSetup::from_loaded(robot).map_err(|error| error.to_string())?;
     let world = if free { grounded(vec![]) } else { World::default() };
     let options = Options { armature, ..Options::default() };
     let simulation = ArticulatedSimulator::new(setup, world, q.as_slice(), options);

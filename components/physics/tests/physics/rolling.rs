@@ -38,7 +38,7 @@ fn run(simulation: &mut dyn Simulator, seconds: f64) {
 }
 
 #[test]
-fn a_rolling_ball_stops_after_the_distance_of_its_rolling_friction() {
+fn a_rolling_ball_stops_by_rolling_friction() {
     let (arm, speed) = (0.004, 1.0);
     for engine in able() {
         // m a = -F and I alpha = F r - arm N with a = r alpha, I = 0.4 m r^2: a = -arm g / (1.4 r).
@@ -80,7 +80,7 @@ fn a_spinning_ball_stops_in_the_time_of_its_torsional_friction() {
 }
 
 #[test]
-fn a_ball_on_a_slope_stands_within_its_rolling_friction_and_rolls_down_beyond_it() {
+fn a_ball_on_a_slope_keeps_to_its_rolling_friction() {
     // Objects this time: both sides resist, and a contact has the mean of them.
     for (angle, stands) in [(0.03_f64, true), (0.06, false)] {
         let arm = 0.04 * RADIUS;
@@ -109,7 +109,7 @@ fn a_ball_on_a_slope_stands_within_its_rolling_friction_and_rolls_down_beyond_it
 }
 
 #[test]
-fn a_cylinder_that_spins_on_its_end_stops_by_sliding_and_torsional_friction_together() {
+fn a_spinning_cylinder_stops_by_both_frictions() {
     // The rim slides: mu m g R; the four points of the rim resist spinning with arm m g together.
     let (radius, rate, arm) = (0.05, 20.0, 0.02);
     let model = body(&format!(r#"<cylinder radius="{radius}" length="0.04"/>"#));
@@ -143,7 +143,7 @@ fn a_saved_ball_that_rolls_goes_on_to_the_bit() {
 }
 
 #[test]
-fn balls_in_a_large_heap_feel_the_same_rolling_friction_as_one_alone() {
+fn balls_in_a_heap_feel_the_same_rolling_friction() {
     // Two rows on a plate make one island of more points than a matrix is formed for.
     let plate = Object {
         name: "plate".to_owned(),

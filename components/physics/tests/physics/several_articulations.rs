@@ -149,7 +149,7 @@ fn momentum<E: Engine>(simulation: &Simulation<E>) -> [Vector3<f64>; 2] {
 }
 
 #[test]
-fn robots_that_meet_push_one_another_and_keep_their_common_momentum() {
+fn colliding_robots_keep_their_common_momentum() {
     let mut simulation: ArticulatedSimulator = meeting();
     let before = momentum(&simulation);
     let mut touched = false;
@@ -209,7 +209,7 @@ fn a_robot_of_one_free_body_moves_as_a_free_object_does() {
 }
 
 #[test]
-fn a_saved_state_of_several_robots_goes_on_to_the_bit_and_a_reset_one_starts_anew() {
+fn states_of_several_robots_restore_and_reset_exactly() {
     let robots = zoo();
     let cube = Object {
         name: "cube".to_owned(),
@@ -270,7 +270,7 @@ fn a_wrench_moves_the_robot_that_it_is_applied_to() {
 }
 
 #[test]
-fn a_step_of_several_robots_that_diverges_names_the_joint_and_changes_nothing() {
+fn a_diverging_step_names_its_joint_and_changes_nothing() {
     let robots = zoo();
     let mut simulation: ArticulatedSimulator = simulate(&robots.each_ref(), grounded(vec![]));
     let drives = simulation.articulations()[2].drives();

@@ -76,7 +76,7 @@ fn run_graph(kind: &str) -> Report {
 }
 
 #[test]
-fn a_graph_of_two_quadrupeds_and_an_arm_runs_without_allocating() {
+fn several_robots_run_without_allocation() {
     for kind in ["physics.articulated"].into_iter().chain(has_mujoco().then_some("physics.mujoco")) {
         let report = run_graph(kind);
         assert_eq!(report.exit, Exit::Finished, "{report:?}");
@@ -102,7 +102,7 @@ fn a_graph_that_needs_a_floating_base_tells_what_rapier_lacks() {
 }
 
 #[test]
-fn every_robot_of_several_that_float_draws_its_own_masses_start_and_place() {
+fn several_floating_robots_are_randomised_separately() {
     for kind in ["physics.articulated"].into_iter().chain(has_mujoco().then_some("physics.mujoco")) {
         // MuJoCo's hard ground throws a robot up that starts with a foot in it.
         let start = if kind == "physics.mujoco" { "" } else { "start = [-0.05, 0.05], " };

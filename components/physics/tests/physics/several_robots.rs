@@ -155,7 +155,7 @@ fn safe(report: &Report) -> [u64; 2] {
 }
 
 #[test]
-fn an_arm_without_commands_stops_alone_or_takes_the_other_with_it() {
+fn an_arm_without_commands_stops_alone_or_with_the_other() {
     let alone = run_for_a_second("");
     let [left, right] = safe(&alone);
     assert!(left < 10 && right > 650, "left {left}, right {right}");
@@ -171,7 +171,7 @@ fn an_arm_without_commands_stops_alone_or_takes_the_other_with_it() {
 }
 
 #[test]
-fn mistakes_about_several_robots_are_found_before_anything_runs() {
+fn mistakes_about_several_robots_are_found_early() {
     let good = graph_text("", 300);
     for (from, to, expected) in [
         ("robots = [\"left\", \"right\"]", "robots = [\"left\", \"left\"]", "`robots` names `left` twice"),

@@ -31,7 +31,7 @@ fn way(simulation: &mut dyn Simulator) -> Vec<u64> {
 }
 
 #[test]
-fn a_simulation_reset_with_another_terrain_is_one_that_was_built_with_it() {
+fn a_reset_with_another_terrain_equals_a_new_simulation() {
     let mut reset = ArticulatedSimulator::new(
         body("<sphere radius=\"0.1\"/>"),
         world(1, 1.0),
@@ -56,7 +56,7 @@ fn a_simulation_reset_with_another_terrain_is_one_that_was_built_with_it() {
 }
 
 #[test]
-fn a_ball_comes_to_rest_on_the_scaled_terrain_on_every_engine_that_has_terrain() {
+fn a_ball_rests_on_scaled_terrain_on_every_engine() {
     for engine in engines().filter(|engine| *engine != Engine::Rapier) {
         let mut simulation = ball(engine, world(3, 4.0));
         way(&mut *simulation);

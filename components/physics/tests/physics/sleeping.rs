@@ -40,7 +40,7 @@ fn sleeps(simulation: &ArticulatedSimulator, name: &str) -> bool {
 }
 
 #[test]
-fn a_tower_that_stands_still_sleeps_and_bears_its_weight_all_the_while() {
+fn a_standing_tower_sleeps_and_bears_its_weight() {
     let mut simulation = scene(tower(3));
     run(&mut simulation, 2000);
     let names = ["box0", "box1", "box2"];
@@ -56,7 +56,7 @@ fn a_tower_that_stands_still_sleeps_and_bears_its_weight_all_the_while() {
 }
 
 #[test]
-fn sleepers_wake_when_something_falls_on_them_their_support_goes_or_gravity_changes() {
+fn sleepers_wake_by_impact_lost_support_or_gravity() {
     let mut objects = tower(2);
     objects.push(cube("far", [5.0, 0.0, 0.05]));
     objects.push(cube("ball", [0.03, 0.0, 30.0]));
@@ -123,7 +123,7 @@ fn crept(sleeping: bool) -> f64 {
 }
 
 #[test]
-fn sleepers_on_a_slope_wake_and_slide_when_their_friction_falls() {
+fn sleepers_on_a_slope_slide_when_friction_falls() {
     let objects = vec![cube("box", [0.0, 0.0, 0.05])];
     let gravity = [2.0, 0.0, -9.6];
     let world = World { ground: Some(Ground::default()), objects, gravity, ..World::default() };
@@ -152,7 +152,7 @@ fn without_sleeping_an_object_that_hardly_moves_goes_on() {
 }
 
 #[test]
-fn a_contact_elsewhere_changes_no_bit_of_a_robot_that_touches_nothing() {
+fn a_distant_contact_changes_no_bit_of_a_free_robot() {
     let swing = |objects: Vec<Object>| {
         let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
         let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0));

@@ -37,7 +37,7 @@ fn height(simulation: &ArticulatedSimulator, name: &str) -> f64 {
 }
 
 #[test]
-fn a_ball_sinks_in_by_its_weight_over_the_stiffness_at_any_step() {
+fn a_ball_sinks_by_weight_over_stiffness() {
     for h in [1e-2, 1e-3, 1e-4] {
         let mut simulation = on_soft_ground(5e3, 80.0, vec![ball(0.0)]);
         (0..(3.0 / h) as usize).for_each(|_| _ = simulation.step(h).unwrap());
@@ -100,7 +100,7 @@ fn a_tower_presses_its_lowest_box_in_by_the_weight_of_all() {
 }
 
 #[test]
-fn a_ball_leaves_a_spring_without_damper_nearly_as_fast_as_it_came() {
+fn a_ball_leaves_an_undamped_spring_at_its_speed() {
     // A drop of 0.2 m; the fall and the flight back take 2 sqrt(2 h / g), the contact about pi sqrt(m / k).
     let mut simulation = on_soft_ground(2e4, 0.0, vec![ball(0.2)]);
     let h = 2e-5;
@@ -138,7 +138,7 @@ fn a_soft_link_gives_way_and_a_rigid_one_does_not() {
 }
 
 #[test]
-fn soft_surfaces_that_cannot_be_are_refused_and_so_are_they_by_other_engines() {
+fn impossible_soft_surfaces_are_refused() {
     let world = |stiffness, damping| {
         let soft = Some(Softness { stiffness, damping });
         World { objects: vec![Object { soft, ..ball(0.0) }], ..World::default() }

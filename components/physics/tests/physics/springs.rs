@@ -24,20 +24,20 @@ fn rod(axis: &str) -> Model {
 #[test]
 fn the_spring_of_an_mjcf_joint_is_read_without_a_warning() {
     let model = rod("0 0 1");
-    let joint = &JointProperties::of(&model, 0.0)[0];
+    let joint = &JointProperties::from_model(&model, 0.0)[0];
     assert_eq!((joint.stiffness, joint.rest), (STIFFNESS, REST));
     let text = r#"<mujoco><worldbody><body><joint name="a" springdamper="0.5 0.8" armature="0.1"/>
   <inertial pos="0 0 0" mass="1" diaginertia="0.02 0.02 0.02"/></body></worldbody></mujoco>"#;
     let robot = parse_mjcf(text, None, &LoadOptions::default()).unwrap();
     assert!(robot.warnings.is_empty(), "{:?}", robot.warnings);
-    let joint = &JointProperties::of(&robot.model, 0.0)[0];
+    let joint = &JointProperties::from_model(&robot.model, 0.0)[0];
     // The joint feels 0.12 kg m2, armature included. A damped oscillator: d = 2 I / t, k = I / (t ratio)^2.
     assert!((joint.damping - 0.48).abs() < 1e-12, "{}", joint.damping);
     assert!((joint.stiffness - 0.12 / (0.5_f64 * 0.8).powi(2)).abs() < 1e-12, "{}", joint.stiffness);
 }
 
 #[test]
-fn a_spring_swings_with_the_period_of_its_stiffness_on_every_engine() {
+fn a_spring_swings_with_its_period_on_every_engine() {
     for engine in engines() {
         let mut swing = engine.simulate(rod("0 0 1"), World::default(), &[REST + 0.1], Options::default());
         let h = 1e-4;
@@ -58,7 +58,7 @@ fn a_spring_swings_with_the_period_of_its_stiffness_on_every_engine() {
 }
 
 #[test]
-fn a_weight_hangs_where_spring_and_gravity_balance_on_every_engine() {
+fn a_weight_hangs_in_balance_on_every_engine() {
     for engine in engines() {
         // About y: m g l cos(q) turns it down, q grows downwards.
         let mut rod = engine.simulate(rod("0 1 0"), World::default(), &[REST], Options::default());
@@ -102,7 +102,7 @@ fn a_stiff_spring_is_stable_at_any_step() {
 }
 
 #[test]
-fn the_spring_of_a_mimic_joint_acts_on_the_joint_that_it_follows() {
+fn the_spring_of_a_mimic_joint_acts_on_its_leader() {
     let text = r#"<robot name="pair"><link name="base"/>
   <joint name="leader" type="continuous"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/></joint>
   <link name="one"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -112,7 +112,7 @@ fn the_spring_of_a_mimic_joint_acts_on_the_joint_that_it_follows() {
 </robot>"#;
     let model = parse_urdf(text, None, MimicMode::Follow, &PackagePath::default()).unwrap().model;
     let model = model.with_springs(&[("leader", 3.0, 0.5), ("follower", 2.0, -0.3)]).unwrap();
-    let joint = &JointProperties::of(&model, 0.0)[0];
+    let joint = &JointProperties::from_model(&model, 0.0)[0];
     // 3 (q - 0.5) + 2 * 2 * (2 q - 0.1 - 0.3) = 11 q - 3.1
     assert!((joint.stiffness - 11.0).abs() < 1e-12 && (joint.rest - 3.1 / 11.0).abs() < 1e-12, "{joint:?}");
 }

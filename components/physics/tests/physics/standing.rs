@@ -51,7 +51,7 @@ fn robots_come_to_stand_as_in_mujoco() {
 }
 
 #[test]
-fn the_efforts_of_a_standing_robot_balance_weight_and_contact_forces() {
+fn efforts_of_a_standing_robot_balance_its_weight() {
     // Statics by another way than the solver's: g(q) = tau + sum J' f with the published efforts and
     // contacts.
     for name in ["quadruped", "hexapod", "centaur"] {
@@ -86,7 +86,7 @@ fn the_efforts_of_a_standing_robot_balance_weight_and_contact_forces() {
 }
 
 #[test]
-fn a_robot_that_is_let_go_above_the_ground_is_caught_by_its_legs() {
+fn a_dropped_robot_is_caught_by_its_legs() {
     let mut simulation = held("quadruped");
     let standing = simulation.configuration().to_vec();
     let commands = simulation.commands_mut().to_vec();

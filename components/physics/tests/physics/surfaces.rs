@@ -49,7 +49,7 @@ fn rebound(simulation: &mut dyn Simulator) -> f64 {
 }
 
 #[test]
-fn a_ball_comes_back_from_a_robot_with_the_mean_of_both_restitutions_on_every_engine() {
+fn a_ball_rebounds_with_the_mean_restitution() {
     for engine in engines() {
         for (robot, object) in [(0.9, 0.7), (0.6, 0.0), (0.0, 0.6)] {
             let options = Options { restitution: robot, ..Options::default() };

@@ -44,7 +44,7 @@ fn a_ball_rests_in_a_valley_where_it_touches_both_sides() {
 }
 
 #[test]
-fn a_box_slides_down_a_slope_as_coulomb_says_and_rests_on_one_that_is_less_steep() {
+fn a_box_slides_down_a_slope_by_coulomb() {
     let side = 0.1;
     for (angle, friction) in [(0.4_f64, 0.2_f64), (0.2, 0.3)] {
         let layers = format!(
@@ -100,7 +100,7 @@ fn a_level_terrain_moves_a_rolling_ball_as_the_plane_does() {
 }
 
 #[test]
-fn a_quadruped_stands_on_stones_with_its_weight_and_no_foot_in_them() {
+fn a_quadruped_stands_on_stones() {
     let world = terrain(
         "spacing = 0.02\nseed = 5\nlayers = [{ stones = { height = 0.03, size = 0.15, per_square_metre = 40.0 } }]",
     );

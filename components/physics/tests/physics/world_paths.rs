@@ -34,7 +34,7 @@ const SDF: &str = r#"<sdf version="1.9"><model name="slab"><static>true</static>
 <collision name="c"><geometry><box><size>1 1 0.1</size></box></geometry></collision></link></model></sdf>"#;
 
 #[test]
-fn files_of_a_world_begin_at_the_folder_of_the_file_that_names_them() {
+fn world_files_are_relative_to_the_file_naming_them() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("world_paths");
     for name in ["base", "own"] {
         std::fs::create_dir_all(folder.join(name)).unwrap();
@@ -130,8 +130,8 @@ objects = [
         second: second.into(),
         depth: 0.02,
     };
-    let told = BuildWarning::told(simulation.warnings());
-    let expected = BuildWarning::told(&[overlap("a_0", "a_1"), overlap("a_1", "a_2")]);
+    let told = BuildWarning::summarise(simulation.warnings());
+    let expected = BuildWarning::summarise(&[overlap("a_0", "a_1"), overlap("a_1", "a_2")]);
     assert_eq!(told, expected);
     assert!(told[0].starts_with("2 pairs of objects overlap, the first: \"a_0\" and \"a_1\" start 20.0 mm"));
 }

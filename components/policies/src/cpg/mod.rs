@@ -58,7 +58,7 @@ impl Component for CpgPolicy {
         check_gait(config)?;
         generator(config)?;
         CommandedJoints::new(&config.joint_command, config.gravity, declare.robot(), joints(config))?;
-        let gaits = Gait::of(config.legs.len());
+        let gaits = Gait::for_legs(config.legs.len());
         CommandedJoints::declare(declare);
         declare.float("frequency", config.frequency, FREQUENCY, "Hz", "strides per second");
         declare.float("amplitude", 1.0, 0.0..=2.0, "", "factor of all amplitudes; 0 stands still");
@@ -170,7 +170,7 @@ impl CpgPolicy {
             self.generator.set_scale(scale).map_err(refused)?;
             self.scale = scale;
         }
-        let Some(gait) = Gait::of(self.number_of_legs).get(self.gait.get().index()).copied() else {
+        let Some(gait) = Gait::for_legs(self.number_of_legs).get(self.gait.get().index()).copied() else {
             return Ok(());
         };
         let moved =
@@ -204,7 +204,7 @@ fn joints(config: &CpgPolicyConfig) -> impl Iterator<Item = (&str, String)> {
 
 fn check_gait(config: &CpgPolicyConfig) -> Result<(), ConfigError> {
     let legs = config.legs.len();
-    match (Gait::of(legs).contains(&config.gait), config.gait.phases(legs)) {
+    match (Gait::for_legs(legs).contains(&config.gait), config.gait.phases(legs)) {
         (true, _) => Ok(()),
         (false, Err(error)) => Err(ConfigError::key("gait", error.to_string())),
         (false, Ok(_)) => Err(ConfigError::key("gait", "this gait is not defined for this number of legs")),

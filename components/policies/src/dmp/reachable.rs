@@ -17,7 +17,7 @@ pub(super) struct Reach {
 
 impl Reach {
     /// The reach of a frame of a robot whose base is fixed; `None` for a frame that no joint moves.
-    pub(super) fn of(model: &Model, frame: FrameId) -> Option<Self> {
+    pub(super) fn of_frame(model: &Model, frame: FrameId) -> Option<Self> {
         let frame = &model.frames()[frame.index()];
         let mut length = frame.placement.translation.vector.norm();
         let mut body = frame.body?;
@@ -52,7 +52,7 @@ pub(super) fn check(
     start: Option<&Isometry3<f64>>,
     declare: &mut Declare,
 ) -> Result<(), ConfigError> {
-    let Some(reach) = Reach::of(&robot.model, frame) else { return Ok(()) };
+    let Some(reach) = Reach::of_frame(&robot.model, frame) else { return Ok(()) };
     let mut place = start.map(|start| start.translation.vector);
     let mut is_certain = start.is_some();
     if place.is_none()
@@ -81,7 +81,7 @@ pub(super) fn check(
         }
         declare
             .warn(format!("goal {key} is {from} if the robot starts in its home pose, and {most}"))
-            .at(format!("goals[{key}]"))
+            .key(format!("goals[{key}]"))
             .advise(advice);
         // one warning: the goals after it start from nowhere
         return Ok(());
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_posture_brings_a_frame_beyond_its_reach_and_a_stretched_arm_has_all_of_it() {
+    fn no_posture_exceeds_the_reach_of_a_frame() {
         for (name, frame) in
             [("panda", "panda_hand_tcp"), ("ur5e", "tool0"), ("planar-3r", "tip"), ("cart-pole", "tip")]
         {
@@ -106,7 +106,7 @@ mod tests {
                 Ok(frame) => frame,
                 Err(_) => model.end_effector(robot.profile.as_ref(), None).unwrap(),
             };
-            let reach = Reach::of(model, frame).unwrap();
+            let reach = Reach::of_frame(model, frame).unwrap();
             let mut kinematics = Kinematics::new(model);
             let mut state = 3_u64;
             let mut random = || {
@@ -127,7 +127,7 @@ mod tests {
         }
         let robot = motorium_robots::load("planar-3r", Path::new(".")).unwrap();
         let frame = robot.model.frame("tip").unwrap();
-        let reach = Reach::of(&robot.model, frame).unwrap();
+        let reach = Reach::of_frame(&robot.model, frame).unwrap();
         let mut kinematics = Kinematics::new(&robot.model);
         kinematics.update(&robot.model, &[0.0; 3]);
         let place = kinematics.pose(&robot.model, frame).translation.vector;

@@ -23,7 +23,8 @@ pub(super) fn plan(
     let mut planned = Vec::new();
     for (entry, name) in movements {
         for &eigenforces in eigenforces {
-            let movement = Superposition::of(library, *entry, eigenforces).placed(None, None, duration);
+            let movement =
+                Superposition::from_entry(library, *entry, eigenforces).placed(None, None, duration);
             planned.push(Planned { entry: *entry, name: name.clone(), eigenforces, movement });
         }
     }

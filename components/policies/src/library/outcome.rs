@@ -46,8 +46,8 @@ impl LibraryPolicy {
         let pairs = self.planned.iter().zip(&self.traces);
         pairs
             .map(|(planned, trace)| {
-                let whole =
-                    Superposition::of(&self.library, planned.entry, self.library.rank()).path(&self.library);
+                let whole = Superposition::from_entry(&self.library, planned.entry, self.library.rank())
+                    .path(&self.library);
                 let whole =
                     whole.row_iter().map(|row| [row[0], if dofs > 1 { row[1] } else { 0.0 }]).collect();
                 let name = format!("{}, n = {}", planned.name, planned.eigenforces);

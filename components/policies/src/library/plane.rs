@@ -85,7 +85,7 @@ impl Plane {
 
 /// Scale and centre that bring a movement, made by all eigenforces, to a size.
 fn fit(library: &MotionLibrary, entry: usize, size: f64) -> [f64; 3] {
-    let path = Superposition::of(library, entry, library.rank()).path(library);
+    let path = Superposition::from_entry(library, entry, library.rank()).path(library);
     let range = |d: usize| (path.column(d).min(), path.column(d).max());
     let (x, y) = (range(0), range(1));
     let scale = size / (x.1 - x.0).max(y.1 - y.0).max(1e-9);

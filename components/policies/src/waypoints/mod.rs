@@ -82,7 +82,7 @@ impl Component for WaypointsPolicy {
         // slower by slower time: the arcs stay
         let factor = self.speed_factor.get();
         let step = self.route.step(at, factor * tick.dt());
-        let truth = self.truth.latest().map(|base| place(&base));
+        let truth = self.truth.latest().map(|base| planar_pose(&base));
         if let Some(wanted) = step.stopped {
             self.record.judge(wanted, truth.unwrap_or(at), self.tolerance);
         }
@@ -132,7 +132,7 @@ impl Record {
 }
 
 /// The pose of a base in the plane.
-fn place(base: &BaseState) -> Place {
+fn planar_pose(base: &BaseState) -> Place {
     let [x, y, z, w] = base.orientation;
     let (_, _, yaw) = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)).euler_angles();
     Place { x: base.position[0], y: base.position[1], yaw }
@@ -237,7 +237,7 @@ mod tests {
         let turn = UnitQuaternion::from_euler_angles(0.01, -0.02, 2.5);
         let base =
             BaseState { position: [1.0, 2.0, 0.3], orientation: turn.coords.into(), ..BaseState::default() };
-        let found = place(&base);
+        let found = planar_pose(&base);
         assert!((found.yaw - 2.5).abs() < 1e-12 && (found.x, found.y) == (1.0, 2.0));
     }
 }

@@ -15,7 +15,7 @@ fn policy(config: &str) -> Instance {
 
 /// The targets of a run, and its report.
 fn run(graph: Graph, time: &str) -> (Vec<PoseTarget>, Report) {
-    let target = Probe::<PoseTarget>::of("target");
+    let target = Probe::<PoseTarget>::for_topic("target");
     let report = graph.with(&target).run(time).unwrap();
     let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
     assert_eq!(policy.allocations, Some(0));
@@ -47,7 +47,7 @@ fn a_movement_steers_round_an_obstacle_and_comes_to_its_goal() {
 }
 
 #[test]
-fn a_movement_gives_way_to_a_force_as_its_spring_and_the_mass_say() {
+fn a_movement_yields_to_a_force_by_its_spring() {
     let force = |newton: f64| {
         Source::new("sensor", "wrench", move |_| Some(Wrench { force: [0.0, newton, 0.0], torque: [0.0; 3] }))
     };
@@ -114,7 +114,7 @@ fn couplings_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn goals_beyond_the_reach_are_refused_and_offsets_that_may_lead_there_are_warned_of() {
+fn unreachable_goals_are_refused_and_offsets_warned_of() {
     let graph = |goals: &str| {
         let policy =
             policy(&format!("{{ goals = [{goals}] }}")).robot("arm").subscribe("joint_state", "state");

@@ -245,9 +245,9 @@ fn walk(walker: &Walker, model: &str, gait: Gait, tolerance: f64) {
 }
 
 #[test]
-fn every_gait_of_the_phase_network_walks_on_every_robot_with_legs() {
+fn every_gait_walks_on_every_legged_robot() {
     for walker in &WALKERS {
-        for gait in Gait::of(walker.legs.len()) {
+        for gait in Gait::for_legs(walker.legs.len()) {
             walk(walker, "phase", *gait, 0.01);
         }
     }

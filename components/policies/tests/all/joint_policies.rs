@@ -209,7 +209,7 @@ fn promp(from: f64, to: f64) -> String {
 }
 
 #[test]
-fn joints_follow_the_mean_through_a_via_point_and_the_others_stay() {
+fn joints_follow_the_mean_through_a_via_point() {
     let config = format!(
         "primitives = [{}]\njoints = [\"joint3\", \"joint1\"]\nduration = \"3 s\"\nvia = [{{ at = 0.5, position = [0.6, 0.4] }}]",
         promp(0.7, 0.2)
@@ -234,7 +234,7 @@ fn joints_follow_the_mean_through_a_via_point_and_the_others_stay() {
 }
 
 #[test]
-fn the_primitive_that_the_parameter_names_is_run_and_movements_repeat() {
+fn the_selected_primitive_runs_and_movements_repeat() {
     let config = format!(
         "primitives = [{}, {}]\njoints = [\"joint1\", \"joint2\"]\nrepeat = \"forever\"\ndwell = \"500 ms\"\njoint_command = {{ ease = \"100 ms\", kp = [1, 2, 3], kd = [1, 1, 1], gravity_compensation = false }}",
         promp(0.5, 0.2),

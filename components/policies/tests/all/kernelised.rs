@@ -51,7 +51,7 @@ fn joints_follow_a_kernelised_primitive_as_it_was_shown() {
 }
 
 #[test]
-fn a_kernelised_primitive_passes_a_place_and_still_ends_where_it_was_shown() {
+fn a_kernelised_primitive_passes_a_via_point() {
     let folder = tempfile::tempdir().unwrap();
     let config = format!(
         "primitives = [{:?}]\njoints = [\"joint1\", \"joint2\"]\nduration = \"3 s\"\n\

@@ -82,7 +82,7 @@ fn policy(config: &str, ports: bool) -> Instance {
 
 fn graph(folder: &Path, config: &str, ports: bool) -> Graph {
     Graph::new("latent-test")
-        .at(&folder.join("graph.toml"))
+        .at_path(&folder.join("graph.toml"))
         .robot("left", "planar-3r")
         .robot("right", "planar-3r")
         .with(arm("left"))
@@ -99,7 +99,8 @@ fn figure(report: &Report, robot: &str, key: &str) -> f64 {
 
 /// Last positions of both robots.
 fn run(graph: Graph, time: &str) -> ([Vec<f64>; 2], Report) {
-    let probes = ["left/command", "right/command"].map(|topic| Probe::<JointCommand>::of(topic).triggered());
+    let probes =
+        ["left/command", "right/command"].map(|topic| Probe::<JointCommand>::for_topic(topic).triggered());
     let report = graph.with(&probes[0]).with(&probes[1]).run(time).expect("it runs");
     let policy = report.components.iter().find(|component| component.name == "policy").expect("the policy");
     assert_eq!((policy.allocations, policy.errors), (Some(0), 0), "a step allocates or fails");
@@ -107,7 +108,7 @@ fn run(graph: Graph, time: &str) -> ([Vec<f64>; 2], Report) {
 }
 
 #[test]
-fn robots_follow_poses_from_a_port_and_a_step_allocates_nothing() {
+fn robots_follow_poses_from_a_port_without_allocation() {
     let folder = tempfile::tempdir().expect("a folder");
     train(&folder.path().join("arms.latent"), Some(BackForm::Pose));
     let config = format!("{{ model = \"arms.latent\", {GAINS} }}");

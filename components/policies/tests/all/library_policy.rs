@@ -152,7 +152,7 @@ publish = {{ setpoint = "arm/setpoint", recognised = "arm/recognised" }}
 }
 
 #[test]
-fn joints_are_led_through_the_movements_without_a_jump_and_what_they_did_is_recognised() {
+fn movements_are_continuous_and_are_recognised() {
     let report = run("movements = [\"here\", \"there\"]", false);
     let (robot, policy) = (&report.results["robot"], &report.results["policy"]);
     assert!(robot["largest_step"].as_f64().unwrap() < 0.01, "{robot}");
@@ -213,18 +213,18 @@ fn what_cannot_be_is_refused_by_its_key() {
 #[test]
 fn recognition_and_generation_never_allocate() {
     let library = library();
-    let movement = Movement::of(
+    let movement = Movement::from_trajectory(
         &Trajectory {
             id: String::new(),
             label: None,
             duration: 1.0,
-            positions: Superposition::of(&library, 0, 3).path(&library),
+            positions: Superposition::from_entry(&library, 0, 3).path(&library),
         },
         library.spring(),
     );
     let mut recogniser = Recogniser::new(&library, 3);
     let mut generator = Generator::new(&library);
-    let known = Superposition::of(&library, 1, 3);
+    let known = Superposition::from_entry(&library, 1, 3);
     let goal = known.frame.goal.clone();
     assert!(counts_allocations());
     let before = allocations().own;
@@ -248,7 +248,7 @@ fn movements_are_made_straight_from_recordings() {
     let library = library();
     let mut lines = String::new();
     for (k, entry) in library.entries().iter().enumerate() {
-        let path = Superposition::of(&library, k, library.rank()).path(&library);
+        let path = Superposition::from_entry(&library, k, library.rank()).path(&library);
         let velocity = |d: usize| {
             (0..path.nrows())
                 .map(|i| (path[(i, d)] - if i > 0 { path[(i - 1, d)] } else { 0.0 }) * 100.0)

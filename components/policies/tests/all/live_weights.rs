@@ -149,7 +149,7 @@ fn widest(y: &[f64]) -> f64 {
 }
 
 #[test]
-fn weights_that_arrive_change_the_next_movement_to_their_goal_and_bad_ones_change_nothing() {
+fn new_weights_apply_to_the_next_movement() {
     let report = support::run(Path::new("weights.toml"), graph(""), kinds());
     let y: Vec<f64> = serde_json::from_value(report.results["recorder"].clone()).unwrap();
     assert_eq!(y.len(), 3000);
@@ -182,7 +182,7 @@ fn half_way(session: &mut Session<'_>) -> (f64, String) {
 }
 
 #[test]
-fn an_episode_with_the_same_weights_is_equal_to_the_last_bit_and_one_without_goes_straight() {
+fn equal_weights_give_equal_episodes() {
     let mut session = session("");
     let mut episode = |sent: Option<Box<Weights>>| {
         session.reset(1).unwrap();

@@ -27,7 +27,7 @@ fn written(path: &[[f64; 2]]) -> &[[f64; 2]] {
 }
 
 #[test]
-fn joints_write_the_letters_of_pictures_at_the_pen_speed_that_is_asked_for() {
+fn joints_write_letters_at_the_given_speed() {
     let (folder, known) = (tempfile::tempdir().unwrap(), known());
     let spring = SampledSpring::new(80, DAMPING).unwrap();
     let training = Training { epochs: 600, eigenforces: 6, augmentation: 0.03, ..Training::default() };
@@ -36,7 +36,7 @@ fn joints_write_the_letters_of_pictures_at_the_pen_speed_that_is_asked_for() {
     let curves: Vec<DMatrix<f64>> =
         known.trajectories.iter().map(|letter| unit_extent(&letter.resampled(200))).collect();
     for (k, curve) in curves.iter().enumerate() {
-        std::fs::write(folder.path().join("shown.pgm"), Picture::of(curve).to_pgm()).unwrap();
+        std::fs::write(folder.path().join("shown.pgm"), Picture::from_path(curve).to_pgm()).unwrap();
         let drawing = folder.path().join("drawn.svg");
         let config = format!(
             "library = \"letters.coupling\"\npictures = [\"shown.pgm\"]\npen_speed = 1.0\npicture = {drawing:?}"

@@ -46,13 +46,13 @@ const LIMITS: &str =
 
 /// The commands of a run.
 fn commands<C: Component>(config: &str, time: &str) -> (Vec<JointCommand>, Report) {
-    let probe = Probe::<JointCommand>::of("command").triggered();
+    let probe = Probe::<JointCommand>::for_topic("command").triggered();
     let report = graph::<C>(0.0, config).with(&probe).run(time).unwrap();
     (probe.values(), report)
 }
 
 #[test]
-fn joints_come_to_rest_at_their_goals_within_limits_and_a_step_allocates_nothing() {
+fn joints_reach_their_goals_within_limits() {
     for profile in ["time_optimal", "minimum_jerk"] {
         let config = format!(
             "{{ profile = \"{profile}\", {LIMITS}, goals = [{{ position = [0.0, 0.0, 1.0] }}, \
@@ -83,7 +83,7 @@ fn joints_come_to_rest_at_their_goals_within_limits_and_a_step_allocates_nothing
 }
 
 #[test]
-fn the_time_of_a_motion_is_the_shortest_within_the_limits_or_that_given() {
+fn a_motion_takes_the_shortest_or_the_given_time() {
     // one joint by 1 rad: d / v + v / a + a / j
     let goal = |rest: &str| format!("{{ {LIMITS}, goals = [{{ offset = {{ joint1 = -1.0 }}{rest} }}] }}");
     let (_, report) = commands::<TrajectoryPolicy>(&goal(""), "3 s");
@@ -104,7 +104,7 @@ fn home_is_a_trajectory_to_the_pose_of_the_profile() {
 }
 
 #[test]
-fn a_goal_that_a_joint_is_beside_is_missed_and_the_joint_is_named() {
+fn a_missed_goal_names_its_joint() {
     let config = "{ goals = [\"stretched\"], tolerance = 0.02 }";
     let report = graph::<TrajectoryPolicy>(0.03, config).run("12 s").unwrap();
     assert_eq!(report.results["policy"]["goals_missed"], 1, "{}", report.results["policy"]);

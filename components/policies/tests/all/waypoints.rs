@@ -40,8 +40,8 @@ fn number(report: &Report, key: &str) -> f64 {
 }
 
 #[test]
-fn it_leads_a_base_on_two_wheels_to_its_goals_and_a_step_allocates_nothing() {
-    let target = Probe::<TwistTarget>::of("target");
+fn a_two_wheeled_base_reaches_its_goals() {
+    let target = Probe::<TwistTarget>::for_topic("target");
     let report = graph("differential-drive", 1.0, policy(CORNERS)).with(&target).run("16 s").unwrap();
     assert_eq!(report.results["policy"]["goals_reached"], 2, "{}", report.results["policy"]);
     assert_eq!(report.results["policy"]["finished"], true);
@@ -57,7 +57,7 @@ fn it_leads_a_base_on_two_wheels_to_its_goals_and_a_step_allocates_nothing() {
 #[test]
 fn it_leads_an_omnidirectional_base_sideways() {
     let config = "{ goals = [{ position = [0.0, 0.5] }] }";
-    let target = Probe::<TwistTarget>::of("target");
+    let target = Probe::<TwistTarget>::for_topic("target");
     let report = graph("mobile-manipulator", 1.0, policy(config)).with(&target).run("4 s").unwrap();
     assert_eq!(report.results["policy"]["goals_reached"], 1, "{}", report.results["policy"]);
     assert!(target.values().iter().all(|target| target.linear[0].abs() < 1e-9 && target.angular[2] == 0.0));
@@ -90,7 +90,7 @@ fn goals_are_judged_by_the_true_pose_where_it_is_known() {
 fn half_the_speed_takes_twice_the_time_on_the_same_way() {
     let config = "{ goals = [{ position = [0.4, 0.0], dwell = \"0 s\" }] }";
     let distance = |factor: f64, time: &str| {
-        let odometry = Probe::<Odometry>::of("odometry");
+        let odometry = Probe::<Odometry>::for_topic("odometry");
         let policy = policy(config).parameter("speed", factor);
         graph("differential-drive", 1.0, policy).with(&odometry).run(time).unwrap();
         odometry.values().last().unwrap().position[0]

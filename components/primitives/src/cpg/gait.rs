@@ -65,7 +65,7 @@ impl Gait {
     }
 
     /// Gaits defined for a number of legs; empty unless `legs` is 2, 4 or 6.
-    pub fn of(legs: usize) -> &'static [Self] {
+    pub fn for_legs(legs: usize) -> &'static [Self] {
         match legs {
             2 => &[Self::Walk, Self::Bound],
             4 => &[Self::Walk, Self::Trot, Self::Pace, Self::Bound],

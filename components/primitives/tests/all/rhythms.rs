@@ -30,7 +30,7 @@ fn apart(a: f64, b: f64) -> f64 {
 #[test]
 fn gaits_settle_and_change_without_jumps() {
     for model in models() {
-        for (n, gaits) in [(2, Gait::of(2)), (4, Gait::of(4)), (6, Gait::of(6))] {
+        for (n, gaits) in [(2, Gait::for_legs(2)), (4, Gait::for_legs(4)), (6, Gait::for_legs(6))] {
             for (from, to) in gaits.iter().flat_map(|from| gaits.iter().map(move |to| (*from, *to))) {
                 let what = format!("{model:?}, {n} legs, {from:?} to {to:?}");
                 let mut rhythm = rhythm(model, from, n, OscillatorNetworkSettings::default());

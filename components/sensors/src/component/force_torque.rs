@@ -82,7 +82,7 @@ impl ForceTorqueConfig {
     }
 
     /// Returns the carried link and the sensor's pose in its frame.
-    fn place(&self, model: &Model) -> Result<(FrameId, Isometry3<f64>), ConfigError> {
+    fn locate(&self, model: &Model) -> Result<(FrameId, Isometry3<f64>), ConfigError> {
         let link = model.frame(&self.link).map_err(|error| ConfigError::key("link", error.to_string()))?;
         if model.frames()[link.index()].parent.is_none() {
             return Err(ConfigError::key(
@@ -133,14 +133,14 @@ impl Component for ForceTorque {
         config.channels(0, &config.randomise.draw(0, config.latency)).map_err(refused)?;
         Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
         let model = TrueLoads::declare(config.gravity, declare)?;
-        let (link, _) = config.place(&model)?;
+        let (link, _) = config.locate(&model)?;
         if carried(&model, link) == 0.0 {
             declare
                 .warn(format!(
                     "`{}` and the links it carries have no mass: the sensor reads contacts only",
                     config.link
                 ))
-                .at("link");
+                .key("link");
         }
         declare.output::<Wrench>("wrench", "force and torque on what the sensor carries, in its axes");
         Ok(())
@@ -148,7 +148,7 @@ impl Component for ForceTorque {
 
     fn configure(config: ForceTorqueConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let mut loads = TrueLoads::open(config.gravity, setup)?;
-        let (link, place) = config.place(loads.model())?;
+        let (link, place) = config.locate(loads.model())?;
         loads.follow([Axes::Link(link, place)]);
         let seed = config.seed.unwrap_or(setup.seed());
         let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;

@@ -246,7 +246,7 @@ mod tests {
         let arm = Source::new("left-bus", "arm/state", |_| Some(state(&[3.0, 1.0])));
         let gripper =
             Source::new("right-bus", "gripper/state", |tick| (tick.index < 200).then(|| state(&[2.0])));
-        let probe = Probe::<JointState>::of("state").triggered();
+        let probe = Probe::<JointState>::for_topic("state").triggered();
         let graph = Graph::new("merged").robot("planar", "planar-3r");
         let graph = graph.with(arm).with(gripper).with(merge(&ARM, &["joint2"])).with(&probe);
         let report = graph.run("1 s").unwrap();

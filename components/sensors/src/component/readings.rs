@@ -47,7 +47,7 @@ impl Readings {
             let period = TimeSpan { ns: period.as_nanos() as u64 };
             declare
                 .warn(format!("a latency of {latency} is shorter than the period"))
-                .at("latency")
+                .key("latency")
                 .advise(format!("readings leave at steps, {period} late: say so, or raise the rate"));
         }
         Ok(())

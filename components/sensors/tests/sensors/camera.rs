@@ -108,7 +108,7 @@ fn world_camera_sees_colours_reproducibly() {
          noise = {{ full_well = 20000.0 }}, seed = 4, {WORLD}"
     );
     let run = || {
-        let info = Probe::<ImageInfo>::of("info");
+        let info = Probe::<ImageInfo>::for_topic("info");
         let report = graph(camera(&text)).with(&info).run("300 ms").unwrap();
         let camera = report.components.iter().find(|component| component.name == "camera").unwrap();
         assert_eq!((camera.allocations, camera.errors), (Some(0), 0));
@@ -160,7 +160,7 @@ fn moving_ball_is_predicted_to_the_present() {
     let place = "{ frame = \"world\", position = [1.8, 0.0, 0.5], rpy = [0.0, 0.0, 3.14159265] }";
     let text = format!("mount = {place}, latency = \"40 ms\", {WORLD}");
     let blob = estimator(&format!("camera = {place}, colour = [0.9, 0.1, 0.1], radius = 0.1"));
-    let probe = Probe::<PoseTarget>::of("target").triggered();
+    let probe = Probe::<PoseTarget>::for_topic("target").triggered();
     let report = graph(camera(&text)).with(blob).with(&probe).run("2 s").unwrap();
     let blob = report.components.iter().find(|component| component.name == "blob").unwrap();
     assert_eq!((blob.allocations, blob.errors), (Some(0), 0));
@@ -228,7 +228,7 @@ fn object_at_rest_is_steady_for_a_moving_camera() {
         .set("config", config(&text));
     let blob = estimator(&format!("camera = {place}, colour = [0.1, 0.8, 0.1], radius = 0.05"))
         .subscribe("joint_state", "joints");
-    let probe = Probe::<PoseTarget>::of("target").triggered();
+    let probe = Probe::<PoseTarget>::for_topic("target").triggered();
     let graph = Graph::new("swing").robot("arm", "panda").with(swing).with(camera).with(blob).with(&probe);
     let report = graph.run("2 s").unwrap();
     assert_eq!(report.results["blob"]["unplaced"], 0);
@@ -305,7 +305,7 @@ fn mesh_is_rendered_with_its_colour_and_hole() {
     );
     let mount = "mount = { frame = \"world\", position = [3.0, 0.0, 0.4], rpy = [0.0, 0.0, 3.14159265] }";
     let text = format!("{mount}, sees_robot = false, {world}");
-    let info = Probe::<ImageInfo>::of("info");
+    let info = Probe::<ImageInfo>::for_topic("info");
     let camera = Instance::of::<AlongRays<Camera>>("camera")
         .rate("50 Hz")
         .robot("arm")

@@ -16,7 +16,7 @@ fn graph(truth: Source, config: &str) -> (Graph, Probe<JointState>) {
         .subscribe("joint_state", "rod/true_state")
         .publish("measured", "rod/joint_state")
         .set("config", config["config"].clone());
-    let readings = Probe::of("rod/joint_state");
+    let readings = Probe::for_topic("rod/joint_state");
     (Graph::new("encoder").robot("rod", "pendulum").with(truth).with(encoder).with(&readings), readings)
 }
 

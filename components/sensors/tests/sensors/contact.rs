@@ -23,7 +23,7 @@ fn run(config: &str, truth: impl Fn(u64, &mut Contacts) + Send + Sync + 'static)
         .subscribe("contacts", "contacts")
         .publish("feet", "feet")
         .set("config", config["config"].clone());
-    let probe = Probe::of("feet");
+    let probe = Probe::for_topic("feet");
     let graph = Graph::new("feet").robot("dog", "quadruped").with(truth).with(sensor).with(&probe);
     let report = graph.run("100 ms").unwrap();
     let sensor = report.components.iter().find(|component| component.name == "contact").unwrap();

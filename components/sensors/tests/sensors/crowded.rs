@@ -54,7 +54,7 @@ fn contacts_beyond_the_room_of_a_message_are_counted() {
         Some(command)
     });
     let (contacts, impulses) =
-        (Probe::<Contacts>::of("r/contacts"), Probe::<ContactImpulses>::of("r/impulses"));
+        (Probe::<Contacts>::for_topic("r/contacts"), Probe::<ContactImpulses>::for_topic("r/impulses"));
     let graph = Graph::new("crowded").robot("r", file.to_str().unwrap()).with(still).with(physics);
     let report = graph.with(&contacts).with(&impulses).run("500 ms").unwrap();
     let last = contacts.values().last().copied().unwrap();

@@ -12,7 +12,7 @@ fn file() -> PathBuf {
 
 fn run(set: &[(&str, &str)], duration: &str) -> Report {
     let text = std::fs::read_to_string(file()).unwrap();
-    let mut graph = Graph::from_toml(text).at(&file()).kind::<ArticulatedPhysics>();
+    let mut graph = Graph::from_toml(text).at_path(&file()).kind::<ArticulatedPhysics>();
     graph = graph
         .kind::<motorium_policies::CpgPolicy>()
         .kind::<motorium_sensors::JointEncoder>()

@@ -46,7 +46,8 @@ fn sums(port: &str) -> Sums {
     let folder = std::env::temp_dir().join(format!("motorium-impacts-{port}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("plate.urdf"), PLATE).unwrap();
-    let (readings, poses) = (Probe::<Wrench>::of("wrench"), Probe::<ObjectPoses>::of("objects"));
+    let (readings, poses) =
+        (Probe::<Wrench>::for_topic("wrench"), Probe::<ObjectPoses>::for_topic("objects"));
     let idle = motorium::testing::Source::new("idle", "command", |_| None::<JointCommand>);
     let physics = Instance::of::<ArticulatedPhysics>("physics")
         .rate("1 kHz")
@@ -63,7 +64,7 @@ fn sums(port: &str) -> Sums {
         .publish("wrench", "wrench")
         .set("config", toml::Value::Table("link = \"plate\"".parse().unwrap()));
     let graph = Graph::from_toml(WORLD.to_owned())
-        .at(&folder.join("graph.toml"))
+        .at_path(&folder.join("graph.toml"))
         .robot("plate", "plate.urdf")
         .with(idle)
         .with(physics)

@@ -81,7 +81,7 @@ fn graph(config: &str) -> (Graph, Probe<ImuSample>) {
         .subscribe("base_state", "base")
         .publish("imu", "imu")
         .set("config", config["config"].clone());
-    let probe = Probe::of("imu");
+    let probe = Probe::for_topic("imu");
     (Graph::new("imu").robot("dog", "quadruped").with(tilted(1000)).with(imu).with(&probe), probe)
 }
 

@@ -16,7 +16,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 /// Position and velocity of a motion of constant acceleration from `q`, `v` and `a`.
-fn at(time: f64, q: &[f64], v: &[f64], a: &[f64]) -> (Vec<f64>, Vec<f64>) {
+fn state_at(time: f64, q: &[f64], v: &[f64], a: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let positions = q.iter().zip(v).zip(a).map(|((q, v), a)| q + v * time + 0.5 * a * time * time);
     (positions.collect(), v.iter().zip(a).map(|(v, a)| v + a * time).collect())
 }
@@ -25,7 +25,7 @@ fn sampled(model: &Model, loads: &mut Loads, (q, v, a): (&[f64], &[f64], &[f64])
     let mut kinematics = Kinematics::new(model);
     let h = 1e-4;
     for (time_ns, time) in [(0, -0.5 * h), (100_000, 0.5 * h)] {
-        let (q, v) = at(time, q, v, a);
+        let (q, v) = state_at(time, q, v, a);
         kinematics.update_with_velocity(model, &q, &v);
         loads.sample(time_ns, model, &kinematics, outside.iter().copied());
     }
@@ -114,7 +114,7 @@ fn force_torque(config: &str) -> Instance {
 }
 
 fn held(angle: f64, config: &str) -> (Report, Vec<Wrench>) {
-    let probe = Probe::<Wrench>::of("wrench");
+    let probe = Probe::<Wrench>::for_topic("wrench");
     let sensor = force_torque(config).robot("rod").subscribe("joint_state", "rod/state");
     let graph = Graph::new("loads").robot("rod", "pendulum").with(still(angle)).with(sensor).with(&probe);
     let report = graph.run("100 ms").unwrap();
@@ -189,7 +189,7 @@ fn leg_in_free_fall_reads_zero_at_any_attitude() {
         state.position_mut().fill(0.4);
         Some(state)
     });
-    let probe = Probe::<Wrench>::of("wrench");
+    let probe = Probe::<Wrench>::for_topic("wrench");
     let sensor = force_torque("link = \"hind_left_thigh\"")
         .robot("dog")
         .subscribe("base_state", "dog/base")
@@ -218,7 +218,8 @@ fn swing(config: &str, subscribe_randomisation: bool) -> Vec<(f64, f64)> {
         .subscribe("joint_command", "rod/command")
         .publish("joint_state", "rod/state")
         .set("config", table(config));
-    let (truth, measured) = (Probe::<JointState>::of("rod/state"), Probe::<JointState>::of("rod/torque"));
+    let (truth, measured) =
+        (Probe::<JointState>::for_topic("rod/state"), Probe::<JointState>::for_topic("rod/torque"));
     let mut sensor = Instance::of::<JointTorque>("sensor")
         .trigger("rod/state")
         .robot("rod")
@@ -295,7 +296,8 @@ ground = {}
         .publish("contacts", "dog/contacts");
     let mut graph = Graph::from_toml(text).robot("dog", "quadruped").with(idle).with(physics);
     let legs = ["front_left", "front_right", "hind_left", "hind_right"];
-    let probes: Vec<Probe<Wrench>> = legs.iter().map(|leg| Probe::of(&format!("{leg}/wrench"))).collect();
+    let probes: Vec<Probe<Wrench>> =
+        legs.iter().map(|leg| Probe::for_topic(&format!("{leg}/wrench"))).collect();
     for (leg, probe) in legs.iter().zip(&probes) {
         let sensor = Instance::of::<ForceTorque>(leg)
             .trigger("dog/joints")

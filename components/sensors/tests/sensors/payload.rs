@@ -51,7 +51,7 @@ fn held(robot: &str, link: &str, holder: &str) -> (f64, f64) {
         .subscribe("contact_impulses", "r/impulses")
         .publish("wrench", "r/wrench")
         .set("config", table(&format!("link = \"{link}\"")));
-    let probe = Probe::<Wrench>::of("r/wrench");
+    let probe = Probe::<Wrench>::for_topic("r/wrench");
     let graph = Graph::new("payload").robot("r", robot).with(home).with(physics).with(sensor).with(&probe);
     let report = graph.run("2 s").unwrap();
     let force = Vector3::from(probe.values().last().unwrap().force).norm();
@@ -96,7 +96,7 @@ fn error(hertz: f64) -> f64 {
         .robot("r")
         .subscribe("joint_state", "r/state")
         .publish("measured", "r/torque");
-    let probe = Probe::<JointState>::of("r/torque");
+    let probe = Probe::<JointState>::for_topic("r/torque");
     let graph = Graph::new("torque").robot("r", "ur5e").with(joints).with(sensor).with(&probe);
     graph.run("1 s").unwrap();
     let model = load("ur5e", Path::new(".")).unwrap().model;

@@ -56,7 +56,7 @@ fn from_above(x: f64, y: f64, z: f64) -> Isometry3<f64> {
 fn sphere_projection_gives_centre_and_distance() {
     let camera = Pinhole { focal_length: [200.0, 210.0], ..Pinhole::new(160, 120, 1.0) };
     for place in [[2.0, 0.0, 0.0], [1.5, 0.35, -0.2], [3.0, -0.9, 0.6]] {
-        let scene = Scene::default().with(ball(0.2), place, Paint::plain(RED));
+        let scene = Scene::default().with(ball(0.2), place, Paint::solid(RED));
         let picture = levels(&scene.picture(camera, &Isometry3::identity(), [0.3, 0.4, -1.0]));
         let hue = Hue::new(RED, 0.1, 20.0).unwrap();
         let blob = Blob::find(&hue, &camera, &picture, 480, 8).unwrap();
@@ -74,7 +74,7 @@ fn sphere_projection_gives_centre_and_distance() {
 fn sphere_outline_matches_its_tangent_cone() {
     let camera = Pinhole::new(160, 120, 1.0);
     let centre = Vector3::new(1.5, 0.35, -0.2);
-    let scene = Scene::default().with(ball(0.2), centre.into(), Paint::plain(RED));
+    let scene = Scene::default().with(ball(0.2), centre.into(), Paint::solid(RED));
     let picture = scene.picture(camera, &Isometry3::identity(), [1.0, 0.0, 0.0]);
     // a direction meets the sphere where its angle to the centre is below asin(r / d)
     let edge = (0.2 / centre.norm()).asin();
@@ -96,7 +96,7 @@ fn brightness_follows_lambert_for_any_view() {
         for pose in
             [from_above(0.0, 0.0, 1.0), from_above(0.0, 0.0, 1.0) * Isometry3::rotation(Vector3::y() * 0.4)]
         {
-            let scene = Scene::default().with(ConvexShape::HalfSpace, [0.0; 3], Paint::plain(GREEN));
+            let scene = Scene::default().with(ConvexShape::HalfSpace, [0.0; 3], Paint::solid(GREEN));
             let picture = scene.picture(camera, &pose, [angle.sin(), 0.0, -angle.cos()]);
             let share = AMBIENT + (1.0 - AMBIENT) * angle.cos().max(0.0);
             for pixel in picture {
@@ -113,10 +113,10 @@ fn ball_casts_a_round_shadow_and_occludes() {
     let camera = Pinhole::new(80, 60, 1.2);
     let pose = from_above(0.0, 0.0, 2.0) * Isometry3::rotation(Vector3::y() * -0.35);
     let (radius, height) = (0.3, 1.0);
-    let scene = Scene::default().with(ConvexShape::HalfSpace, [0.0; 3], Paint::plain(GREEN)).with(
+    let scene = Scene::default().with(ConvexShape::HalfSpace, [0.0; 3], Paint::solid(GREEN)).with(
         ball(radius),
         [0.6, 0.1, height],
-        Paint::plain(RED),
+        Paint::solid(RED),
     );
     let picture = scene.picture(camera, &pose, [0.0, 0.0, -1.0]);
     let (mut shaded, mut sunny, mut hidden) = (0, 0, 0);
@@ -198,7 +198,7 @@ fn shot_noise_grows_with_the_root_of_the_level() {
 #[test]
 fn a_thing_of_another_hue_or_too_small_is_none() {
     let camera = Pinhole::new(80, 60, 1.0);
-    let scene = Scene::default().with(ball(0.2), [2.0, 0.0, 0.0], Paint::plain(GREEN));
+    let scene = Scene::default().with(ball(0.2), [2.0, 0.0, 0.0], Paint::solid(GREEN));
     let picture = levels(&scene.picture(camera, &Isometry3::identity(), [1.0, 0.0, 0.0]));
     let find =
         |colour, least| Blob::find(&Hue::new(colour, 0.15, 20.0).unwrap(), &camera, &picture, 240, least);

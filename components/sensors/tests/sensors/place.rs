@@ -27,7 +27,7 @@ fn run<C: Component, T: StateBuffer + Send>(port: &str, config: &str, duration: 
         .subscribe("base_state", "base")
         .publish(port, "reading")
         .set("config", config["config"].clone());
-    let probe = Probe::<T>::of("reading");
+    let probe = Probe::<T>::for_topic("reading");
     let graph = Graph::new("place").robot("dog", "quadruped").with(truth()).with(sensor).with(&probe);
     let report = graph.run(duration).unwrap();
     let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
@@ -63,7 +63,7 @@ fn fix_matches_the_tangent_plane_with_stated_errors() {
     let config = "origin = { latitude = 46.52, longitude = 6.57, altitude = 400.0 }, horizontal = { noise = 0.5 }, \
                   vertical = { noise = 2.0 }, velocity = { noise = 0.1 }";
     let fixes: Vec<GeoFix> = run::<AtPlace<Gps>, _>("fix", config, "20 s");
-    let plane = TangentPlane::at(&origin);
+    let plane = TangentPlane::tangent_at(&origin);
     let n = fixes.len() as f64;
     let local = |fix: &GeoFix| {
         let place = Geodetic { latitude: fix.latitude, longitude: fix.longitude, altitude: fix.altitude };

@@ -63,7 +63,8 @@ fn invalid_ranges_are_rejected_by_name() {
 
 /// Readings of an IMU at rest and its sampled parameters, in an episode with this seed.
 fn still(seed: u64) -> (Vec<Sample<ImuSample>>, Randomisation) {
-    let (readings, drawn) = (Probe::<ImuSample>::of("imu"), Probe::<Randomisation>::of("drawn"));
+    let (readings, drawn) =
+        (Probe::<ImuSample>::for_topic("imu"), Probe::<Randomisation>::for_topic("drawn"));
     let joints = Source::new("truth", "state", |_| {
         let mut state = JointState::default();
         state.set_count(1);
@@ -134,7 +135,7 @@ fn standing<C: Component, T: StateBuffer + Send>(
         Some(state)
     });
     let contacts = Source::new("contacts", "contacts", |_| Some(motorium::state::Contacts::default()));
-    let (readings, drawn) = (Probe::<T>::of("reading"), Probe::<Randomisation>::of("drawn"));
+    let (readings, drawn) = (Probe::<T>::for_topic("reading"), Probe::<Randomisation>::for_topic("drawn"));
     let config = format!(
         "{quantity} = {{ noise = 0.01 }}\nseed = 3\nrandomise = {{ noise = [2.0, 9.0], latency = [\"3 ms\", \"9 ms\"] }}\n{config}"
     );

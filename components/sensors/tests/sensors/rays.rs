@@ -50,7 +50,7 @@ fn run<C: Component, T: StateBuffer + Send>(
     duration: &str,
 ) -> Vec<T> {
     let mut instance = sensor::<C>(port, config);
-    let probe = Probe::<T>::of("reading");
+    let probe = Probe::<T>::for_topic("reading");
     let mut graph = Graph::new("rays").robot("dog", "quadruped").with(truth()).with(&probe);
     if let Some(object) = object {
         instance = instance.subscribe("object_poses", "objects");
@@ -95,7 +95,7 @@ fn lidar_sees_a_moving_ball_at_its_current_pose() {
 
 #[test]
 fn lidar_points_are_on_surfaces_in_sensor_axes() {
-    let probe = Probe::<Ranges>::of("reading");
+    let probe = Probe::<Ranges>::for_topic("reading");
     let config = "world = { ground = {} }, rays = 8, elevations = [-0.5, 0.5], most = 5.0";
     let instance = sensor::<AlongRays<Lidar>>("ranges", config).publish("points", "points");
     let counter = Instance::of::<Counter>("counter").trigger("points").subscribe("points", "points");
@@ -221,7 +221,7 @@ fn fixed_sensors_need_no_motion_and_see_the_arm() {
         state.set_count(8);
         Some(state)
     });
-    let probe = Probe::<Ranges>::of("reading");
+    let probe = Probe::<Ranges>::for_topic("reading");
     let report =
         Graph::new("rays").robot("arm", "panda").with(joints).with(lidar).with(&probe).run("200 ms").unwrap();
     assert_eq!(report.components.iter().find(|component| component.name == "sensor").unwrap().errors, 0);
@@ -234,7 +234,7 @@ fn fixed_sensors_need_no_motion_and_see_the_arm() {
         Instance::of::<AlongRays<RaySensor>>("sensor").rate("50 Hz").robot("arm").publish("range", "reading");
     let config: toml::Table =
         "config = { sees_robot = false, mount = { rpy = [0.0, 1.5707963, 0.0], position = [0.0, 0.0, 1.0] }, world = { ground = {} } }".parse().unwrap();
-    let probe = Probe::<Ranges>::of("reading");
+    let probe = Probe::<Ranges>::for_topic("reading");
     let still = still.set("config", config["config"].clone());
     Graph::new("rays").robot("arm", "panda").with(still).with(&probe).run("200 ms").unwrap();
     assert!(
@@ -298,7 +298,7 @@ fn depth_camera_matches_pinhole_depths() {
         .trigger("reading")
         .subscribe("depth", "reading")
         .subscribe("grey", "grey");
-    let info = Probe::<ImageInfo>::of("info");
+    let info = Probe::<ImageInfo>::for_topic("info");
     // the ball of 0.5 m is on the optical axis, 2 m ahead of the camera at 0.5 m
     let ball = objects(2.0 * 0.3_f64.cos(), 0.0, 0.5 - 2.0 * 0.3_f64.sin());
     let graph =

@@ -33,7 +33,7 @@ fn readings(draws: &'static [(u32, f64)], again: u64) -> (Vec<f64>, u64) {
         let times = (200..=200 + 20 * again).step_by(20);
         times.into_iter().any(|index| index == tick.index).then_some(message)
     });
-    let probe = Probe::<Ranges>::of("range");
+    let probe = Probe::<Ranges>::for_topic("range");
     let config = format!(
         "sees_robot = false\nmost = 9.0\nmount = {{ frame = \"base\", rpy = [0.0, 1.5707963267948966, 0.0] }}\nworld = {{ terrain = {{ {TERRAIN} }} }}"
     );

@@ -179,7 +179,7 @@ impl RayScene {
     /// Collects the shapes that a bundle of rays may hit, nearest first.
     fn choose(&mut self, rays: &[Ray], range: f64) {
         self.near.clear();
-        let bundle = Bundle::of(rays);
+        let bundle = Bundle::from_rays(rays);
         for (index, target) in self.targets.iter().enumerate() {
             let reach = target.shape.reach;
             if !reach.is_finite() {
@@ -197,7 +197,7 @@ impl RayScene {
 }
 
 impl Bundle {
-    fn of(rays: &[Ray]) -> Self {
+    fn from_rays(rays: &[Ray]) -> Self {
         let count = 1.0 / rays.len() as f64;
         let mut centre = V3::ZERO;
         let mut axis = V3::ZERO;

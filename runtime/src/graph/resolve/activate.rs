@@ -27,7 +27,7 @@ pub(super) fn resolve(
     if let [(Some(place), key), ..] | [_, (Some(place), key)] = other {
         report
             .error(format!("component `{name}` has both `{key}` and `activate`"))
-            .at(&at.key, "a component is released in one way")
+            .label(&at.key, "a component is released in one way")
             .and(place, "another one here")
             .advise("leave one of them out");
         return None;
@@ -35,7 +35,7 @@ pub(super) fn resolve(
     if let Some(phase) = &table.phase {
         report
             .error(format!("component `{name}` has a phase but no rate"))
-            .at(&phase.key, "has no meaning for a component that events release")
+            .label(&phase.key, "has no meaning for a component that events release")
             .and(&at.key, "it steps when an event comes")
             .advise("leave `phase` out");
     }
@@ -43,7 +43,7 @@ pub(super) fn resolve(
     if clock == ClockKind::Lockstep {
         report
             .error(format!("component `{name}` waits for events, and in lockstep there are none"))
-            .at(&at.key, "events come in real time, from outside of the graph")
+            .label(&at.key, "events come in real time, from outside of the graph")
             .advise(
                 "in lockstep give it a `rate` in place of `activate`: it then looks for events at each step, and no two runs are \
                  the same; or put a component in its place that simulates the source",
@@ -54,7 +54,7 @@ pub(super) fn resolve(
     for (key, _) in missing.iter().filter(|(key, missing)| *missing && !values.meant.contains(key)) {
         report
             .error(format!("the `activate` of component `{name}` has no `{key}`"))
-            .at(&at.span, format!("`{key}` is missing"))
+            .label(&at.span, format!("`{key}` is missing"))
             .advise("write `activate = { on = \"fd\", min_interval = \"1 ms\" }`");
     }
     let interval = values.min_interval.as_ref()?;
@@ -62,7 +62,7 @@ pub(super) fn resolve(
     if time < SHORTEST {
         report
             .error(format!("the `min_interval` of component `{name}` is {time}"))
-            .at(&interval.span, format!("expected {SHORTEST} or more"))
+            .label(&interval.span, format!("expected {SHORTEST} or more"))
             .advise("the time between two steps that is enough for what it does: \"1 ms\"");
         return None;
     }
@@ -78,7 +78,7 @@ fn can_wait(draft: &Draft<'_, '_>, at: &At<ActivateTable>, report: &mut Report) 
     let kind = draft.table.kind.as_ref().or(draft.table.exec.as_ref());
     let diagnostic = report
         .error(format!("component `{}` has no descriptor that could release it", draft.name))
-        .at(&at.span, "only kinds that wait for something outside of the graph have one")
+        .label(&at.span, "only kinds that wait for something outside of the graph have one")
         .advise("give it a `rate`, or a `trigger`");
     if let Some(kind) = kind.filter(|kind| kind.get().is_some()) {
         diagnostic.and(&kind.span, "this one reads and writes topics only");

@@ -41,20 +41,20 @@ pub(super) fn resolve<'g, 'i>(
         let place = graph.component.as_ref().map_or_else(|| context.sources.top(), |at| at.key.clone());
         report
             .error("the graph has no components")
-            .at(&place, "nothing would run")
+            .label(&place, "nothing would run")
             .advise("add a table such as `[component.physics]` with a `kind` and a `rate`");
     }
     if let Some((_, at)) = components.get(MOST) {
         report
             .error(format!("the graph has {} components", components.len()))
-            .at(&at.key, format!("the first of those beyond {MOST}"))
+            .label(&at.key, format!("the first of those beyond {MOST}"))
             .advise("each component is a process of its own: put what belongs together into one of them");
         return Vec::new();
     }
     let mut used = vec![false; robots.len()];
     let mut drafts = Vec::new();
     let clock = good_or(&graph.clock, defaults::CLOCK);
-    for ((name, at), period_ns) in components.iter().zip(periods::of(components)) {
+    for ((name, at), period_ns) in components.iter().zip(periods::component_periods(components)) {
         check_name("a component", name, &at.key, report);
         let Some(table) = at.get() else { continue };
         let mut find = |wanted: &At<String>| {
@@ -107,7 +107,7 @@ pub(super) fn resolve<'g, 'i>(
     for (robot, _) in robots.iter().zip(used).filter(|(_, used)| !used) {
         report
             .warning(format!("no component works on robot `{}`", robot.name))
-            .at(&robot.place, "used by nobody")
+            .label(&robot.place, "used by nobody")
             .advise(format!("add `robot = \"{}\"` to a component, or leave the robot out", robot.name));
     }
     drafts
@@ -128,7 +128,7 @@ fn unread_world(
     if !drafts.iter().any(reads) {
         report
             .warning("no component reads the `[world]` of the graph")
-            .at(&world.key, "read by nobody")
+            .label(&world.key, "read by nobody")
             .advise("leave it out, or simulate it by a component such as `physics.articulated`");
     }
 }
@@ -144,7 +144,7 @@ fn several_robots(table: &ComponentTable<'_>, report: &mut Report) -> bool {
         (Some(robot), _) => {
             report
                 .error("a component has both `robot` and `robots`")
-                .at(&robots.key, "several robots")
+                .label(&robots.key, "several robots")
                 .and(&robot.key, "one robot")
                 .advise("leave one of them out");
             return false;
@@ -152,7 +152,7 @@ fn several_robots(table: &ComponentTable<'_>, report: &mut Report) -> bool {
         (None, Some((_, name))) => {
             report
                 .error(format!("`robots` names `{}` twice", name.get().map_or("", String::as_str)))
-                .at(&name.span, "the same robot again")
+                .label(&name.span, "the same robot again")
                 .advise("a second robot of the same model is a `[robot.NAME]` of its own");
             return false;
         }
@@ -161,7 +161,7 @@ fn several_robots(table: &ComponentTable<'_>, report: &mut Report) -> bool {
         }
         (None, None) => return robots.get().is_some() && names.iter().all(|name| name.get().is_some()),
     };
-    report.error(message).at(&robots.span, label).advise(advice);
+    report.error(message).label(&robots.span, label).advise(advice);
     false
 }
 
@@ -176,7 +176,7 @@ fn find_robot(wanted: &At<String>, robots: &[Robot], report: &mut Report) -> Opt
         };
         report
             .error(format!("the graph has no robot named `{name}`"))
-            .at(&wanted.span, "unknown robot")
+            .label(&wanted.span, "unknown robot")
             .advise(advice);
     }
     found
@@ -195,14 +195,14 @@ fn identify(
         (None, None) => {
             report
                 .error(format!("component `{}` does not say what it runs", draft.name))
-                .at(&draft.place, "needs `kind` or `exec`")
+                .label(&draft.place, "needs `kind` or `exec`")
                 .advise("add `kind = \"...\"` for a built-in kind, or `exec = \"path/to/program\"`");
             None
         }
         (Some(kind), Some(exec)) => {
             report
                 .error(format!("component `{}` has both `kind` and `exec`", draft.name))
-                .at(&exec.key, "a component runs one program")
+                .label(&exec.key, "a component runs one program")
                 .and(&kind.key, "the built-in kind here")
                 .advise("leave one of them out");
             None
@@ -353,7 +353,7 @@ fn is_sane(declaration: &Declaration, draft: &Draft<'_, '_>, report: &mut Report
     if let Some(wrong) = &wrong {
         report
             .error(format!("{} {wrong}", draft.what()))
-            .at(&draft.place, "this is a mistake in the component, not in the graph")
+            .label(&draft.place, "this is a mistake in the component, not in the graph")
             .advise("correct its `declare` function");
     }
     wrong.is_none()

@@ -43,38 +43,38 @@ pub(super) fn check(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &m
         if clock == ClockKind::Lockstep {
             report
                 .error(format!("component `{name}` begins episodes in lockstep"))
-                .at(span, "an episode of simulated time begins with a reset, which no component can order")
+                .label(span, "an episode of simulated time begins with a reset, which no component can order")
                 .advise("add `clock = \"realtime\"`, or divide the run by `[episodes]`");
         }
         if let Some((other, end)) = &ending {
             report
                 .error(format!("component `{name}` begins episodes and `{other}` ends them"))
-                .at(end, "between its end and the next start no episode would run")
+                .label(end, "between its end and the next start no episode would run")
                 .advise("remove `ends_episode`: each episode lasts until the next one begins");
         }
     }
     let Some(at) = graph.episodes.as_ref() else { return };
     let Some(table) = at.get() else { return };
     if let Some(count) = table.count.as_ref().filter(|count| count.get() == Some(&0)) {
-        report.error("a run of no episodes").at(&count.span, "expected at least 1");
+        report.error("a run of no episodes").label(&count.span, "expected at least 1");
     }
     if let Some((name, span)) = &beginning {
         report
             .error(format!("`[episodes]` and component `{name}` both divide the run"))
-            .at(&at.span, "a fixed number of episodes")
+            .label(&at.span, "a fixed number of episodes")
             .and(span, "begins episodes when it decides to")
             .advise("remove one of them");
     } else if good(&graph.duration).is_none() && ending.is_none() {
         report
             .error("episodes without an end")
-            .at(&at.span, "no `duration`, and no component that ends an episode")
+            .label(&at.span, "no `duration`, and no component that ends an episode")
             .advise("add `duration = \"10 s\"`, or `ends_episode = true` to a component that can");
     }
     for draft in drafts.iter().filter(|_| clock == ClockKind::Lockstep) {
         if draft.declaration.as_ref().is_some_and(|declaration| !declaration.resets) {
             report
                 .error(format!("component `{}` cannot be reset for a new episode", draft.name))
-                .at(&draft.place, format!("{} does not implement `Component::reset`", draft.what()))
+                .label(&draft.place, format!("{} does not implement `Component::reset`", draft.what()))
                 .and(&at.span, "the run has episodes")
                 .advise("leave the component out, or remove `episodes`");
         }
@@ -90,7 +90,7 @@ fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -
         if let Some((other, _)) = &holder {
             report
                 .error(format!("components `{other}` and `{}` both {} episodes", draft.name, right.verb))
-                .at(&at.span, "the second one")
+                .label(&at.span, "the second one")
                 .advise(format!(
                     "one component of a graph {}s its episodes: remove one `{}`",
                     right.verb, right.key
@@ -98,7 +98,7 @@ fn holder<'g>(right: &Right, drafts: &'g [Draft<'_, '_>], report: &mut Report) -
         } else if draft.declaration.as_ref().is_some_and(|declaration| !(right.is_declared)(declaration)) {
             report
                 .error(format!("component `{}` cannot {} an episode", draft.name, right.verb))
-                .at(&at.span, format!("{} does not declare that it can", draft.what()))
+                .label(&at.span, format!("{} does not declare that it can", draft.what()))
                 .advise(right.advice);
         }
         holder = Some((draft.name, at.span.clone()));

@@ -78,7 +78,8 @@ pub enum ExecProblem {
 impl ExecProblem {
     /// Reports it, of a program of the user.
     pub(super) fn report(&self, draft: &Draft<'_, '_>, span: &Span, report: &mut Report) {
-        let diagnostic = report.error(format!("component `{}`: {self}", draft.name)).at(span, "this program");
+        let diagnostic =
+            report.error(format!("component `{}`: {self}", draft.name)).label(span, "this program");
         if let Self::NoComponent { stderr, .. } = self
             && !stderr.is_empty()
         {

@@ -21,12 +21,12 @@ pub(super) fn resolve(
             let advice = suggest(component, names, "the components of the graph are");
             report
                 .error(format!("`{figure}` is a figure of no component"))
-                .at(span, format!("there is no component `{component}`"))
+                .label(span, format!("there is no component `{component}`"))
                 .advise(advice);
         } else if component.len() == figure.len() {
             report
                 .error(format!("`{figure}` names no figure of the component"))
-                .at(span, "expected such as `controller.position_error_m`")
+                .label(span, "expected such as `controller.position_error_m`")
                 .advise(
                     "figures are values of its result, or of its part of the report: `motorium run --json`",
                 );

@@ -30,7 +30,7 @@ pub(super) fn resolve(
             };
             report
                 .error(format!("no component of this graph reads or writes topic `{name}`"))
-                .at(&at.key, "an unknown topic")
+                .label(&at.key, "an unknown topic")
                 .advise(advice);
             continue;
         };
@@ -42,12 +42,12 @@ pub(super) fn resolve(
         if values > LARGEST {
             report
                 .error(format!("topic `{name}` has a history of {values} values"))
-                .at(&history.span, format!("expected at most {LARGEST}"))
+                .label(&history.span, format!("expected at most {LARGEST}"))
                 .advise("a history bridges the time until a tap reads; a recording holds the rest");
         } else if values > 0 && written.is_some_and(|pattern| pattern != TopicPattern::State) {
             report
                 .error(format!("topic `{name}` is a stream and has no history"))
-                .at(&history.span, "a stream keeps its values in the queues of its readers")
+                .label(&history.span, "a stream keeps its values in the queues of its readers")
                 .advise("remove `history`");
         } else {
             histories[topic] = values;
@@ -76,7 +76,7 @@ fn tapped(
         let known = list(wiring.topics.iter().map(String::as_str));
         report
             .error(format!("component `{}` reads `{pattern}`, which no component publishes", draft.name))
-            .at(&draft.place, "an unknown topic")
+            .label(&draft.place, "an unknown topic")
             .advise(format!("the topics of this graph are {known}; `*` stands for any characters"));
     }
     for (topic, history) in histories.iter_mut().enumerate() {

@@ -100,13 +100,13 @@ fn budget<'g>(
     for (key, _) in missing.iter().filter(|(key, missing)| *missing && !table.meant.contains(key)) {
         report
             .error(format!("a latency budget has no `{key}`"))
-            .at(place, format!("`{key}` is missing"))
+            .label(place, format!("`{key}` is missing"))
             .advise("write `from = \"topic\"`, `to = \"topic\"`, `max = \"300 us\"`");
     }
     if let Some(max) = table.max.as_ref().filter(|max| max.get() == Some(&TimeSpan { ns: 0 })) {
         report
             .error("a latency budget of nothing cannot be met")
-            .at(&max.span, "no time at all")
+            .label(&max.span, "no time at all")
             .advise("allow at least the execution budgets of the components on the path");
     }
     let from = topic(table.from.as_ref(), wiring, report);
@@ -116,7 +116,7 @@ fn budget<'g>(
     if from == to {
         report
             .error(format!("a latency budget from `{}` to itself", wiring.topics[from]))
-            .at(to_span, "the same topic")
+            .label(to_span, "the same topic")
             .and(from_span, "it starts here")
             .advise("to limit the time one component takes, give it a `budget`");
         return None;
@@ -133,7 +133,7 @@ fn topic(at: Option<&At<TopicName>>, wiring: &Wiring, report: &mut Report) -> Op
     if found.is_none() && !wiring.incomplete {
         report
             .error(format!("nobody writes topic `{name}`"))
-            .at(&at.span, "not a topic that can be measured")
+            .label(&at.span, "not a topic that can be measured")
             .advise(suggest(name, wiring.written(), "the topics of this graph are"));
     }
     found
@@ -207,7 +207,7 @@ fn no_path(
     let name = drafts[writer].name;
     let diagnostic = report
         .error(format!("no data goes from `{from}` to `{to}`"))
-        .at(budget.to_span, format!("not made from `{from}`"))
+        .label(budget.to_span, format!("not made from `{from}`"))
         .and(budget.from_span, "the budget starts here");
     let Some(cause) = cause else {
         let inputs = wiring.of_component(writer, Direction::Input).filter_map(|wire| wire.topic);
@@ -249,7 +249,7 @@ fn at_the_head(
     let from = &wiring.topics[budget.from];
     let diagnostic = report
         .error(format!("a latency budget cannot start at `{from}`"))
-        .at(
+        .label(
             budget.from_span,
             format!("not at the head of a chain: `{name}` makes it from `{}`", wiring.topics[input]),
         )
@@ -278,7 +278,7 @@ fn too_tight(budget: &Budget<'_>, path: &[&Wire], drafts: &[Draft<'_, '_>], repo
         .collect();
     report
         .warning("a latency budget is shorter than the execution budgets on its path")
-        .at(&budget.max.span, format!("less than {sum}"))
+        .label(&budget.max.span, format!("less than {sum}"))
         .note(match terms.as_slice() {
             [alone] => format!("a step may take {alone}"),
             terms => format!("steps may take {} = {sum}", terms.join(" + ")),

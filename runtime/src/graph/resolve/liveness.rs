@@ -48,7 +48,7 @@ fn long_enough(draft: &Draft<'_, '_>, at: &At<TimeSpan>, period_ns: u64, report:
     let period = TimeSpan { ns: period_ns };
     report
         .error(format!("`hang_after` is {time}, and component `{}` has a period of {period}", draft.name))
-        .at(&at.span, "shorter than two periods")
+        .label(&at.span, "shorter than two periods")
         .and(&draft.place, "would count as hung while it waits for its next release")
         .advise(format!("write `{}` or more", TimeSpan { ns: (2 * period_ns).max(1_000_000) }));
 }
@@ -67,7 +67,7 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
             };
             report
                 .error(format!("component `{}` has a `cpu_limit` but is not scheduled as `fifo`", draft.name))
-                .at(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
+                .label(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
                 .advise(advice);
         }
         return None;
@@ -81,7 +81,7 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
     if limit.ns < shortest.ns {
         report
             .error(format!("the `cpu_limit` of component `{}` is {limit}", draft.name))
-            .at(&at.span, "shorter than its steps may be, or than the kernel can tell")
+            .label(&at.span, "shorter than its steps may be, or than the kernel can tell")
             .advise(format!("write `{shortest}` or more, or leave it out"));
     }
     Some(limit.ns)

@@ -119,7 +119,7 @@ pub(super) fn resolve(
     if graph.name.is_none() && !graph.meant.contains(&"name") {
         report
             .error("the graph has no name")
-            .at(&context.sources.top(), "`name` is missing")
+            .label(&context.sources.top(), "`name` is missing")
             .advise("begin the file with a line such as `name = \"panda-reach\"`");
     }
     let robots = robots::resolve(graph, context, report);
@@ -141,7 +141,7 @@ pub(super) fn resolve(
     if report.has_errors() {
         return None;
     }
-    let order = order::of(&timing);
+    let order = order::execution_order(&timing);
     let times = drafts
         .iter()
         .map(|draft| DeclareTime { component: draft.name.to_string(), wall_ns: draft.declare_ns })

@@ -3,7 +3,7 @@
 use super::timing::Timing;
 
 /// Position of every component: a triggered component follows its trigger; otherwise file order applies.
-pub(super) fn of(timing: &Timing) -> Vec<usize> {
+pub(super) fn execution_order(timing: &Timing) -> Vec<usize> {
     let count = timing.triggered_by.len();
     let mut order = vec![0; count];
     let mut placed = vec![false; count];

@@ -30,7 +30,7 @@ fn of_component(draft: &Draft<'_, '_>, report: &mut Report) -> Vec<ParameterPlan
             };
             report
                 .error(format!("{} has no parameter `{name}`", draft.what()))
-                .at(&at.key, "unknown parameter")
+                .label(&at.key, "unknown parameter")
                 .advise(advice);
             continue;
         };
@@ -44,7 +44,7 @@ fn of_component(draft: &Draft<'_, '_>, report: &mut Report) -> Vec<ParameterPlan
                 };
                 report
                     .error(format!("component `{}`: {message}", draft.name))
-                    .at(&at.span, "cannot be its initial value")
+                    .label(&at.span, "cannot be its initial value")
                     .note(format!("`{name}`{unit}: {}", plan.declaration.doc))
                     .advise(format!("its default is {}", plan.declaration.default));
             }

@@ -7,7 +7,7 @@ use crate::graph::values::TopicName;
 /// The period of each component, ns: by its rate or the shortest time between its events, or by that at the
 /// head of its trigger chain. `None` where the file has a mistake, which is reported when the times are
 /// resolved.
-pub(super) fn of(components: &[(String, At<ComponentTable<'_>>)]) -> Vec<Option<u64>> {
+pub(super) fn component_periods(components: &[(String, At<ComponentTable<'_>>)]) -> Vec<Option<u64>> {
     let tables: Vec<Option<&ComponentTable<'_>>> = components.iter().map(|(_, at)| at.get()).collect();
     (0..tables.len()).map(|component| of_component(component, &tables)).collect()
 }

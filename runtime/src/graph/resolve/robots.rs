@@ -26,7 +26,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
             if let (Some(_), Some(mjcf)) = (&table.urdf, &table.mjcf) {
                 report
                     .error(format!("robot `{name}` has two models"))
-                    .at(&mjcf.key, "besides `urdf`")
+                    .label(&mjcf.key, "besides `urdf`")
                     .advise("keep one of `urdf` and `mjcf`");
                 return None;
             }
@@ -34,7 +34,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
             if table.urdf.is_none() && table.mjcf.is_none() && !meant {
                 report
                     .error(format!("robot `{name}` has no model"))
-                    .at(&at.key, "`urdf` is missing")
+                    .label(&at.key, "`urdf` is missing")
                     .advise("add `urdf = \"panda\"`: a name of the catalogue, a folder, or a URDF file");
             }
             table.urdf.as_ref().or(table.mjcf.as_ref())
@@ -58,7 +58,7 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
             };
             let checked = (context.registry.robots().check)(&reference);
             for doubt in checked.iter().flatten() {
-                report.warning(format!("robot `{name}`: {doubt}")).at(&urdf.span, "this model");
+                report.warning(format!("robot `{name}`: {doubt}")).label(&urdf.span, "this model");
             }
             if let Err(error) = checked {
                 let key = error.key.as_deref();
@@ -78,7 +78,8 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
                     (None, _) => "this model cannot be used",
                 };
                 let place = own.unwrap_or(&urdf.span);
-                let diagnostic = report.error(format!("robot `{name}`: {}", error.message)).at(place, label);
+                let diagnostic =
+                    report.error(format!("robot `{name}`: {}", error.message)).label(place, label);
                 let usual = match is_setting {
                     true => format!("`motorium robot show {model}` lists its joints, frames and poses"),
                     false => {

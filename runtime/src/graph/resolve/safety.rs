@@ -40,7 +40,7 @@ pub(super) fn resolve(
     if let Some(at) = graph.duration.as_ref().filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
         report
             .error("`duration` is zero")
-            .at(&at.span, "the run would end at once")
+            .label(&at.span, "the run would end at once")
             .advise("leave it out to run until stopped");
     }
     for draft in drafts {
@@ -49,7 +49,7 @@ pub(super) fn resolve(
         if let Some(at) = at.filter(|at| at.get().is_some_and(|time| time.ns > LONGEST_STOP.ns)) {
             report
                 .error(format!("`stop_within` of component `{}` is longer than {LONGEST_STOP}", draft.name))
-                .at(&at.span, "every end of a run may take so long")
+                .label(&at.span, "every end of a run may take so long")
                 .advise("let it write what takes long while it runs");
         }
     }
@@ -59,7 +59,7 @@ pub(super) fn resolve(
         if let Some(at) = restart.at_most.as_ref().filter(|at| at.get() == Some(&0)) {
             report
                 .error("`at_most` is 0")
-                .at(&at.span, "no restart is allowed")
+                .label(&at.span, "no restart is allowed")
                 .advise("write `when = \"never\"` for that");
         }
     }
@@ -119,7 +119,7 @@ fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes:
 
 fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: &mut Report) {
     if let Some(at) = at.filter(|at| at.get() == Some(&TimeSpan { ns: 0 })) {
-        report.error(format!("`{key}` is zero")).at(&at.span, why).advise("leave it out for the default");
+        report.error(format!("`{key}` is zero")).label(&at.span, why).advise("leave it out for the default");
     }
 }
 
@@ -173,12 +173,12 @@ fn stale_commands(
         match at {
             Some(at) => {
                 diagnostic
-                    .at(&at.span, format!("shorter than {period}"))
+                    .label(&at.span, format!("shorter than {period}"))
                     .and(&span, format!("`{}` applies its commands", draft.name));
             }
             None => {
                 diagnostic
-                    .at(&span, format!("`stale_after` is {stale_after} unless the graph says otherwise"));
+                    .label(&span, format!("`stale_after` is {stale_after} unless the graph says otherwise"));
             }
         }
     }
@@ -192,7 +192,7 @@ fn no_actuator(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Re
     if known && !actuators && !drafts.is_empty() {
         report
             .warning("no component of this graph applies commands to a robot")
-            .at(&safety.key, "so this has no effect")
+            .label(&safety.key, "so this has no effect")
             .advise("leave `[safety]` out, or add the component that moves the robot");
     }
 }

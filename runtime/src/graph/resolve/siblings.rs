@@ -137,7 +137,7 @@ impl Homeless {
                 };
                 report
                     .error(format!("unknown kind `{kind}`"))
-                    .at(span, "no such kind of component")
+                    .label(span, "no such kind of component")
                     .note(format!("the built-in kinds are {}", list(kinds)))
                     .advise(advice);
             }
@@ -156,14 +156,14 @@ impl Homeless {
                 };
                 report
                     .error(format!("kind `{kind}` is of the program `{program}`, which is not installed"))
-                    .at(span, format!("`{program}` is neither in {} nor on PATH", beside.display()))
+                    .label(span, format!("`{program}` is neither in {} nor on PATH", beside.display()))
                     .advise(advice);
             }
             Self::Unusable { sibling, problem } => {
                 let version = exec::VERSION;
                 let diagnostic = report
                     .error(format!("component `{}`: {problem}", draft.name))
-                    .at(span, format!("a kind of `{}`", sibling.program));
+                    .label(span, format!("a kind of `{}`", sibling.program));
                 if let ExecProblem::NoComponent { stderr, .. } = &**problem
                     && !stderr.is_empty()
                 {
@@ -190,7 +190,7 @@ impl Homeless {
                 };
                 report
                     .error(format!("unknown kind `{kind}`"))
-                    .at(span, "no such kind of component")
+                    .label(span, "no such kind of component")
                     .note(note)
                     .advise(advice);
             }

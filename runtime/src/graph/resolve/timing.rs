@@ -133,14 +133,17 @@ fn start(
             };
             report
                 .error(format!("component `{}` does not say when it steps", draft.name))
-                .at(&draft.place, needs)
+                .label(&draft.place, needs)
                 .advise(advice);
             None
         }
         (Some(rate), Some(trigger)) => {
             report
                 .error(format!("component `{}` has both `rate` and `trigger`", draft.name))
-                .at(&trigger.key, "a component steps at fixed times or when a topic is published, not both")
+                .label(
+                    &trigger.key,
+                    "a component steps at fixed times or when a topic is published, not both",
+                )
                 .and(&rate.key, "the rate here")
                 .advise("leave one of them out");
             None
@@ -152,7 +155,7 @@ fn start(
                 let period = TimeSpan { ns: period_ns };
                 report
                     .error(format!("the phase of component `{}` is not shorter than its period", draft.name))
-                    .at(&phase.span, "too long")
+                    .label(&phase.span, "too long")
                     .and(&rate.span, format!("a period of {period}"))
                     .advise(format!("a phase is an offset within the period: less than {period}"));
             }
@@ -162,7 +165,7 @@ fn start(
             if let Some(phase) = &table.phase {
                 report
                     .error(format!("component `{}` has a phase but no rate", draft.name))
-                    .at(&phase.key, "has no meaning for a triggered component")
+                    .label(&phase.key, "has no meaning for a triggered component")
                     .and(&trigger.key, "it steps when this is published")
                     .advise("leave `phase` out");
             }
@@ -182,7 +185,7 @@ fn without_grid(draft: &Draft<'_, '_>, report: &mut Report) {
     };
     report
         .error(format!("component `{}` has no releases to {name}", draft.name))
-        .at(&policy.span, why)
+        .label(&policy.span, why)
         .and(place, format!("{label}, and what comes while it steps is one wake-up"))
         .advise("leave `on_overrun` out, or choose skip, hold or safe_stop");
 }
@@ -213,7 +216,7 @@ fn find_trigger(
     };
     report
         .error(format!("component `{}` is triggered by `{name}` but does not subscribe to it", draft.name))
-        .at(&trigger.span, "not one of its inputs")
+        .label(&trigger.span, "not one of its inputs")
         .advise(advice);
     None
 }
@@ -267,7 +270,7 @@ fn loops(
             if in_a_loop[current] {
                 report
                     .error(format!("component `{}` would never step", drafts[component].name))
-                    .at(span, "this trigger chain starts nowhere")
+                    .label(span, "this trigger chain starts nowhere")
                     .and(&drafts[current].place, "it leads back to this one, which is part of a trigger loop")
                     .advise("break the loop: give one of its components a `rate` instead of its `trigger`");
                 break;
@@ -303,7 +306,7 @@ fn report_loop(
         .advise("nothing would ever start: give one of them a `rate` instead of its `trigger`");
     for (index, (span, label)) in places.into_iter().enumerate() {
         match index {
-            0 => diagnostic.at(span, label),
+            0 => diagnostic.label(span, label),
             _ => diagnostic.and(span, label),
         };
     }
@@ -317,7 +320,7 @@ fn budgets(drafts: &[Draft<'_, '_>], timing: &Timing, report: &mut Report) {
         if budget.ns == 0 {
             report
                 .error(format!("component `{}` has no time to step", draft.name))
-                .at(&at.span, "a budget of nothing")
+                .label(&at.span, "a budget of nothing")
                 .advise("leave `budget` out if the execution time does not matter");
         }
         let (Some(period_ns), Some(head)) = (timing.period_ns(component), timing.head[component]) else {
@@ -329,7 +332,7 @@ fn budgets(drafts: &[Draft<'_, '_>], timing: &Timing, report: &mut Report) {
         let period = TimeSpan { ns: period_ns };
         let diagnostic = report
             .error(format!("the budget of component `{}` is longer than its period", draft.name))
-            .at(&at.span, format!("more than {period}"))
+            .label(&at.span, format!("more than {period}"))
             .advise(format!("allow less than {period} per step, or lower the rate"));
         if let Some(rate) = &drafts[head].table.rate {
             let label = if head == component {

@@ -29,7 +29,7 @@ fn one_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report: &
         let (first_name, other_name) = (drafts[first.component].name, drafts[other.component].name);
         report
             .error(format!("topic `{name}` has two writers: `{first_name}` and `{other_name}`"))
-            .at(&other.span, format!("`{other_name}` writes it too"))
+            .label(&other.span, format!("`{other_name}` writes it too"))
             .and(&first.span, format!("`{first_name}` writes it"))
             .advise(format!("a topic has one writer; let `{other_name}` publish another topic"));
     }
@@ -56,7 +56,7 @@ fn without_writer(topic: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, repor
         let component = drafts[reader.component].name;
         report
             .error(format!("nobody writes topic `{name}`, which `{component}` reads"))
-            .at(&reader.span, "a topic without a writer")
+            .label(&reader.span, "a topic without a writer")
             .advise(advice);
     }
 }
@@ -86,7 +86,7 @@ fn agree(
                 "topic `{name}` carries {}, but `{of_reader}` reads {}",
                 written.layout.type_name, read.layout.type_name
             ))
-            .at(&reader.span, labels.0)
+            .label(&reader.span, labels.0)
             .and(&writer.span, labels.1);
         match topics.as_slice() {
             [] => diagnostic.advise(format!("no topic of this graph carries {}", read.layout.type_name)),
@@ -102,7 +102,7 @@ fn agree(
                 "`{of_writer}` and `{of_reader}` have different layouts of {} on topic `{name}`",
                 read.layout.type_name
             ))
-            .at(&reader.span, labels.0)
+            .label(&reader.span, labels.0)
             .and(&writer.span, labels.1)
             .note(format!(
                 "the layouts, `!` where they differ:\n{}",
@@ -114,13 +114,13 @@ fn agree(
     {
         report
             .error(format!("topic `{name}` carries slices on one side and single values on the other"))
-            .at(&reader.span, labels.0)
+            .label(&reader.span, labels.0)
             .and(&writer.span, labels.1)
             .advise("a slice output is read by slice inputs");
     } else if written.pattern == TopicPattern::State && matches!(read.pattern, TopicPattern::Stream { .. }) {
         report
             .error(format!("topic `{name}` keeps only its newest sample, but `{of_reader}` reads every one"))
-            .at(&reader.span, labels.0)
+            .label(&reader.span, labels.0)
             .and(&writer.span, labels.1)
             .advise(format!(
                 "`{of_writer}` is a state; read it with a state input, or write it from a stream output"

@@ -172,7 +172,7 @@ fn used_twice(side: &[(String, At<TopicName>)], direction: Direction, report: &m
         };
         report
             .error(format!("the ports `{other}` and `{port}` both {verb} `{}`", topic.0))
-            .at(&at.span, "the same topic again")
+            .label(&at.span, "the same topic again")
             .and(&first.span, "first here")
             .advise(advice);
     }
@@ -200,7 +200,7 @@ fn unknown_port(draft: &Draft<'_, '_>, direction: Direction, port: &str, place: 
     };
     report
         .error(format!("{} has no {word} `{port}`", draft.what()))
-        .at(place, format!("unknown {word}"))
+        .label(place, format!("unknown {word}"))
         .note(format!("its {word}s: {}", ports(direction)))
         .advise(advice);
 }
@@ -235,7 +235,7 @@ fn required(component: usize, drafts: &[Draft<'_, '_>], wiring: &Wiring, report:
         };
         report
             .error(format!("input `{}` of component `{}` is not wired", port.name, draft.name))
-            .at(place, format!("`{}` ({}) is missing", port.name, carries(port)))
+            .label(place, format!("`{}` ({}) is missing", port.name, carries(port)))
             .note(format!("`{}`: {}", port.name, port.doc))
             .advise(advice);
     }
@@ -250,7 +250,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
     if declaration.ports.is_empty() {
         report
             .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
-            .at(&draft.place, "neither reads nor writes")
+            .label(&draft.place, "neither reads nor writes")
             .advise("fine if it works for the world outside only");
     } else if declaration.ports.iter().all(|port| !port.required) {
         // a missing required port has been reported already
@@ -258,7 +258,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
             declaration.ports.iter().map(|port| format!("`{}` ({})", port.name, carries(port))).collect();
         report
             .error(format!("component `{}` has nothing to do: none of its ports is wired", draft.name))
-            .at(&draft.place, "neither reads nor writes")
+            .label(&draft.place, "neither reads nor writes")
             .note(format!("its ports: {}", ports.join(", ")))
             .advise("wire at least one of them in `subscribe` or `publish`, or leave the component out");
     }

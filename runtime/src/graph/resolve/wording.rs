@@ -3,10 +3,10 @@
 /// Rewords a serde message about a `config` table in terms of graph files: keys, numbers, lists and tables
 /// instead of fields, Rust types, sequences and maps. Other messages are unchanged.
 pub(super) fn reworded(message: &str) -> String {
-    told(message).unwrap_or_else(|| message.to_string())
+    reword(message).unwrap_or_else(|| message.to_string())
 }
 
-fn told(message: &str) -> Option<String> {
+fn reword(message: &str) -> Option<String> {
     if let Some(rest) = message.strip_prefix("missing field ") {
         return Some(format!("key {rest} is missing"));
     }

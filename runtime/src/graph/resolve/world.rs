@@ -45,7 +45,7 @@ pub(super) fn insert<'i>(
             Some((key, _)) => {
                 report
                     .error(format!("the graph has a `[world]`, and `{}` another one of its own", draft.name))
-                    .at(&key.span(), "a second world")
+                    .label(&key.span(), "a second world")
                     .and(&at.key, "the world of the graph")
                     .advise("keep `[world]`, which all components share");
             }
@@ -67,7 +67,7 @@ fn of_file<'i>(
     let Some(read) = context.registry.gravity_of_file() else {
         report
             .warning(format!("`{}` does not know the gravity of the file of `[world]`", draft.name))
-            .at(&key.span(), "this program cannot read it")
+            .label(&key.span(), "this program cannot read it")
             .advise("write `gravity = [0.0, 0.0, -9.81]` into `[world]`, or give the `Registry` a reader, `with_gravity_of_file`");
         return None;
     };
@@ -77,7 +77,7 @@ fn of_file<'i>(
         match read(&path) {
             Ok(gravity) => Some(gravity.map(|number| format!("{number:?}"))),
             Err(error) => {
-                let found = report.error(error.message).at(&file.span(), "the file of the world");
+                let found = report.error(error.message).label(&file.span(), "the file of the world");
                 error.advice.into_iter().for_each(|advice| _ = found.advise(advice));
                 None
             }

@@ -54,7 +54,7 @@ fn collect(
         Err(error) => {
             report
                 .error(error.to_string())
-                .at(&value.span(), "expected a condition")
+                .label(&value.span(), "expected a condition")
                 .advise("write a comparison and its bound, such as \"<= 1e-3\", \"== 4\" or \"!= 0\"");
         }
     }

@@ -32,7 +32,7 @@ impl<'i> Read<'i> for String {
         if text.trim().is_empty() {
             report
                 .error(format!("`{key}` is empty"))
-                .at(&value.span(), "expected some text")
+                .label(&value.span(), "expected some text")
                 .advise(format!("say what it is, or leave `{key}` out"));
             return None;
         }
@@ -84,7 +84,7 @@ fn check(
         let fixed = fixed.split('/').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("/");
         report
             .error(format!("`{name}` cannot be the name of {what}"))
-            .at(span, format!("`{}` is not allowed here", wrong.escape_default()))
+            .label(span, format!("`{}` is not allowed here", wrong.escape_default()))
             .note(format!("names are made of `a`-`z`, `0`-`9`, `_`, `-`{slash}"))
             .advise(format!("call it `{fixed}`"));
         return false;
@@ -96,7 +96,7 @@ fn check(
             (_, true) => ("an empty part beside a `/`", "write it as in `panda/joint_state`".to_string()),
             _ => ("too long", format!("at most {longest} characters")),
         };
-        report.error(format!("`{name}` cannot be the name of {what}")).at(span, label).advise(advice);
+        report.error(format!("`{name}` cannot be the name of {what}")).label(span, label).advise(advice);
         return false;
     }
     true
@@ -157,7 +157,7 @@ impl schemars::JsonSchema for TopicName {
 fn refuse(key: &str, span: &Span, what: &str, error: &UnitError, report: &mut Report) {
     report
         .error(format!("`{key}` {}", error.found))
-        .at(span, format!("expected {what}"))
+        .label(span, format!("expected {what}"))
         .advise(error.expected.as_str());
 }
 
@@ -216,7 +216,7 @@ macro_rules! read_whole {
                     let limit = if number < 0 { low } else { high };
                     report
                         .error(format!("`{key}` is out of range"))
-                        .at(&value.span(), format!("expected a whole number from {low} to {high}"))
+                        .label(&value.span(), format!("expected a whole number from {low} to {high}"))
                         .advise(format!("write {sign} {limit}"));
                     return None;
                 }
@@ -255,7 +255,7 @@ impl<'i, T: Choice> Read<'i> for T {
             };
             report
                 .error(format!("`{key}` is \"{found}\", expected one of {}", list(known())))
-                .at(&value.span(), "not one of the choices")
+                .label(&value.span(), "not one of the choices")
                 .advise(advice);
         }
         index.map(|index| T::ALL[index])

@@ -92,7 +92,7 @@ impl<'i> Read<'i> for Share {
         }
         report
             .error(format!("`{key}` is {number}, which is no share"))
-            .at(&value.span(), "expected more than 0 and at most 1")
+            .label(&value.span(), "expected more than 0 and at most 1")
             .advise("a tenth of a core: 0.1");
         None
     }

@@ -28,7 +28,7 @@ impl<'i> Read<'i> for Triple {
         }
         report
             .error(format!("`{key}` is not a list of three finite numbers"))
-            .at(&value.span(), "expected three numbers")
+            .label(&value.span(), "expected three numbers")
             .advise(format!("write `{key} = [0.0, 0.0, 0.0]`"));
         None
     }

@@ -44,8 +44,10 @@ impl fmt::Display for Event<'_> {
             }
             Self::Refused { component, refused } => {
                 let total = refused.iter().map(|(_, count)| *count).sum();
-                let reasons: Vec<String> =
-                    refused.iter().map(|(reason, count)| format!("{count} {}", reason.words())).collect();
+                let reasons: Vec<String> = refused
+                    .iter()
+                    .map(|(reason, count)| format!("{count} {}", reason.description()))
+                    .collect();
                 let commands = count_of(total, "command");
                 write!(f, "`{component}` refused {commands}: {}", reasons.join(", "))
             }
@@ -114,7 +116,7 @@ impl fmt::Display for Event<'_> {
 
 impl Refusal {
     /// Short description of the refused commands, such as "3 commands stamped in the future".
-    pub fn words(self) -> &'static str {
+    pub fn description(self) -> &'static str {
         match self {
             Self::Content => "not finite",
             Self::Count => "for another number of joints",

@@ -20,7 +20,7 @@ fn a_command_within_the_limits_passes_to_the_last_bit() {
 }
 
 #[test]
-fn each_field_beyond_its_limit_is_clamped_and_counted_by_joint_and_reason() {
+fn each_field_is_clamped_and_counted_by_reason() {
     let change = |field: usize, value: f64| {
         let mut command = command([0.5, -0.5], [0.0; 2]);
         let fields: [fn(&mut JointCommand) -> &mut [f64]; 5] = [
@@ -59,7 +59,7 @@ fn each_field_beyond_its_limit_is_clamped_and_counted_by_joint_and_reason() {
 }
 
 #[test]
-fn under_refuse_a_command_beyond_a_limit_is_not_applied_and_counted_once() {
+fn refused_commands_are_not_applied_and_count_once() {
     let mut arm = arm_with(SafeState::Hold, LimitPolicy::Refuse, ResumeRule::Near);
     arm.silence();
     arm.offer(&command([0.5, -0.5], [0.0; 2]));
@@ -72,7 +72,7 @@ fn under_refuse_a_command_beyond_a_limit_is_not_applied_and_counted_once() {
 }
 
 #[test]
-fn a_wrong_count_a_negative_gain_and_a_number_that_is_none_are_refused_before_anything_is_applied() {
+fn malformed_commands_are_refused_before_they_apply() {
     let mut wrong_count = command([0.5, -0.5], [0.0; 2]);
     wrong_count.set_count(3);
     let (mut negative, mut infinite) = (command([0.5, -0.5], [0.0; 2]), command([0.5, -0.5], [0.0; 2]));
@@ -89,7 +89,7 @@ fn a_wrong_count_a_negative_gain_and_a_number_that_is_none_are_refused_before_an
 }
 
 #[test]
-fn a_drive_brakes_beyond_its_velocity_limit_whatever_its_command() {
+fn a_drive_brakes_beyond_its_velocity_limit() {
     for (kp, kd, effort) in [(0.0, 0.0, 1e9), (1e300, 0.0, 0.0), (0.0, 1e300, 0.0), (0.0, 0.0, 1e308)] {
         let push = JointSetpoint {
             position: 1e300,
@@ -110,7 +110,7 @@ fn a_drive_brakes_beyond_its_velocity_limit_whatever_its_command() {
 }
 
 #[test]
-fn towards_the_end_of_its_range_a_joint_may_move_only_as_fast_as_it_can_be_stopped() {
+fn a_joint_slows_to_stop_before_the_end_of_its_range() {
     let mut arm = Arm::following();
     for (q, low, high) in [(0.0, -2.0, 2.0), (1.9, -2.0, 1.5_f64.sqrt()), (2.0, -2.0, 0.1), (-2.1, -0.1, 2.0)]
     {
@@ -130,7 +130,7 @@ fn towards_the_end_of_its_range_a_joint_may_move_only_as_fast_as_it_can_be_stopp
 
 proptest! {
     #[test]
-    fn whatever_is_commanded_the_setpoints_are_finite_and_keep_limits_and_rates(
+    fn setpoints_are_always_finite_and_within_limits(
         numbers in prop::collection::vec((any::<[f64; 5]>(), any::<[f64; 5]>(), any::<bool>()), 1..200),
         state in prop::sample::select(vec![SafeState::Hold, SafeState::Damp, SafeState::ZeroTorque, SafeState::Brake]),
     ) {
@@ -171,7 +171,7 @@ proptest! {
 }
 
 #[test]
-fn while_the_next_command_is_late_positions_go_on_with_their_velocities_for_a_time_and_within_the_range() {
+fn positions_extrapolate_briefly_while_a_command_is_late() {
     let mut arm = Arm::following();
     let first = command([0.5, -0.5], [7.5 * DT, -12.5 * DT]);
     assert_eq!(arm.offer(&first), Verdict::Applied);

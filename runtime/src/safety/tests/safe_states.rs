@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn the_first_step_of_a_gate_enters_the_safe_state_and_so_does_every_later_outage() {
+fn a_gate_starts_in_the_safe_state_and_every_outage_too() {
     let entered = Verdict::Safe { state: SafeState::Hold, entered: true };
     let mut arm = arm();
     assert_eq!(arm.silence(), entered, "whatever the process before it left behind");
@@ -20,7 +20,7 @@ fn the_first_step_of_a_gate_enters_the_safe_state_and_so_does_every_later_outage
 }
 
 #[test]
-fn hold_brings_a_moving_joint_to_rest_within_its_acceleration_and_its_range() {
+fn hold_stops_a_joint_within_acceleration_and_range() {
     let mut arm = Arm::following();
     (arm.position, arm.velocity) = ([0.5, 1.99], [1.0, 2.0]);
     arm.silence();
@@ -40,7 +40,7 @@ fn hold_brings_a_moving_joint_to_rest_within_its_acceleration_and_its_range() {
 }
 
 #[test]
-fn hold_begins_with_the_effort_of_the_moment_before_and_goes_over_to_gravity() {
+fn hold_begins_with_the_last_effort_and_ends_with_gravity() {
     let mut arm = Arm::following();
     // The joint lags behind its setpoint by 0.01 rad: its drive pulls with 6 N m more than gravity.
     arm.position[0] = 0.49;

@@ -45,7 +45,7 @@ fn a_far_setpoint_is_approached_within_the_limits() {
 }
 
 #[test]
-fn a_setpoint_within_reach_of_the_held_pose_is_followed_at_once() {
+fn a_setpoint_near_the_held_pose_is_followed_at_once() {
     let mut arm = Arm::following();
     arm.silence();
     assert_eq!(arm.offer(&command([0.500_05, -0.5], [0.001, 0.0])), Verdict::Applied);
@@ -65,7 +65,7 @@ fn a_setpoint_that_moves_on_is_met_while_it_moves() {
 }
 
 #[test]
-fn what_is_left_when_a_setpoint_is_met_fades_and_then_commands_pass_to_the_last_bit() {
+fn the_offset_fades_until_commands_pass_exactly() {
     let mut arm = Arm::following();
     arm.silence();
     let mut before = arm.gate.setpoints()[0];
@@ -143,7 +143,7 @@ fn at_once_follows_the_first_fresh_command_however_far_it_is() {
 }
 
 #[test]
-fn a_latch_holds_until_it_is_released_and_the_start_of_a_run_is_no_latch() {
+fn a_latch_holds_until_it_is_released() {
     let mut arm = arm_with(SafeState::Hold, LimitPolicy::Clamp, ResumeRule::Latch);
     arm.silence();
     let fresh = command([0.5, -0.5], [0.0; 2]);
@@ -172,7 +172,7 @@ fn a_setpoint_without_its_gain_leaves_nothing_that_fades() {
 }
 
 #[test]
-fn the_way_back_from_a_joint_that_still_brakes_begins_without_a_jump_of_its_effort() {
+fn resuming_from_a_braking_joint_keeps_its_effort() {
     let mut arm = Arm::following();
     // Its drive pulls with 6 N m more than gravity, and goes on with that.
     arm.position[0] = 0.49;

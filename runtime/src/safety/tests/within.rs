@@ -70,7 +70,7 @@ fn offer_by_joint(arm: &mut Arm, command: &JointCommand) -> Verdict {
 
 proptest! {
     #[test]
-    fn a_command_within_or_beyond_any_limit_gives_the_setpoints_of_a_look_at_each_joint(
+    fn vectorised_limits_equal_single_joints(
         moves in prop::collection::vec(moves(), 1..60),
         refuses in any::<bool>(),
     ) {
@@ -91,9 +91,9 @@ proptest! {
 }
 
 #[test]
-fn the_common_step_applies_what_is_within_all_limits_and_leaves_everything_else() {
+fn the_fast_path_applies_commands_within_all_limits() {
     let joints = limits();
-    let envelope = crate::safety::within::Envelope::of(&joints);
+    let envelope = crate::safety::within::Envelope::from_limits(&joints);
     let (at, before) = ([0.5, -0.5], [JointSetpoint { kp: 600.0, kd: 40.0, ..JointSetpoint::default() }; 2]);
     let from = |position: [f64; 2]| {
         let mut setpoints = before;

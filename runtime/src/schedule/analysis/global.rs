@@ -49,7 +49,7 @@ pub(in crate::schedule) struct Global {
 
 impl Global {
     /// Analyses a set.
-    pub(in crate::schedule) fn of(reserved: Vec<Reserved>, cores: usize, jitter: i64) -> Self {
+    pub(in crate::schedule) fn analyse(reserved: Vec<Reserved>, cores: usize, jitter: i64) -> Self {
         let slack = vec![0; reserved.len()];
         let cores = i64::try_from(cores.max(1)).unwrap_or(1);
         let mut global = Self { reserved, cores, jitter, slack, in_time: false };

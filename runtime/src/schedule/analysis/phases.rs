@@ -12,7 +12,7 @@ const MOST_WINDOWS: i64 = 20_000;
 
 /// Bounds of all stages of a task with known offsets. `None` if there is no bound, or too many windows.
 pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
-    let level = Level::of(tasks, index)?;
+    let level = Level::for_task(tasks, index)?;
     let own = level.own();
     // where work comes long after its release, phases say little
     if level.all().any(Demand::suspends) {

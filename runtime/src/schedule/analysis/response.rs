@@ -47,7 +47,8 @@ impl Responses {
 /// Finds the bounds of all tasks.
 pub(in crate::schedule) fn responses(plan: &StaticPlan, overheads: &Overheads) -> Responses {
     let late = overheads.wake_ns as i64;
-    let global = Global::of(plan.reservations.iter().map(reserved).collect(), plan.available_cores, late);
+    let global =
+        Global::analyse(plan.reservations.iter().map(reserved).collect(), plan.available_cores, late);
     let all = || plan.reservations.iter().enumerate();
     let reserved: Vec<Demand> = all().map(|(index, one)| above_all(one, &global, index, late)).collect();
     let reserved_response: Vec<Option<i64>> =

@@ -178,7 +178,7 @@ impl Task {
 
 impl StaticPlan {
     /// The tasks of a plan.
-    pub fn of(plan: &Plan, overheads: &Overheads) -> Self {
+    pub fn from_plan(plan: &Plan, overheads: &Overheads) -> Self {
         let mut cores = plan.scheduling.shared_cores.clone();
         cores.extend(plan.components.iter().filter_map(|component| component.core));
         cores.sort_unstable();

@@ -18,7 +18,7 @@ pub(in crate::schedule) struct Unknown {
 
 impl Unknown {
     /// Finds the unknown times of a plan.
-    pub(in crate::schedule) fn of(plan: &Plan, tasks: &StaticPlan) -> Self {
+    pub(in crate::schedule) fn from_plan(plan: &Plan, tasks: &StaticPlan) -> Self {
         let fifo = |component: usize| super::tasks::priority(&plan.components[component]).is_some();
         let all = 0..plan.components.len();
         let without_budget: Vec<usize> =

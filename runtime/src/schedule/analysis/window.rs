@@ -157,7 +157,7 @@ pub(in crate::schedule) struct Level<'a> {
 
 impl<'a> Level<'a> {
     /// The jobs that can delay a task; `None` if there is no bound.
-    pub(in crate::schedule) fn of(tasks: &'a [Demand], index: usize) -> Option<Self> {
+    pub(in crate::schedule) fn for_task(tasks: &'a [Demand], index: usize) -> Option<Self> {
         let above = |other: &usize| *other != index && tasks[*other].priority >= tasks[index].priority;
         let level = Self { tasks, index, others: (0..tasks.len()).filter(above).collect() };
         let waiting = level.own().waits.iter().sum::<i64>() as f64 / level.own().period as f64;
@@ -301,7 +301,7 @@ pub(in crate::schedule) fn keep_worst(
 
 /// Bounds of all stages of a task, whatever the offsets of the tasks are. `None` if there is no bound.
 pub(in crate::schedule) fn bounds(tasks: &[Demand], index: usize) -> Option<Vec<Bound>> {
-    let level = Level::of(tasks, index)?;
+    let level = Level::for_task(tasks, index)?;
     let own = level.own();
     let longest = level.longest()?;
     let mut bounds = vec![None; own.stages.len()];
@@ -329,7 +329,7 @@ pub(in crate::schedule) fn after_first_stage(
     queued: i64,
     rest: i64,
 ) -> Option<Vec<Sum>> {
-    let level = Level::of(tasks, index)?;
+    let level = Level::for_task(tasks, index)?;
     let own = level.own();
     let mut bounds = Vec::with_capacity(own.stages.len());
     let mut work = rest;

@@ -70,7 +70,9 @@ fn term_texts(analysis: &Analysis<'_>, path: &[usize], term: &LatencyTerm) -> Ve
     let plan = analysis.plan;
     let name = |component: usize| plan.components[component].name.as_str();
     vec![match term {
-        LatencyTerm::Stages { place, first, sum } => return terms::of(analysis, *place, *first, sum),
+        LatencyTerm::Stages { place, first, sum } => {
+            return terms::bound_terms(analysis, *place, *first, sum);
+        }
         LatencyTerm::WholePath { ns } => {
             let (from, to) = (name(path[0]), name(path[path.len() - 1]));
             format!("{} from the release of `{from}` to the end of `{to}`", words::time(*ns))

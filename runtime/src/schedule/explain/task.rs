@@ -52,7 +52,7 @@ pub(in crate::schedule) fn bound(analysis: &Analysis<'_>, component: usize) -> T
     let response = u64::try_from(sum.total - spin).unwrap_or(0);
     let holds = response <= deadline_ns;
     let known = !analysis.unknown.rests[place.task];
-    let terms: Vec<String> = terms::of(analysis, place, 0, sum)
+    let terms: Vec<String> = terms::bound_terms(analysis, place, 0, sum)
         .iter()
         .enumerate()
         .map(|(index, term)| terms::joined(index, term))

@@ -7,7 +7,12 @@ use crate::schedule::analysis::window::Sum;
 
 /// The terms of a bound of a stage: the stages of the job from `first` on, then other jobs, then what ran
 /// before.
-pub(in crate::schedule) fn of(analysis: &Analysis<'_>, place: Place, first: usize, sum: &Sum) -> Vec<String> {
+pub(in crate::schedule) fn bound_terms(
+    analysis: &Analysis<'_>,
+    place: Place,
+    first: usize,
+    sum: &Sum,
+) -> Vec<String> {
     let tasks = &analysis.tasks.tasks;
     let task = &tasks[place.task];
     let name = |component: usize| &analysis.plan.components[component].name;

@@ -16,7 +16,7 @@ fn set(reserved: &[(i64, i64)]) -> Vec<Reserved> {
 
 /// Response times of reservations (run time, period) on so many cores.
 fn responses(reserved: &[(i64, i64)], cores: usize) -> Vec<Option<i64>> {
-    let global = Global::of(set(reserved), cores, 0);
+    let global = Global::analyse(set(reserved), cores, 0);
     (0..reserved.len()).map(|index| global.response(index, reserved[index].0)).collect()
 }
 
@@ -52,7 +52,7 @@ fn little_enough_is_in_time_by_its_density_alone() {
 
 #[test]
 fn no_more_than_the_run_time_is_promised() {
-    let global = Global::of(set(&[(5, 10)]), 2, 0);
+    let global = Global::analyse(set(&[(5, 10)]), 2, 0);
     assert_eq!((global.response(0, 3), global.response(0, 6)), (Some(3), None));
 }
 

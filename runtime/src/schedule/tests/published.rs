@@ -26,7 +26,7 @@ fn responses(tasks: Vec<Demand>) -> Vec<Option<i64>> {
     on_core(tasks).into_iter().map(|stages| Some(stages?[0].finish.total)).collect()
 }
 
-fn of(set: &[(i64, i64)]) -> Vec<Option<i64>> {
+fn response_times(set: &[(i64, i64)]) -> Vec<Option<i64>> {
     responses(tasks(set))
 }
 
@@ -56,7 +56,7 @@ fn waiting_counts_for_the_waiter_and_not_as_core_load() {
     // As work, 60 + 50 of 100 would leave no bound to the second. One job of the first that has waited and
     // the next that has not may both come within one of the second: 50 + 2 * 10.
     assert_eq!(with_waits(&[(10, 50, 100), (50, 0, 100)]), [Some(60), Some(70)]);
-    assert_eq!(of(&[(60, 100), (50, 100)])[1], None);
+    assert_eq!(response_times(&[(60, 100), (50, 100)])[1], None);
     // a task that is delayed while it waits is not in time, however little work it has
     assert_eq!(with_waits(&[(50, 0, 100), (10, 50, 100)]), [Some(50), None]);
 }
@@ -70,32 +70,32 @@ fn one_that_waits_delays_others_twice_within_its_period() {
 #[test]
 fn burns_and_wellings_three_tasks_of_a_nearly_full_core() {
     // Real-Time Systems and Programming Languages, response time analysis: R = 3, 6, 20
-    assert_eq!(of(&[(3, 7), (3, 12), (5, 20)]), [Some(3), Some(6), Some(20)]);
+    assert_eq!(response_times(&[(3, 7), (3, 12), (5, 20)]), [Some(3), Some(6), Some(20)]);
 }
 
 #[test]
 fn burns_and_wellings_three_harmonic_tasks_of_a_full_core() {
     // The same book: utilisation 1, beyond what the utilisation test admits, yet R = 5, 15, 80
-    assert_eq!(of(&[(5, 20), (10, 40), (40, 80)]), [Some(5), Some(15), Some(80)]);
+    assert_eq!(response_times(&[(5, 20), (10, 40), (40, 80)]), [Some(5), Some(15), Some(80)]);
 }
 
 #[test]
 fn buttazzo_four_tasks_by_deadline() {
     // Hard Real-Time Computing Systems, response time analysis of a deadline-monotonic set: R4 goes 5, 6, 7,
     // 9, 10
-    assert_eq!(of(&[(1, 4), (1, 5), (2, 6), (1, 11)])[3], Some(10));
+    assert_eq!(response_times(&[(1, 4), (1, 5), (2, 6), (1, 11)])[3], Some(10));
 }
 
 #[test]
 fn lehoczky_two_tasks_whose_worst_job_is_not_the_first() {
     // Fixed priority scheduling of periodic task sets with arbitrary deadlines, 1990: the jobs of the second
     // task take 114, 102, 116, 104, 118, 106 and 94
-    assert_eq!(of(&[(26, 70), (62, 100)]), [Some(26), Some(118)]);
+    assert_eq!(response_times(&[(26, 70), (62, 100)]), [Some(26), Some(118)]);
 }
 
 #[test]
 fn a_task_on_a_full_core_is_unbounded_and_higher_ones_are_not() {
-    assert_eq!(of(&[(3, 6), (2, 8), (6, 20)]), [Some(3), Some(5), None]);
+    assert_eq!(response_times(&[(3, 6), (2, 8), (6, 20)]), [Some(3), Some(5), None]);
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn a_fast_task_waits_for_equal_but_not_lower_priority() {
     let mut equals = tasks(&[(1, 10), (6, 100)]);
     equals[1].priority = equals[0].priority;
     assert_eq!(responses(equals), [Some(7), Some(7)]);
-    assert_eq!(of(&[(1, 10), (6, 100)]), [Some(1), Some(7)]);
+    assert_eq!(response_times(&[(1, 10), (6, 100)]), [Some(1), Some(7)]);
 }
 
 #[test]
@@ -175,7 +175,7 @@ proptest! {
     /// bound of Liu and Layland.
     #[test]
     fn whatever_keeps_the_hyperbolic_bound_is_in_time(set in rate_monotonic()) {
-        for (response, (_, period)) in of(&set).into_iter().zip(&set) {
+        for (response, (_, period)) in response_times(&set).into_iter().zip(&set) {
             prop_assert!(response.is_some_and(|response| response <= *period), "{response:?} of {set:?}");
         }
     }

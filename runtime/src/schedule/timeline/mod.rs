@@ -77,7 +77,7 @@ impl CoreTimeline {
 
 /// Simulates one hyperperiod of a graph, at most `longest_ns` of it.
 pub fn timeline(plan: &Plan, overheads: &Overheads, longest_ns: u64) -> Timeline {
-    let tasks = StaticPlan::of(plan, overheads);
+    let tasks = StaticPlan::from_plan(plan, overheads);
     let hyperperiod_ns = hyperperiod(tasks.tasks.iter().map(|task| task.period_ns));
     let wanted = hyperperiod_ns.unwrap_or(u64::MAX).min(longest_ns).min(i64::MAX as u64 / 4);
     let (length_ns, mut lanes) = Simulation::new(plan, &tasks, overheads).run(wanted as i64);

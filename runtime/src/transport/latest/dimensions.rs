@@ -39,7 +39,7 @@ fn up_to_multiple(number: usize, step: usize) -> usize {
 }
 
 impl Dimensions {
-    pub(super) fn of(topic: &TopicPlan) -> Self {
+    pub(super) fn from_topic(topic: &TopicPlan) -> Self {
         let pins = topic.readers.len() + SIDE_PINS;
         let value = up_to_multiple(SLOT_WORDS, topic.layout.alignment.max(1));
         let (slots, size) = match topic.pattern {
@@ -78,7 +78,7 @@ impl TopicPlan {
     /// the history. Stream: the capacity of all queues and readers.
     pub fn slots(&self) -> usize {
         match self.pattern {
-            TopicPattern::State => Dimensions::of(self).slots,
+            TopicPattern::State => Dimensions::from_topic(self).slots,
             // A killed reader occupies its slots until the launcher has cleaned up, hence twice.
             TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
                 let queues = 2 * (self.readers.len() + SIDE_PINS);
@@ -97,6 +97,6 @@ impl TopicPlan {
         let stamps = 2 * size_of::<Stamp>();
         let sample = up_to_multiple(values.saturating_mul(self.layout.size).saturating_add(stamps), LINE);
         let queues = if values > 0 { self.slots().saturating_mul(sample) } else { 0 };
-        up_to_multiple(Dimensions::of(self).bytes().saturating_add(PAGE).saturating_add(queues), PAGE)
+        up_to_multiple(Dimensions::from_topic(self).bytes().saturating_add(PAGE).saturating_add(queues), PAGE)
     }
 }

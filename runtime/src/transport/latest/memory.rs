@@ -70,7 +70,7 @@ impl TopicMemory {
     /// access.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let refuse = refused(&topic.name, "making its shared memory");
-        let dimensions = Dimensions::of(topic);
+        let dimensions = Dimensions::from_topic(topic);
         let storage = builder(node, topic, &refuse)?
             .has_ownership(true)
             .size(dimensions.bytes().saturating_add(PAGE))
@@ -86,7 +86,7 @@ impl TopicMemory {
     /// Opens the memory of a topic created by the launcher.
     pub(crate) fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
         let refuse = refused(&topic.name, "opening its shared memory");
-        let dimensions = Dimensions::of(topic);
+        let dimensions = Dimensions::from_topic(topic);
         let storage =
             builder(node, topic, &refuse)?.open(AccessMode::ReadWrite).map_err(|error| refuse(&error))?;
         let memory = Self::map(storage, topic).ok_or_else(|| refuse(&"it was cut short"))?;
@@ -101,12 +101,12 @@ impl TopicMemory {
     }
 
     fn map(storage: Storage, topic: &TopicPlan) -> Option<Self> {
-        let dimensions = Dimensions::of(topic);
+        let dimensions = Dimensions::from_topic(topic);
         let address = storage.payload_start_address();
         let base = address.next_multiple_of(align_of::<Pin<Native>>());
         let fits = storage.size() >= (base - address).saturating_add(dimensions.bytes());
         let base = NonNull::new(core::ptr::with_exposed_provenance_mut::<u8>(base)).filter(|_| fits)?;
-        let in_use = InUse::of(&topic.layout, dimensions.value);
+        let in_use = InUse::from_layout(&topic.layout, dimensions.value);
         Some(Self { base, dimensions, in_use, _storage: storage })
     }
 
@@ -193,7 +193,7 @@ impl TopicMemory {
             return first;
         };
         let value = self.value(like).cast_const();
-        // SAFETY: `at` lies in the value (see `InUse::of`), all of it initialised, which nobody writes by the
+        // SAFETY: `at` lies in the value (see `InUse::from_layout`), all of it initialised, which nobody writes by the
         // caller's promise.
         let count = |at: usize| unsafe { value.add(at).cast::<u32>().read_unaligned() } as usize;
         self.in_use.each(count, |offset, size| prefetch(first.wrapping_add(offset), size));

@@ -229,7 +229,7 @@ pub(crate) mod swapped {
 }
 
 #[test]
-fn two_layouts_of_one_size_do_not_meet_and_the_error_shows_both() {
+fn layouts_of_equal_size_are_told_apart() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let opened = bench.try_input::<swapped::Wrench>();
     let text = opened.unwrap_err().to_string();

@@ -57,7 +57,7 @@ pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Sk
             Ok(Line::Measured { name, what, fifo, samples_ns }) => Ok(Measurement {
                 name: format!("peer.{name}"),
                 what,
-                ns: Distribution::of(samples_ns),
+                ns: Distribution::from_samples(samples_ns),
                 fifo,
                 host,
                 slices_p50: Vec::new(),

@@ -190,8 +190,8 @@ mod tests {
 
     #[test]
     fn ratio_is_percentile_to_median_of_floor() {
-        let ours = Distribution::of((1..=1_000).collect());
-        let floor = Distribution::of(vec![50; 10]);
+        let ours = Distribution::from_samples((1..=1_000).collect());
+        let floor = Distribution::from_samples(vec![50; 10]);
         assert_eq!((ratio(&ours, &floor, 0.5), ratio(&ours, &floor, 0.9)), (10.0, 18.0));
     }
 

@@ -43,7 +43,7 @@ pub(super) fn measure(program: &Path, registry: &Registry, time: Duration) -> an
             warm_up: 1_000,
             pace_ns,
         };
-        anyhow::Ok(Distribution::of(pair::measure(program, registry, &ping_pong)?.samples))
+        anyhow::Ok(Distribution::from_samples(pair::measure(program, registry, &ping_pong)?.samples))
     };
     let same = hop([last, last], 0, 20_000)?;
     // between sparse hand-overs the other core goes idle, as it does in a graph

@@ -116,7 +116,7 @@ impl Traffic {
         bus.frames += 1;
         let Some(frame) = record.frame() else { return };
         if let Some(rates) = &bus.rates {
-            bus.busy_ns += Bits::of(&frame).ns(rates);
+            bus.busy_ns += Bits::from_frame(&frame).ns(rates);
         }
         let line = bus.ids.entry((frame.id.arbitration(), frame.id.to_string())).or_default();
         line.frames += 1;

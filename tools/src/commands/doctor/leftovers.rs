@@ -62,7 +62,7 @@ impl Leftovers {
 
     pub(super) fn findings(&self, removed: &[PathBuf]) -> Vec<Finding> {
         vec![
-            check_place(RunFolder::place()),
+            check_place(RunFolder::parent_folder()),
             check_own(&self.runs, &self.objects, removed),
             check_foreign(&self.foreign),
         ]

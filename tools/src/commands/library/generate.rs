@@ -108,7 +108,7 @@ impl Generate {
         let eigenforces = self.eigenforces.unwrap_or(library.rank());
         let named = |name: &str| {
             let one = library.entries().iter().position(|entry| entry.id == name);
-            one.map(|entry| Superposition::of(library, entry, eigenforces))
+            one.map(|entry| Superposition::from_entry(library, entry, eigenforces))
                 .or_else(|| Superposition::mean_of(library, name, eigenforces))
                 .with_context(|| {
                     let mut labels: Vec<&str> =

@@ -79,7 +79,7 @@ fn eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Re
 
 /// The path of a held-out letter by the first `n` eigenforces, beside its own.
 fn drawn(library: &MotionLibrary, letter: &motorium_library::Trajectory, n: usize) -> Tile {
-    let movement = Movement::of(letter, library.spring());
+    let movement = Movement::from_trajectory(letter, library.spring());
     let weights = library.project(&movement.forces);
     let forces = library.forces(&weights.as_slice()[..n.min(library.rank())]);
     let points = |path: nalgebra::DMatrix<f64>| path.row_iter().map(|row| [row[0], row[1]]).collect();

@@ -52,7 +52,7 @@ impl Check {
             Ok(seen) => {
                 let (known, mut missing) = (missing_meshes(robot), missing_meshes(&seen));
                 missing.retain(|warning| !known.contains(warning));
-                ModelWarning::told(&missing).iter().map(|mesh| format!("visual of {mesh}")).collect()
+                ModelWarning::summarise(&missing).iter().map(|mesh| format!("visual of {mesh}")).collect()
             }
             Err(error) => vec![format!("its visuals cannot be read: {error}")],
         }
@@ -62,7 +62,7 @@ impl Check {
 /// The defects of its file; and a robot that touches nothing.
 fn warnings(robot: &Loaded) -> Vec<String> {
     let defects = [&robot.warnings[..], &ModelWarning::of_meshes(&robot.model)].concat();
-    let mut warnings = ModelWarning::told(&defects);
+    let mut warnings = ModelWarning::summarise(&defects);
     if !robot.model.has_shapes() {
         let warning = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
                     `motorium robot hulls` gives its links the hulls of their visuals";

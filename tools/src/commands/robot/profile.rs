@@ -34,7 +34,7 @@ impl Profile {
             Ok(robot) => robot,
             Err(code) => return Ok(code),
         };
-        for warning in ModelWarning::told(&robot.warnings) {
+        for warning in ModelWarning::summarise(&robot.warnings) {
             errln!("{}: {warning}", style::warning("warning"));
         }
         let text = draft_profile(&robot);

@@ -68,7 +68,7 @@ fn describe(robot: &Loaded) -> String {
         }
     }
     text += &postures(&robot.postures);
-    for warning in ModelWarning::told(&robot.warnings) {
+    for warning in ModelWarning::summarise(&robot.warnings) {
         let _ = writeln!(text, "{}: {warning}", style::warning("warning"));
     }
     text

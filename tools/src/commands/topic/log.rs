@@ -13,7 +13,7 @@ pub(super) const TOPIC: &str = "motorium/events";
 
 /// An event as a message.
 pub(super) fn message(record: &EventRecord) -> Event {
-    let mut message = Event::of(&record.text);
+    let mut message = Event::truncated(&record.text);
     message.code = record.kind as u32;
     message.severity = record.severity as u32;
     message.value = record.value;
@@ -83,7 +83,7 @@ mod tests {
     fn the_fields_that_are_shown_are_those_of_the_message() {
         let layout = Event::layout();
         let names: Vec<&str> = layout.fields.iter().map(|field| field.name.as_str()).collect();
-        let shown = decoded(&Event::of("go"));
+        let shown = decoded(&Event::truncated("go"));
         for (name, _) in &shown.0 {
             assert!(names.contains(name), "{name} in {names:?}");
         }

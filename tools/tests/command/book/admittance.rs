@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn tool_yields_along_the_push_by_the_spring() {
-        let targets = Probe::<PoseTarget>::of("arm/target");
+        let targets = Probe::<PoseTarget>::for_topic("arm/target");
         let admittance = Instance::of::<Admittance>("admittance")
             .rate("1 kHz")
             .robot("arm")

@@ -140,7 +140,7 @@ impl<'r> Playback<'r> {
 
     /// Shows a position again: the newest sample of each topic and the newest picture of each camera.
     fn seek(&mut self, time_ns: u64) -> Result<(), ReadError> {
-        let (newest, rest) = self.recording.at(time_ns)?;
+        let (newest, rest) = self.recording.newest_at(time_ns)?;
         (self.rest, self.later) = (rest, None);
         self.newest.fill(None);
         for entry in newest {

@@ -34,7 +34,7 @@ pub(super) enum Scalar {
 }
 
 impl Scalar {
-    fn of(kind: &str) -> Option<Self> {
+    fn from_kind(kind: &str) -> Option<Self> {
         Some(match kind {
             "f64" => Self::F64,
             "f32" => Self::F32,
@@ -115,7 +115,7 @@ pub(super) fn fields(layout: &TypeLayout) -> Result<Vec<Field>, DerivedError> {
             Some((kind, length)) => (kind.trim(), Some(length.trim().parse().map_err(|_| refused())?)),
             None => (field.kind.as_str(), None),
         };
-        let mut scalar = Scalar::of(kind).ok_or_else(refused)?;
+        let mut scalar = Scalar::from_kind(kind).ok_or_else(refused)?;
         if length.is_some() && scalar == Scalar::Unsigned(1) && field.name.rsplit('.').next() == Some("text")
         {
             scalar = Scalar::Text;

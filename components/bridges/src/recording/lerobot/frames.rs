@@ -92,7 +92,8 @@ impl Frames {
         let is_wanted = |sample: &RecordedSample| topics.contains(&sample.topic);
         let samples = recording.in_order().filter(|sample| sample.as_ref().map_or(true, is_wanted));
         let mut samples = samples.map(|sample| sample.map_err(SignalsError::from)).peekable();
-        let mut frames = Self { pictures: Pictures::of(recording, &dataset.cameras)?, ..Self::default() };
+        let mut frames =
+            Self { pictures: Pictures::from_recording(recording, &dataset.cameras)?, ..Self::default() };
         while samples.peek().is_some() {
             frames.episode(&mut samples, &mut sources, dataset.fps, begin_ns)?;
         }

@@ -177,8 +177,9 @@ pub fn write_lerobot(
         Column { name: "task".to_string(), values: Values::Text(vec![dataset.task.clone()]) },
     ];
     table(folder, TASKS, &tasks, &[1], &[("pandas", index_of_tasks().to_string())])?;
-    let stats = numbers(&columns)
-        .map(|column| (column.name.clone(), Stats::of(&Numbers::of(&column.values), 0..total).json()));
+    let stats = numbers(&columns).map(|column| {
+        (column.name.clone(), Stats::from_rows(&Numbers::from_values(&column.values), 0..total).json())
+    });
     let of_pictures = frames.pictures.iter().map(|pictures| (pictures.feature(), pictures.stats()));
     let stats: serde_json::Map<String, Value> = stats.chain(of_pictures).collect();
     text(folder, "meta/stats.json", &Value::Object(stats))?;
@@ -260,10 +261,10 @@ fn numbers(columns: &[Column]) -> impl Iterator<Item = &Column> {
 fn stats_of_episodes(columns: &[Column], lengths: &[usize]) -> Vec<Column> {
     let mut made = Vec::new();
     for column in numbers(columns) {
-        let (read, mut begin) = (Numbers::of(&column.values), 0);
+        let (read, mut begin) = (Numbers::from_values(&column.values), 0);
         let of_episode = |length: &usize| {
             begin += length;
-            Stats::of(&read, begin - length..begin)
+            Stats::from_rows(&read, begin - length..begin)
         };
         let stats: Vec<Stats> = lengths.iter().map(of_episode).collect();
         let mut add = |name: &str, entries: Values| {

@@ -57,7 +57,10 @@ type Brightness = [[u64; 256]; 3];
 
 impl Pictures {
     /// The cameras of a dataset, and the times of their pictures.
-    pub(super) fn of(recording: &Recording, cameras: &[Camera]) -> Result<Vec<Self>, DatasetError> {
+    pub(super) fn from_recording(
+        recording: &Recording,
+        cameras: &[Camera],
+    ) -> Result<Vec<Self>, DatasetError> {
         let mut all = Vec::new();
         for camera in cameras {
             let known = || recording.pictures().iter().map(|pictures| pictures.topic.as_str());

@@ -19,7 +19,7 @@ pub(super) struct Numbers {
 
 impl Numbers {
     /// Computes the statistics of a column; empty for columns without numbers.
-    pub(super) fn of(values: &Values) -> Self {
+    pub(super) fn from_values(values: &Values) -> Self {
         let flat = numbers(values);
         let width = flat.len().checked_div(values.len()).unwrap_or(0);
         Self { flat, width }
@@ -36,7 +36,7 @@ pub(super) struct Stats {
 
 impl Stats {
     /// Computes the statistics of some rows of a column.
-    pub(super) fn of(Numbers { flat, width }: &Numbers, rows: Range<usize>) -> Self {
+    pub(super) fn from_rows(Numbers { flat, width }: &Numbers, rows: Range<usize>) -> Self {
         let width = *width;
         let flat = &flat[rows.start * width..rows.end * width];
         let mut rising: Vec<Vec<f64>> =
@@ -113,8 +113,8 @@ mod tests {
         let values = [3.0, 1.0, 2.0, 10.0];
         let entries = values.iter().flat_map(|value| [*value, 1.0]).collect();
         let column = Values::List { lengths: vec![2; 4], entries: Box::new(Values::Float(entries)) };
-        let read = Numbers::of(&column);
-        let stats = Stats::of(&read, 0..4).json();
+        let read = Numbers::from_values(&column);
+        let stats = Stats::from_rows(&read, 0..4).json();
         assert_eq!(stats["min"], json!([1.0, 1.0]));
         assert_eq!(stats["max"], json!([10.0, 1.0]));
         assert_eq!(stats["mean"], json!([4.0, 1.0]));
@@ -127,7 +127,7 @@ mod tests {
         near("std", 3.535_533_905_932_737_8);
         near("q90", 7.9);
         near("q01", 1.03);
-        let last = Stats::of(&read, 2..4).json();
+        let last = Stats::from_rows(&read, 2..4).json();
         assert_eq!(
             (&last["min"], &last["max"], &last["count"]),
             (&json!([2.0, 1.0]), &json!([10.0, 1.0]), &json!([2]))

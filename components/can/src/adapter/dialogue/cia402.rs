@@ -376,7 +376,7 @@ impl Cia402 {
     fn process(&mut self, frame: &Frame) -> Result<Response, DecodeError> {
         match self.node.process(frame)? {
             Process::Position { statusword, position } => {
-                self.state = DriveState::of(statusword)?;
+                self.state = DriveState::from_statusword(statusword)?;
                 self.take_homing_status(statusword);
                 self.read_position = f64::from(position) / self.increments * TAU;
                 self.has_position = true;

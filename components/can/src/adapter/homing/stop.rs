@@ -68,7 +68,7 @@ pub(in crate::adapter) enum Outcome {
 }
 
 impl Stop {
-    pub(super) fn of(entry: &HomingEntry) -> Self {
+    pub(super) fn from_entry(entry: &HomingEntry) -> Self {
         // the table has been checked
         let velocity = entry.velocity.unwrap_or(1.0);
         Self {

@@ -23,9 +23,9 @@ pub use unix::{UnixBus, UnixOffer};
 /// ```
 /// use motorium_can::bus::offered::Place;
 ///
-/// assert_eq!(Place::of("unix:can0"), Some(Place::Socket("can0")));
-/// assert_eq!(Place::of("pty:/tmp/can0"), Some(Place::Terminal("/tmp/can0")));
-/// assert_eq!(Place::of("can0"), None, "an interface of the kernel");
+/// assert_eq!(Place::from_interface("unix:can0"), Some(Place::Socket("can0")));
+/// assert_eq!(Place::from_interface("pty:/tmp/can0"), Some(Place::Terminal("/tmp/can0")));
+/// assert_eq!(Place::from_interface("can0"), None, "an interface of the kernel");
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place<'a> {
@@ -37,7 +37,7 @@ pub enum Place<'a> {
 
 impl<'a> Place<'a> {
     /// The place in the name of an interface; `None` if it names an interface of the kernel or a serial line.
-    pub fn of(interface: &'a str) -> Option<Self> {
+    pub fn from_interface(interface: &'a str) -> Option<Self> {
         let socket = interface.strip_prefix("unix:").map(Place::Socket);
         socket.or_else(|| interface.strip_prefix("pty:").map(Place::Terminal))
     }

@@ -153,7 +153,7 @@ pub(crate) struct Waiting {
 
 impl Waiting {
     /// A wait with room for so many sockets.
-    pub(crate) fn of(sockets: usize) -> Self {
+    pub(crate) fn with_capacity(sockets: usize) -> Self {
         Self { sockets: Vec::with_capacity(sockets) }
     }
 

@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_that_drifts_and_frames_that_come_late_are_followed_within_the_drift() {
+    fn drifting_clocks_and_late_frames_are_tracked() {
         let mut clock = HardwareClock::default();
         for k in 0..100_000_u64 {
             let truth = 5_000_000_000 + k * 1_000_000;

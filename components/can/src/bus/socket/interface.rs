@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interface_is_read_with_its_bitrates_and_the_state_of_its_controller() {
+    fn an_interface_reports_bitrates_and_controller_state() {
         let timing = |rate: u32| rate.to_ne_bytes().into_iter().chain([0; 28]).collect::<Vec<u8>>();
         let data = [
             attribute(BIT_TIMING, &timing(1_000_000)),

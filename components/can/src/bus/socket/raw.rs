@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn remote_requests_and_impossible_lengths_are_no_data_and_reports_are_reports() {
+    fn remote_requests_and_bad_lengths_are_not_data() {
         let mut raw = to_kernel(&Frame::classic(Id::Standard(1), &[1; 8]));
         raw.len = 9;
         assert_eq!(of_kernel(&raw, false), Delivered::Other);

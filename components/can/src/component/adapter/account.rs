@@ -53,14 +53,15 @@ impl BusAccount {
 
     pub(super) fn received(&mut self, frame: &Frame) {
         self.counts.received += 1;
-        self.busy_ns += Bits::of(frame).ns(&self.rates);
+        self.busy_ns += Bits::from_frame(frame).ns(&self.rates);
     }
 
     /// Enters that the first `count` of these frames were sent, and the others not.
     pub(super) fn sent(&mut self, frames: &[Frame], count: usize) {
         self.counts.sent += count as u64;
         self.counts.unsent += (frames.len() - count) as u64;
-        self.busy_ns += frames[..count].iter().map(|frame| Bits::of(frame).ns(&self.rates)).sum::<u64>();
+        self.busy_ns +=
+            frames[..count].iter().map(|frame| Bits::from_frame(frame).ns(&self.rates)).sum::<u64>();
     }
 
     /// Enters the news of a simulated interface.

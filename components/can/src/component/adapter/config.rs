@@ -126,7 +126,7 @@ impl CanAdapterConfig {
     /// Time that answers on real buses have in a cycle of this length, from the batch to the place where they
     /// are read; `None` where all buses are simulated over topics.
     pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
-        let order = StepOrder::of(self, table, table.is_real(), Some(cycle)).ok()?;
+        let order = StepOrder::from_config(self, table, table.is_real(), Some(cycle)).ok()?;
         table.is_real().then(|| order.answers_have(cycle))
     }
 
@@ -211,7 +211,7 @@ pub(super) fn check_watchdogs(
     if watchdog(drive) < 2 * period {
         declare
             .warn(format!("{message}: a single one that is lost makes it let go"))
-            .at("drives")
+            .key("drives")
             .advise(advice);
     }
     Ok(())
@@ -228,7 +228,7 @@ pub(super) fn check_homing_loads(
         if unfit.is_refused {
             return Err(ConfigError::key("drives", message).advise(unfit.advice));
         }
-        declare.warn(message).at("drives").advise(unfit.advice);
+        declare.warn(message).key("drives").advise(unfit.advice);
     }
     Ok(())
 }
@@ -255,12 +255,12 @@ pub(super) fn check_budget(
             format!("answers on bus `{bus}` are waited for {within:?}, and may take longer: {budget}");
         let advice = "wait longer, raise the bitrate, or lower the rate";
         let key = if order.answer_within.is_some() { "answer_within" } else { "command_within" };
-        declare.warn(message).at(key).advise(advice);
+        declare.warn(message).key(key).advise(advice);
     }
     if budget.share() > Budget::COMFORTABLE {
         let warning = declare.warn(format!("bus `{bus}` is nearly full: {budget}"));
         warning
-            .at("drives")
+            .key("drives")
             .advise("a single disturbed frame makes others miss their cycle: stay below 80 %");
     }
     Ok(())

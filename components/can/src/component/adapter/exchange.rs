@@ -138,7 +138,7 @@ impl Sockets {
         answer_within_ns: Option<u64>,
     ) -> Result<Self, ConfigError> {
         let buses = interfaces::open(table)?;
-        let waiting = Waiting::of(buses.len());
+        let waiting = Waiting::with_capacity(buses.len());
         Ok(Self { buses, inbox: vec![Received::default(); BATCH], waiting, clock, answer_within_ns })
     }
 

@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn each_command_counts_once_from_its_publication_to_its_first_frames() {
+    fn each_command_counts_once_until_its_first_frames() {
         let mut hand_over = HandOver::default();
         assert_eq!(hand_over.result(), None);
         // the second is sent again in the cycle after, and the last cycle follows none
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_of_a_publisher_that_was_started_again_is_a_new_one() {
+    fn a_command_of_a_restarted_publisher_is_new() {
         let mut hand_over = HandOver::default();
         for restart_count in [0, 1] {
             hand_over.take(Some(Stamp { sequence: 1, restart_count, ..Stamp::default() }));

@@ -105,7 +105,7 @@ impl Component for CanAdapter {
         }
         check_homing_loads(config, &equipped, declare)?;
         let is_real = interfaces::are_real(&equipped.table, declare.clock())?;
-        let order = StepOrder::of(config, &equipped.table, is_real, declare.period())?;
+        let order = StepOrder::from_config(config, &equipped.table, is_real, declare.period())?;
         for (index, bus) in equipped.table.buses.iter().enumerate() {
             if let Some(period) = declare.period() {
                 let budget = equipped.table.budget(index, period.as_nanos() as u64);
@@ -160,7 +160,7 @@ impl Component for CanAdapter {
         adapter.set_cycle(setup.period().as_nanos() as u64);
         let clock = setup.clock();
         let is_real = interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)?;
-        let order = StepOrder::of(&config, &table, is_real, Some(setup.period()));
+        let order = StepOrder::from_config(&config, &table, is_real, Some(setup.period()));
         let order = order.map_err(ConfigureError::Config)?;
         let exchange = if is_real {
             let within_ns = order.answer_within.map(|within| within.as_nanos() as u64);

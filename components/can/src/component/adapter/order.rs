@@ -30,7 +30,7 @@ pub(super) struct StepOrder {
 impl StepOrder {
     /// That of a configuration, for the buses of a table that are real ones or not; without a period times
     /// are taken as they are.
-    pub(super) fn of(
+    pub(super) fn from_config(
         config: &CanAdapterConfig,
         table: &Table,
         is_real: bool,
@@ -128,21 +128,22 @@ mod tests {
         );
         let table = Table::parse(&table).unwrap();
         let config: CanAdapterConfig = toml::from_str(config).unwrap();
-        StepOrder::of(&config, &table, table.is_real(), Some(PERIOD)).map_err(|error| error.to_string())
+        StepOrder::from_config(&config, &table, table.is_real(), Some(PERIOD))
+            .map_err(|error| error.to_string())
     }
 
     const KERNEL: &str = "interface = \"can0\"";
     const COMMAND: &str = "command_within = \"400 us\"";
 
     #[test]
-    fn by_default_a_step_waits_for_answers_for_half_a_period_and_the_command_for_the_next_step() {
+    fn a_step_waits_half_a_period_for_answers_by_default() {
         let order = order(KERNEL, "").unwrap();
         assert!(order.answers_within_step());
         assert_eq!((order.waits(), order.answers_have(PERIOD)), (PERIOD / 2, PERIOD / 2));
     }
 
     #[test]
-    fn a_step_that_waits_for_its_command_leaves_the_rest_of_the_cycle_to_the_answers() {
+    fn a_step_waiting_for_its_command_leaves_time_for_answers() {
         for interface in [KERNEL, "interface = \"unix:can0\""] {
             let order = order(interface, COMMAND).unwrap();
             assert!(!order.answers_within_step());
@@ -152,14 +153,14 @@ mod tests {
     }
 
     #[test]
-    fn on_a_serial_line_a_step_waits_for_both_because_the_line_tells_no_times() {
+    fn a_step_on_a_serial_line_waits_for_both() {
         let order = order("interface = \"/dev/ttyACM0\"", COMMAND).unwrap();
         assert!(!order.answers_within_step());
         assert_eq!((order.waits(), order.answers_have(PERIOD)), (Duration::from_micros(1400), PERIOD / 2));
     }
 
     #[test]
-    fn waits_that_do_not_fit_into_a_cycle_or_have_no_meaning_are_refused() {
+    fn impossible_or_meaningless_waits_are_refused() {
         let refused = |interface: &str, config: &str| order(interface, config).unwrap_err();
         for (interface, config, words) in [
             (KERNEL, "answer_within = \"2 ms\"", "answers within 2ms of a period of 2ms"),

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_elastic_drive_winds_up_its_spring_on_a_blocked_joint_and_its_brake_holds_the_motor() {
+    fn a_series_elastic_drive_winds_its_spring_on_a_blocked_joint() {
         let drivetrain = Drivetrain { motor_inertia: 0.1, stiffness: 300.0, damping: 4.0, backlash: 0.0 };
         let settings = ActuatorSettings { drivetrain: Some(drivetrain), ..ActuatorSettings::default() };
         let mut actuation = Actuation::new(&settings, f64::INFINITY, "joint").unwrap();

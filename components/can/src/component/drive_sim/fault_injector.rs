@@ -14,7 +14,7 @@ pub(super) struct DriveNode {
 }
 
 impl DriveNode {
-    pub(super) fn of(axis: &Axis) -> Self {
+    pub(super) fn from_axis(axis: &Axis) -> Self {
         Self { entry: axis.entry, node: axis.node, is_odrive: matches!(axis.drive, Drive::Odrive(_)) }
     }
 }

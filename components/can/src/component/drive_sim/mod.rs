@@ -104,7 +104,7 @@ impl Component for DriveSimulation {
         if let Some(period) = declare.period()
             && let Some(message) = stiffness::too_stiff(&equipped, period.as_secs_f64())
         {
-            declare.warn(message).at("drives").advise(
+            declare.warn(message).key("drives").advise(
                 "write softer gains in `position_loop` of the drive table, or simulate physics at a higher rate",
             );
         }
@@ -236,7 +236,7 @@ impl Drives<'_> {
         let Self { axes, faults, config, random, lost } = self;
         let mut injector = FaultInjector { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let drive = DriveNode::of(axis);
+            let drive = DriveNode::from_axis(axis);
             let mut answer = |answer| injector.send(drive, answer, time_ns, config.delay.ns, answer_with);
             axis.drive.receive(frame, time_ns, &mut answer);
         }
@@ -253,7 +253,7 @@ impl Drives<'_> {
         let Self { axes, faults, config, random, lost } = self;
         let mut injector = FaultInjector { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let drive = DriveNode::of(axis);
+            let drive = DriveNode::from_axis(axis);
             axis.drive.observe(frame, &mut |answer| injector.send(drive, answer, time_ns, 0, answer_with));
         }
     }
@@ -263,7 +263,7 @@ impl Drives<'_> {
         let Self { axes, faults, config, random, lost } = self;
         let mut injector = FaultInjector { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index) {
-            let (drive, is_on_bus) = (DriveNode::of(axis), axis.is_on_bus());
+            let (drive, is_on_bus) = (DriveNode::from_axis(axis), axis.is_on_bus());
             axis.drive.report(now_ns, &mut |frame, time_ns| {
                 if is_on_bus {
                     injector.send(drive, frame, time_ns, 0, answer_with);
@@ -311,5 +311,5 @@ fn axes(
 }
 
 fn faults(config: &DriveSimulationConfig, table: &Table) -> Result<Vec<Fault>, ConfigError> {
-    config.faults.iter().enumerate().map(|(index, fault)| Fault::of(fault, index, table)).collect()
+    config.faults.iter().enumerate().map(|(index, fault)| Fault::from_config(fault, index, table)).collect()
 }

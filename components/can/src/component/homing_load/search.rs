@@ -159,7 +159,7 @@ impl Wave {
         Self { c: [mean, sum(f64::cos, 1.0), sum(f64::sin, 1.0), sum(f64::cos, 2.0), sum(f64::sin, 2.0)] }
     }
 
-    fn at(&self, x: f64) -> f64 {
+    fn evaluate(&self, x: f64) -> f64 {
         let ([c0, c1, s1, c2, s2], (sin, cos)) = (self.c, x.sin_cos());
         c0 + c1 * cos + s1 * sin + c2 * (cos * cos - sin * sin) + s2 * 2.0 * sin * cos
     }
@@ -168,14 +168,17 @@ impl Wave {
     fn highest(&self, lower: f64, upper: f64) -> f64 {
         let step = (upper - lower) / Self::STEPS as f64;
         let places = (0..=Self::STEPS).map(|k| lower + step * k as f64);
-        let best = places.max_by(|a, b| self.at(*a).total_cmp(&self.at(*b))).unwrap_or(lower);
+        let best = places.max_by(|a, b| self.evaluate(*a).total_cmp(&self.evaluate(*b))).unwrap_or(lower);
         // thirds: beside the best place it has one top
         let (mut a, mut b) = ((best - step).max(lower), (best + step).min(upper));
         for _ in 0..60 {
             let (x, y) = (a + (b - a) / 3.0, b - (b - a) / 3.0);
-            if self.at(x) < self.at(y) { a = x } else { b = y }
+            if self.evaluate(x) < self.evaluate(y) { a = x } else { b = y }
         }
-        [best, (a + b) / 2.0].into_iter().max_by(|a, b| self.at(*a).total_cmp(&self.at(*b))).unwrap_or(best)
+        [best, (a + b) / 2.0]
+            .into_iter()
+            .max_by(|a, b| self.evaluate(*a).total_cmp(&self.evaluate(*b)))
+            .unwrap_or(best)
     }
 }
 
@@ -188,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn along_a_joint_that_turns_the_top_is_exact_within_its_range_and_at_its_end() {
+    fn the_maximum_of_a_revolute_joint_is_exact() {
         let wave = |x: f64| 0.7 + 2.0 * (x - 1.1).cos() - 0.3 * (2.0 * x + 0.4).sin();
         // by a fine scan
         let scanned = |lower: f64, upper: f64| {
@@ -203,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn along_a_joint_that_slides_the_top_is_that_of_the_parabola_or_an_end() {
+    fn the_maximum_of_a_prismatic_joint_is_exact() {
         for (factor, range, expected) in [
             (-1.0, [0.0, 1.0], 0.0),
             (-1.0, [0.5, 1.0], -0.04),
@@ -216,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn along_a_coordinate_of_an_unknown_form_the_top_is_found_to_a_few_thousandths_of_the_range() {
+    fn the_maximum_of_an_unknown_coordinate_is_close() {
         let found = one(Shape::Unknown, [-2.0, 2.0], 0.0, |x| (3.0 * (x - 0.77)).cos());
         assert!((0.998..=1.0).contains(&found), "{found}");
     }

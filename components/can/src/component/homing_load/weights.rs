@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_ends_after_a_bounded_number_of_values_and_takes_one_where_nothing_moves() {
+    fn a_search_is_bounded_and_handles_a_constant() {
         let equipped = chain(30, |_| 0.0);
         let entry = equipped.table.drives[0].homing.clone().unwrap();
         let mut weights = Weights::new(&equipped, [0.0, 0.0, -9.81], 3, &entry, &[None; 30]);
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn however_many_joints_a_chain_has_its_largest_weight_and_inertia_are_those_of_the_stretched_chain() {
+    fn bounds_of_any_chain_are_those_when_it_is_stretched() {
         for count in [4, 8, 12, 16, 24] {
             // stretched where no joint is at zero, in the middle or at an end of its range
             let equipped = chain(count, |i| 0.37 + 0.9 * (1.7 * i as f64).sin());
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_depends_on_those_before_and_behind_it_and_not_on_another_arm() {
+    fn a_joint_depends_only_on_its_own_chain() {
         let model = robot(&[("a1", "base"), ("a2", "a1"), ("b1", "a1"), ("b2", "b1"), ("c1", "base")]);
         let of = |name: &str| {
             let joint = model.joint_index(name).unwrap();

@@ -75,7 +75,7 @@ impl Number {
         Some(Self { adds_node: true, number })
     }
 
-    fn of(self, node: u8) -> i64 {
+    fn for_node(self, node: u8) -> i64 {
         self.number + if self.adds_node { i64::from(node) } else { 0 }
     }
 }
@@ -208,16 +208,16 @@ impl Entry {
 
     /// Its value for this node: that of the device, or else the default.
     pub fn value(&self, node: u8) -> Option<i64> {
-        self.value.map(|value| value.of(node))
+        self.value.map(|value| value.for_node(node))
     }
 
     /// Its lowest value.
     pub fn low(&self, node: u8) -> Option<i64> {
-        self.low.map(|low| low.of(node))
+        self.low.map(|low| low.for_node(node))
     }
 
     /// Its highest value.
     pub fn high(&self, node: u8) -> Option<i64> {
-        self.high.map(|high| high.of(node))
+        self.high.map(|high| high.for_node(node))
     }
 }

@@ -91,7 +91,7 @@ impl DriveState {
     ///
     /// # Errors
     /// The bits belong to no state.
-    pub fn of(statusword: u16) -> Result<Self, DecodeError> {
+    pub fn from_statusword(statusword: u16) -> Result<Self, DecodeError> {
         Ok(match (statusword & 0x4f, statusword & 0x6f) {
             (0x00, _) => Self::NotReady,
             (0x40, _) => Self::SwitchOnDisabled,
@@ -110,7 +110,7 @@ impl DriveState {
     /// ```
     /// use motorium_can::cia402::DriveState;
     ///
-    /// let way = [0x0250, 0x0231, 0x0233].map(|word| DriveState::of(word).map(|state| state.towards_enabled()));
+    /// let way = [0x0250, 0x0231, 0x0233].map(|word| DriveState::from_statusword(word).map(|state| state.towards_enabled()));
     /// assert_eq!(way, [Ok(Some(6)), Ok(Some(7)), Ok(Some(0xf))]);
     /// ```
     pub fn towards_enabled(self) -> Option<u16> {
@@ -153,10 +153,10 @@ impl HomingStatus {
     /// ```
     /// use motorium_can::cia402::HomingStatus;
     ///
-    /// let all = [0x0237, 0x1237, 0x1637, 0x2637].map(HomingStatus::of);
+    /// let all = [0x0237, 0x1237, 0x1637, 0x2637].map(HomingStatus::from_statusword);
     /// assert_eq!(all, [HomingStatus::Running, HomingStatus::Running, HomingStatus::Attained, HomingStatus::Failed]);
     /// ```
-    pub fn of(statusword: u16) -> Self {
+    pub fn from_statusword(statusword: u16) -> Self {
         match (statusword >> 13 & 1, statusword >> 12 & 1, statusword >> 10 & 1) {
             (1, ..) => Self::Failed,
             (_, 1, 1) => Self::Attained,
@@ -342,7 +342,7 @@ impl Node {
         }
         let [s0, s1, a, b, c, d]: [u8; 6] = *exactly(frame, self.id(0x180))?;
         let statusword = u16::from_le_bytes([s0, s1]);
-        DriveState::of(statusword)?;
+        DriveState::from_statusword(statusword)?;
         Ok(Process::Position { statusword, position: i32::from_le_bytes([a, b, c, d]) })
     }
 }

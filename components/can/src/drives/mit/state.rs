@@ -40,7 +40,7 @@ pub enum Fault {
 
 impl Fault {
     /// The fault in a few words.
-    pub fn words(self) -> &'static str {
+    pub fn description(self) -> &'static str {
         match self {
             Self::OverVoltage => "supply voltage too high",
             Self::UnderVoltage => "supply voltage too low",

@@ -16,7 +16,7 @@ pub enum Resolution {
 }
 
 impl Resolution {
-    fn of(bits: u8) -> Self {
+    fn from_bits(bits: u8) -> Self {
         [Self::Int8, Self::Int16, Self::Int32, Self::Float][usize::from(bits & 3)]
     }
 
@@ -48,7 +48,7 @@ enum Quantity {
 
 impl Quantity {
     /// Quantity in a register that is known here.
-    fn of(register: u32) -> Option<Self> {
+    fn from_register(register: u32) -> Option<Self> {
         Some(match register {
             MODE | HOME | FAULT => Self::Number,
             POSITION | COMMAND | 0x26 => Self::Position,
@@ -136,7 +136,7 @@ impl Writer {
     }
 
     pub(super) fn value(&mut self, value: f64, register: u32, resolution: Resolution) {
-        let step = Quantity::of(register).unwrap_or(Quantity::Number).step(resolution);
+        let step = Quantity::from_register(register).unwrap_or(Quantity::Number).step(resolution);
         // the smallest number says that there is none
         let whole = |most: f64| if value.is_nan() { -most - 1.0 } else { (value / step).clamp(-most, most) };
         match resolution {
@@ -184,7 +184,7 @@ pub(super) fn registers(
         if kind >= WRITE_ERROR {
             return Err(DecodeError::Field { field: "the subframe", found: kind.into() });
         }
-        let (action, resolution) = (kind & 0x30, Resolution::of(kind >> 2));
+        let (action, resolution) = (kind & 0x30, Resolution::from_bits(kind >> 2));
         let count = match kind & 3 {
             0 => {
                 read += 1;
@@ -226,7 +226,7 @@ fn value(bytes: &[u8], register: u32, resolution: Resolution) -> f64 {
         Resolution::Int16 => i32::from(i16::MIN),
         _ => i32::MIN,
     };
-    let quantity = Quantity::of(register).unwrap_or(Quantity::Number);
+    let quantity = Quantity::from_register(register).unwrap_or(Quantity::Number);
     if number == none && quantity != Quantity::Number {
         f64::NAN
     } else {

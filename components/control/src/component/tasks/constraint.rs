@@ -23,7 +23,7 @@ impl ConstraintConfig {
         self.task.kind().1
     }
 
-    fn place<'a>(&self, place: &TaskPlace<'a>) -> TaskPlace<'a> {
+    fn task_place<'a>(&self, place: &TaskPlace<'a>) -> TaskPlace<'a> {
         place.within(&format!("task.{}", self.task.kind().0))
     }
 }
@@ -50,7 +50,7 @@ impl TaskKind for ConstraintConfig {
             )
             .advise("name a task, such as task = { cartesian = {} }"));
         }
-        self.inner().declare(&self.place(place), declare)
+        self.inner().declare(&self.task_place(place), declare)
     }
 
     fn configure(
@@ -58,7 +58,7 @@ impl TaskKind for ConstraintConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        Ok(Box::new(Constraint(self.inner().configure(&self.place(place), setup)?)))
+        Ok(Box::new(Constraint(self.inner().configure(&self.task_place(place), setup)?)))
     }
 }
 

@@ -58,7 +58,8 @@ impl ContactWrenchConfig {
         }
         let force = place.in_range("force_weight", self.force_weight, WEIGHTS)?;
         let torque = place.in_range("torque_weight", self.torque_weight, WEIGHTS)?;
-        let mut task = ContactWrench::of(place.model, place.contacts, contact).weights(force, torque);
+        let mut task =
+            ContactWrench::for_contact(place.model, place.contacts, contact).weights(force, torque);
         task.set_target(Twist { linear: self.force.into(), angular: self.torque.into() });
         Ok(task)
     }

@@ -74,7 +74,10 @@ impl ManipulabilityConfig {
         let weight = place.in_range("weight", self.weight, WEIGHTS)?;
         place.rate(self.rate)?;
         let speed = place.in_range("max_speed", self.max_speed, 1e-6..=f64::MAX)?;
-        Ok(ManipulabilityTask::new(place.model, frame, rows).of(self.of).with(gain, weight).max_speed(speed))
+        Ok(ManipulabilityTask::new(place.model, frame, rows)
+            .with_measure(self.of)
+            .with(gain, weight)
+            .max_speed(speed))
     }
 }
 

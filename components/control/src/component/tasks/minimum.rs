@@ -122,12 +122,12 @@ impl TaskKind for MinimumConfig {
                 Box::new(Smooth { task: MinimumVelocityTask::new(model), weight })
             }
             MinimumOf::Torque => Box::new(OnAccelerations {
-                task: TorqueMinimum::of(model, place.contacts),
+                task: TorqueMinimum::for_contacts(model, place.contacts),
                 parameters: self.open(setup)?,
                 apply: |task, [weight], _| task.set_weight(weight),
             }),
             MinimumOf::Force => Box::new(OnAccelerations {
-                task: ForceRegularisation::of(model, place.contacts),
+                task: ForceRegularisation::for_contacts(model, place.contacts),
                 parameters: self.open(setup)?,
                 apply: |task, [weight], _| task.set_weight(weight),
             }),

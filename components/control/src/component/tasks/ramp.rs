@@ -23,8 +23,8 @@ pub(in crate::component) struct Ramped {
 impl Ramped {
     pub(super) fn new(parameter: Parameter<f64>, is_weight: bool) -> Self {
         let value = parameter.get();
-        let presence = is_weight.then(|| Change::at(presence(value)));
-        Self { parameter, value: Change::at(value), presence }
+        let presence = is_weight.then(|| Change::constant(presence(value)));
+        Self { parameter, value: Change::constant(value), presence }
     }
 
     /// The value for this step, and for this part of the mixture.
@@ -45,16 +45,18 @@ impl Ramped {
         let &TaskBounds { begins, dt, ramp, .. } = bounds;
         let absent = self.presence.as_ref().is_some_and(|presence| presence.value == 0.0);
         if begins {
-            (self.value, self.presence) =
-                (Change::at(wanted), self.presence.as_ref().map(|_| Change::at(presence(wanted))));
+            (self.value, self.presence) = (
+                Change::constant(wanted),
+                self.presence.as_ref().map(|_| Change::constant(presence(wanted))),
+            );
         }
         match &mut self.presence {
             Some(present) => {
                 present.follow(presence(wanted), dt, ramp);
                 match wanted {
                     // it fades as it was
-                    0.0 => self.value = Change::at(self.value.value),
-                    wanted if absent => self.value = Change::at(wanted),
+                    0.0 => self.value = Change::constant(self.value.value),
+                    wanted if absent => self.value = Change::constant(wanted),
                     wanted => self.value.follow(wanted, dt, ramp),
                 }
             }
@@ -127,7 +129,7 @@ struct Change {
 }
 
 impl Change {
-    fn at(value: f64) -> Self {
+    fn constant(value: f64) -> Self {
         Self { value, wanted: value, rate: 0.0 }
     }
 
@@ -151,7 +153,7 @@ mod tests {
     #[test]
     fn change_lasts_one_ramp_and_ends_exactly() {
         for (from, to) in [(0.0, 1.0), (1.0, 0.0), (3.0, 700.0)] {
-            let mut change = Change::at(from);
+            let mut change = Change::constant(from);
             let share = |value: f64| (value - from) / (to - from);
             for step in 1..=100 {
                 change.follow(to, 1e-3, 0.1);
@@ -172,7 +174,7 @@ mod tests {
 
     #[test]
     fn without_a_ramp_a_change_takes_effect_at_once() {
-        let mut change = Change::at(1.0);
+        let mut change = Change::constant(1.0);
         change.follow(5.0, 1e-3, 0.0);
         assert_eq!(change.value, 5.0);
     }

@@ -121,7 +121,7 @@ impl Diagnostics {
     }
 
     /// Position of the centre of mass.
-    pub(super) fn place(&mut self, centre: Vector3<f64>) {
+    pub(super) fn set_centre_of_mass(&mut self, centre: Vector3<f64>) {
         let (start, last) = self.centre.get_or_insert((centre, centre));
         *last = centre;
         self.farthest = self.farthest.max((centre - *start).xy().norm());

@@ -170,7 +170,7 @@ impl TorqueController {
         for held in &mut self.tasks {
             held.task.record(&measured, dt);
         }
-        self.diagnostics.place(measured.kinematics.centre_of_mass(measured.model).position);
+        self.diagnostics.set_centre_of_mass(measured.kinematics.centre_of_mass(measured.model).position);
         match (solved, self.policy) {
             (false, InfeasiblePolicy::SafeStop) => {}
             (solved, _) => self.publish(solved)?,

@@ -210,7 +210,7 @@ impl WheelController {
         }
         if self.drive.base().kind() == BaseKind::Planar {
             let at = &self.angles;
-            self.reckoning.place(PlanarPose { x: at[0], y: at[1], yaw: at[2] }, self.reckons);
+            self.reckoning.set_pose(PlanarPose { x: at[0], y: at[1], yaw: at[2] }, self.reckons);
         } else if self.reckons {
             self.reckoning.advance(self.drive.base(), &self.turned);
         }

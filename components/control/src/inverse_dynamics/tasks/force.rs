@@ -27,7 +27,7 @@ impl ForceRegularisation {
     }
 
     /// The same for an inverse dynamics of `model` with these contacts.
-    pub(crate) fn of(model: &Model, contacts: &[Contact]) -> Self {
+    pub(crate) fn for_contacts(model: &Model, contacts: &[Contact]) -> Self {
         let points: usize = contacts.iter().map(Contact::points).sum();
         Self { weight: 1e-3, cost: Cost::identity(model.nv(), 3 * points) }
     }

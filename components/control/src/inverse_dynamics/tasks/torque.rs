@@ -26,7 +26,7 @@ impl TorqueMinimum {
     }
 
     /// The same for an inverse dynamics with these contacts.
-    pub(crate) fn of(model: &Model, contacts: &[Contact]) -> Self {
+    pub(crate) fn for_contacts(model: &Model, contacts: &[Contact]) -> Self {
         let points: usize = contacts.iter().map(Contact::points).sum();
         Self::with_variables(model, model.nv() + 3 * points)
     }

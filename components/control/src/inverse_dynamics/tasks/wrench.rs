@@ -39,7 +39,7 @@ impl ContactWrench {
     }
 
     /// The same for an inverse dynamics of `model` with these contacts.
-    pub(crate) fn of(model: &Model, contacts: &[Contact], contact: usize) -> Self {
+    pub(crate) fn for_contact(model: &Model, contacts: &[Contact], contact: usize) -> Self {
         let points: usize = contacts[..contact].iter().map(Contact::points).sum();
         let cost = Cost::dense(6, model.nv() + 3 * points, 3 * contacts[contact].points());
         Self { contact, force_weight: 1.0, torque_weight: 1.0, target: Twist::zero(), cost }

@@ -54,7 +54,7 @@ pub struct Record {
 }
 
 impl Record {
-    fn of(mut values: Vec<f64>) -> Self {
+    fn from_values(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
         let at = |share: f64| {
             let index = (values.len() as f64 * share).ceil() as usize;
@@ -121,7 +121,8 @@ pub fn replay(
                 }
                 Ok(solution) => {
                     iterations.push(f64::from(solution.iterations));
-                    worst_violation = worst_violation.max(KktResidual::of(problem, solution).feasibility);
+                    worst_violation =
+                        worst_violation.max(KktResidual::from_solution(problem, solution).feasibility);
                     if let Some(exact) = exact(&mut reference, problem) {
                         worst_distance = worst_distance.max((&solution.x - exact).amax());
                     }
@@ -136,8 +137,8 @@ pub fn replay(
         solved: each.iter().filter(|each| each.status == Status::Solved).count(),
         worst_violation,
         worst_distance,
-        iterations: Record::of(iterations),
-        time_us: Record::of(times),
+        iterations: Record::from_values(iterations),
+        time_us: Record::from_values(times),
         each: Some(each),
     }
 }
@@ -172,10 +173,10 @@ const PRESSED: [f64; 7] = [1.0, 1e-2, 1e2, 1e-4, 1e4, 1e-6, 1e6];
 fn exact(reference: &mut ClarabelSolver, problem: &Problem) -> Option<DVector<f64>> {
     reference.update(problem).ok()?;
     let near = reference.solve().ok()?.clone();
-    let mut best = (KktResidual::of(problem, &near).worst(), near.x.clone());
+    let mut best = (KktResidual::from_solution(problem, &near).worst(), near.x.clone());
     for share in PRESSED {
         let Some(solution) = on_pressed(problem, &near, share) else { continue };
-        let residual = KktResidual::of(problem, &solution).worst();
+        let residual = KktResidual::from_solution(problem, &solution).worst();
         if residual < best.0 {
             best = (residual, solution.x);
         }

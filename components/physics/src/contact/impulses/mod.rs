@@ -186,7 +186,7 @@ impl Impulses {
         self.last.clear();
     }
 
-    fn of(&self, index: usize) -> [f64; 3] {
+    fn impulse(&self, index: usize) -> [f64; 3] {
         [0, 1, 2].map(|part| self.lambda[3 * index + part])
     }
 
@@ -196,7 +196,7 @@ impl Impulses {
     }
 
     /// Impulse at contact point `index` on the first of its two colliders, world axes \[Ns\].
-    pub(crate) fn at(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
+    pub(crate) fn at_contact(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
         self.vector(index, &point.law.axes(&point.normal))
     }
 

@@ -18,7 +18,7 @@ impl Impulses {
     }
 
     pub(super) fn known(&self) -> impl Iterator<Item = Known> {
-        let known = |(index, &(key, h)): (usize, &(u64, f64))| Known { key, impulse: self.of(index), h };
+        let known = |(index, &(key, h)): (usize, &(u64, f64))| Known { key, impulse: self.impulse(index), h };
         self.keys.iter().enumerate().map(known)
     }
 

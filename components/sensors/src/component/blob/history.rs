@@ -41,7 +41,7 @@ impl PoseHistory {
 
     /// Returns the pose at a time, interpolated between neighbours, or the newest one for later times. `None`
     /// before the oldest.
-    pub(super) fn at(&self, time_ns: u64) -> Option<Isometry3<f64>> {
+    pub(super) fn pose_at(&self, time_ns: u64) -> Option<Isometry3<f64>> {
         let room = self.poses.len();
         let mut after: Option<(u64, Isometry3<f64>)> = None;
         for age in 0..self.count {
@@ -69,15 +69,15 @@ mod tests {
     #[test]
     fn poses_are_interpolated_and_unknown_before_the_oldest() {
         let mut history = PoseHistory::new(Duration::from_millis(3), Duration::from_millis(1));
-        assert!(history.at(5).is_none());
+        assert!(history.pose_at(5).is_none());
         for time in 1..20_u64 {
             history.push(1000 * time, Isometry3::translation(time as f64, 0.0, 0.0));
         }
-        let x = |time| history.at(time).map(|pose| pose.translation.x);
+        let x = |time| history.pose_at(time).map(|pose| pose.translation.x);
         assert_eq!((x(17_250), x(18_000), x(50_000)), (Some(17.25), Some(18.0), Some(19.0)));
         assert_eq!(x(14_999), None, "of 5 poses the oldest is that of 15");
         assert_eq!(x(15_000), Some(15.0));
         history.push(10, Isometry3::identity());
-        assert_eq!((history.at(9), history.at(18_000)), (None, Some(Isometry3::identity())));
+        assert_eq!((history.pose_at(9), history.pose_at(18_000)), (None, Some(Isometry3::identity())));
     }
 }

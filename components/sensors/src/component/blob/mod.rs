@@ -112,7 +112,7 @@ impl Component for BlobEstimator {
             let Some(blob) = blob else { continue };
             counts.seen += 1;
             counts.score(&blob, &camera, tick.time_ns, config.settle.ns);
-            let Some(pose) = still.or_else(|| history.at(stamp.source_time)) else {
+            let Some(pose) = still.or_else(|| history.pose_at(stamp.source_time)) else {
                 counts.unplaced += 1;
                 continue;
             };

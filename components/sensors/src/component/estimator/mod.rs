@@ -204,7 +204,7 @@ impl BaseEstimator {
         let omega = self.mount.rotation * (rate - self.filter.state().gyroscope_bias);
         let is_new = name(&joints.stamp()) != self.last_joints;
         self.last_joints = name(&joints.stamp());
-        self.legs.place(joints.position(), joints.velocity(), &omega);
+        self.legs.update_kinematics(joints.position(), joints.velocity(), &omega);
         let Some(contacts) = self.contacts.latest() else { return Ok(()) };
         if contacts.count() != self.legs.feet.len() {
             return Err(StepError::failed("the contacts have another number of feet"));
@@ -342,7 +342,7 @@ impl Legs {
     }
 
     /// Places the legs in the axes of the base, which turns with `omega` \[rad/s\] in its axes.
-    fn place(&mut self, position: &[f64], velocity: &[f64], omega: &Vector3<f64>) {
+    fn update_kinematics(&mut self, position: &[f64], velocity: &[f64], omega: &Vector3<f64>) {
         let count = self.model.joint_count();
         self.q[7..].copy_from_slice(&position[..count]);
         self.v[3..6].copy_from_slice(omega.as_slice());

@@ -112,7 +112,7 @@ impl PlaceSensor for Gps {
         let [across, up, speed] =
             [horizontal, vertical, velocity].map(|errors| errors.noise.hypot(errors.bias));
         Ok(Self {
-            plane: TangentPlane::at(&Geodetic { latitude, longitude, altitude }),
+            plane: TangentPlane::tangent_at(&Geodetic { latitude, longitude, altitude }),
             heading: nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), config.heading),
             horizontal: Channel::new("horizontal", &horizontal, 2, seed, 0).map_err(refused)?,
             vertical: Channel::new("vertical", &vertical, 1, seed, 1).map_err(refused)?,

@@ -26,12 +26,12 @@ pub(super) fn looks(
                 Attachment::Body(body) => Some(body),
                 Attachment::Base | Attachment::World => None,
             };
-            paints.push(Paint::plain(colours.of_shape(link, *place, body)));
+            paints.push(Paint::solid(colours.of_shape(link, *place, body)));
             *place += 1;
         }
     }
     let appearance = &world.appearance;
-    paints.extend(world.objects.iter().map(|object| Paint::plain(appearance.object(object))));
+    paints.extend(world.objects.iter().map(|object| Paint::solid(appearance.object(object))));
     let ground = Paint { colour: appearance.ground(), checker: appearance.checker };
     let grounds = usize::from(world.ground.is_some()) + usize::from(world.terrain.is_some());
     paints.extend(std::iter::repeat_n(ground, grounds));

@@ -28,7 +28,7 @@ pub(in super::super) fn resolve(
         if draft.declaration.is_some() && !is_actuator(draft) {
             report
                 .error(format!("component `{}` is no actuator", draft.name))
-                .at(&at.span, format!("{} applies no commands to a robot", draft.what()))
+                .label(&at.span, format!("{} applies no commands to a robot", draft.what()))
                 .advise("move the table to the component that moves the robot, or remove it");
             return None;
         }
@@ -43,7 +43,7 @@ pub(in super::super) fn resolve(
             let (period, name) = (TimeSpan { ns: period_ns }, drafts[writer].name);
             report
                 .error(format!("commands of `{}` are stale before the next one comes", draft.name))
-                .at(&at.span, format!("{age}, shorter than {period}"))
+                .label(&at.span, format!("{age}, shorter than {period}"))
                 .and(&span, format!("`{name}` writes one every {period}"))
                 .advise(format!("set `stale_after` to more than {period}, or run `{name}` faster"));
         }

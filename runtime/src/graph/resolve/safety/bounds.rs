@@ -28,7 +28,7 @@ pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, 
         let needed = TimeSpan { ns: stale_after.ns + chains_ns };
         report
             .warning(format!("`source_stale_after` is {age}: commands of a healthy graph may be refused"))
-            .at(&at.span, format!("`stale_after` and the periods from sensor to command are {needed}"))
+            .label(&at.span, format!("`stale_after` and the periods from sensor to command are {needed}"))
             .advise("leave it out for a default that fits the graph");
     }
     check_settle(table.settle.as_ref(), report);
@@ -42,12 +42,12 @@ pub(super) fn check_age(key: &str, at: Option<&At<TimeSpan>>, chains_ns: u64, re
     if age > LONGEST {
         report
             .error(format!("`{key}` is {age}: a robot would go on for so long without its controller"))
-            .at(&at.span, format!("expected at most {LONGEST}"))
+            .label(&at.span, format!("expected at most {LONGEST}"))
             .advise("a few periods of the component that writes the commands are usual, such as \"5 ms\"");
     } else if age.ns > allowed {
         report
             .warning(format!("`{key}` is {age}: a robot goes on for so long without its controller"))
-            .at(&at.span, format!("more than {}", TimeSpan { ns: allowed }))
+            .label(&at.span, format!("more than {}", TimeSpan { ns: allowed }))
             .advise("a few periods of the component that writes the commands are usual, such as \"5 ms\"");
     }
 }
@@ -58,12 +58,12 @@ pub(super) fn check_settle(at: Option<&At<TimeSpan>>, report: &mut Report) {
     if settle > LONGEST_SETTLE {
         report
             .error(format!("`settle` is {settle}: every end of a run would take so long"))
-            .at(&at.span, format!("expected at most {LONGEST_SETTLE}"))
+            .label(&at.span, format!("expected at most {LONGEST_SETTLE}"))
             .advise("leave it out for the default");
     } else if settle < SHORT_SETTLE {
         report
             .warning(format!("`settle` is {settle}: the actuators are stopped while the robot still moves"))
-            .at(&at.span, format!("less than {SHORT_SETTLE}"))
+            .label(&at.span, format!("less than {SHORT_SETTLE}"))
             .advise("leave it out for the default");
     }
 }

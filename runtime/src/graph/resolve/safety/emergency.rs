@@ -52,7 +52,7 @@ pub(super) fn max_age(
         if let Some(at) = at {
             report
                 .warning("`emergency_stop_max_age` has no effect without `emergency_stop`")
-                .at(&at.span, "no topic is watched")
+                .label(&at.span, "no topic is watched")
                 .advise("name the topic of the emergency stop, or leave this key out");
         }
         return TimeSpan { ns: 0 };
@@ -63,7 +63,7 @@ pub(super) fn max_age(
             .error(format!(
                 "`emergency_stop_max_age` is {max_age}: a dead button would go unnoticed for so long"
             ))
-            .at(&at.span, format!("expected at most {LONGEST}"))
+            .label(&at.span, format!("expected at most {LONGEST}"))
             .advise("let the feeder repeat its value several times a second");
     }
     if good(&table.emergency_stop).is_none() {
@@ -84,7 +84,7 @@ pub(super) fn max_age(
             .warning(format!(
                 "the emergency stop counts as pressed between two values: `{name}` writes one every {period}"
             ))
-            .at(at.map_or(&topic.span, |at| &at.span), format!("`emergency_stop_max_age` is {max_age}"))
+            .label(at.map_or(&topic.span, |at| &at.span), format!("`emergency_stop_max_age` is {max_age}"))
             .advise(format!("run `{name}` faster, or allow more than {period}"));
     }
     max_age

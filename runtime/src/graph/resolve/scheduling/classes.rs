@@ -37,7 +37,7 @@ pub(super) fn classes(
                     "component `{}` is real-time, but waits for `{}`, which is not",
                     draft.name, drafts[head].name
                 ))
-                .at(&draft.place, "its trigger chain can be held up by any other program")
+                .label(&draft.place, "its trigger chain can be held up by any other program")
                 .and(&drafts[head].place, "scheduled as `normal`")
                 .advise("schedule both in the same way");
         }
@@ -74,13 +74,13 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
     if table.budget.is_none() {
         report
             .error(format!("component `{name}` is scheduled by its deadline but has no budget"))
-            .at(place, "the kernel wants to know how much time it needs in every period")
+            .label(place, "the kernel wants to know how much time it needs in every period")
             .advise("add `budget = \"200 us\"`, or what `motorium calibrate` proposes");
     }
     if let Some((trigger, _, label)) = activate::not_by_the_clock(draft) {
         report
             .error(format!("component `{name}` is scheduled by its deadline but has no rate"))
-            .at(place, "the kernel gives it time in fixed periods")
+            .label(place, "the kernel gives it time in fixed periods")
             .and(trigger, label)
             .advise("give it a `rate`, or schedule it as `fifo`");
     }
@@ -88,7 +88,7 @@ fn deadline(draft: &Draft<'_, '_>, period_ns: Option<u64>, report: &mut Report) 
     if let Some(rate) = table.rate.as_ref().filter(|_| !DEADLINE_PERIODS_NS.contains(&period_ns)) {
         report
             .error(format!("the kernel does not schedule component `{name}` by its deadline"))
-            .at(&rate.span, format!("a period of {}", TimeSpan { ns: period_ns }))
+            .label(&rate.span, format!("a period of {}", TimeSpan { ns: period_ns }))
             .and(place, "`SCHED_DEADLINE` takes periods from 100 us to 4.19 s")
             .advise("schedule it as `fifo`");
     }
@@ -104,7 +104,7 @@ fn priority(draft: &Draft<'_, '_>, schedule: Schedule, report: &mut Report) -> O
     if priority.is_none() {
         report
             .error(format!("the priority of component `{}` is {number}", draft.name))
-            .at(&at.span, format!("expected 1 to {HIGHEST_PRIORITY}"))
+            .label(&at.span, format!("expected 1 to {HIGHEST_PRIORITY}"))
             .advise("higher is more urgent; leave it out to have priorities follow the rates");
     }
     let (why, label) = match schedule {
@@ -114,7 +114,7 @@ fn priority(draft: &Draft<'_, '_>, schedule: Schedule, report: &mut Report) -> O
     };
     let diagnostic = report
         .error(format!("component `{}` has a priority but {why}", draft.name))
-        .at(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
+        .label(&at.key, format!("has no meaning for `schedule = \"{}\"`", schedule.word()))
         .advise("leave `priority` out, or schedule the component as `fifo`");
     if let Some(schedule) = &draft.table.schedule {
         diagnostic.and(&schedule.span, label);

@@ -25,7 +25,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
         if listed.is_empty() {
             report
                 .error(format!("`{name}` names no core"))
-                .at(&at.span, "an empty list")
+                .label(&at.span, "an empty list")
                 .advise(format!("name at least one of {}, or leave `{name}` out", names(machine.cores())));
             return None;
         }
@@ -35,7 +35,7 @@ pub(super) fn cores(graph: &GraphTable<'_>, machine: &Machine, report: &mut Repo
             if cores.contains(number) {
                 report
                     .error(format!("core {number} is listed twice"))
-                    .at(&core.span, "once is enough")
+                    .label(&core.span, "once is enough")
                     .advise("leave one of them out");
             } else if exists(*number, machine, core, report) {
                 cores.push(*number);
@@ -65,7 +65,7 @@ fn exists(core: usize, machine: &Machine, at: &At<usize>, report: &mut Report) -
     if !there {
         report
             .error(format!("core {core} does not exist on this machine"))
-            .at(&at.span, "no such core")
+            .label(&at.span, "no such core")
             .advise(format!("cores this process may use: {}", names(machine.cores())));
     }
     there
@@ -134,7 +134,7 @@ fn given(
     if schedule == Schedule::Deadline {
         report
             .error(format!("component `{}` is scheduled by its deadline and cannot have a core", draft.name))
-            .at(&at.key, "`SCHED_DEADLINE` runs a component on whatever core is free")
+            .label(&at.key, "`SCHED_DEADLINE` runs a component on whatever core is free")
             .advise("leave `core` out, or schedule the component as `fifo`");
         return None;
     }
@@ -144,7 +144,7 @@ fn given(
     if !cores.realtime.contains(&core) && !cores.shared.contains(&core) {
         report
             .error(format!("core {core} is not one of the graph's cores"))
-            .at(&at.span, "not listed in `[cores]`")
+            .label(&at.span, "not listed in `[cores]`")
             .advise(format!(
                 "real-time cores are {}, shared cores {}; add it to one of them",
                 names(&cores.realtime),
@@ -167,7 +167,7 @@ pub(super) fn unused_core(
         if !cores.shared.contains(core) && !pinned.contains(&Some(*core)) && !pinned.is_empty() {
             report
                 .warning(format!("no component runs on the real-time core {core}"))
-                .at(&at.span, "idle")
+                .label(&at.span, "idle")
                 .advise(format!("pin a component there with `core = {core}`, or leave the core out"));
         }
     }

@@ -29,7 +29,7 @@ pub(super) fn spins(
     {
         report
             .error("`spin_share` limits a spin that tunes itself, and here none does")
-            .at(&share.key, "has no meaning here")
+            .label(&share.key, "has no meaning here")
             .and(&spin.span, "a fixed time")
             .advise("leave `spin_share` out, or write `spin = \"auto\"`");
     }
@@ -63,14 +63,14 @@ fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, re
     if let Some((place, why, label)) = activate::not_by_the_clock(draft) {
         report
             .error(format!("component `{}` has no release to spin for", draft.name))
-            .at(&own.key, why)
+            .label(&own.key, why)
             .and(place, label)
             .advise("leave `spin` out");
     } else if schedule == Schedule::Deadline && !nothing {
         let place = good(&draft.table.schedule).and(draft.table.schedule.as_ref());
         let diagnostic = report
             .error(format!("component `{}` is scheduled by its deadline and must not spin", draft.name))
-            .at(&own.span, "spinning would use up the time it has in each period")
+            .label(&own.span, "spinning would use up the time it has in each period")
             .advise("leave `spin` out");
         if let Some(schedule) = place {
             diagnostic.and(&schedule.span, "by its deadline");
@@ -81,6 +81,6 @@ fn has_a_use(draft: &Draft<'_, '_>, own: &At<SpinChoice>, schedule: Schedule, re
 fn never_sleeps(draft: &Draft<'_, '_>, span: &Span, period_ns: u64, report: &mut Report) {
     report
         .warning(format!("component `{}` never sleeps: it spins until its next step", draft.name))
-        .at(span, format!("not shorter than its period of {}", TimeSpan { ns: period_ns }))
+        .label(span, format!("not shorter than its period of {}", TimeSpan { ns: period_ns }))
         .advise("a shorter `spin` leaves time to others; 100 us is enough on most machines");
 }

@@ -114,7 +114,7 @@ impl Cia402 {
     /// Takes the statusword of a cycle.
     pub(super) fn take_homing_status(&mut self, statusword: u16) {
         let Stage::Running { cycles, was_seen } = &mut self.homing else { return };
-        let status = HomingStatus::of(statusword);
+        let status = HomingStatus::from_statusword(statusword);
         *was_seen |= status != HomingStatus::Attained;
         let (cycles, was_seen) = (*cycles, *was_seen);
         if self.state != DriveState::Enabled && cycles > SETTLES {
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mark_that_was_attained_in_the_homing_before_is_none_of_this_one() {
+    fn a_mark_of_an_earlier_homing_does_not_count() {
         let mut drive = drive(17);
         drive.homing = Stage::Enabling;
         pass(&mut drive, 500, ATTAINED);
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_method_that_takes_the_place_where_the_drive_stands_may_be_over_at_once() {
+    fn homing_in_place_may_end_at_once() {
         for method in [35, 37] {
             let mut drive = drive(method);
             drive.homing = Stage::Enabling;
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_service_that_the_drive_refuses_ends_the_homing_with_its_code() {
+    fn a_refused_service_ends_homing_with_its_code() {
         let mut drive = drive(17);
         drive.homing = Stage::begin();
         let refused = drive
