@@ -62,14 +62,14 @@ fn write(source: &Path) -> Result<PathBuf, String> {
     let kp: Vec<f64> = model.effort_limit().iter().map(|effort| effort / STIFF[0]).collect();
     let kd: Vec<f64> = kp.iter().map(|kp| kp * STIFF[1]).collect();
     let mut profile = String::new();
-    let told = writeln!(
+    let written = writeln!(
         profile,
         "title = \"Talos\"\nsources = [\"example-robot-data\"]\nbase = \"floating\"\njoints = {:?}\nhome = \"home\"\n[poses]\nhome = {:?}\n[base_poses]\nhome = {{ position = [0.0, 0.0, {height:?}] }}\n\
          [gains]\nkp = {kp:?}\nkd = {kd:?}",
         model.joint_names(),
         simulation.positions(),
     );
-    told.map_err(|error| error.to_string())?;
+    written.map_err(|error| error.to_string())?;
     std::fs::write(urdf.with_extension("toml"), profile).map_err(failed)?;
     Ok(urdf)
 }

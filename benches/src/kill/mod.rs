@@ -111,11 +111,11 @@ struct Collected {
     consequences: Vec<Consequence>,
 }
 
-/// Injects the faults one after the other; `told` is called after each with the number of faults so far.
+/// Injects the faults one after the other; `report_progress` is called after each with the number of faults so far.
 ///
 /// # Errors
 /// The graph does not start.
-pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, MeasureError> {
+pub fn run(settings: &Settings, report_progress: &mut dyn FnMut(u32)) -> Result<Summary, MeasureError> {
     let began = Instant::now();
     let mut random = Pcg64::seed_from_u64(settings.seed);
     let mut deck = Deck::new(settings);
@@ -149,7 +149,7 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
             std::thread::sleep(Duration::from_millis(random.random_range(20..300)));
             let consequence = trial.inject(&settings.program, &victim, fault, pause);
             summary.faults += 1;
-            told(summary.faults);
+            report_progress(summary.faults);
             launcher_died = victim == Victim::Launcher && fault.ends(&victim);
             let hung = consequence.hung;
             // With a stopped launcher, the guard ends the run at the next fault, so no further faults are

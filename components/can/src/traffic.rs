@@ -265,8 +265,8 @@ mod tests {
             ("123#010203040506070809", "9 bytes of data, and a frame of classic CAN has up to 8"),
             ("123#01.02.03.04.05.06.07.08.09", "9 bytes of data, and a frame of classic CAN has up to 8"),
         ] {
-            let told = Record::of_frame(frame, "can0").err().map(|error| error.to_string());
-            assert!(told.as_ref().is_some_and(|told| told.contains(words)), "{frame}: {told:?}");
+            let message = Record::of_frame(frame, "can0").err().map(|error| error.to_string());
+            assert!(message.as_ref().is_some_and(|message| message.contains(words)), "{frame}: {message:?}");
         }
         for right in ["123#", "123#0102", "123#01.02", "00000123#01", "123##10102", "123#R"] {
             assert!(Record::of_frame(right, "can0").is_ok(), "{right}");

@@ -105,7 +105,7 @@ impl Accounts {
             account.refused.pause = Pause::default();
             (account.changes_left, account.refilled_ns) = (CHANGES, 0);
         }
-        self.latencies.iter_mut().for_each(|told| told.pause = Pause::default());
+        self.latencies.iter_mut().for_each(|reported| reported.pause = Pause::default());
     }
 
     /// Reports changes; with `all`, including those held back by a pause.
@@ -136,9 +136,9 @@ impl Accounts {
             }
         }
         let blocks = plan.latencies.iter().zip(region.latencies());
-        for (told, (latency, block)) in self.latencies.iter_mut().zip(blocks) {
+        for (reported, (latency, block)) in self.latencies.iter_mut().zip(blocks) {
             let missed = block.missed.load(Relaxed);
-            if let Some(before) = told.change(&missed, now_ns, all) {
+            if let Some(before) = reported.change(&missed, now_ns, all) {
                 observe(Event::LatencyMissed {
                     from: &plan.topics[latency.from].name,
                     to: &plan.topics[latency.to].name,
@@ -286,27 +286,27 @@ mod tests {
     #[test]
     fn persistent_condition_is_reported_with_back_off() {
         let mut pause = Pause::default();
-        let told: Vec<u64> = (0..300).filter(|second| pause.is_over(second * S)).collect();
-        assert_eq!(told, [0, 1, 3, 7, 15, 31, 63, 127, 191, 255]);
+        let reported: Vec<u64> = (0..300).filter(|second| pause.is_over(second * S)).collect();
+        assert_eq!(reported, [0, 1, 3, 7, 15, 31, 63, 127, 191, 255]);
         assert!(pause.is_over(1_000 * S), "it was quiet");
         assert!(pause.is_over(1_001 * S), "and it begins with a short pause again");
     }
 
     #[test]
     fn counter_is_reported_on_change_and_at_the_end() {
-        let mut told = Told::<u64>::default();
-        assert_eq!(told.change(&0, S, false), None);
-        assert_eq!(told.change(&3, S, false), Some(0));
-        assert_eq!(told.change(&5, S + 1, false), None, "a moment ago");
-        assert_eq!(told.change(&5, S + 2, true), Some(3));
-        assert_eq!(told.change(&5, S + 3, true), None);
+        let mut reported = Told::<u64>::default();
+        assert_eq!(reported.change(&0, S, false), None);
+        assert_eq!(reported.change(&3, S, false), Some(0));
+        assert_eq!(reported.change(&5, S + 1, false), None, "a moment ago");
+        assert_eq!(reported.change(&5, S + 2, true), Some(3));
+        assert_eq!(reported.change(&5, S + 3, true), None);
     }
 
     #[test]
     fn flapping_actuator_is_rate_limited() {
         let mut account = Account { changes_left: CHANGES, ..Account::default() };
-        let told = (0..60 * 50).filter(|look| account.may_tell(look * 20_000_000)).count();
-        assert_eq!(told, CHANGES as usize + 5);
+        let reported = (0..60 * 50).filter(|look| account.may_tell(look * 20_000_000)).count();
+        assert_eq!(reported, CHANGES as usize + 5);
     }
 
     #[test]

@@ -307,7 +307,7 @@ impl Launch {
         block.call();
         let mut last = turn.now();
         let mut since_ns = monotonic_ns();
-        let mut told = false;
+        let mut reported = false;
         loop {
             self.region.header().turn.await_call(LOOK);
             let now = self.region.header().turn.now();
@@ -319,13 +319,13 @@ impl Launch {
             }
             let now_ns = monotonic_ns();
             if now != last {
-                (last, since_ns, told) = (now, now_ns, false);
+                (last, since_ns, reported) = (now, now_ns, false);
             }
             let block = &self.region.components()[holder];
             // The giver may have died between giving the turn and calling.
             block.call();
-            if !told && now_ns - since_ns > TELL_AFTER_NS {
-                told = true;
+            if !reported && now_ns - since_ns > TELL_AFTER_NS {
+                reported = true;
                 let (component, tick) = (&self.plan.components[holder].name, block.steps.load(Relaxed));
                 observe(Event::Waiting { component, tick, for_ns: now_ns - since_ns });
             }

@@ -26,7 +26,7 @@ impl Launch {
 
 /// Describes the neighbours in a line; `None` if there are none.
 fn describe(others: &[Foreign]) -> Option<String> {
-    let told: Vec<String> = others
+    let descriptions: Vec<String> = others
         .iter()
         .take(NAMED)
         .map(|other| {
@@ -40,11 +40,11 @@ fn describe(others: &[Foreign]) -> Option<String> {
         0 => String::new(),
         more => format!(" and {more} more"),
     };
-    (!told.is_empty()).then(|| {
+    (!descriptions.is_empty()).then(|| {
         format!(
             "other users have real-time work on the cores of this run: {}{more}; `check` does not know its budgets, and \
              steps may come late",
-            told.join(", ")
+            descriptions.join(", ")
         )
     })
 }

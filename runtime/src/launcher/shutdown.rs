@@ -184,16 +184,16 @@ impl Launch {
         observe(Event::SafeStop { reason });
         let settle = Duration::from_nanos(self.plan.settle_ns());
         let until = Instant::now() + settle;
-        let mut told = false;
+        let mut reported = false;
         while Instant::now() < until {
             self.relay_output(observe);
-            if !told && let Some(after_ns) = self.all_actuators_safe_since(noticed) {
+            if !reported && let Some(after_ns) = self.all_actuators_safe_since(noticed) {
                 observe(Event::Safe { after_ns });
-                told = true;
+                reported = true;
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        if !told {
+        if !reported {
             self.tell_unsafe(noticed, observe);
         }
     }

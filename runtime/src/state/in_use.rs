@@ -86,9 +86,9 @@ mod tests {
     use crate::state::{JointCommand, PoseTarget, StateBuffer};
 
     fn parts(in_use: &InUse, count: usize) -> Vec<(usize, usize)> {
-        let mut told = Vec::new();
-        in_use.each(|_| count, |offset, size| told.push((offset, size)));
-        told
+        let mut parts = Vec::new();
+        in_use.each(|_| count, |offset, size| parts.push((offset, size)));
+        parts
     }
 
     /// Cache lines of a slot that is aligned to one.

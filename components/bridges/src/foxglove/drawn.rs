@@ -257,10 +257,10 @@ fn first_state(plan: &Plan, index: usize) -> Option<usize> {
 fn object_names(plan: &Plan, writer: usize) -> Vec<String> {
     // Other keys belong to the simulating component.
     let world = plan.components.get(writer).and_then(|component| {
-        let told = &component.config["world"];
+        let settings = &component.config["world"];
         let mut keys = serde_json::Map::new();
         for key in ["objects", "file"] {
-            if let Some(value) = told.get(key).filter(|value| !value.is_null()) {
+            if let Some(value) = settings.get(key).filter(|value| !value.is_null()) {
                 keys.insert(key.to_string(), value.clone());
             }
         }

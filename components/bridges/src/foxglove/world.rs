@@ -47,10 +47,10 @@ pub fn world_scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
         world.locate(&component.folder).ok()?;
         Some(world)
     })?;
-    let told = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
+    let has_poses = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
     let looks = &world.appearance;
     let mut entities: Vec<SceneEntity> =
-        world.objects.iter().map(|object| entity(object, &looks.object(object), told)).collect();
+        world.objects.iter().map(|object| entity(object, &looks.object(object), has_poses)).collect();
     // The files may have changed since the start of the graph.
     if let Ok(Some(field)) = world.height_field() {
         entities.push(terrain(&field, &looks.ground()));
@@ -107,8 +107,8 @@ fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
 }
 
 /// An object in its colour.
-fn entity(object: &Object, colour: &Colour, told: bool) -> SceneEntity {
-    let of_its_own = object.is_dynamic() && told;
+fn entity(object: &Object, colour: &Colour, has_poses: bool) -> SceneEntity {
+    let of_its_own = object.is_dynamic() && has_poses;
     let (position, rpy) = if of_its_own { ([0.0; 3], [0.0; 3]) } else { (object.position, object.rpy) };
     let mut entity = SceneEntity {
         frame_id: if of_its_own { object.name.clone() } else { WORLD.to_string() },

@@ -142,14 +142,14 @@ impl Component for Record {
         let poll = poll(bridged(observer.plan(), &settings.taps), config.bridges.into());
         let (sender, receiver) = crossbeam_channel::bounded(1);
         let (reading, writing) = threads::link();
-        let told = outcome.clone();
+        let shared = outcome.clone();
         setup.helper("recorder", move |stop| {
             // Taps belong to the thread that opens them.
             match Recorder::open(observer, settings) {
                 Ok((recorder, file)) => {
                     let (readers, sink) = recorder.split();
                     let _ = sender.send(Ok((sink, file)));
-                    threads::read(readers, reading, stop, poll, &told);
+                    threads::read(readers, reading, stop, poll, &shared);
                 }
                 Err(error) => drop(sender.send(Err(error))),
             }
@@ -157,9 +157,9 @@ impl Component for Record {
         let opened =
             receiver.recv().map_err(|_| ConfigureError::failed("its recorder ended before it began"))?;
         let (sink, file) = opened.map_err(ConfigureError::failed)?;
-        let told = outcome.clone();
+        let shared = outcome.clone();
         // The writer ends after the reader, when everything is written.
-        setup.helper("writer", move |_| threads::write(sink, &writing, &told))?;
+        setup.helper("writer", move |_| threads::write(sink, &writing, &shared))?;
         setup.helper("sync", move |stop| threads::sync(&file, stop))?;
         Ok(Self { output, recorder: None, outcome })
     }

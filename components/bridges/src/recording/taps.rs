@@ -23,7 +23,7 @@ pub(super) struct Readers {
     observer: Observer,
     topics: Vec<Topic>,
     /// Topics that describe how to read others.
-    told: Vec<usize>,
+    derived: Vec<usize>,
     events: Events,
     clock: Clock,
     drawn_every_ns: u64,
@@ -35,7 +35,7 @@ pub(super) struct Events {
     pub(super) channels: (u16, u16),
     pub(super) derived: Derived,
     pub(super) reader: EventReader,
-    pub(super) told: u64,
+    pub(super) published: u64,
 }
 
 /// One topic that is recorded.
@@ -94,10 +94,10 @@ impl Readers {
         clock: Clock,
         drawn_every_ns: u64,
     ) -> Self {
-        let told: Vec<usize> = topics.iter().flat_map(Topic::forms).collect();
+        let derived: Vec<usize> = topics.iter().flat_map(Topic::forms).collect();
         // Topics that describe others are read first.
-        topics.sort_by_key(|topic| !told.contains(&topic.index));
-        Self { observer, topics, told, events, clock, drawn_every_ns }
+        topics.sort_by_key(|topic| !derived.contains(&topic.index));
+        Self { observer, topics, derived, events, clock, drawn_every_ns }
     }
 
     /// Adds the last samples to a batch. A run whose launcher died counts as failed, although no event
@@ -109,7 +109,7 @@ impl Readers {
 
     /// Adds the values published since the last call to a batch.
     pub(super) fn read(&mut self, batch: &mut Batch) {
-        let Self { topics, told, clock, drawn_every_ns, .. } = self;
+        let Self { topics, derived, clock, drawn_every_ns, .. } = self;
         for place in 0..topics.len() {
             let Topic { index, tap, channels, samples } = &mut topics[place];
             let index = *index;
@@ -121,7 +121,7 @@ impl Readers {
                     channels.iter_mut().for_each(|channel| {
                         channel.take((stamp, bytes), time_ns, *drawn_every_ns, batch);
                     });
-                    if told.contains(&index) {
+                    if derived.contains(&index) {
                         form = Some(bytes.to_vec());
                     }
                 });
@@ -140,11 +140,11 @@ impl Readers {
     fn read_events(&mut self, batch: &mut Batch) {
         let lockstep = self.observer.plan().clock == ClockKind::Lockstep;
         for record in self.observer.events(&mut self.events.reader) {
-            self.events.told += 1;
+            self.events.published += 1;
             batch.has_failed |= record.severity == EventSeverity::Error;
             let publish_time = if lockstep { record.simulated_ns.unwrap_or(0) } else { record.time_ns };
             let stamp = Stamp {
-                sequence: self.events.told,
+                sequence: self.events.published,
                 source_time: publish_time,
                 publish_time,
                 state_time: publish_time,

@@ -137,8 +137,8 @@ mod tests {
             (io::ErrorKind::ResourceBusy, "fuser"),
             (io::ErrorKind::IsADirectory, "see that it is a serial line"),
         ] {
-            let told = OpenError::Refused("/dev/ttyACM0".into(), kind.into()).advice();
-            assert!(told.contains(words), "{kind}: {told}");
+            let advice = OpenError::Refused("/dev/ttyACM0".into(), kind.into()).advice();
+            assert!(advice.contains(words), "{kind}: {advice}");
         }
     }
 }
