@@ -148,7 +148,7 @@ impl Dynamics {
                 LinkTransform::General { rotation, translation } => {
                     blocks.iter_mut().for_each(|block| {
                         block.screw_z::<FUSED>(&turn, lift);
-                        block.place::<FUSED>(rotation, *translation);
+                        block.set_placement::<FUSED>(rotation, *translation);
                     });
                     screwed.moved(rotation, *translation)
                 }

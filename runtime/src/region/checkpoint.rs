@@ -37,19 +37,19 @@ impl<A: Atomics, const N: usize> Checkpoints<A, N> {
         let next = self.saved.load(Relaxed).wrapping_add(1);
         let copy = &self.copies[(next % 2) as usize];
         words.zip(copy).for_each(|(word, cell)| cell.store(word, Relaxed));
-        self.saved.store(next, A::at(Site::Save, Release));
+        self.saved.store(next, A::ordering(Site::Save, Release));
         true
     }
 
     /// Forgets all that was saved.
     pub(crate) fn forget(&self) {
-        self.saved.store(0, A::at(Site::Save, Release));
+        self.saved.store(0, A::ordering(Site::Save, Release));
     }
 
     /// Reads the newest complete checkpoint into `words`, at most `N`; returns `false` if there is none. Only
     /// the component itself reads it, after a restart.
     pub(crate) fn load(&self, words: &mut [u64]) -> bool {
-        let saved = self.saved.load(A::at(Site::Load, Acquire));
+        let saved = self.saved.load(A::ordering(Site::Load, Acquire));
         if saved == 0 || words.len() > N {
             return false;
         }

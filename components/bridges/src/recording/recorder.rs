@@ -58,7 +58,8 @@ impl Recorder {
             Ok::<_, RecordError>(Topic { index, tap: observer.tap(index)?, channels, samples: 0 })
         });
         let topics = opened.collect::<Result<Vec<_>, _>>()?;
-        let events = Events { channels: events, derived: event, reader: EventReader::default(), told: 0 };
+        let events =
+            Events { channels: events, derived: event, reader: EventReader::default(), published: 0 };
         let readers = Readers::new(observer, topics, events, clock, settings.drawn_every_ns);
         let sink = Sink::new(settings.output, writer, settings.last_ns);
         Ok((Self { readers, sink, batch: Batch::default() }, file))

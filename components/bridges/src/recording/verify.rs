@@ -280,7 +280,7 @@ fn compare(
                 continue;
             }
             let what = this.difference(&was, &(stamp, bytes))?;
-            let found = this.difference(&was.0, what);
+            let found = this.difference_at(&was.0, what);
             if first
                 .as_ref()
                 .is_none_or(|first| (found.episode, found.time_ns) < (first.episode, first.time_ns))
@@ -303,7 +303,7 @@ fn missing(
         if recorded.fill(compared, index)?
             && let Some((stamp, _)) = compared[index].waiting.front()
         {
-            let found = compared[index].difference(stamp, What::Missing);
+            let found = compared[index].difference_at(stamp, What::Missing);
             if first
                 .as_ref()
                 .is_none_or(|first| (found.episode, found.time_ns) < (first.episode, first.time_ns))
@@ -316,7 +316,7 @@ fn missing(
 }
 
 impl Compared<'_> {
-    fn difference(&self, stamp: &Stamp, what: What) -> Difference {
+    fn difference_at(&self, stamp: &Stamp, what: What) -> Difference {
         Difference {
             topic: self.topic.name.clone(),
             sequence: stamp.sequence,

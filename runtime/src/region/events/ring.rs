@@ -67,7 +67,7 @@ impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
             }
             A::fence(Site::Enter);
             words.iter().zip(&slot.words).for_each(|(word, cell)| cell.store(*word, Relaxed));
-            slot.state.store(whole, A::at(Site::Leave, Release));
+            slot.state.store(whole, A::ordering(Site::Leave, Release));
             return true;
         }
         false
@@ -76,7 +76,7 @@ impl<A: Atomics, const SLOTS: usize, const WORDS: usize> Ring<A, SLOTS, WORDS> {
     /// Reads the record of a number into `words`.
     pub(crate) fn read(&self, number: u64, words: &mut [u64; WORDS]) -> Found {
         let (slot, whole) = (self.slot(number), number.wrapping_mul(2));
-        let state = slot.state.load(A::at(Site::Begin, Acquire));
+        let state = slot.state.load(A::ordering(Site::Begin, Acquire));
         match state.cmp(&whole) {
             Order::Greater if state > whole + 1 => return Found::Overwritten,
             Order::Greater | Order::Less => return Found::Pending,

@@ -92,7 +92,7 @@ pub(crate) trait Words<A: Atomics> {
 /// The newest publication.
 #[inline]
 pub(crate) fn newest<A: Atomics>(head: &Head<A>) -> Newest {
-    Newest(head.newest.load(A::at(Site::Look, Acquire)))
+    Newest(head.newest.load(A::ordering(Site::Look, Acquire)))
 }
 
 /// The order in which a writer takes its slots.
@@ -208,9 +208,9 @@ impl Writer {
         // prefetches lines beyond the end of what it reads, which then belong to an older value, not to the
         // next one to be filled.
         for (slot, held) in &marked[..count] {
-            if is_pinned::<A>(words.pins(), *slot, A::at(Site::Scan, Acquire)) {
+            if is_pinned::<A>(words.pins(), *slot, A::ordering(Site::Scan, Acquire)) {
                 // Its value is unchanged.
-                words.mark(*slot).store(*held, A::at(Site::Mark, Release));
+                words.mark(*slot).store(*held, A::ordering(Site::Mark, Release));
             } else {
                 self.taken[self.count] = *slot;
                 self.count += 1;
@@ -239,11 +239,11 @@ fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atom
 /// and a further store would have to fetch it back.
 #[inline]
 pub(crate) fn announce<A: Atomics>(words: &impl Words<A>, newest: Newest, time_ns: u64) {
-    words.time(newest.slot()).store(time_ns, A::at(Site::Time, Release));
-    words.mark(newest.slot()).store(newest.number(), A::at(Site::Mark, Release));
+    words.time(newest.slot()).store(time_ns, A::ordering(Site::Time, Release));
+    words.mark(newest.slot()).store(newest.number(), A::ordering(Site::Mark, Release));
     // Swapped with whatever an interrupt left there: a reader that sees the publication then also sees what
     // the interrupt was for.
-    words.head().newest.swap(newest.0, A::at(Site::Publish, Release));
+    words.head().newest.swap(newest.0, A::ordering(Site::Publish, Release));
 }
 
 /// The newest publication with its own time, ns.
@@ -301,5 +301,5 @@ pub(crate) fn pin_marked<A: Atomics>(words: &impl Words<A>, pin: &Pin<A>, slot: 
 
 /// Releases whatever a pin holds.
 pub(crate) fn unpin<A: Atomics>(pin: &Pin<A>) {
-    pin.slot.store(0, A::at(Site::Pin, Release));
+    pin.slot.store(0, A::ordering(Site::Pin, Release));
 }
