@@ -165,7 +165,7 @@ fn a_planar_joint_matches_pinocchio_in_fixed_axes() {
         let theirs = numbers(&case["q"]);
         let q = model.from_pinocchio(&theirs).unwrap();
         assert_close(&model.to_pinocchio(&q), &theirs);
-        // Theirs is along the axes of the body, ours along those of the plane.
+        // Theirs is along the axes of the body, ours along the plane's.
         let v = numbers(&case["v"]);
         let ours = model.velocity_from_pinocchio(&q, &v);
         assert_moves(&model, &q, &ours, "plate", case);

@@ -328,7 +328,7 @@ fn faulty_transmissions_are_named() {
     assert!(error.to_string().starts_with("URDF:1:") && error.to_string().contains("\"fifty\""), "{error}");
 }
 
-/// Every body's inertia is that of the links fixed to it, also after edits of the model.
+/// Every body has the inertia of the links fixed to it, also after edits of the model.
 #[test]
 fn the_inertias_of_links_make_up_those_of_their_bodies() {
     use motorium_robots::{BodyFactors, Inertia, catalogue};

@@ -83,7 +83,7 @@ fn the_talos_agrees_with_pinocchio() {
     agrees("talos_full", "talos_data/robots/talos_full_v2.urdf", BaseMode::Floating);
 }
 
-/// Its knee has the axis `0 1.22465e-16 -1`. The vectors are those of `golden/axes.py`.
+/// Its knee has the axis `0 1.22465e-16 -1`. The vectors come from `golden/axes.py`.
 #[test]
 fn the_icub_with_an_axis_near_minus_z_matches_pinocchio() {
     let Some(robots) = robots() else { return };

@@ -71,11 +71,12 @@ const ANSWER_TIMEOUT: u32 = 300;
 const STILL: f64 = 0.05;
 
 /// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a
-/// position for each of `joints`; those that are homed are left out. No drive is enabled. `pass` lets time
-/// pass on `buses`, those of the table in its order, and returns the time, ns.
+/// position for each of `joints`. Homed joints are skipped, and no drive is enabled. `pass` lets time pass on
+/// `buses`, in the order of the table, and returns the time, ns.
 ///
 /// # Errors
-/// A drive is commanded by another program, is set otherwise than the table says, does not answer, or moves.
+/// Another program commands a drive, a drive's settings differ from the table, or a drive does not answer or
+/// moves.
 ///
 /// # Panics
 /// If `pose` has not as many positions as there are `joints`, or there are fewer buses than in the table.
@@ -141,7 +142,7 @@ pub fn calibrate<B: Bus>(
             }
         }
     }
-    // the offset of a joint that is homed is that of its mark, and its encoder counts from anywhere
+    // the offset of a homed joint belongs to its mark, and its encoder starts at an arbitrary position
     let is_measured = |(index, _): &(usize, &Taken)| !table.drives[order[*index]].is_homed();
     let result = taken.iter().enumerate().filter(is_measured).map(|(index, taken)| {
         let (joint, before) = (joints[index].clone(), table.transmission(order[index]).offset);

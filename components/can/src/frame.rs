@@ -61,7 +61,7 @@ pub enum Form {
     Fd,
     /// CAN FD with its data at the higher rate.
     FdFast,
-    /// A packet of a serial line, such as that of servos: up to 64 bytes, head and checksum among them.
+    /// A packet of a serial line, such as a servo's: up to 64 bytes, including header and checksum.
     Packet,
 }
 

@@ -22,14 +22,14 @@ pub struct Device {
 /// The kind of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceKind {
-    /// A Damiao drive, which tells its settings.
+    /// A Damiao drive, which reports its settings.
     Damiao {
         /// The identifier of its answers.
         master: u16,
-        /// Its watchdog, ns, 0 for off; `None` if it did not tell.
+        /// Its watchdog, ns, 0 for off; `None` if not reported.
         watchdog_ns: Option<u64>,
-        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for one that it did
-        /// not tell.
+        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each that was
+        /// not reported.
         ranges: [Option<f64>; 3],
     },
     /// An ODrive: its heartbeat, with the state and the errors of its axis.
@@ -44,11 +44,11 @@ pub enum DeviceKind {
         /// State: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
         state: u8,
     },
-    /// A moteus, which tells its state.
+    /// A moteus, which reports its state.
     Moteus {
         /// Its mode.
         mode: Mode,
-        /// The place from which it counts its position, if it tells.
+        /// The reference of its position, if reported.
         home: Option<Home>,
         /// Code of its fault.
         fault: u8,
@@ -88,11 +88,10 @@ pub enum FdSearch {
 /// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for
 /// the heartbeats of ODrives and CANopen nodes. `pass` lets time pass.
 ///
-/// With `has_errors`, which tells whether the bus has reported an error since it was opened, the registers of
-/// moteus are read afterwards, by frames of CAN FD. A node that knows classic frames only disturbs those, and
-/// the controller repeats them until it leaves the bus: none is sent once a classic frame or an error has
-/// been received, and no more after the first error. A classic node that has been silent is not known: want
-/// this only where every node knows CAN FD.
+/// With `has_errors`, which returns whether the bus has reported an error since it was opened, the registers
+/// of moteus are read afterwards, by CAN FD frames. A classic-only node disturbs such frames, and the
+/// controller repeats them until it leaves the bus. None is therefore sent once a classic frame or an error
+/// has been received. A silent classic node goes unnoticed: use this only if every node supports CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;
@@ -198,8 +197,8 @@ impl Found {
                 None => self.devices.push(device),
             }
         } else {
-            // commands of another program look like heartbeats now and then; those of an ODrive are
-            // heartbeats always
+            // commands of another program occasionally look like heartbeats; an ODrive always sends
+            // heartbeats
             self.devices.retain(|device| {
                 !(matches!(device.kind, DeviceKind::Odrive { .. })
                     && frame.id == Id::Standard(u16::from(device.node) << 5 | 1))
@@ -218,7 +217,7 @@ impl Found {
 }
 
 impl DeviceKind {
-    /// Takes what the other one tells.
+    /// Adopts the other one's reported values.
     fn complete(&mut self, other: Self) {
         let (
             Self::Damiao { watchdog_ns, ranges, .. },
@@ -293,7 +292,7 @@ mod tests {
     fn commands_of_another_program_on_a_live_bus_are_no_heartbeats_of_an_odrive() {
         let (drive, mut found) =
             (mit::Drive::damiao(1, 0x11, Ranges::new(12.5, 30.0, 10.0)), Found::default());
-        // the low byte of the gain passes all states of an axis, and that of the torque all flags
+        // the low byte of the gain covers all states of an axis, the low byte of the torque all flags
         for step in 0..20_000_u32 {
             let kp = f64::from(step % 500);
             let (velocity, torque) = (f64::from(step % 60) - 30.0, f64::from(step % 19) - 9.0);

@@ -13,7 +13,7 @@ pub struct ServoFound {
     pub number: u8,
     /// The protocol that it speaks.
     pub protocol: Protocol,
-    /// The number of its model and the version of its firmware, which servos of protocol 2 tell.
+    /// Model number and firmware version, as reported by servos of protocol 2.
     pub model: Option<(u16, u8)>,
     /// Flags of its errors.
     pub error: u8,

@@ -193,8 +193,8 @@ impl<T: Copy + Default> ActuatorTable<T> {
         settings.check().map(|()| settings).map_err(refused)
     }
 
-    /// Returns the actuators of the joints of a model: `of_all`, overridden by those of single joints. Empty
-    /// if all are ideal.
+    /// Returns the actuators of the joints of a model: `of_all`, overridden by actuators of single joints.
+    /// Empty if all are ideal.
     ///
     /// # Errors
     ///

@@ -145,8 +145,8 @@ pub(super) const MESH: Schema = Schema {
     groups: &[
         (Use::Read, &["name", "class", "file", "scale", "vertex", "face"]),
         (Use::NoEffect, &["normal", "texcoord"]),
-        // Mesh inertia is rejected if a robot needs it, or if an object needs it and it is not that of the
-        // solid.
+        // Mesh inertia is rejected if a robot needs it, or if an object needs it and it differs from the
+        // solid's.
         (Use::Read, &["inertia"]),
         (Use::NoEffect, &["smoothnormal", "maxhullvert", "content_type", "material"]),
         (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),

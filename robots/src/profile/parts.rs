@@ -26,7 +26,7 @@ pub struct BasePose {
 }
 
 impl BasePose {
-    /// That of an isometry.
+    /// Pose of an isometry.
     pub fn of(pose: &Isometry3<f64>) -> Self {
         let (roll, pitch, yaw) = pose.rotation.euler_angles();
         Self { position: pose.translation.vector.into(), rpy: [roll, pitch, yaw] }

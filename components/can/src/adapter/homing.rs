@@ -103,8 +103,8 @@ impl Homing {
 }
 
 impl Adapter {
-    /// Lets homing go on, which it does by default, or stops it: joints under way let go at once, and begin
-    /// anew when it may go on. Joints that are held meanwhile follow [`set`](Self::set) until then.
+    /// Enables homing, as by default, or interrupts it: moving joints are disabled at once and restart when
+    /// homing is enabled again. Joints held meanwhile follow [`set`](Self::set) until then.
     pub fn allow_homing(&mut self, is_allowed: bool) {
         let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
         if !is_allowed {
@@ -124,7 +124,7 @@ impl Adapter {
         !self.links.iter().all(Link::is_homed)
     }
 
-    /// Goes on with the homing of the joints by a cycle, those of the lowest order first.
+    /// Advances the homing of the joints by a cycle, lowest order first.
     pub(super) fn advance_homing(&mut self) {
         if self.tripped || self.is_observer || !self.is_homing_allowed {
             self.links.iter_mut().for_each(Link::interrupt_homing);
@@ -166,7 +166,7 @@ impl Adapter {
 }
 
 impl Link {
-    /// True if its position is that of the joint: it needs no homing, or has been homed.
+    /// Returns `true` if its position is the joint's: it needs no homing, or is homed.
     pub fn is_homed(&self) -> bool {
         self.homing.as_ref().is_none_or(|homing| homing.state == HomingState::Homed)
     }
@@ -176,7 +176,7 @@ impl Link {
         self.homing.as_ref().map(|homing| homing.state)
     }
 
-    /// Forgets where it stands: its position is that of the joint no more.
+    /// Discards its reference: its position is no longer the joint's.
     pub(super) fn forget_homing(&mut self) {
         if let Some(homing) = &mut self.homing
             && !matches!(homing.state, HomingState::Failed(_))
@@ -185,7 +185,7 @@ impl Link {
         }
     }
 
-    /// Lets it go in the middle of its homing, which begins anew some day.
+    /// Disables it during its homing, which can restart later.
     fn interrupt_homing(&mut self) {
         if self.phase == Phase::Homing {
             self.end_homing(HomingState::Waiting);
@@ -224,7 +224,7 @@ impl Link {
         }
     }
 
-    /// Goes on with its homing by a cycle; the result once it is over.
+    /// Advances its homing by a cycle; returns the result once it is over.
     fn advance_homing(&mut self, cycle_ns: u64) -> Option<Result<(), HomingFault>> {
         let Self { homing: Some(homing), phase: Phase::Homing, dialogue, gear, .. } = self else {
             return None;

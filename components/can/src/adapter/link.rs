@@ -114,7 +114,7 @@ impl Link {
         (self.position, self.velocity, self.effort)
     }
 
-    /// Its temperature, degrees Celsius, if it tells.
+    /// Its temperature, degrees Celsius, if reported.
     pub fn temperature(&self) -> Option<f64> {
         self.temperature
     }
@@ -144,11 +144,11 @@ impl Link {
         &self.counts
     }
 
-    /// The first phase: drives that tell their settings are checked.
+    /// First phase: drives with readable settings are checked.
     pub(super) fn start(&mut self) {
         self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
-        // one that does not tell its state may have lost its power meanwhile
+        // a drive without status reports may have lost its power meanwhile
         if let Some(homing) = &mut self.homing
             && !(homing.state == HomingState::Homed && self.dialogue.tells_its_state())
         {
@@ -157,8 +157,7 @@ impl Link {
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
     }
 
-    /// Begins anew with a drive that is let go, and has lost what it was told, or may have: its settings are
-    /// checked again.
+    /// Restarts with a disabled drive that has lost its settings, or may have: they are checked again.
     pub(super) fn begin_anew(&mut self) {
         if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
             self.dialogue.forget();
@@ -352,7 +351,7 @@ pub(super) struct Taken {
     pub(super) trips: bool,
     /// It knows nothing of before.
     pub(super) has_restarted: bool,
-    /// A setting that is not that of the table.
+    /// A setting that differs from the table.
     pub(super) wrong: Option<WrongSetting>,
 }
 

@@ -1,15 +1,14 @@
 //! The adapter as pure logic: one cycle of commands and answers after the other, without ports, clocks and
 //! processes.
 //!
-//! In each cycle every drive is sent one frame and answers with one. A drive is checked first (a Damiao drive
-//! tells its ranges and its watchdog), then asked for its state while it is disabled, then enabled together
-//! with all others, then commanded. A drive that stays silent for three cycles, reports a fault or lets go
+//! In each cycle every drive receives one frame and answers with one. A drive is checked first (a Damiao
+//! drive reports its ranges and its watchdog), then queried while it is disabled, then enabled together with
+//! all others, then commanded. A drive that stays silent for three cycles, reports a fault or disables itself
 //! trips the adapter: from then on all drives are damped or disabled until [`Adapter::resume`].
 //!
-//! Answers carry no number, and one that comes exactly a cycle late looks like one in time. So when a drive
-//! has missed a cycle and answers again, it is left out of one cycle: an answer that comes nevertheless
-//! proves it to be a cycle behind, and it counts as lost. If none comes, the one answer was lost, and the
-//! drive goes on.
+//! Answers carry no number, so an answer exactly a cycle late looks like one in time. A drive that has missed
+//! a cycle and answers again is therefore skipped for one cycle. An answer in that cycle proves it to be a
+//! cycle behind, and it counts as lost; without one a single answer was lost, and the drive continues.
 
 mod answers;
 mod common_answer;
@@ -123,7 +122,7 @@ impl Adapter {
         }
     }
 
-    /// The same, but no drive is ever enabled: they are checked, and tell where they stand.
+    /// The same, but no drive is ever enabled: drives are checked and report their positions.
     #[must_use]
     pub fn observer(self) -> Self {
         Self { is_observer: true, ..self }
@@ -162,7 +161,7 @@ impl Adapter {
         self.tripped
     }
 
-    /// The first drive with a setting that is not that of the table.
+    /// The first drive with a setting that differs from the table.
     pub fn wrong_setting(&self) -> Option<(usize, WrongSetting)> {
         self.wrong
     }
@@ -299,7 +298,7 @@ impl Adapter {
         self.is_known() && self.links.iter().all(|link| link.silent < LOST_AFTER)
     }
 
-    /// True if every drive has answered, and its position is that of its joint.
+    /// Returns `true` if every drive has answered and its position is its joint's.
     pub fn is_known(&self) -> bool {
         self.links.iter().all(|link| link.received_ns.is_some() && link.is_homed())
     }
@@ -378,7 +377,7 @@ impl Adapter {
     pub fn resume(&mut self) {
         (self.tripped, self.out_of_range) = (false, None);
         for link in &mut self.links {
-            // one that does not tell its state may have let go meanwhile
+            // a drive without status reports may have disabled itself meanwhile
             let is_well = link.phase == Phase::Enabled
                 && link.is_homed()
                 && link.silent == 0

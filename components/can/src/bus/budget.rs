@@ -65,8 +65,8 @@ impl Budget {
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
-    /// Time from the first bit of the commands to the last of the answers in the worst case, ns: all bits,
-    /// and one turn-round, while that of the last answer the bus is idle.
+    /// Worst-case time from the first bit of the commands to the last bit of the answers, ns: all bits, and
+    /// the turn-round of the last answer, during which the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }

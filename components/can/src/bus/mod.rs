@@ -1,5 +1,5 @@
-//! Buses: the bits of frames, the budget of a cycle, the interface of a bus, simulated ones, those of the
-//! kernel, and those on serial lines.
+//! Buses: the bits of frames, the budget of a cycle, the [`Bus`] trait, and simulated, kernel and serial
+//! buses.
 
 pub mod bits;
 pub mod budget;

@@ -26,7 +26,7 @@ pub enum ErrorState {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// The state that it tells, if it tells one.
+    /// The reported state, if any.
     pub state: Option<ErrorState>,
     /// A frame was sent and no node acknowledged it.
     pub is_unacknowledged: bool,
@@ -36,7 +36,7 @@ pub struct Report {
     pub is_disturbed: bool,
     /// The controller is back after it had left the bus.
     pub is_restart: bool,
-    /// Errors counted as sender and as receiver, where the driver tells.
+    /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u8; 2]>,
 }
 

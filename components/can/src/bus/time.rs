@@ -8,12 +8,12 @@ fn now_ns(clock: ClockId) -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Time on the monotonic clock, ns: that of all stamps.
+/// Time on the monotonic clock of all stamps, ns.
 pub(crate) fn monotonic_ns() -> u64 {
     now_ns(ClockId::Monotonic)
 }
 
-/// Time on the clock of the day, ns: that of the kernel's own stamps.
+/// Time on the wall clock, which the kernel uses for its stamps, ns.
 pub(super) fn realtime_ns() -> u64 {
     now_ns(ClockId::Realtime)
 }

@@ -65,9 +65,9 @@ impl<'a> Load<'a> {
         Unfit { joint: self.weights.joint().name.clone(), message, advice, is_refused }
     }
 
-    /// A homing whose effort does not move the joint to its stop, hold it there, or move it away: refused
-    /// where that is so at the stop wherever the others are, and told where it is so with the others at home,
-    /// or anywhere, or on the way.
+    /// A homing whose effort does not move the joint to its stop, hold it there, or move it away. It is
+    /// refused if this holds at the stop for every pose of the other joints, and a warning if it holds with
+    /// the others at home, for some pose, or on the path.
     fn unmoved(&mut self) -> Option<Unfit> {
         let certain = self.weights.at_stop(Others::Anywhere);
         self.at_stop((certain.least, certain.most), "wherever the other joints are", true)

@@ -10,10 +10,10 @@ use crate::{BusKind, OpenError, RealBus, Table};
 /// Time for which a simulated bus of another program is waited for, while that starts.
 const START: Duration = Duration::from_secs(5);
 
-/// True if the buses of a table are interfaces of the computer.
+/// Returns `true` if the buses of a table are interfaces of the computer.
 ///
 /// # Errors
-/// They are, and the clock is that of lockstep, which a real bus does not wait for.
+/// They are, and the clock is lockstep: a real bus does not wait for simulated time.
 pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigError> {
     if table.is_real() && clock == ClockKind::Lockstep {
         let name = table.buses.first().map_or("", |bus| &bus.name);

@@ -1,4 +1,4 @@
-//! The limits that the command gate of the adapter applies: those of the robot, as far as its drives reach.
+//! Limits for the adapter's command gate: the robot's, reduced to the ranges of its drives.
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;

@@ -33,7 +33,7 @@ struct Source<'a> {
     file: Option<&'a str>,
     buses: &'a [BusEntry],
     drives: &'a [DriveEntry],
-    /// Interfaces of buses, by their names, instead of those of the table.
+    /// Interfaces of buses by name, replacing the table's.
     interfaces: &'a BTreeMap<String, String>,
 }
 

@@ -1,9 +1,9 @@
 //! Registers of Dynamixel's X series, such as the XL330, XL430 and XM540: position servos that speak protocol
 //! 2.0.
 //!
-//! A servo follows its goal position by a loop of its own. Positions are steps of a turn of 4096, with 2048
-//! in the middle; numbers have their least significant byte first, and two's complement. Its bus watchdog
-//! stops it when no packet has come for its time; then goals are refused until the watchdog is set anew.
+//! A servo follows its goal position with an internal loop. Positions are steps of a turn of 4096, with 2048
+//! in the middle; numbers are little-endian, in two's complement. Its bus watchdog stops it after a time
+//! without a packet; goals are then refused until the watchdog is set again.
 
 use core::f64::consts::TAU;
 

@@ -1,10 +1,9 @@
-//! Registers of Feetech's STS servos, such as the STS3215: position servos whose packets are those of
+//! Registers of Feetech's STS servos, such as the STS3215: position servos with the packets of
 //! [`servo`](crate::servo).
 //!
-//! A servo follows its goal position by a loop of its own, with gains that stand in it. Positions are steps
-//! of a turn of 4096, with 2048 in the middle; words have their least significant byte first, and negative
-//! ones a sign bit. Such a servo has no watchdog: when nobody commands it any more it goes on holding its
-//! last goal.
+//! A servo follows its goal position with an internal loop and stored gains. Positions are steps of a turn of
+//! 4096, with 2048 in the middle; words are little-endian, negative ones with a sign bit. Such a servo has no
+//! watchdog: without further commands it keeps holding its last goal.
 
 use core::f64::consts::TAU;
 

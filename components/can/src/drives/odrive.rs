@@ -1,9 +1,8 @@
 //! CANSimple, the protocol of ODrive drives.
 //!
-//! The identifier of 11 bits is `node << 5 | command`; numbers have their least significant byte first,
-//! positions are in turns of the motor. Heartbeat and encoder estimates come by themselves, at rates that are
-//! set in the drive. The messages are those of the published database `odrive-cansimple.dbc` of firmware
-//! 0.5.6.
+//! The identifier of 11 bits is `node << 5 | command`; numbers are little-endian, positions are in turns of
+//! the motor. Heartbeat and encoder estimates are sent unasked, at rates set in the drive. The messages
+//! follow the published database `odrive-cansimple.dbc` of firmware 0.5.6.
 
 use core::f64::consts::TAU;
 

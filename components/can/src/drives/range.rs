@@ -54,7 +54,7 @@ impl Range {
         self.field(bits).decode::<0>(value)
     }
 
-    /// Distance between two numbers that `bits` bits tell apart.
+    /// Distance between two numbers that `bits` bits distinguish.
     pub const fn resolution(&self, bits: u32) -> f64 {
         (self.max - self.min) / largest(bits) as f64
     }

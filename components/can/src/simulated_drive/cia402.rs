@@ -25,7 +25,7 @@ const MODES: [u32; 5] = [0, HOMING_MODE as u32, 8, 9, 10];
 /// Error codes of emergency messages.
 const NO_HEARTBEAT: u16 = 0x8130;
 const TOO_HOT: u16 = 0x4310;
-/// Objects beside those of the mappings.
+/// Objects besides the mappings.
 const OBJECTS: [Object; 11] = [
     Object::MAX_CURRENT,
     Object::HOMING_METHOD,

@@ -20,7 +20,7 @@ pub enum Mark {
 /// The place of the shaft at which an encoder says zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Zero {
-    /// That of the table.
+    /// Value in the table.
     Absolute,
     /// That at which its power comes on, which is not known yet.
     PowerOn,
@@ -29,7 +29,7 @@ pub(super) enum Zero {
 }
 
 impl Motor {
-    /// The position that the encoder tells, with the shaft at this one, rad.
+    /// Returns the encoder's reading with the shaft at this position, rad.
     pub(super) fn encoder(&mut self, shaft: f64) -> f64 {
         match self.zero {
             Zero::Absolute => shaft,

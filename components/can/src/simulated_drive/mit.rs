@@ -5,7 +5,7 @@ use crate::damiao::{Register, Request, Value};
 use crate::frame::Frame;
 use crate::mit::{Command, Drive, Fault, Feedback, Instruction, Reply, State};
 
-/// The share of its full current at which a drive lets go that has not been told another one.
+/// Default share of its full current at which a drive disables itself.
 const OVER_CURRENT: f64 = 0.95;
 
 /// A drive of the MIT family as it behaves on the bus and at its shaft.

@@ -15,7 +15,7 @@ pub use encoder::Mark;
 use encoder::Zero;
 pub use mit::SimulatedDrive;
 
-/// Settings of a simulated drive that are not those of the table.
+/// Settings of a simulated drive that differ from the table.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
     /// Time of the watchdog, ns; 0 for off.

@@ -17,8 +17,8 @@ const WATCHDOG_EXPIRED: u32 = 0x800;
 const ENDSTOP_PRESSED: u32 = 0x1000;
 const MOTOR_TOO_HOT: u32 = 0x4_0000;
 
-/// A drive that gives `kp (position - q) + kd (velocity - v) + torque`: the gain of its position loop times
-/// that of its velocity loop is `kp`, that of its velocity loop `kd`.
+/// A drive that applies `kp (position - q) + kd (velocity - v) + torque`: `kp` is the product of the gains of
+/// its position and velocity loops, `kd` the gain of its velocity loop.
 #[derive(Clone, Debug)]
 pub struct Odrive {
     node: Node,

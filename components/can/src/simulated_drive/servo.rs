@@ -21,16 +21,16 @@ pub struct Servo {
     protocol: servo::Protocol,
     gains: LoopEntry,
     registers: [u8; REGISTERS],
-    /// Flags of its errors, which a Feetech tells in its state and a Dynamixel in the head of each answer.
+    /// Error flags, which a Feetech reports in its state and a Dynamixel in the header of each answer.
     status: u8,
     watchdog: Watchdog,
     /// The time of its watchdog that it keeps, whatever is written; ns.
     fixed_watchdog_ns: Option<u64>,
-    /// The position at which its watchdog stopped it, until the watchdog is set anew.
+    /// Position at which its watchdog stopped it, until the watchdog is set again.
     stopped: Option<f64>,
     /// Its turn in the common packet of a fast read, until it has spoken.
     turn: Option<Turn>,
-    /// Torque of a unit of the register of its current, N m; `None` for one that tells its load.
+    /// Torque of a unit of its current register, N m; `None` for a servo that reports its load.
     torque_per_unit: Option<f64>,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,
@@ -162,7 +162,7 @@ impl Servo {
         self.turn = None;
         let is_meant = servo == self.number;
         match instruction {
-            // a Dynamixel tells its model, and the version of its firmware
+            // a Dynamixel reports its model and its firmware version
             Instruction::Ping if is_meant || (servo == EVERYBODY && self.is_dynamixel()) => {
                 self.answer(0, if self.is_dynamixel() { 3 } else { 0 })
             }
@@ -244,7 +244,7 @@ impl Servo {
         } else {
             self.put(register, data);
         }
-        // torque that is switched on anew ends the error that switched it off
+        // enabling torque again clears the error that disabled it
         if written.contains(&self.switch()) && !self.has_torque() {
             self.status = 0;
         }

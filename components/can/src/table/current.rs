@@ -32,7 +32,7 @@ impl DriveEntry {
     }
 }
 
-/// Refuses a largest current that the drive cannot be told, or of which nobody knows the torque.
+/// Refuses a current limit that cannot be written to the drive, or whose torque is unknown.
 pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     let all = [
         ("current_limit", drive.current_limit),

@@ -61,7 +61,7 @@ pub(super) fn complete(
     limits(drive, &sheet).and_then(|()| method(drive, &sheet)).map_err(at)
 }
 
-/// Refuses a method of homing beyond those of the drive, 0x6098.
+/// Refuses a homing method that the drive does not support, 0x6098.
 fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let method = drive.homing.as_ref().and_then(|homing| homing.method).map(i64::from);
     let (Some(method), Some(entry)) = (method, sheet.entry(Object::HOMING_METHOD)) else { return Ok(()) };
@@ -114,7 +114,7 @@ fn cyclic(drive: &DriveEntry) -> Mode {
     }
 }
 
-/// Refuses a mode that the drive does not know by 0x6502, in which bit 7 is that of mode 8.
+/// Refuses a mode missing in the drive's 0x6502, whose bit 7 is mode 8.
 fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let known = sheet.entry(Object::SUPPORTED_MODES).and_then(|entry| entry.value(drive.node));
     let mode = cyclic(drive);

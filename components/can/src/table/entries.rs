@@ -92,8 +92,8 @@ pub struct DriveEntry {
     pub position_loop: Option<LoopEntry>,
     /// Time between two reports of the encoder, as it is set in the drive. Default 10 ms. Of ODrive only.
     pub report_every: Option<TimeSpan>,
-    /// The least from which the position has to be counted that the drive tells: "output", or "rotor", for a
-    /// joint that moves by less than a turn of the rotor. Default "output". Of moteus without `homing` only.
+    /// Required reference of the reported position: "output", or "rotor" for a joint that moves by less than
+    /// a turn of the rotor. Default "output". Of moteus without `homing` only.
     pub reference: Option<ReferenceEntry>,
     /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required unless
     /// the data sheet has it.
@@ -116,12 +116,12 @@ pub struct DriveEntry {
     /// The rated current, of which currents are thousandths: object 0x6075, A. Of CiA 402 only, for
     /// `current_limit`, where it is required unless the data sheet has it.
     pub rated_current: Option<f64>,
-    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it tells
+    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it provides
     /// increments and rated torque, and the table is checked against its objects, modes, mappings and limits.
     /// Of CiA 402 only.
     pub eds: Option<String>,
-    /// The way in which its position becomes known once its power is on, before it is enabled. Default: the
-    /// position that it tells is absolute, or it stands at its zero.
+    /// Procedure that determines its position after power-up, before it is enabled. Default: the reported
+    /// position is absolute, or the drive is at its zero.
     pub homing: Option<HomingEntry>,
     /// Process data of which the data sheet says that their mapping cannot be written.
     #[serde(skip)]
@@ -193,14 +193,14 @@ pub struct RangeEntry {
 }
 
 impl DriveEntry {
-    /// The gains of its own position loop: those of its entry, or full torque at a twentieth of a radian.
+    /// Gains of its own position loop: the entry's, or full torque at a twentieth of a radian.
     pub(super) fn loop_gains(&self) -> LoopEntry {
         let torque = self.ranges.torque;
         self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
     }
 
-    /// Its ranges, with no more torque than its current gives, and of a moteus with no higher gains than
-    /// those of its own loop.
+    /// Its ranges, with the torque limited by its current and, for a moteus, the gains limited to its own
+    /// loop's.
     pub(super) fn limited_ranges(&self) -> mit::Ranges {
         let ranges = self.ranges.ranges();
         // one that cannot be is refused as such
@@ -208,7 +208,7 @@ impl DriveEntry {
         let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
         let ranges = mit::Ranges { torque: Range::symmetric(most), ..ranges };
         match self.protocol {
-            // it is told shares of the gains that stand in it, which end at one
+            // it receives shares of its stored gains, at most one
             Protocol::Moteus => {
                 let gains = self.loop_gains();
                 ranges.with_gains(ranges.kp.max.min(gains.kp), ranges.kd.max.min(gains.kd))
@@ -235,7 +235,7 @@ pub enum Protocol {
     MiniCheetahVoltage,
     /// The MIT protocol of CubeMars.
     Cubemars,
-    /// The MIT protocol of Damiao, whose registers tell ranges and watchdog.
+    /// The MIT protocol of Damiao, whose registers report ranges and watchdog.
     Damiao,
     /// The MIT protocol of RobStride.
     Robstride,

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::check::Refusal;
 use super::{ControlMode, DriveEntry, Protocol};
 
-/// The homing of a drive: velocities, efforts and positions are those of the joint.
+/// The homing of a drive: velocities, efforts and positions refer to the joint.
 ///
 /// ```
 /// use motorium_can::{HomingBy, Table};
@@ -39,8 +39,7 @@ pub struct HomingEntry {
     /// them), or "stop", the adapter, which leads the joint slowly into its mechanical stop (MIT family,
     /// moteus, and drives that are commanded torques).
     pub by: HomingBy,
-    /// Joints of a lower number are homed before those of a higher one, those of the same number together.
-    /// Default 0.
+    /// Joints of a lower number are homed first, joints of the same number together. Default 0.
     pub order: Option<u8>,
     /// Time after which a homing that is not over has failed. Default 20 s.
     pub timeout: Option<TimeSpan>,
@@ -103,7 +102,7 @@ pub(crate) struct HomingObjects {
 
 /// The usual time for a homing.
 const TIMEOUT: TimeSpan = TimeSpan { ns: 20_000_000_000 };
-/// The usual bound of the energy at a stop, J: that of half a kilogram metre squared at 0.6 rad/s.
+/// Default bound of the energy at a stop, J: half a kilogram metre squared at 0.6 rad/s.
 const ENERGY: f64 = 0.1;
 /// The usual way back from a stop, rad or m.
 const BACK_OFF: f64 = 0.05;
@@ -169,7 +168,7 @@ impl DriveEntry {
     }
 }
 
-/// Refuses a homing that its drive cannot be told.
+/// Refuses a homing that its drive does not support.
 pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     let Some(homing) = &drive.homing else { return Ok(()) };
     check_keys(drive, homing)?;
@@ -334,7 +333,7 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
             "write less `effort`",
         ));
     }
-    // its torque at standstill is that of the velocity gain
+    // its torque at standstill comes from the velocity gain
     let gain = effort / velocity.abs() / ratio;
     let most = match drive.protocol {
         Protocol::Moteus => drive.loop_gains().kd,

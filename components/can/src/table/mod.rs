@@ -90,12 +90,12 @@ pub struct Transmission {
 }
 
 impl Transmission {
-    /// The drive's position for that of the joint.
+    /// Converts a joint position to the drive's.
     pub fn to_drive(&self, joint: f64) -> f64 {
         (joint - self.offset) * self.ratio
     }
 
-    /// The joint's position for that of the drive.
+    /// Converts a drive position to the joint's.
     pub fn to_joint(&self, drive: f64) -> f64 {
         drive / self.ratio + self.offset
     }
@@ -187,8 +187,8 @@ impl Table {
         }
     }
 
-    /// True if each of its buses tells when a frame was received, however much later it is read: interfaces
-    /// of the kernel and unix sockets, but no serial lines.
+    /// Returns `true` if each of its buses reports receive times regardless of when a frame is read:
+    /// interfaces of the kernel and unix sockets, but no serial lines.
     pub(crate) fn tells_times(&self) -> bool {
         self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| match Place::of(name) {
             Some(place) => matches!(place, Place::Socket(_)),
@@ -196,7 +196,7 @@ impl Table {
         })
     }
 
-    /// True if one of its simulated buses is that of an adapter on a pseudo-terminal.
+    /// Returns `true` if one of its simulated buses is an adapter on a pseudo-terminal.
     pub(crate) fn has_adapters_on_terminals(&self) -> bool {
         let of_can = self.buses.iter().filter(|bus| bus.kind == BusKind::Can);
         of_can
@@ -226,8 +226,7 @@ impl Table {
         self.drives[index].limited_ranges()
     }
 
-    /// The gains of a drive's own position loop: those of its entry, or full torque at a twentieth of a
-    /// radian.
+    /// Gains of a drive's own position loop: the entry's, or full torque at a twentieth of a radian.
     pub fn position_loop(&self, index: usize) -> LoopEntry {
         self.drives[index].loop_gains()
     }

@@ -1,5 +1,5 @@
-//! Logs in other formats than that of `candump -L`: what `candump` prints on a screen, and ASC files of
-//! Vector's tools.
+//! Logs in other formats than `candump -L`'s: the screen output of `candump`, and ASC files of Vector's
+//! tools.
 
 use super::{Record, RecordError};
 
@@ -57,8 +57,8 @@ fn screen(time: &str, line: &str) -> Option<String> {
     Some(format!("({time}) {interface} {id}{separator}{}", bytes.concat()))
 }
 
-/// A line of an ASC file, in whose place that of an interface `canN` for channel N comes; `None` for one that
-/// does not parse, and `Some(None)` for an event that is no frame.
+/// Parses a line of an ASC file, with channel N as the interface `canN`. Returns `None` if it does not parse,
+/// and `Some(None)` for an event other than a frame.
 fn asc(fields: &[&str]) -> Option<Option<String>> {
     let time = micros(fields.first()?)?;
     let id_of = |text: &str| match text.strip_suffix(['x', 'X']) {

@@ -9,7 +9,7 @@ const STEP_NS: u64 = 250_000;
 /// Position of the shafts at first, rad.
 const SHAFT: f64 = 0.5;
 
-/// A protocol, with what its entries have beside those of all.
+/// A protocol, with the additional keys of its entries.
 pub(super) struct Case {
     pub(super) protocol: &'static str,
     pub(super) bus: &'static str,
@@ -223,7 +223,7 @@ fn drives_that_are_enabled_again_begin_where_they_have_been_moved_to() {
         rig.is_silent = true;
         rig.run(5);
         (rig.is_silent, rig.shaft) = (false, -1.0);
-        // an ODrive tells its state each tenth of a second
+        // an ODrive reports its state every tenth of a second
         rig.run(150_000_000 / rig.cycle_ns);
         rig.adapter.resume();
         let cycles = 400;
@@ -244,7 +244,7 @@ fn a_drive_whose_power_was_cut_trips_the_adapter_and_follows_again_once_it_is_re
         rig.is_silent = true;
         rig.run(5);
         rig.is_silent = false;
-        // an ODrive tells its state each tenth of a second
+        // an ODrive reports its state every tenth of a second
         rig.run(150_000_000 / rig.cycle_ns);
         assert!(rig.adapter.has_tripped(), "{}", case.protocol);
         // a moteus follows any command, and is damped
@@ -343,7 +343,7 @@ fn a_dynamixel_stops_where_it_is_by_its_watchdog_until_it_is_checked_again() {
     rig.shaft = SHAFT + 0.03;
     rig.step(killed_ns + WATCHDOG_NS + 2 * STEP_NS);
     assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds the place: {:?}", rig.torques);
-    // goals are refused until the watchdog is set anew, which the check of a resumed adapter does
+    // goals are refused until the check of a resumed adapter sets the watchdog again
     rig.cycle = 2 + (killed_ns + WATCHDOG_NS) / rig.cycle_ns;
     rig.run(5);
     assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));

@@ -12,7 +12,7 @@ pub(super) const EFFORT: f64 = 1.2;
 /// Position of the lower stop, rad.
 pub(super) const STOP: f64 = -0.8;
 
-/// A family of drives with what its entries have beside those of all.
+/// A family of drives, with the additional keys of its entries.
 pub(super) struct Case {
     pub(super) name: &'static str,
     pub(super) bus: &'static str,

@@ -1,5 +1,5 @@
-//! A stop in the middle of a homing, in a graph: joints that are held take the safe state of the graph, those
-//! under way let go, and all goes on once the run is resumed.
+//! A stop during a homing, in a graph: held joints enter the graph's safe state, moving joints are disabled,
+//! and homing restarts once the run is resumed.
 
 use std::time::Duration;
 

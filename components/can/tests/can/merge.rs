@@ -188,7 +188,7 @@ fn the_merged_state_has_the_rate_of_its_own_the_newest_of_each_part_and_the_age_
         };
         assert!(is_from(&arm, 0..2) && is_from(&gripper, 2..3), "at {now}: {:?}", sample.value.position());
         let oldest = newest(&arm).stamp.source_time.min(newest(&gripper).stamp.source_time);
-        // or that of the gripper's cycle before
+        // or from the gripper's previous cycle
         assert!(sample.stamp.source_time <= oldest && sample.stamp.source_time + 5_000_000 >= oldest);
         let age_ns = now - sample.stamp.source_time;
         assert!((1_000_000..=11_000_000).contains(&age_ns), "{age_ns}");

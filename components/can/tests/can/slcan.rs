@@ -104,8 +104,8 @@ proptest! {
 
 /// The other end of a pseudo-terminal, and its path.
 pub(super) fn terminal() -> (File, String) {
-    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that
-    // they are told.
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the stated
+    // length.
     unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK);
         assert!(master >= 0 && libc::grantpt(master) == 0 && libc::unlockpt(master) == 0);

@@ -20,8 +20,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     ///
     /// 1. Among the returning rows of the conflict, the one least beyond its limit
     ///    [stays](crate::limits::LimitRows::push_barrier) there.
-    /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), those of the conflict
-    ///    first. Joints accelerate beyond it only if a contact or an exact task requires it.
+    /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), first the conflicting
+    ///    ones. Joints accelerate beyond it only if a contact or an exact task requires it.
     /// 3. With a [relaxation](super::IkSettings::relaxation), contacts and exact tasks are violated.
     ///
     /// [`conflict`](Self::conflict) returns the contradictory constraints and the violation.

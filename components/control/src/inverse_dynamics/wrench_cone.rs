@@ -13,9 +13,9 @@
 /// ```
 ///
 /// Forces at the four corners of the rectangle within their friction pyramids have exactly these wrenches as
-/// their sums, so for a whole sole with its own friction they say nothing new; they tighten what the corners
-/// allow: a smaller rectangle or friction than that of the contact, a least force that keeps the foot loaded,
-/// a largest one of the whole foot, a largest yaw torque. Caron, Pham and Nakamura, *Stability of surface
+/// their sums, so for a whole sole with its own friction the limits add nothing. They tighten the corners'
+/// limits: a smaller rectangle or friction than the contact's, a minimum force that keeps the foot loaded, a
+/// maximum force of the whole foot, or a maximum yaw torque. Caron, Pham and Nakamura, *Stability of surface
 /// contacts for humanoid robots: closed-form formulae of the contact wrench for rectangular support areas*,
 /// ICRA 2015.
 ///

@@ -30,7 +30,7 @@ pub struct FootPlan {
 /// share of a velocity error, at most `most`.
 ///
 /// ```text
-/// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)          x and y;   z: that of the ground
+/// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)          x and y;   z: the ground's
 /// ```
 ///
 /// Raibert, *Legged Robots That Balance*, 1986; Pratt, Carff, Drakunov and Goswami, *Capture point: a step

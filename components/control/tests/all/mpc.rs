@@ -58,8 +58,7 @@ fn equal_shares_of_the_weight_carry_a_robot_at_rest() {
     assert!((mpc.predicted()[10].position - state.position).norm() < 1e-9);
 }
 
-/// A mass above one point that it may push and pull from: the first force is that of the regulator of the
-/// finite horizon.
+/// A mass above one point that may push and pull: the first force equals the finite-horizon regulator's.
 #[test]
 fn the_unlimited_first_force_matches_the_riccati_recursion() {
     let weights = MpcWeights { force: 0.3, ..MpcWeights::default() };

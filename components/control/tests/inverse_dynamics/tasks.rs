@@ -27,7 +27,7 @@ pub(crate) fn rows(cost: &Cost, x: &DVector<f64>) -> DVector<f64> {
     DVector::from_fn(cost.rows(), |row, _| {
         one.weights_mut().fill(0.0);
         one.weights_mut()[row] = 1.0;
-        // residuals are lengths: the sign is that of a shifted right-hand side
+        // residuals are lengths: the sign comes from a shifted right-hand side
         let length = one.residual(x.as_slice());
         one.desired_mut()[row] += 1e-3;
         let shifted = one.residual(x.as_slice());

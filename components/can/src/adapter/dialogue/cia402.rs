@@ -60,7 +60,7 @@ pub(in crate::adapter) struct Cia402 {
 
 /// Cycles for which the reset of a fault takes.
 const CLEARS: u8 = 4;
-/// Settings after those of the mappings.
+/// Settings after the mappings.
 const WATCHDOG: u8 = Mapping::ALL.len() as u8 * Mapping::STEPS;
 const READ_WATCHDOG: u8 = WATCHDOG + 1;
 const MODE: u8 = WATCHDOG + 2;
@@ -132,7 +132,7 @@ impl Cia402 {
         SETTINGS + self.extras().count() as u8
     }
 
-    /// The settings that this drive has beside those of all.
+    /// Settings of this drive in addition to the common ones.
     fn extras(&self) -> impl Iterator<Item = Extra> {
         let limited = LIMITED.into_iter().filter(|_| self.currents.is_some());
         limited.chain(HOMED.into_iter().filter(|_| self.homes.is_some()))

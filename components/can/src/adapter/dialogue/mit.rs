@@ -26,7 +26,7 @@ impl Mit {
         Self { codec, watchdog_ns, share, motion: None, rounding: Rounding::default() }
     }
 
-    /// Damiao drives tell their settings, the others do not.
+    /// Only Damiao drives report their settings.
     pub(super) fn checks(&self) -> u8 {
         // the limit of the current is written, and read back
         let limit = if self.share.is_some() { 2 } else { 0 };

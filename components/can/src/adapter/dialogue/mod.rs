@@ -16,7 +16,7 @@ pub(super) use servo::Servo;
 /// The request of the adapter to a drive in a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Order {
-    /// To tell, or take, the setting with this number.
+    /// Read or write the setting with this number.
     Check(u8),
     /// To let go.
     Disable,
@@ -97,7 +97,7 @@ impl Dialogue {
         }
     }
 
-    /// True if it tells whether it follows commands.
+    /// Returns `true` if it reports whether it follows commands.
     pub(super) fn tells_its_state(&self) -> bool {
         match self {
             Self::Mit(drive) => drive.tells_its_state(),
@@ -147,7 +147,7 @@ impl Dialogue {
         }
     }
 
-    /// Begins anew, with the faults cleared of a drive that was lost or let go.
+    /// Restarts, and clears the faults of a drive that was lost or disabled.
     pub(super) fn restart(&mut self) {
         match self {
             Self::Mit(_) | Self::Servo(_) => {}
@@ -157,7 +157,7 @@ impl Dialogue {
         }
     }
 
-    /// Forgets what it has been told, as at the start: no fault is cleared.
+    /// Resets to the initial state without clearing faults.
     pub(super) fn forget(&mut self) {
         match self {
             Self::Mit(_) | Self::Servo(_) | Self::Moteus(_) => {}
@@ -196,7 +196,7 @@ impl Dialogue {
         }
     }
 
-    /// Writes the frames of a cycle. Those of servos are written for all of a line together.
+    /// Writes the frames of a cycle. All servos of a line share their frames.
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         match self {
             Self::Mit(drive) => drive.write(order, frames),
@@ -247,8 +247,8 @@ impl Motion {
         }
     }
 
-    /// The velocity of a command at the newest state: that of the command, and towards its position as fast
-    /// as the loop of the drive would go there.
+    /// Velocity of a command at the newest state: the commanded velocity plus the velocity with which the
+    /// drive's loop would approach the commanded position.
     fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
         let towards =
             if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };

@@ -142,7 +142,7 @@ impl Odrive {
                 *was_seen = true;
                 return;
             }
-            // by itself it goes on to idle, or to following
+            // it then enters idle or closed loop automatically
             (false, true) if result == 0 => Ok(()),
             (false, true) => Err(HomingFault::Drive),
             (false, false) if *heartbeats >= SEEN_WITHIN => Err(HomingFault::NotBegun),
@@ -181,7 +181,7 @@ impl Odrive {
             },
             // its watchdog is fed, and its setpoint is where it is, before it follows
             (Order::Enable, ENABLED_IN) => {
-                // what it told before it was asked does not count
+                // reports from before the request do not count
                 self.state = State::Disabled;
                 Instruction::SetState(AxisState::ClosedLoop)
             }
@@ -237,7 +237,7 @@ impl Odrive {
                 self.state = match (error, state) {
                     (0, AxisState::ClosedLoop) => State::Enabled,
                     (0, _) => State::Disabled,
-                    // told before they were cleared
+                    // reported before they were cleared
                     _ if self.clears > 0 => State::Disabled,
                     (error, _) if error & WATCHDOG_EXPIRED != 0 => State::Fault(Fault::CommunicationLost),
                     (error, _) => State::Fault(Fault::Other(error)),

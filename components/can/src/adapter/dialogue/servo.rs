@@ -114,7 +114,7 @@ impl Maker {
         settings.get(block).copied()
     }
 
-    /// The highest position, that of the last step of a turn.
+    /// The highest position: the last step of a turn.
     fn highest(self) -> f64 {
         match self {
             Self::Feetech => feetech::position(feetech::TURN as u16 - 1),
@@ -168,7 +168,7 @@ impl Servo {
         }
     }
 
-    /// A Dynamixel does not tell whether its torque is on, a Feetech does.
+    /// A Feetech reports whether its torque is on, a Dynamixel does not.
     pub(super) fn tells_its_state(&self) -> bool {
         self.maker == Maker::Feetech
     }
@@ -182,7 +182,7 @@ impl Servo {
         (self.watchdog_ns / dynamixel::WATCHDOG_UNIT_NS) as u8
     }
 
-    /// Writes what an order needs: the index of the registers among those of the maker, and the bytes.
+    /// Writes the index of an order's registers in the maker's list, and the bytes.
     fn write(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8])) {
         self.motion.begin(order);
         let goal = match order {
@@ -328,7 +328,7 @@ impl Servo {
                 Feedback {
                     position: told.position,
                     velocity: told.velocity,
-                    // the register is that of the current, or of the load
+                    // the register of the current, or of the load
                     torque: f64::from(told.load) * self.torque_per_unit.unwrap_or(1e-3 * most),
                     temperature: Some(told.temperature),
                     voltage: Some(told.voltage),

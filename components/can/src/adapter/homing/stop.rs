@@ -24,7 +24,7 @@ pub(crate) const EASED: f64 = 0.5;
 /// Largest way by which it gives then, as a share of that at the commanded velocity in a window.
 const GIVES_WITHIN: f64 = 0.2;
 
-/// The stage of a homing at a stop; positions are those of the joint but for its offset.
+/// Stage of a homing at a stop; positions are the joint's without its offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
     /// To the stop.
@@ -59,7 +59,7 @@ pub(in crate::adapter) struct Stop {
 /// The outcome of one cycle of a homing at a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::adapter) enum Outcome {
-    /// It goes on.
+    /// It continues.
     Moving,
     /// The stop was found at this position, and the joint has moved off it.
     Found(f64),

@@ -64,8 +64,8 @@ impl Encoding {
 
 /// Opens a pseudo-terminal, and links `link` to it.
 fn plug_in(link: &PathBuf) -> io::Result<End> {
-    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that
-    // they are told.
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the stated
+    // length.
     let (master, path) = unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC);
         if master < 0 {
@@ -220,7 +220,7 @@ fn write(line: &mut Terminal, bytes: &[u8]) -> bool {
 
 impl Drop for TerminalOffer {
     fn drop(&mut self) {
-        // the link goes with the terminal, unless it is that of another one by now
+        // the link is removed with the terminal, unless it now belongs to another one
         let is_ours = self.end.as_ref().is_some_and(|end| {
             std::fs::read_link(&self.link).is_ok_and(|path| path.as_os_str() == end.line.path())
         });

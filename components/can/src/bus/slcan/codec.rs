@@ -189,7 +189,7 @@ pub enum Request {
     Bitrate(u32),
     /// To take this bitrate for the data of CAN FD frames.
     DataBitrate(u32),
-    /// To tell its version.
+    /// Request for its version.
     Version,
     /// Nothing: an empty line, with which a line that was begun is ended.
     Nothing,

@@ -100,11 +100,11 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
-/// The version that an adapter with slcan on a serial line tells; `None` if there is no such adapter, or it
-/// tells none.
+/// Returns the version of an slcan adapter on a serial line; `None` if there is no such adapter, or it
+/// reports no version.
 ///
 /// # Errors
-/// There is no such line, or it cannot be opened.
+/// The line does not exist, or cannot be opened.
 pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
     let mut file = terminal::open(path, libc::B1000000)?;
     file.write_all(b"\rV\r").map_err(|error| OpenError::Refused(path.into(), error))?;
@@ -116,7 +116,7 @@ pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
     }
-    // Frames of a bus on which there is traffic tell the adapter, too.
+    // Frames of a bus with traffic also identify the adapter.
     let lines = || text.split(|byte| matches!(byte, b'\r' | b'\n' | 0x07));
     let is_frame = |line: &&[u8]| {
         let mut reader = Reader::default();

@@ -14,7 +14,7 @@ use crate::frame::Frame;
 
 /// Frames of one system call.
 pub(super) const BATCH: usize = 32;
-/// Bytes of a classic frame on its way to the kernel; those of a CAN FD frame are 72.
+/// Bytes of a classic frame passed to the kernel; a CAN FD frame has 72.
 const CLASSIC: usize = size_of::<libc::can_frame>();
 
 /// Room for what comes with a frame: three times and a count, each behind a header, aligned as headers are.
@@ -28,9 +28,9 @@ pub(super) struct Arrival {
     pub(super) frame: canfd_frame,
     /// True for a CAN FD frame.
     pub(super) is_fd: bool,
-    /// Time at which the kernel received it, ns of the wall clock; 0 if it does not tell.
+    /// Time at which the kernel received it, ns of the wall clock; 0 if unknown.
     pub(super) wall_ns: u64,
-    /// Time at which the controller received it, ns of a clock of its own; 0 if it does not tell.
+    /// Time at which the controller received it, ns of the controller's clock; 0 if unknown.
     pub(super) hardware_ns: u64,
     /// Frames that the socket has had no room for so far.
     pub(super) overflows: Option<u32>,

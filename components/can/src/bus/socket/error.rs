@@ -29,7 +29,7 @@ pub enum OpenError {
         name: String,
         /// Its bitrate.
         found: u32,
-        /// That of the bus.
+        /// Rate of the bus.
         expected: u32,
     },
     /// There is no such serial line.

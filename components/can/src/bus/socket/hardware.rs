@@ -17,8 +17,8 @@
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HardwareClock {
-    /// Time of the computer less that of the controller, ns, and the time of the computer at which it was
-    /// true.
+    /// Time of the computer minus the time of the controller, ns, and the time of the computer at which it
+    /// was measured.
     distance: Option<(i64, u64)>,
 }
 

@@ -29,7 +29,7 @@ pub struct Interface {
     pub state: Option<ErrorState>,
     /// Time after which a controller that has left the bus comes back by itself, ms; 0 for never.
     pub restart_ms: Option<u32>,
-    /// Errors counted as sender and as receiver, where the driver tells.
+    /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u16; 2]>,
 }
 
@@ -175,7 +175,7 @@ fn link(body: &[u8]) -> Option<Interface> {
     Some(interface)
 }
 
-/// State of the controller, as its driver tells it.
+/// State of the controller, as reported by its driver.
 fn controller(data: &[u8], interface: &mut Interface) {
     let bitrate = |value| u32_at(value, 0).filter(|rate| *rate > 0);
     for (kind, value) in attributes(data) {

@@ -31,7 +31,7 @@ motorium::state_buffer! {
         pub age: [u32; 64],
         /// Flags of each drive: the constants of this type.
         pub flags: [u32; 64],
-        /// Temperature of each drive, degrees Celsius; 0 if it does not tell.
+        /// Temperature of each drive, degrees Celsius; 0 if not reported.
         pub temperature: [f64; 64],
     }
 }
@@ -49,7 +49,7 @@ impl JointHealth {
     pub const CHECKING: u32 = 16;
     /// Its joint is being homed.
     pub const HOMING: u32 = 32;
-    /// Its position is not that of the joint: it has to be homed first.
+    /// Its position is not the joint's yet: it must be homed first.
     pub const NOT_HOMED: u32 = 64;
 }
 
@@ -83,8 +83,8 @@ pub struct CanAdapterConfig {
     /// The drives, where no file has them.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table
-    /// serves on simulated buses and on real ones. Default none.
+    /// Interfaces of buses by name, replacing the drive table's, so that one table serves simulated and real
+    /// buses. Default none.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
     /// Reaction of the other drives when one is lost or reports a fault, until `motorium resume`: "damp" or
@@ -95,9 +95,9 @@ pub struct CanAdapterConfig {
     /// them any more. Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
-    /// True: no drive is enabled, and the joints are moved by hand and measured, as those of a leader arm.
-    /// The adapter is no actuator then: it has no input `joint_command`, and no safe state. Drives with a
-    /// `homing` are refused, as it needs torque. Default false.
+    /// True: no drive is enabled, and the joints are moved by hand and measured, as on a leader arm. The
+    /// adapter is then no actuator: it has no input `joint_command` and no safe state. Drives with a
+    /// `homing`, which needs torque, are refused. Default false.
     #[serde(default)]
     pub observe: bool,
     /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading
@@ -116,8 +116,8 @@ pub struct CanAdapterConfig {
     /// so that its frames go out at once. In lockstep no step waits. Default none: the command is sent in the
     /// next cycle.
     pub command_within: Option<TimeSpan>,
-    /// Acceleration of free fall in the world (m/s2), from which the safe states compute what holds the
-    /// robot. Default: that of the graph's `[world]`, or 9.81 downwards.
+    /// Acceleration of free fall in the world (m/s2), used by the safe states to hold the robot. Default:
+    /// from the graph's `[world]`, or 9.81 downwards.
     #[serde(default = "gravity")]
     pub gravity: [f64; 3],
 }
@@ -130,10 +130,11 @@ impl CanAdapterConfig {
         table.is_real().then(|| order.answers_have(cycle))
     }
 
-    /// The drive table: that of the file, which is relative to `folder`, or of the configuration itself.
+    /// Returns the drive table, from the file, which is relative to `folder`, or from the configuration
+    /// itself.
     ///
     /// # Errors
-    /// It cannot be read, or a value in it cannot be.
+    /// The table or one of its values cannot be read.
     pub fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
         self.source().table(folder)
     }

@@ -46,7 +46,7 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
-    /// Joints are being homed, or not known again yet: the gate begins anew when all are.
+    /// Some joints are being homed or have no known position; the gate restarts once all are known.
     awaits_homing: bool,
     leaves_enabled: bool,
     /// Each drive has answered that it is off at the end; `None` if none was let go.
@@ -62,8 +62,8 @@ struct Weight {
 }
 
 impl Weight {
-    /// Those of each joint at these positions. None with a floating base: its drives do not tell how it lies,
-    /// nor on what it stands.
+    /// Gravity efforts of each joint at these positions. `None` with a floating base, whose drives report
+    /// neither its orientation nor its contacts.
     fn efforts(&mut self, position: &[f64], effort: &mut [f64]) {
         let Self { model, dynamics, gravity } = self;
         match model.base().floating {
@@ -283,7 +283,7 @@ impl CanAdapter {
             return;
         }
         if core::mem::take(&mut self.awaits_homing) {
-            // its safe state was that of positions that were not those of the joints
+            // its safe state was computed from positions that were not the joints'
             if let Some((_, gate)) = &mut self.drive {
                 gate.relocate();
             }
@@ -311,9 +311,9 @@ impl CanAdapter {
         apply(&mut self.adapter, gate);
     }
 
-    /// A step in which joints have yet to be homed, or some are held and others not known: no command is
-    /// judged. Joints under way let go while the run is stopped, and those that are held take the safe state
-    /// of the graph until it goes on.
+    /// A step in which some joints are not homed yet, or some are held and others unknown: no command is
+    /// checked. While the run is stopped, moving joints are disabled, and held joints enter the graph's safe
+    /// state.
     fn await_homing(&mut self, settling: bool) {
         let is_let_go = |link: &Link| link.is_homed() && link.phase() != Phase::Enabled;
         if self.adapter.links().iter().all(is_let_go) {

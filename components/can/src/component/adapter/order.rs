@@ -28,8 +28,8 @@ pub(super) struct StepOrder {
 }
 
 impl StepOrder {
-    /// That of a configuration, for the buses of a table that are real ones or not; without a period times
-    /// are taken as they are.
+    /// Returns the order of a configuration, for real or simulated buses. Without a period, times are used
+    /// unchecked.
     pub(super) fn of(
         config: &CanAdapterConfig,
         table: &Table,
@@ -38,7 +38,7 @@ impl StepOrder {
     ) -> Result<Self, ConfigError> {
         let (answer, command) =
             (config.answer_within.map(Duration::from), config.command_within.map(Duration::from));
-        // a line that does not tell when a frame came has to be read when it comes
+        // a line without receive times must be read when a frame arrives
         let waits_for_answers = is_real && (command.is_none() || !table.tells_times());
         if answer.is_some() && !waits_for_answers {
             let (message, advice) = match is_real {

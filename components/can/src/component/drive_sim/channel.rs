@@ -11,7 +11,7 @@ pub(super) struct Channel {
     pub(super) babbler: usize,
     pub(super) twin: usize,
     pub(super) babbled_ns: u64,
-    /// Condition of the adapter's interface, as it was told last.
+    /// Last reported condition of the adapter's interface.
     pub(super) condition: Condition,
     pub(super) is_down: bool,
     pub(super) was_off: bool,
@@ -35,7 +35,7 @@ impl Channel {
         self.unsent = self.unsent.saturating_add(u8::from(!fits));
     }
 
-    /// Plugs a node in or out; one that comes back begins anew.
+    /// Plugs a node in or out; a returning node restarts.
     pub(super) fn connect(&mut self, node: usize, is_connected: bool) {
         match (self.connected[node], is_connected) {
             (true, false) => self.bus.switch_off(node),

@@ -71,14 +71,14 @@ impl FaultInjector<'_> {
 /// The node that sends an answer.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Sender {
-    /// That of a drive.
+    /// Fault of a drive.
     Drive(usize),
     /// Another drive with the same number.
     Twin,
 }
 
 impl Sender {
-    /// The node that it is, where `twin` is that of the other drive.
+    /// Node number of the drive; `twin` is the other drive's.
     pub(super) fn node(self, twin: usize) -> usize {
         match self {
             Self::Drive(node) => node,

@@ -64,7 +64,7 @@ impl Simulated {
                 channel.bus.disturb(1);
             }
             if is_on(FaultKind::Babbling) {
-                // it goes on where it was, and never saves up
+                // it continues where it was, without accumulating time
                 channel.babbled_ns = channel.babbled_ns.max(now_ns.saturating_sub(1_000_000));
                 while channel.babbled_ns < now_ns {
                     let noise = Frame::classic(Id::Standard(0), &[0xff; 8]);

@@ -87,7 +87,7 @@ impl Sockets {
                     counters: (state == ErrorState::Passive).then_some([136, 0]),
                     ..Report::default()
                 };
-                // an interface that is down has nobody to tell
+                // an interface that is down has no listener
                 if line.bus.inject(&report).is_ok() {
                     line.state = state;
                 }

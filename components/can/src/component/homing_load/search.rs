@@ -59,9 +59,9 @@ pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMu
     most
 }
 
-/// Goes on in the direction of a round that came from `from`, ever further as long as the function grows:
-/// over a ridge on which all coordinates have to move together, a round alone makes small steps. Returns the
-/// value there.
+/// Continues in the direction of a round that started at `from`, with growing steps as long as the function
+/// grows, and returns the value there. Along a ridge, where all coordinates must move together, a single
+/// round makes only small steps.
 fn go_on(
     axes: &[Axis],
     from: &[f64],

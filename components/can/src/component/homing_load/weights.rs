@@ -53,7 +53,7 @@ pub(super) struct Weights<'a> {
     ranges: Vec<[f64; 2]>,
     /// The joints on whose positions its weight depends.
     related: Vec<usize>,
-    /// Those of them on which its inertia depends: they are carried by it.
+    /// The joints carried by it, on which its inertia depends.
     carried: Vec<usize>,
     /// Configuration, efforts and mass matrix that are worked on.
     q: Vec<f64>,

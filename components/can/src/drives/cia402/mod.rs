@@ -1,8 +1,8 @@
 //! CANopen, as far as drives of the profile CiA 402 need it: network management, heartbeat, synchronisation,
 //! expedited service data, process data in the cyclic modes.
 //!
-//! A drive goes through a state machine by `controlword` 0x6040 and tells its state in `statusword` 0x6041.
-//! Setpoints go out once per synchronisation, and take effect with it.
+//! `controlword` 0x6040 moves a drive through its state machine, and `statusword` 0x6041 reports its state.
+//! Setpoints are sent once per synchronisation, and take effect with it.
 
 pub mod eds;
 mod service;
@@ -39,7 +39,7 @@ pub enum NetworkCommand {
     ResetCommunication = 0x82,
 }
 
-/// The state of a node that its heartbeat tells.
+/// State of a node, as reported by its heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NetworkState {

@@ -91,9 +91,9 @@ pub struct Feedback {
     pub velocity: f64,
     /// Torque, N m.
     pub torque: f64,
-    /// Temperature of the drive, degrees Celsius, if it tells.
+    /// Temperature of the drive, degrees Celsius, if reported.
     pub temperature: Option<f64>,
-    /// Supply voltage, V, if it tells.
+    /// Supply voltage, V, if reported.
     pub voltage: Option<f64>,
     /// Its state.
     pub state: State,

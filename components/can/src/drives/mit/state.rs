@@ -5,7 +5,7 @@ use crate::frame::DecodeError;
 /// The state that a drive reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It does not tell.
+    /// Not reported.
     Unknown,
     /// It lets go.
     Disabled,

@@ -83,7 +83,7 @@ pub enum Home {
     /// Zero of the encoder of the rotor: behind a gear there are as many such places as the rotor turns per
     /// turn of the output.
     Rotor = 1,
-    /// Zero of the output: by an encoder there, or because it has been told where it stands.
+    /// Zero of the output, by an encoder there or by an explicit position.
     Output = 2,
 }
 
@@ -114,10 +114,10 @@ pub struct Command {
     pub kp_scale: f64,
     /// Share of its velocity gain, 0 to 1.
     pub kd_scale: f64,
-    /// Largest torque, N m; NaN for that of the drive.
+    /// Largest torque, N m; NaN for the drive's.
     pub max_torque: f64,
-    /// Time without a command after which it lets go, s; 0 for that of the drive (`servo.default_timeout_s`),
-    /// NaN for never.
+    /// Time without a command after which the drive disables itself, s; 0 for the drive's default
+    /// (`servo.default_timeout_s`), NaN for never.
     pub watchdog: f64,
 }
 
@@ -148,7 +148,7 @@ pub enum Instruction {
     Brake,
     /// To follow a position.
     Position(Command),
-    /// To tell its state, and go on.
+    /// Report the state and continue.
     Query,
 }
 
@@ -167,9 +167,9 @@ pub struct State {
     pub voltage: f64,
     /// Temperature of its board, degrees Celsius.
     pub temperature: f64,
-    /// Temperature of its motor, degrees Celsius, if it tells.
+    /// Temperature of its motor, degrees Celsius, if reported.
     pub motor_temperature: Option<f64>,
-    /// The place from which its position is counted, if it tells.
+    /// Reference of its position, if reported.
     pub home: Option<Home>,
     /// Code of its fault, up to 127; 0 for none. From 96 on it is no fault, but the limit at which it is.
     pub fault: u8,

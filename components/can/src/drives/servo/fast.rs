@@ -1,5 +1,5 @@
-//! The one packet with which servos of protocol 2 answer a fast read together: the first one begins it, and
-//! each adds its share once it has heard that of the servo before.
+//! The common packet with which servos of protocol 2 answer a fast read: the first one begins it, and each
+//! adds its share after the previous servo's.
 
 use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
 use crate::frame::DecodeError;
@@ -64,8 +64,7 @@ pub fn write_fast_status(
     Some(out.length)
 }
 
-/// A reader of common packets, share by share: those of the servos before one that is silent or damaged are
-/// read, too.
+/// A reader of common packets, share by share: shares before a silent servo or damaged bytes are read, too.
 ///
 /// ```
 /// use motorium_can::servo::FastReader;

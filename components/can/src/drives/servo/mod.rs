@@ -30,7 +30,7 @@ pub enum Protocol {
 pub enum Instruction<'a> {
     /// To answer.
     Ping,
-    /// To tell `count` bytes from this register on.
+    /// Read `count` bytes starting at this register.
     Read {
         /// The first register.
         register: u16,

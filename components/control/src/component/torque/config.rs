@@ -119,7 +119,7 @@ pub struct ContactConfig {
     /// Distance that the centre of pressure of a sole keeps from its edges, m, less than half of its shorter
     /// side. Default 0.
     pub margin: Option<f64>,
-    /// Limits of the total wrench of a sole. Default: only those of its points.
+    /// Limits of the total wrench of a sole. Default: only the limits of its points.
     pub wrench: Option<WrenchConfig>,
 }
 

@@ -7,8 +7,8 @@ use super::kernels::{Arithmetic, add_scaled, largest};
 const REFINEMENTS: usize = 4;
 /// Share of the solution up to which a correction is the last.
 const CONVERGED: f64 = 1e-7;
-/// Residual, as a share of one and of the largest number of the solution, beyond which a minimum that
-/// refinement did not settle is none.
+/// Residual, as a share of one and of the largest number of the solution, above which an unrefined minimum is
+/// rejected.
 const EXACT: f64 = 1e-9;
 
 impl Run<'_> {

@@ -242,7 +242,7 @@ impl QpSolver for ClarabelSolver {
         self.solution.iterations
     }
 
-    // It begins each solve anew.
+    // Each solve starts without the previous solution.
     fn reset(&mut self) {}
 
     fn solve(&mut self) -> Result<&Solution, SolveError> {

@@ -124,7 +124,7 @@ impl Cia402 {
         match status {
             _ if cycles < SETTLES => {}
             HomingStatus::Running => {}
-            // that of the homing before
+            // from the previous homing
             HomingStatus::Attained if !was_seen => {}
             HomingStatus::Attained => self.homing = Stage::mode(self.cyclic() as u8),
             HomingStatus::Failed => self.homing = Stage::Over(Err(HomingFault::Drive)),
@@ -189,7 +189,7 @@ mod tests {
         let refused = drive
             .node
             .service_answer(&Service::Write(Object::MODE, Value::byte(HOMING_MODE)), Err(0x0609_0030));
-        // that of another object says nothing
+        // an answer about another object is ignored
         let other = drive.node.service_answer(&Service::Read(Object::RATED_TORQUE), Err(0x0602_0000));
         drive.take_homing_service(&other);
         assert_eq!(drive.homing.result(), None);

@@ -99,8 +99,8 @@ struct Group {
     length: usize,
 }
 
-/// Bytes of a packet beside those of the servos, and those that keep data and heads apart: of protocol 2,
-/// which has more.
+/// Bytes of a packet in addition to the servos' data, including byte stuffing; for protocol 2, which has
+/// more.
 const AROUND: usize = 20;
 
 impl Group {
