@@ -2,7 +2,7 @@
 
 use motorium_robots::Model;
 
-/// Passive properties of one independent joint, with those of the joints that mimic it folded in.
+/// Passive properties of one independent joint, including the joints that mimic it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointProperties {
     /// Lowest position \[rad or m\], -inf without a limit.

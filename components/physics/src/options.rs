@@ -35,21 +35,20 @@ pub struct Options {
     /// Contacts between links of the robot, default true. Links that share a joint or a parent, and links
     /// that start closer than a centimetre, never touch each other.
     pub self_collision: bool,
-    /// Inertia of each drive's rotor seen at the joint (kg m2 or kg), added to that of the model; from 0,
-    /// default 0.
+    /// Rotor inertia of each drive at the joint (kg m2 or kg), added to the model's; from 0, default 0.
     #[schemars(range(min = 0.0))]
     pub armature: f64,
-    /// Friction coefficient of the robot's surface, from 0, default 0.8. That of a contact is the mean of
-    /// both surfaces', unless one has a friction of 0 or a `friction_combine`.
+    /// Friction coefficient of the robot's surface, from 0, default 0.8. A contact has the mean of both
+    /// surfaces', unless one has a friction of 0 or a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
     /// Restitution of the robot's surface: the share of the approach speed kept after an impact, 0 to 1,
-    /// default 0. That of a contact is the mean of both surfaces'.
+    /// default 0. A contact has the mean of both surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// Objects that have stood still for half a second sleep with all that they touch, default true: their
-    /// forces stay, and they cost next to nothing until something touches them or they are moved. Those of
-    /// rapier and MuJoCo never sleep.
+    /// Objects at rest for half a second sleep with everything they touch, default true: their forces stay,
+    /// at almost no cost, until something touches them or they are moved. Objects in rapier and MuJoCo never
+    /// sleep.
     pub sleeping: bool,
     /// Method of integration of robots and objects that touch nothing: `euler`, of first order, the default,
     /// or `midpoint`, of second order. `physics.articulated` alone has a choice.

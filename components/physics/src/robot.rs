@@ -22,11 +22,11 @@ pub struct RobotSetup {
     pub rotors: Vec<RotorDrive>,
     /// Pairs of links that never touch one another, and exceptions from the engine's own rules.
     pub collision_rules: Srdf,
-    /// Coefficients of friction of links whose surface is not as that of the others.
+    /// Coefficients of friction of links with a different surface.
     pub friction: BTreeMap<String, f64>,
     /// Rules of their frictions.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
-    /// Restitutions of links whose surface is not as that of the others, from 0 to 1.
+    /// Restitutions of links with a different surface, from 0 to 1.
     pub restitution: BTreeMap<String, f64>,
     /// Links whose surface gives way.
     pub soft: BTreeMap<String, Softness>,
@@ -56,8 +56,8 @@ impl From<Model> for RobotSetup {
 }
 
 impl RobotSetup {
-    /// The setup of a loaded robot. Rotors are those of its profile, and act on a floating base only; the
-    /// friction of its feet is that of the profile, too.
+    /// Returns the setup of a loaded robot. Rotors and the friction of its feet come from its profile; rotors
+    /// only act on a floating base.
     ///
     /// # Errors
     ///

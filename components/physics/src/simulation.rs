@@ -12,8 +12,8 @@ use crate::{
 
 /// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
 ///
-/// The robot's state, commands and limits, the checks before and after a step and the description of the
-/// world are those of the simulation; an engine holds the objects of the world and its own workspace.
+/// The simulation holds the robot's state, commands and limits, the description of the world, and the checks
+/// before and after a step; an engine holds the objects of the world and its own workspace.
 pub trait Engine: Sized {
     /// All of the engine's state that later steps depend on.
     type State: Send + Sync + 'static;
@@ -86,7 +86,7 @@ pub trait Engine: Sized {
     /// something. Objects may be at rest afterwards, whatever velocity they had.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
-    /// Computes the robot's next state, `dt` \[s\] after the current one, and that of the objects.
+    /// Computes the next state of the robot and the objects, `dt` \[s\] after the current one.
     ///
     /// # Errors
     ///
@@ -100,7 +100,7 @@ pub trait Engine: Sized {
     /// Drops the next state: the robot stays in its current one.
     fn discard(&mut self);
 
-    /// The state that later steps depend on, that of the robot apart.
+    /// State that later steps depend on, without the robot's.
     fn save(&self) -> Self::State;
 
     /// Goes back to a saved state. The robot's has been restored already. `false`, and nothing has changed,
@@ -218,7 +218,7 @@ impl<E: Engine> Simulation<E> {
         simulation.reset(q, &vec![0.0; nv])?;
         let Self { robot, engine, warnings, .. } = &mut simulation;
         engine.exclude_start_overlaps(robot, warnings);
-        // An engine may have built its scene anew, with all at rest.
+        // An engine may have rebuilt its scene, with everything at rest.
         simulation.start_objects();
         let Self { robot, warnings, .. } = &mut simulation;
         for own in &robot.articulations {

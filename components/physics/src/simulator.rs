@@ -33,7 +33,7 @@ pub struct Contact<'a> {
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
-    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not tell
+    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not report
     /// it.
     pub friction: Vector3<f64>,
 }
@@ -173,7 +173,7 @@ pub trait Simulator {
     fn velocities(&self) -> &[f64];
 
     /// Efforts tau the drives applied during the last step, after clamping \[Nm or N\]. Joint friction,
-    /// damping and limit stops are not part of it. With substeps, that of the last one.
+    /// damping and limit stops are not part of it. With substeps, the last one's.
     fn efforts(&self) -> &[f64];
 
     /// The commands, one per joint; they stay until changed.
@@ -233,7 +233,7 @@ pub trait Simulator {
     /// Sets the acceleration of free fall \[m/s2\].
     fn set_gravity(&mut self, gravity: Vector3<f64>);
 
-    /// Pose of the robot's base in the world: that of the first articulation.
+    /// Pose of the robot's base in the world, of the first articulation.
     fn base_pose(&self) -> Isometry3<f64> {
         self.base_pose_of(0)
     }

@@ -233,7 +233,7 @@ fn a_cia402_drive_whose_heartbeat_stops_is_lost() {
 }
 
 #[test]
-fn a_cia402_drive_that_has_no_heartbeat_is_watched_by_its_answers() {
+fn cia402_drive_without_heartbeat_is_watched_by_its_answers() {
     let mut rig = Rig::new("cia402", FAMILIES[3].1);
     rig.change = without_beat;
     rig.run(4000);

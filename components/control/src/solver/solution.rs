@@ -7,7 +7,7 @@ use super::Structure;
 /// The tolerances that a solution meets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accuracy {
-    /// Limit of the settings.
+    /// The tolerances of the settings.
     #[default]
     Full,
     /// Only the looser ones, where rounding allowed no more.

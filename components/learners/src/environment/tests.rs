@@ -89,7 +89,7 @@ fn worlds_equal_single_environments_on_any_number_of_threads() {
 }
 
 #[test]
-fn final_observations_stand_beside_the_first_of_the_next_episode() {
+fn final_observations_precede_the_next_episode() {
     let mut worlds = many(2, 1);
     let mut single = one(7, 1);
     single.reset().expect("an episode");

@@ -105,7 +105,7 @@ fn poses(name: &str, columns: usize, phase: f64) -> Poses {
 }
 
 #[test]
-fn experiments_compare_transfer_with_training_and_with_few_poses() {
+fn experiments_compare_transfer_training_and_few_poses() {
     let (human, source, robot) = (poses("human", 6, 0.3), poses("first", 4, 1.1), poses("second", 5, 2.0));
     for (space, form) in [("human", BackForm::Pose), ("first", BackForm::Kernel)] {
         let settings = Settings { back: Some((space.to_string(), form)), ..settings(None) };

@@ -43,7 +43,7 @@ struct Driven {
 pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointCommand>, Option<ActuatorNetwork>)>);
 
 impl Actuators {
-    /// Those of the setup, for joints with these properties.
+    /// Creates the actuators of the setup, for joints with these properties.
     pub(super) fn new(setup: &RobotSetup, joints: &[JointProperties]) -> Result<Self, BuildError> {
         let mut driven = Vec::new();
         for ((joint, settings), properties) in setup.actuators.iter().enumerate().zip(joints) {
@@ -200,8 +200,8 @@ impl Actuators {
         ActuatorsState(self.joints.iter().map(saved).collect())
     }
 
-    /// Goes back to a saved state; `false` where it is that of other actuators. Effort limits and settings
-    /// stay: they are no state.
+    /// Restores a saved state; returns `false` if it belongs to other actuators. Effort limits and settings
+    /// are unchanged.
     pub(super) fn restore(&mut self, state: &ActuatorsState) -> bool {
         let fits = state.0.len() == self.joints.len();
         if fits {

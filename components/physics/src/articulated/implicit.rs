@@ -18,7 +18,7 @@ pub struct Singular(pub usize);
 pub(super) struct Start<'a> {
     /// Positions of the joints.
     pub(super) q: &'a [f64],
-    /// The whole velocity, that of a floating base first.
+    /// The whole velocity, a floating base's first.
     pub(super) v: &'a [f64],
     /// Length of the step \[s\].
     pub(super) h: f64,
@@ -75,8 +75,8 @@ impl ImplicitSolver {
         fits
     }
 
-    /// Begins a step: the laws of all joints, those of a step of the midpoint rule where `middle` has the
-    /// positions there.
+    /// Begins a step: computes the laws of all joints, by the midpoint rule if `middle` has the positions
+    /// there.
     pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),

@@ -80,8 +80,8 @@ pub struct JointSpaceIntegrator {
     solver: ImplicitSolver,
     /// The method of [`advance`](Self::advance).
     method: Integrator,
-    /// The present step is one of the midpoint rule: it has these positions in its middle, and starts with
-    /// these velocities, those of a base in its axes there.
+    /// The present step uses the midpoint rule, with these positions in its middle and these initial
+    /// velocities; a base's are in its axes there.
     midway: bool,
     q_middle: Vec<f64>,
     v_middle: Vec<f64>,
@@ -149,7 +149,7 @@ impl JointSpaceIntegrator {
         self.solver.modes()
     }
 
-    /// Goes back to earlier modes; `false` where they are those of another robot.
+    /// Restores earlier modes; returns `false` if they belong to another robot.
     pub(crate) fn set_modes(&mut self, modes: &[Mode]) -> bool {
         self.solver.set_modes(modes)
     }
@@ -208,8 +208,8 @@ impl JointSpaceIntegrator {
         self.solver.begin((&self.joints, commands, &self.bounds), &start, None);
     }
 
-    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias is
-    /// that of the step.
+    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias of the
+    /// step is computed.
     fn begin_midway(
         &mut self,
         model: &Model,

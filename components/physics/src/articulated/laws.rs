@@ -94,8 +94,8 @@ impl Laws {
         fastest: f64::INFINITY,
     };
 
-    /// The laws in a step of `h` from position `q`. The drive's effort lies within `low` and `high`, which
-    /// are those of the joint or, in this step, narrower.
+    /// The laws in a step of `h` from position `q`. The drive's effort is limited to `low` and `high`: the
+    /// joint's limits or, in this step, narrower ones.
     pub(crate) fn new(
         joint: &JointProperties,
         command: &JointCommand,
@@ -133,8 +133,8 @@ impl Laws {
     }
 
     /// The laws in a step of the midpoint rule from position `q` over `middle`, from where the end velocity
-    /// leads on: stops are those of its second half, and a spring acts with the mean of its forces at both
-    /// ends, which keeps its energy.
+    /// applies. Stops act in its second half. A spring acts with the mean of its forces at both ends, which
+    /// conserves its energy.
     pub(super) fn midway(self, joint: &JointProperties, [q, middle]: [f64; 2], h: f64) -> Self {
         Self {
             spring: joint.stiffness * (joint.rest - 0.5 * (q + middle)),

@@ -250,8 +250,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     /// Calls `visit` once for every world with its index, simulation and data, on all threads, and returns
     /// when all calls have returned. States and observations are read after each visit.
     ///
-    /// What a visit does must depend on its arguments alone; then the result is equal bit for bit on any
-    /// number of threads. The commands of the batch are not used: a visit sets those of the simulation.
+    /// A visit must depend only on its arguments; then the result is bit-identical on any number of threads.
+    /// The commands of the batch are not used: a visit sets the simulation's commands.
     ///
     /// ```
     /// use std::path::Path;

@@ -11,8 +11,8 @@ use motorium_robots::{ActuatorSettings, ActuatorTable, Model};
 /// [`ActuatorTable`] with the times of a graph file.
 pub type ActuatorConfig = ActuatorTable<TimeSpan>;
 
-/// The actuators of the joints of a model: `of_all`, and in its place those of single joints. Empty where all
-/// are ideal. Files are read from `folder`.
+/// Returns the actuators of the joints of a model: `of_all`, overridden by actuators of single joints. Empty
+/// if all are ideal. Files are relative to `folder`.
 pub(super) fn settings(
     of_all: Option<&ActuatorConfig>,
     of_joints: &BTreeMap<String, ActuatorConfig>,

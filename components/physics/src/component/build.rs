@@ -32,7 +32,7 @@ pub(super) struct BuiltRobot {
     pub(super) loaded: Loaded,
     /// The articulation that it is, or is part of.
     pub(super) articulation: usize,
-    /// Its drives among those of the simulation.
+    /// Its drives within the simulation's.
     pub(super) drives: Range<usize>,
 }
 

@@ -51,18 +51,18 @@ pub struct PhysicsConfig {
     /// Connections of links and objects besides the joints of the robots, made as all stands at the start:
     /// they close loops. With several robots a link is `ROBOT/LINK`.
     pub connections: Vec<Connection>,
-    /// Springs in joints by their names, in place of those of an MJCF file. With several robots a name is
+    /// Springs in joints by joint name, replacing the MJCF file's. With several robots a name is
     /// `ROBOT/JOINT`.
     pub springs: BTreeMap<String, SpringConfig>,
-    /// Surfaces of single links by their names, in place of those of `solver` and of the profile. With
-    /// several robots a name is `ROBOT/LINK`.
+    /// Surfaces of single links by name, replacing `solver`'s and the profile's. With several robots a name
+    /// is `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
-    /// Ranges of physical properties, drawn anew at the start of every episode. Default: nothing is drawn.
+    /// Ranges of physical properties, drawn at the start of every episode. Default: nothing is drawn.
     pub randomise: RandomiseConfig,
     /// Settings of the engine.
     pub solver: Options,
-    /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and
-    /// are applied as they come; that component's actuator checks them. Default false.
+    /// True: the commands come from drives simulated by another component, such as `can.drive_sim`, and are
+    /// applied unchecked; the actuator of those drives checks them. Default false.
     pub plant: bool,
 }
 
@@ -75,8 +75,7 @@ pub struct SurfaceConfig {
     pub friction: Option<f64>,
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     pub friction_combine: Option<FrictionCombine>,
-    /// Share of the approach speed kept after an impact, 0 to 1. That of a contact is the mean of both
-    /// surfaces'.
+    /// Share of the approach speed kept after an impact, 0 to 1. A contact has the mean of both surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
     /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.

@@ -42,14 +42,14 @@ pub type RapierPhysics = PhysicsComponent<Rapier>;
 /// MuJoCo's library is installed.
 pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
-/// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its
-/// base state, too. Or several robots in one world, each with ports and a command gate of its own.
+/// A simulated robot that follows joint commands and publishes its joint state and, with a floating base, its
+/// base state; or several robots in one world, each with separate ports and a separate command gate.
 ///
 /// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time
-/// since the last step, and publishes the state at its end. When steps were skipped the simulation makes up
-/// for up to four of them, so that the robot does not stand still while its clock goes on.
+/// since the last step, and publishes the state at its end. After skipped steps the simulation catches up by
+/// at most four, so that the robot moves while its clock continues.
 ///
-/// After a crash the robot goes on from its last published state, the objects from the start.
+/// After a crash the robot continues from its last published state, objects from their start.
 pub struct PhysicsComponent<E> {
     robots: Vec<Actuated>,
     truth: Truth,

@@ -17,7 +17,7 @@ use crate::{Connection, Properties, ResetError, Simulation, Simulator};
 /// Episodes whose draws are in the report: the newest.
 const REPORTED: usize = 64;
 
-/// Draws the properties of each episode, applies them, and tells them.
+/// Draws the properties of each episode, applies and publishes them.
 pub(super) struct Randomiser {
     draws: Draws,
     /// Articulations whose floating base is put on the ground.
@@ -28,7 +28,7 @@ pub(super) struct Randomiser {
     episodes: VecDeque<Draw>,
     /// The present draw has not been published.
     pending: bool,
-    /// Time after which it is drawn anew within an episode \[ns\].
+    /// Time after which it is drawn again within an episode \[ns\].
     every_ns: Option<u64>,
     /// Per drive of the simulation: factors of its gain and of its strength.
     drives: Vec<[f64; 2]>,
@@ -191,8 +191,8 @@ impl Randomiser {
         Ok(())
     }
 
-    /// Draws anew what may change within an episode, when it is time: with memory of its own, which is
-    /// counted apart.
+    /// Draws the properties that may change within an episode again when they are due; allocates memory that
+    /// is counted separately.
     pub(super) fn follow<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,

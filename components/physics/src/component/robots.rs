@@ -20,12 +20,12 @@ pub(super) struct Actuated {
     /// Its name in the graph, where there are several.
     name: Option<String>,
     articulation: usize,
-    /// Its drives among those of the simulation.
+    /// Its drives within the simulation's.
     drives: Range<usize>,
     command: Input<state::JointCommand>,
     state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
-    /// `None` where the commands are those of simulated drives, which are checked elsewhere.
+    /// `None` if the commands come from simulated drives, which are checked elsewhere.
     gate: Option<CommandGate>,
     /// Steps in the safe state.
     pub(super) safe: u64,
@@ -40,8 +40,7 @@ pub(super) struct Actuated {
     highest: f64,
 }
 
-/// The efforts against gravity that safe states reckon with: those of the robots as their files have them,
-/// whatever is drawn.
+/// Gravity efforts for safe states, computed from the robots' files regardless of drawn properties.
 pub(super) struct SafeStates {
     models: Vec<Model>,
     gravity: Vector3<f64>,
@@ -223,7 +222,7 @@ pub(super) fn position<E: Engine>(simulation: &Simulation<E>, articulation: usiz
     simulation.base_pose_of(articulation).translation.vector.into()
 }
 
-/// The names of the joints of one of several robots, without that of the robot in front of them.
+/// The joint names of one of several robots, without the robot's prefix.
 fn own_names(names: &[String], robot: &str) -> Vec<String> {
     let own = |name: &String| name.strip_prefix(robot)?.strip_prefix('/').map(str::to_string);
     names.iter().map(|name| own(name).unwrap_or_else(|| name.clone())).collect()

@@ -75,7 +75,7 @@ impl Motions {
         }
     }
 
-    /// Starts anew: nothing has moved.
+    /// Restarts: nothing has moved.
     pub(super) fn forget(&mut self) {
         for motion in &mut self.colliders {
             (motion.last, motion.way, motion.speed) = (None, [0.0; 2], [0.0; 2]);

@@ -25,7 +25,8 @@ struct Corner {
     at: Vector3<f64>,
     /// The same number for the same corner, or the same crossing of an edge and a side.
     id: u32,
-    /// The edge to the next corner: 0 to 3 those of the face, 4 to 7 the sides that it was clipped against.
+    /// The edge to the next corner: 0 to 3 are edges of the face, 4 to 7 the sides that it was clipped
+    /// against.
     edge: u32,
 }
 
@@ -196,8 +197,8 @@ fn clip(
             if (from <= 0.0) != (to <= 0.0) && kept < CORNERS {
                 let share = ((from + WITHIN) / (from - to)).clamp(0.0, 1.0);
                 let at = here.at + (there.at - here.at) * share;
-                // Where the edge leaves, the side is the next edge. The numbers are above those of whole
-                // corners.
+                // Where the edge leaves, the side is the next edge. The numbers are above the numbers of
+                // whole corners.
                 let edge = if from <= 0.0 { 4 + side as u32 } else { here.edge };
                 next[kept] = Corner { at, id: 32 | here.edge << 2 | side as u32, edge };
                 kept += 1;

@@ -24,8 +24,7 @@ pub(super) struct Calm {
     /// Per collider; `None` for what stands in the world.
     places: Vec<Option<Place>>,
     watched: Vec<Watched>,
-    /// The way of the fastest collider from the time at which near pairs were listed to that of the last look
-    /// \[m\].
+    /// Distance travelled by the fastest collider from the listing of near pairs to the last check \[m\].
     way: f64,
     /// Distance within which contact points are found at least \[m\].
     least: f64,
@@ -54,7 +53,7 @@ struct Link {
     column: usize,
     multiplier: f64,
     prismatic: bool,
-    /// Distance of its origin from that of its parent at the last look \[m\].
+    /// Distance of its origin from its parent's at the last check \[m\].
     length: f64,
 }
 
@@ -151,8 +150,8 @@ impl Calm {
         }
     }
 
-    /// True where nothing can touch in a step of `h` \[s\] from this state of all articulations. `parts` are
-    /// those of [`Motions`] that count.
+    /// Returns `true` if nothing can touch in a step of `h` \[s\] from this state of all articulations.
+    /// `parts` are the relevant parts of [`Motions`].
     pub(super) fn holds(
         &mut self,
         articulations: &[Articulation],

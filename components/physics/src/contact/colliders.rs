@@ -60,12 +60,12 @@ pub(crate) struct Collider {
     pub(crate) name: String,
     pub(crate) owner: Owner,
     pub(crate) shape: ConvexShape,
-    /// Frame of the shape in that of its owner. Objects that move are owners in the frame of their principal
-    /// axes of inertia.
+    /// Frame of the shape relative to its owner. Moving objects use the frame of their principal axes of
+    /// inertia.
     pub(crate) placement: Isometry3<f64>,
     /// Index of the object that it is, of one that is fixed.
     pub(crate) fixed: Option<usize>,
-    /// Of a part of a mesh or a compound: index of its object in the world, and its frame in that of the
+    /// For a part of a mesh or a compound: index of its object in the world, and its frame relative to the
     /// object.
     pub(crate) part: Option<(usize, Isometry3<f64>)>,
     /// The triangles by which it touches, about the origin of its shape, which is their box.
@@ -116,8 +116,7 @@ impl ColliderGrain {
     }
 }
 
-/// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them
-/// that may touch.
+/// All colliders (robots first, then objects, then the ground or the terrain), and the pairs that may touch.
 pub(crate) struct Colliders {
     pub(crate) colliders: Vec<Collider>,
     /// Index of the first collider of the first object of the world.
@@ -235,7 +234,7 @@ impl Colliders {
                     matches!(object.shape, ObjectShape::Mesh(_) | ObjectShape::Compound(_))
                 });
                 let part = parted.map(|(of, object)| (of, object.pose().inv_mul(&model.placement(index))));
-                // A direction given in the axes of the object, turned into those of its part.
+                // A direction given in the axes of the object, converted to the axes of its part.
                 let turned = |direction: Vector3<f64>| match parted {
                     Some((_, Object { shape: ObjectShape::Compound(_), .. })) => {
                         part.map_or(direction, |(_, frame)| frame.rotation.inverse() * direction)
@@ -319,8 +318,7 @@ impl Colliders {
         Self { colliders, first_object, objects, model, terrain: field.map(Arc::new), described }
     }
 
-    /// The object of the world that a collider belongs to, and its frame in that of the object where this is
-    /// another.
+    /// The object of the world that a collider belongs to, and its frame relative to the object if different.
     pub(crate) fn object_of(&self, collider: usize) -> Option<(usize, Option<&Isometry3<f64>>)> {
         let last = self.objects.last()?.end;
         if !(self.first_object..last).contains(&collider) {
@@ -386,7 +384,7 @@ fn surface_of(object: &Object) -> Option<Arc<TriangleSurface>> {
     mesh.body().ok()?.surface.clone()
 }
 
-/// A grain in the axes of a link, in those of the solid of this index on it.
+/// Converts a grain from the axes of a link to the axes of its solid with this index.
 fn of_link(setup: &RobotSetup, model: &CollisionModel, index: usize, grain: &Grain) -> (Vector3<f64>, f64) {
     let link = setup.model.frame(model.link(index)).ok();
     let placement =

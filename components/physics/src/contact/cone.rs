@@ -139,7 +139,7 @@ impl ConeSolver {
         }
     }
 
-    /// The points that each point moves: in a pile of objects few, between those of one robot all.
+    /// The points that each point moves: few in a pile of objects, all of one robot.
     fn find_coupled(&mut self) {
         let (rows, points) = (self.rows, self.rows / 3);
         self.coupled.clear();

@@ -41,7 +41,7 @@ pub(crate) struct ContactPoint {
     pub(crate) held: Option<Held>,
     /// Length of the integration step in which its impulse acts \[s\].
     pub(crate) h: f64,
-    /// Neither side moves: the point, and its force, are those of an earlier integration step.
+    /// Neither side moves: the point and its force are from an earlier integration step.
     pub(crate) kept: bool,
 }
 
@@ -80,15 +80,15 @@ pub(super) const UNKNOWN: f64 = 1.0;
 /// Error of a measured distance \[m\].
 pub(super) const ROUNDING: f64 = 1e-6;
 
-/// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
+/// A workspace for contact detection. Nothing allocates after [`new`](Self::new).
 ///
-/// The points of a pair are those of [`narrow`]. Pairs that cannot have come near since they were measured
-/// last are passed over ([`Motions`]), most of them without a look at each ([`NearPairs`]).
+/// [`narrow`] computes the points of a pair. Pairs that cannot have come near since their last measurement
+/// are skipped ([`Motions`]), most of them without a separate check ([`NearPairs`]).
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     near: NearPairs,
     points: Vec<ContactPoint>,
-    /// Those of the last detection.
+    /// Points of the last detection.
     earlier: Vec<ContactPoint>,
     /// Per collider.
     moving: Vec<Motion>,
@@ -242,8 +242,8 @@ impl Detector {
         }
     }
 
-    /// Places the colliders of each articulation as its `kinematics` stands, its base as in `bases`, and
-    /// those of `objects`.
+    /// Sets the poses of the colliders of each articulation from its `kinematics` and its base in `bases`,
+    /// and of the `objects`.
     pub(crate) fn set_poses<'a>(
         &mut self,
         Colliders { colliders, model, .. }: &Colliders,

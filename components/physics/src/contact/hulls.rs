@@ -51,8 +51,8 @@ impl Collider {
 pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
 
 impl<'a> Faces<'a> {
-    /// Those of a box, a hull beside meshes that touch by their triangles, or a prism around a cylinder that
-    /// is turned towards the segment between `ends`; of other shapes none.
+    /// Planes of a box, of a hull next to meshes that touch by their triangles, or of a prism around a
+    /// cylinder that is turned towards the segment between `ends`; other shapes have none.
     pub(super) fn of(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],

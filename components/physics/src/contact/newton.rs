@@ -263,8 +263,8 @@ fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
     substitute(system, right)
 }
 
-/// Solves a dense system with a symmetric positive definite matrix, as that of W where nothing slips, in
-/// place: of the rows the part from the diagonal on. `false` where it is not positive definite.
+/// Solves a dense system with a symmetric positive definite matrix in place, such as W where nothing slips.
+/// Uses each row from the diagonal on. Returns `false` if the matrix is not positive definite.
 fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
     let n = right.len();
     for k in 0..n {

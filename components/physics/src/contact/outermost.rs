@@ -62,8 +62,8 @@ pub(super) fn outermost_face<const N: usize>(
     outermost(points, up, FLAT * size, chosen)
 }
 
-/// Passes the corners of a dense hull by which it touches a plane in the direction `up` to `visit`: those of
-/// its outermost face, and of what soon may be.
+/// Passes the corners by which a dense hull touches a plane in the direction `up` to `visit`: the corners of
+/// its outermost face, and of faces that may soon be.
 pub(super) fn touching(points: &[Vector3<f64>], up: &Vector3<f64>, size: f64, visit: &mut dyn FnMut(u32)) {
     let (mut face, mut near) = ([0; 9], [0; 5]);
     let count = outermost(points, up, FLAT * size, &mut face);

@@ -90,7 +90,7 @@ impl ContactScene {
         self.colliders.set_terrain(terrain)
     }
 
-    /// Takes pairs of colliders out of the detection. The poses must be [set](Self::set_poses) anew.
+    /// Excludes pairs of colliders from the detection. The poses must be [set](Self::set_poses) again.
     pub(crate) fn exclude(&mut self, robot: &Robot, pairs: &[[usize; 2]]) {
         self.colliders.exclude(pairs);
         self.detector = Detector::new(&self.colliders, &robot.articulations);
@@ -216,8 +216,8 @@ impl ContactScene {
         }
     }
 
-    /// Ends an integration step: the objects move by their velocities with the impulses. Those of an island
-    /// in which nothing has moved for half a second sleep.
+    /// Ends an integration step: the objects move by their velocities with the impulses. An island in which
+    /// nothing has moved for half a second sleeps.
     pub(crate) fn finish(&mut self) {
         let Self { detector, impulses, objects, lengths, articulations, .. } = self;
         impulses.push_objects(&mut objects.next);
@@ -239,8 +239,8 @@ impl ContactScene {
         self.detector.above_terrain(&self.colliders, articulation)
     }
 
-    /// The contact points of robots within `least` \[m\] and those of anything that may touch within `h`
-    /// \[s\], as all was placed last. Those of the last step are dropped.
+    /// Finds the contact points of robots within `least` \[m\], and of anything that may touch within `h`
+    /// \[s\], at the current poses. Discards the points of the last step.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
         let least = Least { robots: least, grasps: least };
         self.detector.detect(&self.colliders, &self.connections, (h, least));
@@ -282,7 +282,7 @@ impl ContactScene {
         self.impulses.restore(&state.impulses);
     }
 
-    /// Placements of the colliders after those of the robot.
+    /// Poses of the colliders after the robot's.
     fn placements(&self) -> impl Iterator<Item = Isometry3<f64>> {
         self.colliders.colliders[self.colliders.first_object..].iter().map(|collider| collider.placement)
     }

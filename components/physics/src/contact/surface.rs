@@ -24,7 +24,7 @@ pub(crate) struct SurfaceLaw {
 }
 
 impl SurfaceLaw {
-    /// That of what is no surface.
+    /// The law of a part without a surface.
     pub(super) const NONE: Self = Self {
         friction: 0.0,
         torsional: 0.0,

@@ -392,8 +392,8 @@ fn middle(triangle: &SurfaceTriangle) -> Point3<f64> {
     Point3::from((a + b + c) / 3.0)
 }
 
-/// Keeps a triangle that is touched: of nearly the same normal the nearest, and of those of a ridge the
-/// nearest. In a valley all stay.
+/// Keeps a touched triangle: the nearest one of nearly equal normals, and the nearest one of a ridge. In a
+/// valley all are kept.
 fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
     let same = |other: &Touch| {
         let alike = other.normal.dot(&touch.normal) > ALIKE;

@@ -161,8 +161,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         room.before.copy_from_slice(sum);
     }
 
-    /// Goes on along `share` of the last direction, and adds the last change to it. Velocities are linear in
-    /// the impulses: they go along their own parts of the direction.
+    /// Continues along `share` of the last direction, and adds the last change to it. Velocities are linear
+    /// in the impulses and follow their own parts of the direction.
     fn extrapolate(&mut self, share: f64) {
         let Self { room, bodies, sum, lambda, places, point, .. } = self;
         let last = |direction: f64| if share > 0.0 { share * direction } else { 0.0 };

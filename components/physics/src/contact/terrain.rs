@@ -42,8 +42,8 @@ struct Touch {
     normal: Vector3<f64>,
 }
 
-/// Passes the contact points of all colliders that move with the terrain to `found`; `margin` \[m\] is that
-/// of a speed \[m/s\].
+/// Passes the contact points of all moving colliders with the terrain to `found`; `margin` returns the margin
+/// \[m\] of a speed \[m/s\].
 pub(super) fn detect(
     (all, moving): (&Colliders, &[Motion]),
     distances: &Collisions,

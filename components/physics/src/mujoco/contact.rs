@@ -1,9 +1,8 @@
-//! The contact points of a step, and the law of MuJoCo's contacts for surfaces that keep a share of their
-//! speed.
+//! Contact points of a step, and the law of MuJoCo's contacts for surfaces with restitution.
 //!
-//! A contact of MuJoCo is a spring with a damper that never pulls. A body that meets it with speed v leaves
-//! with e v, where e depends on the damping ratio alone: the closed form is that of a linear spring and
-//! damper until its force is zero.
+//! A contact of MuJoCo is a spring with a damper that never pulls. A body that hits it with speed v leaves
+//! with e v, where e depends only on the damping ratio: the closed form of a linear spring and damper until
+//! its force is zero.
 
 use nalgebra::{Point3, Vector3};
 

@@ -94,14 +94,14 @@ impl Library {
     fn load(path: &Path) -> Result<Self, LibraryError> {
         let unusable = |reason: String| LibraryError::Unusable { path: path.to_owned(), reason };
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|error| unusable(error.to_string()))?;
-        // SAFETY: the name ends with a zero byte; the library's initialisers are those of any program that
-        // links it.
+        // SAFETY: the name ends with a zero byte; the library's initialisers are safe to run, as in any
+        // program that links it.
         let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
             return Err(unusable(last_error()));
         }
         let symbol = |name: &'static CStr| {
-            // SAFETY: the handle is that of a library which is never closed.
+            // SAFETY: the handle belongs to a library that is never closed.
             let address = unsafe { libc::dlsym(handle, name.as_ptr()) };
             if address.is_null() { Err(unusable(last_error())) } else { Ok(address) }
         };

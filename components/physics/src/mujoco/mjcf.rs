@@ -35,7 +35,7 @@ pub(super) const TIMESTEP: f64 = 0.00390625;
 /// Depth of the ground below the lowest point of a terrain \[m\].
 const BASE: f64 = 1.0;
 
-/// Height that MuJoCo is told of a terrain that is level \[m\].
+/// Height of a level terrain in MuJoCo's model \[m\].
 const LEVEL: f64 = 1e-3;
 
 /// Positions that no joint reaches \[rad or m\]: the other end of a range with one end.

@@ -1,9 +1,9 @@
 //! The MuJoCo engine: the library of DeepMind's MuJoCo, loaded at run time.
 //!
-//! The library is that of the Python package `mujoco`: nothing of it is needed to build motorium, and no
-//! program that does not use this engine loads it. It is [found and checked](library) once in a process; the
-//! [layout](layout) of its structures is that of one version. [MJCF](mjcf) is written from our model and
-//! world and [compiled](compile), [native] keeps what the library makes of it, and [step] moves it.
+//! The library comes from the Python package `mujoco`. Building motorium does not need it, and only programs
+//! that use this engine load it. It is [found and checked](library) once per process; the [layout](layout) of
+//! its structures belongs to one version. [MJCF](mjcf) is generated from our model and world and
+//! [compiled](compile), [native] holds the compiled model, and [step] advances it.
 
 mod compile;
 mod contact;

@@ -101,7 +101,7 @@ impl Native {
         }
         let mut native = Self { library, model, data, nq: 0, nv: 0, mocaps: 0 };
         let size = |native: &Self, offset| {
-            // SAFETY: the offset is that of a number of 64 bits in every model.
+            // SAFETY: every model has a number of 64 bits at this offset.
             unsafe { native.model.byte_add(offset).cast::<i64>().read() as usize }
         };
         native.nq = size(&native, layout::NQ);
@@ -162,7 +162,7 @@ impl Native {
         }
     }
 
-    /// Inertia on the diagonal of the mass matrix besides that of the bodies.
+    /// Inertia on the diagonal of the mass matrix in addition to the bodies'.
     pub(super) fn armature(&self, dof: usize) -> f64 {
         // SAFETY: `mjModel.dof_armature` has nv entries for the life of the model.
         unsafe { array::<f64>(self.model, layout::DOF_ARMATURE, self.nv)[dof] }
@@ -188,13 +188,14 @@ impl Native {
 
     /// Length of an integration step \[s\].
     pub(super) fn timestep(&self) -> f64 {
-        // SAFETY: the offset is that of a number in every model.
+        // SAFETY: every model has a number at this offset.
         unsafe { self.model.byte_add(layout::TIMESTEP).cast::<f64>().read() }
     }
 
     /// Sets length \[s\] and gravity \[m/s2\] of the coming integration steps.
     pub(super) fn set_options(&mut self, timestep: f64, gravity: [f64; 3]) {
-        // SAFETY: the offsets are those of a number and of three in every model; nothing else has the model.
+        // SAFETY: every model has a number, and three numbers, at these offsets; nothing else accesses the
+        // model.
         unsafe {
             self.model.byte_add(layout::TIMESTEP).cast::<f64>().write(timestep);
             self.model.byte_add(layout::GRAVITY).cast::<[f64; 3]>().write(gravity);

@@ -115,7 +115,7 @@ impl Mujoco {
         report.at_limit = at_limit;
     }
 
-    /// Generalized forces besides those of the drives, in MuJoCo's order: rotors, and what acts from outside.
+    /// Generalized forces without the drives', in MuJoCo's order: rotors and external forces.
     fn set_external(&mut self, robot: &mut Robot) {
         let Robot { articulations, commands, state, .. } = robot;
         self.forces.fill(0.0);

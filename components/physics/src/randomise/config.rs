@@ -103,7 +103,7 @@ pub struct ActuatorIntervals {
 }
 
 impl ActuatorIntervals {
-    /// These intervals; where one is missing, that of `other`.
+    /// Returns these intervals, with missing ones from `other`.
     fn or(self, other: Self) -> Self {
         Self {
             gain: self.gain.or(other.gain),
@@ -116,7 +116,7 @@ impl ActuatorIntervals {
         }
     }
 
-    /// That of this name.
+    /// Returns the interval of this name.
     fn named(&self, key: &str) -> Option<Interval> {
         match key {
             "gain" => self.gain,

@@ -214,7 +214,7 @@ impl Scene {
         });
     }
 
-    /// The forces of the air during the next step of `dt` \[s\], in place of those of the last.
+    /// Sets the forces of the air during the next step of `dt` \[s\].
     fn set_drag(&mut self, dt: f64, gravity: &Vector3<f64>) {
         for (handle, drag) in self.objects.iter().zip(&self.drags) {
             let Some(drag) = *drag else { continue };
@@ -295,8 +295,8 @@ impl Scene {
                 continue;
             };
             for manifold in pair.manifolds() {
-                // Of a manifold with more points the solver takes four, and the impulses of the others are
-                // those of the step that took them last.
+                // Of a manifold with more points the solver uses four; the others keep the impulses of the
+                // step that last used them.
                 for solved in &manifold.data.solver_contacts {
                     let index = (solved.contact_id[0] & !NEW_CONTACT_BIT) as usize;
                     let Some(point) = manifold.points.get(index) else { continue };

@@ -12,7 +12,7 @@ use rapier3d_f64::prelude::SolverFlags;
 use super::convert;
 use crate::contact::Collider;
 
-/// The shape and its frame in that of `shape`; `None` for a hull without volume.
+/// Returns the shape and its frame relative to `shape`; `None` for a hull without volume.
 pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
     let upright = match shape {
         ConvexShape::Sphere { radius } => SharedShape::ball(*radius),

@@ -85,7 +85,7 @@ fn flat_bars_touch_narrow_rails_at_the_corners_of_the_patch() {
         ("box", object("bar", ObjectShape::Box { size: [0.3, 0.04, 0.04] }, position, [0.0, 0.0, yaw])),
         ("hull", Object { position, rpy: [0.0, 0.0, yaw], ..mesh("bar", bar(), MeshCollision::Hull) }),
     ];
-    // The sides of the bar cross those of the rail.
+    // The sides of the bar cross the sides of the rail.
     let side = |x: f64, sign: f64| [x, x * yaw.tan() + sign * 0.02 / yaw.cos()];
     let corners = [side(0.01, 1.0), side(0.01, -1.0), side(-0.01, 1.0), side(-0.01, -1.0)];
     for (bar, upper) in uppers {
@@ -96,7 +96,7 @@ fn flat_bars_touch_narrow_rails_at_the_corners_of_the_patch() {
 }
 
 #[test]
-fn crossed_round_bars_touch_in_a_point_and_parallel_ones_in_a_line() {
+fn crossed_bars_touch_in_a_point_and_parallel_bars_in_a_line() {
     let lying =
         |shape: &ObjectShape, yaw| object("rail", shape.clone(), [0.0, 0.0, -0.01], [0.0, QUARTER, yaw]);
     let lowers = [

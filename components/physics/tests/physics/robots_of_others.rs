@@ -117,8 +117,7 @@ fn trial(file: &Path, name: &str) -> Result<String, String> {
         return Err(format!("{joints} joints, at most {MAX_JOINTS} fit"));
     }
     let source = if bare { "visuals" } else { "shapes" };
-    // Links without an inertia of their own need that of the rotors of their drives, which URDF files do not
-    // have.
+    // Links without inertia need the rotor inertia of their drives, which URDF files lack.
     let held = held(&robot, 0.0).or_else(|first| {
         let more = held(&robot, ARMATURE).map_err(|second| {
             if second == first { first } else { format!("{first}; with an armature {second}") }
@@ -182,7 +181,7 @@ fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
     if worst.0 < bound && stands { Ok(words) } else { Err(words) }
 }
 
-/// A posture that the robot's makers name, or that of the profile; within the limits.
+/// A posture named by the robot's makers, or the profile's; within the limits.
 fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
     let model = &robot.model;
     let named = ["standing", "half_sitting", "homing_nominal", "default", "home", "neutral"];

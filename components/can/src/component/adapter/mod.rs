@@ -62,7 +62,7 @@ struct Weight {
 }
 
 impl Weight {
-    /// Gravity efforts of each joint at these positions. `None` with a floating base, whose drives report
+    /// Gravity efforts of each joint at these positions; zero with a floating base, whose drives report
     /// neither its orientation nor its contacts.
     fn efforts(&mut self, position: &[f64], effort: &mut [f64]) {
         let Self { model, dynamics, gravity } = self;

@@ -71,7 +71,7 @@ impl FaultInjector<'_> {
 /// The node that sends an answer.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Sender {
-    /// Fault of a drive.
+    /// A drive of the table.
     Drive(usize),
     /// Another drive with the same number.
     Twin,

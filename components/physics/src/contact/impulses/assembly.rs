@@ -60,7 +60,7 @@ impl Impulses {
             } else {
                 PointAnswer::new(&own, site.soft)
             };
-            // That of the objects is in their own velocities.
+            // The objects' contribution is in their own velocities.
             for (free, falling) in site.free.iter_mut().zip(site.falling) {
                 *free -= falling;
             }

@@ -50,20 +50,20 @@ const DENSE_FREE: usize = 12;
 /// ```
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid.
-/// Overlap decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy
-/// than the two parties have at that speed: where joints hardly let a point move, recovery is slower. The
-/// impulses of the last step are the first guess. Surfaces that resist rolling or spinning add
-/// [torques](couples), each within a bound of its own that grows with `lambda_n`.
+/// Overlap decays at a rate (Baumgarte 1972). No target requires more than 0.5 m/s, nor more kinetic energy
+/// than the two bodies have at that speed: where joints hardly let a point move, recovery is slower. The
+/// impulses of the last step are the initial guess. Surfaces that resist rolling or spinning add
+/// [torques](couples), each within a separate bound that grows with `lambda_n`.
 ///
 /// Surfaces with restitution rebound by [Newton's law](impact), bounded by the energy.
 ///
-/// Where a surface gives way as a spring and a damper, the target and the compliance are those of the force
-/// at the end of the step.
+/// If a surface yields like a spring and a damper, the target and the compliance describe the force at the
+/// end of the step.
 ///
-/// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact
-/// points that no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix
-/// W, large ones [body by body](super::sweeps::Island), and those in between that rest, and do not settle so,
-/// over W after all. Nothing allocates after [`new`](Self::new).
+/// A consists of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact
+/// points that no chain of blocks joins form separate [islands](Islands): small ones are solved over their
+/// matrix W, large ones [body by body](super::sweeps::Island), and medium ones at rest that do not converge
+/// this way over W, too. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
     /// Number of velocities of all articulations, and the part of each.
