@@ -4,11 +4,11 @@
 /// frame, in its axes:
 ///
 /// ```text
-/// min_force <= f_z <= max_force                                             N
-/// |f_x|, |f_y| <= mu f_z                                                    mu = friction / sqrt(2): inside Coulomb's cone
-/// |t_x| <= Y f_z,   |t_y| <= X f_z                                          centre of pressure within sides 2 X by 2 Y
-/// |t_z| <= max_yaw                                                          Nm
-/// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z            yaw torque that the same sole can transfer
+/// min_force <= f_z <= max_force                                    N
+/// |f_x|, |f_y| <= mu f_z                                           mu = friction / sqrt(2): inside Coulomb's cone
+/// |t_x| <= Y f_z,   |t_y| <= X f_z                                 centre of pressure within sides 2 X by 2 Y
+/// |t_z| <= max_yaw                                                 Nm
+/// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z   yaw torque that the same sole can transfer
 ///  mu (X + Y) f_z - |Y f_x + mu t_x| - |X f_y + mu t_y|  >=  t_z
 /// ```
 ///

@@ -13,8 +13,8 @@
 //! | [`QuinticGoal`](Variant::QuinticGoal) | `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`, with `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the quintic from the start state to rest at `g` |
 //! | [`FinalVelocity`](Variant::FinalVelocity) | as `QuinticGoal`, but `g(t)` passes `g` with a given velocity and continues with it |
 //!
-//! `f` may be scaled with the displacement ([`Scaling`]). By default it is not, so there is no division by `g -
-//! y0`.
+//! `f` may be scaled with the displacement ([`Scaling`]). By default it is not, so there is no division by
+//! `g - y0`.
 //!
 //! **Arrival.** Without forcing, `QuinticGoal` follows the minimum-jerk movement and is at the goal, at rest,
 //! exactly at `T`. `Classic` is off by `(1 + D/2) exp(-D/2)` of the displacement there, 5e-5 for `D = 25`;
