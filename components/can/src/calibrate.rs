@@ -15,7 +15,7 @@ pub struct Calibrated {
     pub joint: String,
     /// Its mean position by the offset of the table, rad or m.
     pub position: f64,
-    /// The offset with which it stands as the pose says, rad or m.
+    /// Offset at which the reading equals the pose, rad or m.
     pub offset: f64,
     /// The offset of the table, rad or m.
     pub before: f64,
@@ -37,7 +37,7 @@ pub enum CalibrationError {
         /// The joint of the drive.
         joint: String,
     },
-    /// A drive is not set as the table says, so that its positions may be others.
+    /// A drive's settings differ from the table, so its positions may be wrong.
     #[error("the drive of `{joint}`: {wrong}")]
     Setting {
         /// The joint of the drive.
@@ -61,13 +61,13 @@ pub enum CalibrationError {
     },
 }
 
-/// Time for which it is listened whether another program commands the drives.
+/// Time to listen for another program that commands the drives.
 const LISTEN: Duration = Duration::from_millis(300);
 /// Time from one question to the next.
 const CYCLE: Duration = Duration::from_millis(10);
 /// Cycles within which each drive must have answered: they are checked meanwhile.
 const ANSWER_TIMEOUT: u32 = 300;
-/// Largest difference of two positions of a joint that stands still, rad or m.
+/// Largest difference of two positions of a joint at rest, rad or m.
 const STILL: f64 = 0.05;
 
 /// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a

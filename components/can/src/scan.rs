@@ -60,27 +60,27 @@ pub enum DeviceKind {
 pub struct Found {
     /// The devices, by their numbers.
     pub devices: Vec<Device>,
-    /// Identifiers of frames that belong to none of them, and how many there were.
+    /// Identifiers of frames of unknown devices, and their number.
     pub others: Vec<(Id, u64)>,
     /// The search for drives that speak CAN FD.
     pub fd: FdSearch,
-    /// A frame of classic CAN was received: its sender may know no others.
+    /// A classic frame was received: its sender may not support CAN FD.
     has_classic: bool,
 }
 
 /// The outcome of a search for drives that speak CAN FD.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FdSearch {
-    /// It was not wanted.
+    /// Not requested.
     #[default]
     NotWanted,
-    /// Each number was asked.
+    /// Each number was queried.
     Complete,
-    /// No frame of CAN FD was sent: a device on the bus sends classic frames, and may know no others.
+    /// No CAN FD frame was sent: a device on the bus sends classic frames and may not support others.
     Classic,
-    /// The bus reported an error after so many numbers had been asked, and no more were.
+    /// The bus reported an error after this many numbers had been queried; the search stopped.
     Disturbed {
-        /// How many had been asked.
+        /// Number of queried numbers.
         asked: u8,
     },
 }
@@ -248,7 +248,7 @@ mod tests {
         has_classic: bool,
         /// Frames of CAN FD that were sent.
         fd_frames: u32,
-        /// How many of those it takes for the bus to report an error.
+        /// Number of CAN FD frames after which the bus reports an error.
         errors_from: u32,
         now_ns: u64,
     }

@@ -1,7 +1,7 @@
-//! The homing of joints whose position is not known when their power comes on.
+//! Homing of joints whose position is unknown at power-up.
 //!
-//! A drive with a procedure of its own is asked for it, and says zero at its mark. Any other joint is led
-//! slowly into its mechanical stop by the adapter.
+//! A drive with a homing procedure runs it and reads zero at its mark. Any other joint is moved slowly into
+//! its mechanical stop by the adapter.
 
 mod stop;
 
@@ -25,7 +25,7 @@ pub enum HomingFault {
     /// The drive ended it before it was seen to begin.
     #[error("the drive ended it before it had begun: is homing set up in it?")]
     NotBegun,
-    /// The drive let go meanwhile.
+    /// The drive disabled itself meanwhile.
     #[error("the drive let go while it was homed")]
     LetGo,
     /// The drive does not take an object of its homing.
@@ -37,7 +37,7 @@ pub enum HomingFault {
     /// The joint came to rest at two places.
     #[error("its stop lies at two places, {0:.4} apart: is something soft in its way?")]
     Ambiguous(f64),
-    /// The joint gave way when it stood there with half of its effort.
+    /// The joint sank back at half of its effort.
     #[error(
         "with half of `effort` it does not stay where it came to rest: was it no stop, but its weight that stopped it?"
     )]
@@ -52,11 +52,11 @@ pub enum HomingFault {
 pub enum HomingState {
     /// Its position is not known.
     Waiting,
-    /// It is being homed.
+    /// Being homed.
     Running,
     /// Its position is known.
     Homed,
-    /// It was not homed.
+    /// Not homed.
     Failed(HomingFault),
 }
 
@@ -171,7 +171,7 @@ impl Link {
         self.homing.as_ref().is_none_or(|homing| homing.state == HomingState::Homed)
     }
 
-    /// The progress of its homing; `None` if it needs none.
+    /// Progress of its homing; `None` if it needs none.
     pub fn homing(&self) -> Option<HomingState> {
         self.homing.as_ref().map(|homing| homing.state)
     }
@@ -192,8 +192,7 @@ impl Link {
         }
     }
 
-    /// Notes that a trip makes it let go, if it does: it has not done so by itself, and what it has found
-    /// stays.
+    /// Notes that a trip disables it, if it does: the drive has not disabled itself, and keeps its homing.
     pub(super) fn let_go(&mut self, on_trip: OnTrip) {
         self.interrupt_homing();
         let lets_go = self.phase == Phase::Enabled && on_trip == OnTrip::Disable;
@@ -202,7 +201,7 @@ impl Link {
         }
     }
 
-    /// Ends its homing: it lets go.
+    /// Ends its homing and disables it.
     pub(super) fn end_homing(&mut self, state: HomingState) {
         if self.phase == Phase::Homing {
             (self.phase, self.fresh) = (Phase::Disabled, false);

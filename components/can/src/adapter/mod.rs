@@ -39,11 +39,11 @@ pub const LOST_AFTER: u32 = 3;
 /// The reaction of the other drives when one is lost or reports a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnTrip {
-    /// They brake softly: no position gain, the velocity gain of the safe states. Those that are commanded
-    /// positions hold the one at which they are.
+    /// Brake softly: no position gain, the velocity gain of the safe states. Position-controlled drives hold
+    /// their position.
     #[default]
     Damp,
-    /// They let go.
+    /// Disable.
     Disable,
 }
 
@@ -52,15 +52,15 @@ pub enum OnTrip {
 pub enum Phase {
     /// Its settings are being read, this one next.
     Checking(u8),
-    /// It is disabled; its settings are right.
+    /// Disabled, with correct settings.
     Disabled,
     /// Its joint is moved to the mark from which its position is known.
     Homing,
-    /// It has been asked to follow commands.
+    /// Enabling was requested.
     Enabling,
-    /// It follows commands.
+    /// Follows commands.
     Enabled,
-    /// It let go by a fault of its own.
+    /// Disabled itself because of a fault.
     Fault,
 }
 
@@ -83,7 +83,7 @@ pub struct Setpoint {
 #[derive(Clone, Debug)]
 pub struct Adapter {
     links: Vec<Link>,
-    /// Of each bus; `None` where drives answer one by one.
+    /// For each bus; `None` if drives answer one by one.
     common: Vec<Option<CommonAnswer>>,
     on_trip: OnTrip,
     tripped: bool,
@@ -128,8 +128,8 @@ impl Adapter {
         Self { is_observer: true, ..self }
     }
 
-    /// The same, with the position gain of each joint while it is held, between its homing and its first
-    /// command. Default none: it is damped.
+    /// Also sets the position gain of each joint while it is held, between its homing and its first command.
+    /// Default: none, the joint is damped.
     #[must_use]
     pub fn with_stiffness(mut self, stiffness: &[f64]) -> Self {
         self.links.iter_mut().zip(stiffness).for_each(|(link, stiffness)| link.stiffness = *stiffness);
@@ -218,7 +218,7 @@ impl Adapter {
         }
     }
 
-    /// Ends the cycle: drives that were asked and have not answered are missing. `counts` is false where
+    /// Ends the cycle: drives without an answer to their request count as missing. `counts` is `false` if
     /// nobody can answer any more.
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
@@ -269,7 +269,7 @@ impl Adapter {
         }
     }
 
-    /// True if each drive that was asked in this cycle has answered.
+    /// Returns `true` if each drive queried in this cycle has answered.
     pub fn has_all_answers(&self) -> bool {
         let waits = |link: &Link| link.asked && !link.answered && link.dialogue.reports_every_ns().is_none();
         !self.links.iter().any(waits)
@@ -293,7 +293,7 @@ impl Adapter {
         }
     }
 
-    /// True if the state of every joint is known and none is lost.
+    /// Returns `true` if the state of every joint is known and no drive is lost.
     pub fn is_complete(&self) -> bool {
         self.is_known() && self.links.iter().all(|link| link.silent < LOST_AFTER)
     }
@@ -313,8 +313,8 @@ impl Adapter {
         self.links[joint].setpoint = setpoint;
     }
 
-    /// Writes the frames of this cycle for one bus into `frames`, of which the caller says by
-    /// [`sent`](Self::sent) how many were taken.
+    /// Writes the frames of this cycle for one bus into `frames`; the caller reports the number of sent
+    /// frames by [`sent`](Self::sent).
     pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             if link.end_probe() {
@@ -373,7 +373,7 @@ impl Adapter {
         }
     }
 
-    /// Lets it go on after it has tripped: drives that are lost or let go are checked and enabled again.
+    /// Resumes after a trip: lost or disabled drives are checked and enabled again.
     pub fn resume(&mut self) {
         (self.tripped, self.out_of_range) = (false, None);
         for link in &mut self.links {

@@ -1,4 +1,5 @@
-//! The budget of a cycle: whether all commands and answers fit on the bus, with the arithmetic.
+//! The budget of a cycle: compares all commands and answers with the capacity of the bus, with the
+//! arithmetic.
 
 use core::fmt;
 
@@ -47,7 +48,7 @@ pub struct Budget {
     pub rates: Rates,
     /// Command and answer of each drive.
     pub exchanges: Vec<(Shape, Shape)>,
-    /// Frames beside them, such as a synchronisation and second answers.
+    /// Additional frames, such as a synchronisation and second answers.
     pub others: Vec<Shape>,
     /// Longest time from a command to the beginning of its answer, ns.
     pub turn_round_ns: u64,

@@ -52,7 +52,7 @@ pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64
     (0..model.joint_count()).map(joint).collect()
 }
 
-/// Joints of which the drive covers less than the range: name, what it covers, what the joint needs.
+/// Joints whose drive does not cover their range: name, covered range, needed range.
 pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let model = &robot.model;

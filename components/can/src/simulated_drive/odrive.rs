@@ -30,7 +30,7 @@ pub struct Odrive {
     setpoint: [f64; 3],
     error: u32,
     is_enabled: bool,
-    /// The procedure under way, with its state.
+    /// The running procedure, with its state.
     search: Option<(AxisState, Search)>,
     watchdog: Watchdog,
     next_report_ns: u64,

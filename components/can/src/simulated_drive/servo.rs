@@ -41,7 +41,7 @@ pub struct Servo {
 struct Turn {
     /// Servos that speak before it.
     before: usize,
-    /// The sum of what they have said.
+    /// Sum of the previous shares.
     sum: u16,
     register: u16,
     count: u8,
@@ -89,7 +89,7 @@ impl Servo {
         servo
     }
 
-    /// Sets the limits that are gone with the power to what they are at its beginning: all that it gives.
+    /// Resets the volatile limits to their power-up values: the full torque.
     fn reset_limits(&mut self) {
         if self.is_dynamixel() {
             let highest = self.word(dynamixel::CURRENT_LIMIT.into());
@@ -118,7 +118,7 @@ impl Servo {
         self.protocol == servo::Protocol::Two
     }
 
-    /// Puts bytes into registers; false if there are none of them.
+    /// Writes bytes into registers; `false` if one does not exist.
     fn put(&mut self, register: usize, bytes: &[u8]) -> bool {
         let place = self.registers.get_mut(register..register + bytes.len());
         place.map(|place| place.copy_from_slice(bytes)).is_some()
@@ -194,7 +194,7 @@ impl Servo {
         }
     }
 
-    /// Observes the answer of another servo, and adds its share to a common packet when its turn has come.
+    /// Observes the answer of another servo, and adds its own share to a common packet in turn.
     pub(super) fn observe(&mut self, frame: &Frame) -> Option<Frame> {
         if frame.form != Form::Packet || frame.id != Id::Standard(EVERYBODY.into()) {
             return None;

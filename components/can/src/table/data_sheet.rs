@@ -1,4 +1,4 @@
-//! What the data sheet of a drive says about its entry in the table.
+//! Comparison of a drive's data sheet with its entry in the table.
 
 use core::f64::consts::TAU;
 use std::io;
@@ -8,7 +8,7 @@ use super::{ControlMode, DriveEntry, HomingBy};
 use crate::cia402::eds::Eds;
 use crate::cia402::{Mapping, Mode, Node, Object, Service};
 
-/// Objects that the adapter writes beside the mappings.
+/// Objects that the adapter writes in addition to the mappings.
 const WRITTEN: [Object; 4] =
     [Object::HEARTBEAT_CONSUMER, Object::MODE, Object::INTERPOLATION_UNITS, Object::INTERPOLATION_EXPONENT];
 
@@ -79,7 +79,7 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// True if it looks for its mark by a procedure of its own.
+/// Returns `true` if it searches for its mark by its own procedure.
 fn homes_itself(drive: &DriveEntry) -> bool {
     drive.homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Drive)
 }

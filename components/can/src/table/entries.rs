@@ -27,8 +27,8 @@ pub struct BusEntry {
     pub bitrate: u32,
     /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
     pub data_bitrate: Option<u32>,
-    /// All servos answer in one packet together (fast sync read), which saves most of their turn-rounds:
-    /// Dynamixels whose firmware knows it, up to nine on a line. Default false.
+    /// All servos answer in one common packet (fast sync read), which saves most of their turn-rounds:
+    /// Dynamixels with firmware support, up to nine on a line. Default false.
     #[serde(default)]
     pub fast_read: bool,
     /// Longest time from a command to the beginning of its answer. Default 100 us.
@@ -68,19 +68,19 @@ pub struct DriveEntry {
     pub master: Option<u16>,
     /// The ranges of its fields; of protocols without ranges the largest values that it reaches.
     pub ranges: RangeEntry,
-    /// Time without a command after which the drive lets go by itself; "0 s" for never.
+    /// Time without a command after which the drive disables itself; "0 s" for never.
     pub watchdog: TimeSpan,
     /// Angle of the drive's output shaft per joint position (rad/rad or rad/m). Default 1.
     #[serde(default = "one")]
     pub ratio: f64,
-    /// The drive turns the other way round. Default false.
+    /// The drive turns in the opposite direction. Default false.
     #[serde(default)]
     pub reversed: bool,
-    /// Joint position where the drive says zero (rad or m). Default 0.
+    /// Joint position at the drive's zero (rad or m). Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// Whole turns of the drive's output shaft that are added to its reading, for one that comes up whole
-    /// turns away. Default 0.
+    /// Whole turns of the drive's output shaft added to its reading, for a drive that comes up whole turns
+    /// away. Default 0.
     #[serde(default)]
     pub turns: i32,
     /// The quantity that it is commanded: "position", by its own loop, "velocity", with the position loop in
@@ -123,7 +123,7 @@ pub struct DriveEntry {
     /// Procedure that determines its position after power-up, before it is enabled. Default: the reported
     /// position is absolute, or the drive is at its zero.
     pub homing: Option<HomingEntry>,
-    /// Process data of which the data sheet says that their mapping cannot be written.
+    /// Process data with a read-only mapping in the data sheet.
     #[serde(skip)]
     pub(crate) fixed_mappings: Vec<Mapping>,
 }
@@ -136,11 +136,11 @@ fn one() -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlMode {
-    /// Positions, which the drive follows by a loop of its own.
+    /// Positions, followed by the drive's own loop.
     #[default]
     Position,
-    /// Velocities, which the drive follows by a loop of its own: the adapter closes the position loop around
-    /// it, with the ratio of the gains of `position_loop`, once a cycle.
+    /// Velocities, followed by the drive's own loop: the adapter closes the position loop around it, with the
+    /// ratio of the gains of `position_loop`, once a cycle.
     Velocity,
     /// Torques: the adapter applies the gains of the command to the newest state, once a cycle.
     Torque,
@@ -289,12 +289,12 @@ impl Protocol {
         if self.is_servo() { BusKind::Serial } else { BusKind::Can }
     }
 
-    /// True for drives that are commanded positions or torques, as the table says.
+    /// Returns `true` for drives with a selectable mode, positions or torques.
     pub(super) fn has_modes(self) -> bool {
         matches!(self, Self::Odrive | Self::Cia402)
     }
 
-    /// True for drives with a position loop of their own, whose gains the table says.
+    /// Returns `true` for drives with their own position loop, whose gains are in the table.
     pub(crate) fn has_loop(self) -> bool {
         matches!(self, Self::Odrive | Self::Cia402 | Self::Moteus) || self.is_servo()
     }

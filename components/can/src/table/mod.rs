@@ -57,7 +57,7 @@ pub struct Table {
     /// The drives.
     #[serde(rename = "drive")]
     pub drives: Vec<DriveEntry>,
-    /// Line and column of the name of each drive's joint, from 1; none if it was not read from a text.
+    /// Line and column of the name of each drive's joint, from 1; empty if it was not read from a text.
     #[serde(skip)]
     pub(crate) joint_places: Vec<(usize, usize)>,
 }
@@ -74,7 +74,7 @@ pub struct TableError {
     pub entry: Option<(&'static str, usize)>,
     /// The value found, and the values expected.
     pub message: String,
-    /// Advice on how to mend it.
+    /// Advice on fixing it.
     pub advice: &'static str,
 }
 
@@ -83,7 +83,7 @@ pub struct TableError {
 pub struct Transmission {
     /// Angle of the drive per joint position, signed (rad/rad or rad/m).
     pub ratio: f64,
-    /// Joint position where the drive says zero (rad or m).
+    /// Joint position at the drive's zero (rad or m).
     pub offset: f64,
     /// Turns of the drive that are in `offset`.
     pub turns: i32,
@@ -102,20 +102,20 @@ impl Transmission {
 }
 
 impl Table {
-    /// Reads a table and checks it by itself.
+    /// Parses and checks a table.
     ///
     /// # Errors
-    /// It is no such table, or a value in it cannot be.
+    /// Not a drive table, or an invalid value.
     pub fn parse(text: &str) -> Result<Self, TableError> {
         Self::parse_with(text, |path| {
             Err(io::Error::new(io::ErrorKind::Unsupported, format!("a text alone has no {path}")))
         })
     }
 
-    /// Reads a table and checks it by itself; `read` reads the text of a file that it names.
+    /// Parses and checks a table; `read` returns the text of a file that it names.
     ///
     /// # Errors
-    /// It is no such table, a value in it cannot be, or a file that it names cannot be read.
+    /// Not a drive table, an invalid value, or an unreadable file.
     pub fn parse_with(text: &str, read: impl Fn(&str) -> io::Result<String>) -> Result<Self, TableError> {
         let refuse = |error: toml::de::Error| {
             let place = error.span().map(|span| place_of(text, &span));
@@ -140,7 +140,7 @@ impl Table {
     /// Completes the drives from their data sheets, whose texts `read` reads by their names.
     ///
     /// # Errors
-    /// A data sheet cannot be read, or a drive cannot be what the table says by it.
+    /// A data sheet cannot be read, or contradicts the table.
     pub fn complete(&mut self, read: impl Fn(&str) -> io::Result<String>) -> Result<(), TableError> {
         for (index, drive) in self.drives.iter_mut().enumerate() {
             data_sheet::complete(drive, &read).map_err(|(message, advice)| TableError {
@@ -154,7 +154,7 @@ impl Table {
         Ok(())
     }
 
-    /// Checks a table by itself.
+    /// Checks a table without other files.
     ///
     /// # Errors
     /// A value in it cannot be.
@@ -177,7 +177,7 @@ impl Table {
     /// Opens the interface of a bus.
     ///
     /// # Errors
-    /// It is missing, down, or has other bitrates.
+    /// The interface is missing, down, or has other bitrates.
     pub fn open(&self, bus: usize) -> Result<RealBus, OpenError> {
         let entry = &self.buses[bus];
         let interface = entry.interface.as_deref().unwrap_or(&entry.name);

@@ -1,5 +1,5 @@
-//! Refusals of what does not go over the wire: frames that a drive does not know, identifiers that two of
-//! them share, and numbers beyond their fields.
+//! Refusals of settings that the bus cannot carry: unsupported frames, shared identifiers, and numbers beyond
+//! their fields.
 
 use core::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use crate::damiao;
 use crate::frame::{Form, Id};
 use crate::moteus;
 
-/// Refuses drives that know classic frames only beside those that are sent frames of CAN FD.
+/// Refuses classic-only drives on a bus with drives that use CAN FD frames.
 pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let of = |form| on_bus().find(|drive| table.form(drive) == form);

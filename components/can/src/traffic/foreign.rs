@@ -3,8 +3,8 @@
 
 use super::{Record, RecordError};
 
-/// A line of a log as `candump -L` would have it; `None` for a line that says nothing about traffic, such as
-/// a header.
+/// Parses a line of a foreign log into the form of `candump -L`; `None` for a line without traffic, such as a
+/// header.
 pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     let refuse = |message: &str| Err(RecordError { found: line.to_string(), message: message.to_string() });
     let fields: Vec<&str> = line.split_whitespace().collect();

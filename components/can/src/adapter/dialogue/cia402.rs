@@ -1,9 +1,9 @@
 //! The dialogue with drives of CiA 402: service data first, one object a cycle, then process data with each
 //! synchronisation.
 //!
-//! The set-up stops process data, maps them, has the drive wait for the heartbeat of the adapter, which is
-//! its watchdog, and compares the rated torque with the table. Then the node is started, and the state
-//! machine led to enabled by the controlword.
+//! The set-up stops process data, maps them, sets the adapter's heartbeat as the drive's watchdog, and
+//! compares the rated torque with the table. Then the node is started, and the controlword moves the state
+//! machine to enabled.
 
 mod emergency;
 mod homing;
@@ -29,9 +29,9 @@ pub(in crate::adapter) struct Cia402 {
     watchdog_ms: u16,
     increments: f64,
     rated_torque: f64,
-    /// The largest current and the rated one, A; `None` for the limit that stands in the drive.
+    /// Largest and rated current, A; `None` for the drive's own limit.
     currents: Option<[f64; 2]>,
-    /// The objects of its homing, if it is homed by itself.
+    /// Objects of its homing, if it homes itself.
     homes: Option<HomingObjects>,
     homing: Stage,
     ranges: Ranges,
@@ -42,11 +42,11 @@ pub(in crate::adapter) struct Cia402 {
     cycle_ns: u64,
     /// Process data have been started.
     is_started: bool,
-    /// Cycles that are left of those in which its fault is reset.
+    /// Remaining cycles of the fault reset.
     clears: u8,
     state: DriveState,
     motion: Motion,
-    /// The statusword and the position of this cycle have come.
+    /// The statusword and the position of this cycle have arrived.
     has_position: bool,
     /// The position of this cycle, rad.
     read_position: f64,
@@ -54,11 +54,11 @@ pub(in crate::adapter) struct Cia402 {
     mode_reads: u8,
     /// The code of its last emergency message.
     emergency: u16,
-    /// Its heartbeat has come since its settings were written: from then on it is awaited.
+    /// Its heartbeat has arrived since its settings were written, and is monitored from then on.
     is_beating: bool,
 }
 
-/// Cycles for which the reset of a fault takes.
+/// Duration of a fault reset, in cycles.
 const CLEARS: u8 = 4;
 /// Settings after the mappings.
 const WATCHDOG: u8 = Mapping::ALL.len() as u8 * Mapping::STEPS;

@@ -14,7 +14,7 @@ const CHECKED: u8 = Register::CHECKED.len() as u8;
 pub(in crate::adapter) struct Mit {
     codec: Drive,
     watchdog_ns: u64,
-    /// The share of its full current at which a Damiao drive lets go; `None` for that in the drive.
+    /// Share of its full current at which a Damiao drive disables itself; `None` for the drive's own.
     share: Option<f64>,
     /// Its newest state; `None` before its first answer.
     motion: Option<Motion>,

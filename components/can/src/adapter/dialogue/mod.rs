@@ -18,11 +18,11 @@ pub(super) use servo::Servo;
 pub(super) enum Order {
     /// Read or write the setting with this number.
     Check(u8),
-    /// To let go.
+    /// Disable.
     Disable,
     /// To answer, and nothing else: it reported a fault, which stays.
     Rest,
-    /// To look for its mark.
+    /// Search for its mark.
     Home,
     /// To begin to follow commands.
     Enable,
@@ -37,17 +37,17 @@ pub(super) enum Response {
     Feedback(Feedback),
     /// That a setting is as the table has it, or else how it differs.
     Setting(Option<WrongSetting>),
-    /// The state that it is in, beside its answers.
+    /// Its state, besides its answers.
     State(State),
-    /// That it is alive: a heartbeat beside its answers.
+    /// A sign of life: a heartbeat besides its answers.
     Alive,
     /// That a setting does not have its value yet: it is read again.
     Waiting,
-    /// An error that it reports in a message of its own, and whether it is still present.
+    /// An error reported in a separate message, and whether it is still present.
     Emergency { fault: Fault, is_present: bool },
-    /// That it has just started, and knows nothing of before.
+    /// It has just started without any settings.
     Restarted,
-    /// Something beside its answers.
+    /// A message besides its answers.
     Other,
 }
 
@@ -106,7 +106,7 @@ impl Dialogue {
         }
     }
 
-    /// Time between two reports of a drive that reports by itself; `None` for one that answers.
+    /// Time between two reports of a drive that reports unasked; `None` for a drive that answers.
     pub(super) fn reports_every_ns(&self) -> Option<u64> {
         match self {
             Self::Odrive(drive) => Some(drive.every_ns),
@@ -166,7 +166,7 @@ impl Dialogue {
         }
     }
 
-    /// Begins to look for its mark.
+    /// Starts the search for its mark.
     pub(super) fn begin_homing(&mut self) {
         match self {
             Self::Odrive(drive) => drive.begin_homing(),
@@ -176,7 +176,7 @@ impl Dialogue {
         }
     }
 
-    /// The result of its own homing, once it is over.
+    /// Result of its own homing, once complete.
     pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
         match self {
             Self::Odrive(drive) => drive.homing_result(),
@@ -229,8 +229,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// Begins a cycle: a drive that does not follow yet is held nowhere, and stands wherever it has been
-    /// moved to.
+    /// Begins a cycle: a drive that does not follow yet is not held, and may have been moved.
     fn begin(&mut self, order: &Order) {
         if !matches!(order, Order::Follow(_)) {
             self.held = None;

@@ -22,11 +22,11 @@ pub(in crate::adapter) struct Moteus {
     watchdog: f64,
     /// The least from which its position has to be counted.
     reference: Home,
-    /// Cycles that are left of those in which its fault is cleared.
+    /// Remaining cycles of the fault reset.
     clears: u8,
 }
 
-/// Cycles for which clearing a fault takes.
+/// Duration of a fault reset, in cycles.
 const CLEARS: u8 = 4;
 
 impl Moteus {

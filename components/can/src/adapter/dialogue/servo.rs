@@ -1,5 +1,5 @@
-//! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one asks
-//! all of them, and they answer one after the other.
+//! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one
+//! queries all of them, and they answer one after the other.
 
 mod line;
 
@@ -78,7 +78,7 @@ impl Maker {
         }
     }
 
-    /// The registers that are asked for: the settings, one after the other, and the state at last.
+    /// The queried registers: the settings, one after the other, then the state.
     fn asked(self) -> &'static [Registers] {
         match self {
             Self::Feetech => &[
@@ -99,7 +99,7 @@ impl Maker {
         }
     }
 
-    /// The setting in the registers that are asked for at this place; `None` for the state.
+    /// The setting in the queried registers at this index; `None` for the state.
     fn setting(self, block: usize) -> Option<Setting> {
         let settings: &[Setting] = match self {
             Self::Feetech => &[Setting::Mode, Setting::Goals, Setting::HomingOffset, Setting::CurrentLimit],
@@ -143,13 +143,12 @@ impl Servo {
         }
     }
 
-    /// Operating mode, limits of goals, and what else is in the table.
+    /// Operating mode, limits of goals, and optional settings of the table.
     pub(super) fn checks(&self) -> u8 {
         self.blocks().count() as u8 - 1
     }
 
-    /// The places among the registers of its maker of those that it is asked for: of its settings, and of its
-    /// state at last.
+    /// Indices of its queried registers in its maker's list: the settings, then the state.
     fn blocks(&self) -> impl Iterator<Item = usize> {
         let is_asked = |block: &usize| match self.maker.setting(*block) {
             Some(Setting::HomingOffset) => self.homing_offset.is_some(),
@@ -159,7 +158,7 @@ impl Servo {
         (0..self.maker.asked().len()).filter(is_asked)
     }
 
-    /// The place of the registers that are asked for with an order.
+    /// Index of the registers queried with an order.
     fn block(&self, order: &Order) -> usize {
         let state = self.maker.asked().len() - 1;
         match order {

@@ -56,7 +56,7 @@ impl Offer {
     /// Offers a bus of these rates; a line of serial servos carries packets as they are.
     ///
     /// # Errors
-    /// The place is taken, or the kernel refuses.
+    /// The address is in use, or the kernel refuses.
     pub fn open(place: Place<'_>, rates: Rates, is_fd: bool, is_servo_line: bool) -> io::Result<Self> {
         Ok(match place {
             Place::Socket(name) => Self::Socket(UnixOffer::open(name)?),
@@ -66,8 +66,8 @@ impl Offer {
         })
     }
 
-    /// Takes frames that programs hand over, each with the time at which they did; how many. What is not
-    /// taken stays with them, as far as the kernel has room.
+    /// Receives frames from programs, each with its time, and returns their number. Others remain in the
+    /// programs' buffers, as far as the kernel has room.
     pub fn receive(&mut self, frames: &mut [Received]) -> usize {
         match self {
             Self::Socket(offer) => offer.receive(frames),
@@ -101,7 +101,7 @@ impl Offer {
         }
     }
 
-    /// Hands over what is to be received; frames that nobody took for want of room.
+    /// Delivers frames to programs; returns the number lost for lack of room.
     pub fn flush(&mut self) -> u64 {
         match self {
             Self::Socket(offer) => offer.flush(),

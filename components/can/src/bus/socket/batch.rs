@@ -17,7 +17,8 @@ pub(super) const BATCH: usize = 32;
 /// Bytes of a classic frame passed to the kernel; a CAN FD frame has 72.
 const CLASSIC: usize = size_of::<libc::can_frame>();
 
-/// Room for what comes with a frame: three times and a count, each behind a header, aligned as headers are.
+/// Buffer for the ancillary data of a frame: three times and a count, each behind a header, aligned as
+/// headers are.
 #[repr(C, align(8))]
 #[derive(Clone, Copy)]
 struct Control([u8; 128]);
@@ -57,7 +58,7 @@ impl Batch {
         }
     }
 
-    /// Points the headers at the buffers; `control` for those that receive.
+    /// Points the headers at the buffers, with `control` for receiving.
     fn point(&mut self, count: usize, length: impl Fn(usize) -> usize, control: bool) {
         for i in 0..count {
             self.vectors[i] =
@@ -74,7 +75,7 @@ impl Batch {
         }
     }
 
-    /// Hands up to [`BATCH`] frames over, in this order; how many were taken, none only with the reason.
+    /// Sends up to [`BATCH`] frames in this order and returns the number accepted; an error if none was.
     pub(super) fn send(&mut self, socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize> {
         let count = frames.len().min(BATCH);
         for (place, frame) in self.frames.iter_mut().zip(frames) {
@@ -90,7 +91,7 @@ impl Batch {
         usize::try_from(sent).map_err(|_| io::Error::last_os_error())
     }
 
-    /// Takes up to [`BATCH`] frames that are there; `WouldBlock` if none is.
+    /// Receives up to [`BATCH`] available frames; `WouldBlock` if there is none.
     pub(super) fn receive(&mut self, socket: BorrowedFd<'_>, most: usize) -> io::Result<usize> {
         let count = most.min(BATCH);
         self.point(count, |_| size_of::<canfd_frame>(), true);
@@ -152,7 +153,7 @@ pub(crate) struct Waiting {
 }
 
 impl Waiting {
-    /// A wait with room for so many sockets.
+    /// A wait for this many sockets.
     pub(crate) fn of(sockets: usize) -> Self {
         Self { sockets: Vec::with_capacity(sockets) }
     }

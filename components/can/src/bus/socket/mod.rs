@@ -61,7 +61,7 @@ impl SocketBus {
     /// Opens an interface that is up.
     ///
     /// # Errors
-    /// There is none of that name, it is down, or the kernel refuses.
+    /// The interface does not exist, is down, or the kernel refuses.
     pub fn open(name: &str) -> Result<Self, OpenError> {
         let interface = look_up(name)?;
         let socket = CanFdSocket::open(name).map_err(|error| match error.raw_os_error() {

@@ -37,13 +37,13 @@ motorium::state_buffer! {
 }
 
 impl JointHealth {
-    /// It follows commands.
+    /// Follows commands.
     pub const ENABLED: u32 = 1;
-    /// It did not answer in this cycle.
+    /// No answer in this cycle.
     pub const MISSING: u32 = 2;
-    /// It did not answer for three cycles.
+    /// No answer for three cycles.
     pub const LOST: u32 = 4;
-    /// It reported a fault.
+    /// Reported a fault.
     pub const FAULT: u32 = 8;
     /// Its settings are still being read.
     pub const CHECKING: u32 = 16;
@@ -60,7 +60,7 @@ pub enum WhenTripped {
     /// They brake softly, with the velocity gain of the safe states.
     #[default]
     Damp,
-    /// They let go.
+    /// They are disabled.
     Disable,
 }
 
@@ -91,8 +91,8 @@ pub struct CanAdapterConfig {
     /// "disable". Default "damp".
     #[serde(default)]
     pub when_tripped: WhenTripped,
-    /// True: drives whose watchdog is off are enabled, too. They go on by themselves when nobody commands
-    /// them any more. Default false.
+    /// True: drives without a watchdog are enabled, too. They continue when nobody commands them any more.
+    /// Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
     /// True: no drive is enabled, and the joints are moved by hand and measured, as on a leader arm. The
@@ -104,17 +104,17 @@ pub struct CanAdapterConfig {
     /// farther out refuses all drives: a drive a turn away would be driven into its stop. At least 0. Default
     /// 0.05 of a joint that turns, 0.005 of one that slides.
     pub enable_margin: Option<f64>,
-    /// True: drives stay enabled at the end of a run, until their watchdogs let go. By default they are let
-    /// go after `settle`, in the last act of an orderly end, and a joint without a holding brake sinks from
-    /// there. Default false.
+    /// True: drives stay enabled at the end of a run, until their watchdogs act. By default they are disabled
+    /// after `settle`, as the last step of an orderly end, and a joint without a holding brake then sinks.
+    /// Default false.
     #[serde(default)]
     pub leave_enabled: bool,
     /// Longest time for which a step waits for the answers of drives on real buses. Default half a period.
     /// With `command_within` answers have until the next step, and are waited for only on serial lines.
     pub answer_within: Option<TimeSpan>,
-    /// Longest time for which a step waits for the command that is made of the state it has just published,
-    /// so that its frames go out at once. In lockstep no step waits. Default none: the command is sent in the
-    /// next cycle.
+    /// Longest wait of a step for the command computed from the state it has just published, so that its
+    /// frames are sent at once. In lockstep no step waits. Default none: the command is sent in the next
+    /// cycle.
     pub command_within: Option<TimeSpan>,
     /// Acceleration of free fall in the world (m/s2), used by the safe states to hold the robot. Default:
     /// from the graph's `[world]`, or 9.81 downwards.
@@ -153,7 +153,7 @@ fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Refuses what an adapter that only listens cannot do.
+/// Refuses settings that an adapter with `observe` does not support.
 pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> Result<(), ConfigError> {
     if !config.observe {
         return Ok(());
@@ -218,7 +218,7 @@ pub(super) fn check_watchdogs(
     Ok(())
 }
 
-/// Refuses homings that fail at the stop, or may meet it too hard, and warns of those that may not succeed.
+/// Refuses homings that fail at the stop or may hit it too hard, and warns of those that may fail.
 pub(super) fn check_homing_loads(
     config: &CanAdapterConfig,
     equipped: &Equipped,
@@ -234,7 +234,7 @@ pub(super) fn check_homing_loads(
     Ok(())
 }
 
-/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may come too late for
+/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may be too late for
 /// this order of a step.
 pub(super) fn check_budget(
     bus: &str,

@@ -1,4 +1,4 @@
-//! The time from the publication of a command to its frames on their way.
+//! The time from the publication of a command until its frames are sent.
 
 use motorium::state::Stamp;
 use motorium::telemetry::Histogram;
@@ -15,7 +15,7 @@ pub(super) struct HandOver {
 }
 
 impl HandOver {
-    /// The command that this cycle follows; `None` if it follows none.
+    /// The command that this cycle follows; `None` if there is none.
     pub(super) fn take(&mut self, stamp: Option<Stamp>) {
         self.published_ns = None;
         let Some(stamp) = stamp else { return };

@@ -49,7 +49,7 @@ pub struct CanAdapter {
     /// Some joints are being homed or have no known position; the gate restarts once all are known.
     awaits_homing: bool,
     leaves_enabled: bool,
-    /// Each drive has answered that it is off at the end; `None` if none was let go.
+    /// Each drive has answered at the end that it is off; `None` if none was disabled.
     is_released: Option<bool>,
 }
 
@@ -244,8 +244,8 @@ impl Component for CanAdapter {
 }
 
 impl CanAdapter {
-    /// Ends the cycle of commands and answers, and publishes the state of the joints if it is known; whether
-    /// it is.
+    /// Ends the cycle of commands and answers, publishes the state of the joints if it is known, and returns
+    /// whether it is.
     fn end_cycle(&mut self, tick: &Tick) -> Result<bool, StepError> {
         // drives that are simulated end with the run, in the middle of a cycle too
         self.adapter.end_cycle(!tick.settling && !self.clock.is_settling());

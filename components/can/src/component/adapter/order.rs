@@ -15,8 +15,8 @@ use crate::Table;
 /// | real | without | sends the newest command, waits for the answers, publishes |
 /// | real | with | reads the answers to the batch before, publishes, waits for the command, sends |
 ///
-/// Between a state that is measured and the command made of it that takes effect lies a cycle each time. What
-/// differs is the place of the pause in it: before the command is sent, or before the state is published.
+/// One cycle always passes between a measured state and the effect of the command computed from it. The
+/// orders differ in the position of the pause: before the command is sent, or before the state is published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct StepOrder {
     /// Longest time for which a step waits for answers after it has sent its batch; `None` if it does not.

@@ -1,5 +1,5 @@
-//! The inner loops of the drives, and what lies between the torque of a simulated drive and the effort on its
-//! joint.
+//! The inner loops of the drives, and the stages between the torque of a simulated drive and the effort on
+//! its joint.
 
 use std::path::Path;
 
@@ -70,7 +70,7 @@ impl Actuation {
         self.actuator.motor().unwrap_or(joint)
     }
 
-    /// The effort on the joint in the next step of `h` \[s\], in which the drive asks for `wanted`; a closed
+    /// Effort on the joint in the next step of `h` \[s\], in which the drive requests `wanted`; a closed
     /// brake damps the motor.
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);

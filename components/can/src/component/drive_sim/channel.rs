@@ -1,10 +1,10 @@
-//! One simulated bus: its nodes, and the interface of the adapter on it.
+//! One simulated bus: its nodes, and the adapter's interface to it.
 
 use super::Axis;
 use crate::component::adapter::BATCH;
 use crate::{Condition, Frame, SimulatedBus, Table};
 
-/// One bus: node 0 is the adapter, those from 1 on are drives, then comes one that babbles, and one like a
+/// One bus: node 0 is the adapter, nodes from 1 on are drives, followed by a babbling node and a twin of a
 /// drive.
 pub(super) struct Channel {
     pub(super) bus: SimulatedBus,

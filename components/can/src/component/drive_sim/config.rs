@@ -49,12 +49,12 @@ pub struct DriveSimulationConfig {
     /// True: each joint has a holding brake that is open while its drive is enabled. Default true.
     #[serde(default = "yes")]
     pub brakes: bool,
-    /// What lies between the drives and the joints: lag, limits, elasticity. Default: nothing.
+    /// Stages between the drives and the joints: lag, limits, elasticity. Default: none.
     pub actuator: Option<ActuatorTable<TimeSpan>>,
     /// The same for single joints by their names, in place of `actuator`.
     #[serde(default)]
     pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
-    /// Drives that are set otherwise than the table says.
+    /// Drives with settings that differ from the table.
     #[serde(default)]
     pub set: Vec<SettingConfig>,
     /// Faults, each at its time.

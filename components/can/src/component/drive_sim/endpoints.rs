@@ -19,7 +19,7 @@ pub(super) enum Endpoints {
     Offers(Offers),
 }
 
-/// Topics that lead to simulated buses.
+/// Topics of simulated buses.
 pub(super) struct Topics {
     sent: SliceInput<CanFrame>,
     received: SliceOutput<CanFrame>,
@@ -107,7 +107,7 @@ impl Endpoints {
         }
     }
 
-    /// Hands over what is to be received; frames for which there was no room.
+    /// Delivers received frames; returns the number for which there was no room.
     pub(super) fn publish(&mut self) -> Result<u64, StepError> {
         match self {
             Self::Topics(topics) => topics.publish(),
@@ -117,7 +117,7 @@ impl Endpoints {
 }
 
 impl Topics {
-    /// Adds to what the adapter receives; what its batch has no room for is lost, as with a full buffer.
+    /// Appends to the adapter's received frames; frames beyond its batch are lost, as with a full buffer.
     fn push(&mut self, frame: CanFrame) {
         if self.answers.len() < BATCH {
             self.answers.push(frame);

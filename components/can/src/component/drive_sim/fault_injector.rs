@@ -19,7 +19,7 @@ impl DriveNode {
     }
 }
 
-/// The injector of delays, losses and faults into the frames on their way from a drive to its bus.
+/// The injector of delays, losses and faults between a drive and its bus.
 pub(super) struct FaultInjector<'a> {
     pub(super) faults: &'a [Fault],
     pub(super) config: &'a DriveSimulationConfig,
@@ -87,7 +87,7 @@ impl Sender {
     }
 }
 
-/// The answer of another drive with the same number, whose shaft stands elsewhere.
+/// The answer of another drive with the same number, from a different shaft position.
 fn elsewhere(mut answer: Frame) -> Frame {
     if let Some(position) = answer.data_mut().get_mut(1) {
         *position ^= 0x20;

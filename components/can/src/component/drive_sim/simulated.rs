@@ -10,7 +10,7 @@ use crate::bus::simulated::Event;
 use crate::component::faults::FaultKind;
 use crate::{Condition, ErrorState, Form, Frame, Id, Report};
 
-/// Simulated buses, with what leads to them.
+/// Simulated buses, with their topics or addresses.
 pub(super) struct Simulated {
     endpoints: Endpoints,
     buses: Vec<Channel>,
@@ -21,7 +21,7 @@ impl Simulated {
         Self { endpoints, buses }
     }
 
-    /// Moves the buses on to the present, and publishes what the adapter receives.
+    /// Advances the buses to the present, and publishes the frames received by the adapter.
     pub(super) fn run(
         &mut self,
         drives: &mut Drives<'_>,
@@ -77,7 +77,7 @@ impl Simulated {
         }
     }
 
-    /// Moves a bus on to the present: drives receive what is delivered, and their answers are sent in turn.
+    /// Advances a bus to the present: drives receive delivered frames, and their answers are sent in turn.
     fn run_bus(&mut self, index: usize, now_ns: u64, drives: &mut Drives<'_>) {
         let Channel { bus, twin, .. } = &mut self.buses[index];
         drives.report(index, now_ns, &mut |sender, frame, ready_ns| {

@@ -169,7 +169,7 @@ impl Eds {
         self.entries.len()
     }
 
-    /// True if there are none, which no data sheet that was read has.
+    /// Returns `true` if there are no objects, which never holds for a parsed data sheet.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }

@@ -7,11 +7,11 @@ use crate::frame::DecodeError;
 pub enum State {
     /// Not reported.
     Unknown,
-    /// It lets go.
+    /// Disabled.
     Disabled,
-    /// It follows commands.
+    /// Follows commands.
     Enabled,
-    /// It let go because of a fault.
+    /// Disabled because of a fault.
     Fault(Fault),
 }
 

@@ -1,4 +1,4 @@
-//! Subframes: registers as they stand in a frame.
+//! Subframes: registers within a frame.
 
 use crate::frame::{DecodeError, Form, Frame, Id};
 
@@ -155,7 +155,7 @@ impl Writer {
     }
 }
 
-/// A register of a frame: what is done with it, which one it is, its value where there is one.
+/// A register of a frame: the operation, its number, and its value if any.
 pub(super) type Register = (u8, u32, f64);
 
 /// Hands each register of a frame to `take`, in their order.
