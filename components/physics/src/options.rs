@@ -3,18 +3,18 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The method that integrates the motion of what nothing touches.
+/// Integration method for bodies without contacts.
 ///
-/// What is in contact, stands at a joint stop, is pushed, or moves behind the spring of a drivetrain, takes
-/// Euler's method in that step with either. Drives are implicit with both.
+/// Either method falls back to Euler's for a body that is in contact, at a joint stop, pushed, or behind the
+/// spring of a drivetrain. Drives are implicit with both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
     /// Semi-implicit Euler, of first order in the step.
     #[default]
     Euler,
-    /// The midpoint rule, of second order in the step: energy drifts by a small fraction of what it does with
-    /// Euler's method, and free flight is exact. Forces are computed twice in a step of a robot.
+    /// The midpoint rule, of second order in the step: energy drifts by a small fraction of Euler's drift,
+    /// and free flight is exact. Forces are computed twice in a step of a robot.
     Midpoint,
 }
 
@@ -22,9 +22,9 @@ pub enum Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Integration steps per step of all that takes no `contact_iterations`, 1 to 100, default 1. One is
-    /// enough at 1 kHz: the drives are implicit, so more only refine the integration. Rapier takes 1 only: it
-    /// always does `contact_iterations` steps.
+    /// Integration steps per step of bodies outside `contact_iterations`, 1 to 100, default 1. One is enough
+    /// at 1 kHz: the drives are implicit, so more only refine the integration. Rapier accepts only 1: it
+    /// always uses `contact_iterations` steps.
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
     /// Integration steps per step of a robot within a centimetre of an object that moves or of another robot,

@@ -44,7 +44,7 @@ pub struct Properties {
     /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes stay the
     /// simulation's.
     pub model: Model,
-    /// Of several [articulations](crate::Articulation), the models of those after the first.
+    /// Models of the [articulations](crate::Articulation) after the first.
     pub others: Vec<Model>,
     /// The world: gravity, and mass and start of its objects. The set of objects, their shapes and the ground
     /// stay the simulation's; the surfaces given here are ignored.
@@ -57,7 +57,7 @@ pub struct Properties {
 }
 
 impl<E: Engine> Simulation<E> {
-    /// The properties as they stand.
+    /// Returns the present properties.
     pub fn properties(&self) -> Properties {
         Properties {
             model: self.robot.first().model.clone(),

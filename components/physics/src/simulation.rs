@@ -70,7 +70,7 @@ pub trait Engine: Sized {
     }
 
     /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during
-    /// the next step, besides those applied before.
+    /// the next step, in addition to earlier ones.
     fn apply_wrench(
         &mut self,
         robot: &Robot,
@@ -110,7 +110,7 @@ pub trait Engine: Sized {
     /// Wakes all objects that sleep.
     fn wake(&mut self) {}
 
-    /// The first surface along a ray as `robot` stands: see [`Simulator::cast_ray`].
+    /// Returns the first surface along a ray with `robot` in its present pose: see [`Simulator::cast_ray`].
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>>;
 
     /// Index of the first object whose next state is not finite.
@@ -129,7 +129,8 @@ pub trait Engine: Sized {
     /// world axes.
     fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>);
 
-    /// Connects two parts as they stand: see [`Simulator::connect`]. `lasting` where a reset keeps it.
+    /// Connects two parts in their present relative pose: see [`Simulator::connect`]. A `lasting` connection
+    /// survives a reset.
     ///
     /// # Errors
     ///
@@ -138,7 +139,7 @@ pub trait Engine: Sized {
         Err(ConnectError::Unable { engine: Self::NAME })
     }
 
-    /// Takes the connections of two parts away; `false` where there are none.
+    /// Removes the connections between two parts; `false` if there are none.
     fn disconnect(&mut self, _: (&Robot, &World), _: [&str; 2]) -> bool {
         false
     }
@@ -146,9 +147,9 @@ pub trait Engine: Sized {
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Passes the contacts' impulse on each collider that a contact touched during the last step, of `dt`
-    /// \[s\], to `visit`: its name, the impulse \[N s\] and its moment about the origin of the world \[N m
-    /// s\], friction included. A collider, or one of several with a name, may come more than once.
+    /// Passes the impulse of the contacts on each collider touched during the last step, of `dt` \[s\], to
+    /// `visit`: its name, the impulse \[N s\] and its moment about the origin of the world \[N m s\],
+    /// friction included. A collider, or one of several with a name, may appear more than once.
     ///
     /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act for the whole step; an
     /// engine with several integration steps in one adds up theirs.

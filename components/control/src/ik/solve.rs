@@ -179,7 +179,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         true
     }
 
-    /// The present velocity along a row, and the least and the largest that the bounds of the joints admit.
+    /// Present velocity along a row, and the smallest and largest values allowed by the joint bounds.
     fn range(&self, row: usize) -> (f64, f64, f64) {
         let (mut now, mut least, mut largest) = (0.0, 0.0, 0.0);
         for variable in 0..self.motions {

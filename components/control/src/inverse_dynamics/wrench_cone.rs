@@ -34,7 +34,7 @@ pub struct WrenchCone {
     pub sides: [f64; 2],
     /// Coefficient of friction.
     pub friction: f64,
-    /// Least normal force of the whole sole \[N\]. Default 0. It gives way where constraints conflict, and
+    /// Minimum normal force of the whole sole \[N\]. Default 0. It is relaxed if constraints conflict, and
     /// while the contact is lifted.
     pub min_force: f64,
     /// Largest normal force of the whole sole \[N\]. Default infinite.

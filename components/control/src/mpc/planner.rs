@@ -118,8 +118,8 @@ impl LegPlanner {
         self.legs[foot].touches = touches;
     }
 
-    /// Plans a step of `dt` seconds from the measured state: stepping at the velocity `wanted`, or at rest on
-    /// all feet.
+    /// Plans a step of `dt` seconds from the measured state: stepping at the target velocity `wanted`, or at
+    /// rest on all feet.
     ///
     /// # Errors
     /// [`SolveError`]: the previous forces remain valid.
@@ -206,7 +206,7 @@ impl LegPlanner {
         self.legs[foot].landings
     }
 
-    /// The motion that is wanted.
+    /// The target motion.
     pub fn reference(&self) -> &Reference {
         &self.reference
     }

@@ -54,7 +54,7 @@ pub struct FlightControl {
 }
 
 impl FlightControl {
-    /// For what flies, with gains.
+    /// Creates the controller of a flying robot with these gains.
     pub fn new(flight: Flight, settings: FlightSettings) -> Self {
         Self { flight, settings, lasting: Vector3::zeros() }
     }

@@ -10,7 +10,7 @@ pub enum Accuracy {
     /// The tolerances of the settings.
     #[default]
     Full,
-    /// Only the looser ones, where rounding allowed no more.
+    /// Only the looser tolerances, because of rounding.
     Reduced,
 }
 

@@ -6,8 +6,8 @@ use nalgebra::{Matrix3xX, Matrix6xX, Unit, Vector3};
 use super::{Rows, Task, residual};
 use crate::{RobotState, solver::Problem};
 
-/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every
-/// direction is right.
+/// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
+/// direction is undefined.
 const NEAREST: f64 = 1e-2;
 
 /// Gain and weights of a [`GazeTask`].

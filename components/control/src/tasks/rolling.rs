@@ -52,7 +52,8 @@ impl RollingWheel {
         Some(RollingContact { axis, up, length, way: -up * self.radius })
     }
 
-    /// Writes the Jacobian `J_v - [c]x J_w` of the point of the wheel at the way `c` from its centre, 3 x nv.
+    /// Writes the Jacobian `J_v - [c]x J_w` of the point of the wheel at the offset `c` from its centre, 3 x
+    /// nv.
     pub(crate) fn write_jacobian(
         &mut self,
         model: &Model,

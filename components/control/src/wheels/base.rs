@@ -27,7 +27,7 @@ impl Default for Wheel {
 /// Kind of base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseKind {
-    /// Wheels on one axle, or in two rows, at speeds of their own.
+    /// Wheels on one axle, or in two rows, with independent speeds.
     Differential,
     /// Steered wheels that aim at one centre on the axle line of the fixed wheels.
     Ackermann,

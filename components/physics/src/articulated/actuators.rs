@@ -76,8 +76,8 @@ impl Actuators {
         settings
     }
 
-    /// Takes over other settings of the actuators there are, whose networks stay; effort, heat and what is
-    /// under way stay as they are.
+    /// Applies other settings to the existing actuators. Their networks, efforts, heat and delayed commands
+    /// are kept.
     pub(super) fn set_settings(
         &mut self,
         settings: &[Option<ActuatorSettings>],
@@ -110,12 +110,12 @@ impl Actuators {
         }
     }
 
-    /// True where a motor moves apart from its joint.
+    /// Returns `true` if a motor moves separately from its joint.
     pub(super) fn have_drivetrains(&self) -> bool {
         self.joints.iter().any(|driven| driven.now.drivetrain().is_some())
     }
 
-    /// Begins a step: the commands of these drives that act in it, and what networks make of them.
+    /// Begins a step: computes the commands that act on these drives in it, and the outputs of networks.
     pub(super) fn begin(&mut self, robot: &Robot, drives: &Range<usize>) {
         let (q, v) = (&robot.positions()[drives.clone()], &robot.velocities()[drives.clone()]);
         let commands = &robot.commands[drives.clone()];

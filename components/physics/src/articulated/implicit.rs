@@ -40,10 +40,10 @@ pub(super) struct ImplicitSolver {
     pub(super) impulse: Vec<f64>,
 }
 
-/// Largest number of sweeps of the relaxation, which takes over when the active set cycles.
+/// Largest number of sweeps of the relaxation, the fallback for a cycling active set.
 const SWEEPS: usize = 200;
 
-/// Guesses of the modes before the relaxation takes over. Nearly always the first is confirmed.
+/// Attempts of the active set before the relaxation. The first guess is nearly always confirmed.
 pub(super) const GUESSES: usize = 24;
 
 impl ImplicitSolver {
@@ -101,8 +101,8 @@ impl ImplicitSolver {
         }
     }
 
-    /// True where the end velocity `x`, with the external impulses, confirms the modes; otherwise they become
-    /// those that it points to.
+    /// Returns `true` if the end velocity `x`, with the external impulses, confirms the modes; otherwise
+    /// updates the modes to match it.
     pub(super) fn confirm(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {
         // A velocity that a mode fixes stays exact.
         for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x.iter_mut()) {

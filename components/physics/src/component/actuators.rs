@@ -7,8 +7,8 @@ use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
 use motorium_robots::{ActuatorSettings, ActuatorTable, Model};
 
-/// The stages between the effort that a drive is asked for and the one that acts on the joint: an
-/// [`ActuatorTable`] with the times of a graph file.
+/// Stages between the requested effort of a drive and the effort on the joint: an [`ActuatorTable`] with the
+/// times of a graph file.
 pub type ActuatorConfig = ActuatorTable<TimeSpan>;
 
 /// Returns the actuators of the joints of a model: `of_all`, overridden by actuators of single joints. Empty

@@ -123,8 +123,8 @@ fn one<E: PhysicsEngine>(
     Ok(Built { simulation, robots: vec![robot], on_ground, doubts: Vec::new() })
 }
 
-/// Several robots. Each that moves freely is an articulation, and those with fixed bases are one together:
-/// their trees stand side by side in the world.
+/// Several robots. Each floating-base robot is an articulation; all fixed-base robots form one articulation
+/// with parallel trees.
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robots: &[RobotReference],
@@ -202,15 +202,15 @@ fn set_actuators(
     Ok(())
 }
 
-/// An engine with a component kind of its own.
+/// An engine with its own component kind.
 pub trait PhysicsEngine: Engine + Send + 'static {
     /// Name of the kind.
     const KIND: &'static str;
-    /// One line on the kind.
+    /// One-line summary of the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component; of the articulations `anywhere` the configuration does
-    /// not say where the floating base starts.
+    /// Prepares a new simulation for its component; for articulations in `anywhere` the configuration does
+    /// not define the start of the floating base.
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]);
 }
 

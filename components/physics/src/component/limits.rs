@@ -1,4 +1,4 @@
-//! The limits of the drives, as the command gate takes them from the robot.
+//! Limits of the drives for the command gate, from the robot.
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;

@@ -35,7 +35,7 @@ use truth::Truth;
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 
 /// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations
-/// inside rapier are counted apart.
+/// inside rapier are counted separately.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
 
 /// `physics.mujoco`: a simulation by the [`Mujoco`] engine, for robots with a fixed or a floating base, where

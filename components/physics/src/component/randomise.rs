@@ -22,7 +22,7 @@ pub(super) struct Randomiser {
     draws: Draws,
     /// Articulations whose floating base is put on the ground.
     on_ground: Vec<usize>,
-    /// One for each robot.
+    /// One entry for each robot.
     outputs: Vec<Output<Message>>,
     /// The draws of the newest episodes, the present one last.
     episodes: VecDeque<Draw>,
@@ -47,8 +47,7 @@ struct Draw {
 /// The name of the port.
 const PORT: &str = "randomisation";
 
-/// Checks the ranges and declares the outputs: nothing where nothing is drawn. `connections` are those
-/// besides the world's.
+/// Checks the ranges and declares the outputs, if anything is drawn. `connections` excludes the world's.
 pub(super) fn declare<E: PhysicsEngine>(
     (config, connections): (&RandomiseConfig, &[Connection]),
     built: &Built<E>,
@@ -164,7 +163,7 @@ impl Randomiser {
         }))
     }
 
-    /// Starts an episode with what its seed draws, at rest.
+    /// Starts an episode with the values drawn from its seed, at rest.
     pub(super) fn start<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,

@@ -29,9 +29,9 @@ pub(super) struct Actuated {
     gate: Option<CommandGate>,
     /// Steps in the safe state.
     pub(super) safe: u64,
-    /// Steps on the way back from it.
+    /// Steps resuming from it.
     pub(super) resuming: u64,
-    /// It has rotors, which no safe state lets hold it in the air.
+    /// It has rotors, which no safe state keeps in the air.
     has_rotors: bool,
     /// Position of the base at the start \[m\].
     start: [f64; 3],
@@ -44,7 +44,7 @@ pub(super) struct Actuated {
 pub(super) struct SafeStates {
     models: Vec<Model>,
     gravity: Vector3<f64>,
-    /// One for each model.
+    /// One entry for each model.
     dynamics: Vec<Dynamics>,
     efforts: Vec<Vec<f64>>,
 }
@@ -175,7 +175,7 @@ impl Actuated {
         Ok(())
     }
 
-    /// Starts an episode with the simulation as it stands.
+    /// Starts an episode with the present state of the simulation.
     pub(super) fn reset<E: Engine>(&mut self, simulation: &Simulation<E>) {
         if let Some(gate) = &mut self.gate {
             gate.reset();
@@ -250,7 +250,7 @@ fn apply_as_given(
     }
 }
 
-/// A command as a drive of other gain and strength takes it.
+/// Scales a command to a drive with other gain and strength.
 fn scaled(command: JointCommand, factors: Option<&[[f64; 2]]>, index: usize) -> JointCommand {
     let Some([gain, strength]) = factors.map(|factors| factors[index]) else { return command };
     JointCommand {

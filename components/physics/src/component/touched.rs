@@ -1,4 +1,4 @@
-//! What touches a robot: contact points, and their impulses since the start of an episode.
+//! Contacts of a robot: contact points, and their impulses since the start of an episode.
 
 use std::collections::BTreeMap;
 
@@ -95,7 +95,7 @@ impl Touched {
         })
     }
 
-    /// Adds up what contacts and pushes did in a step of `dt` \[s\].
+    /// Adds the impulses of contacts and pushes in a step of `dt` \[s\].
     pub(super) fn accumulate<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
@@ -179,7 +179,7 @@ impl Touched {
         Ok(())
     }
 
-    /// Contact points without an entry of their own, and impulses left out of messages, in this episode.
+    /// Contact points without a separate entry, and impulses left out of messages, in this episode.
     pub(super) fn left_out(&self) -> u64 {
         self.cut.contacts + self.cut.impulses
     }
@@ -242,7 +242,7 @@ fn add(
     0
 }
 
-/// The number that stands with a name in a sorted list.
+/// Returns the number stored with a name in a sorted list.
 fn find(sorted: &[(String, u32)], name: &str) -> Option<u32> {
     let place = sorted.binary_search_by(|(other, _)| other.as_str().cmp(name)).ok()?;
     Some(sorted[place].1)

@@ -26,7 +26,7 @@ pub(crate) enum Owner {
     Base(usize),
     /// A body of an articulation.
     Body(usize, usize),
-    /// An object that moves, by its index among those.
+    /// A moving object, by its index among the moving objects.
     Object(usize),
 }
 
@@ -45,7 +45,7 @@ impl Owner {
     }
 }
 
-/// One end of a connection: a link, a movable object, or an object that is fixed in the world.
+/// One end of a connection: a link, a movable object, or a fixed object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Member {
     pub(crate) owner: Owner,
@@ -72,7 +72,7 @@ pub(crate) struct Collider {
     pub(crate) surface: Option<Arc<TriangleSurface>>,
     /// Planes of the faces of the hull of an object: outward normal, and height along it \[m\].
     pub(crate) faces: Vec<(Vector3<f64>, f64)>,
-    /// The same of any hull, for edges of meshes; none where no mesh touches by its triangles.
+    /// The same for any hull, for edges of meshes; empty if no mesh touches by its triangles.
     pub(crate) sides: Vec<(Vector3<f64>, f64)>,
     pub(crate) friction: f64,
     pub(crate) friction_combine: Option<FrictionCombine>,
@@ -123,9 +123,9 @@ pub(crate) struct Colliders {
     pub(crate) first_object: usize,
     /// The colliders of each object of the world.
     pub(crate) objects: Vec<Range<usize>>,
-    /// The collision model they come from: the same indices and pairs. The terrain is no part of it.
+    /// The underlying collision model, with the same indices and pairs. It excludes the terrain.
     pub(crate) model: CollisionModel,
-    /// The surface of the terrain, which is the last collider; its shape there stands for it.
+    /// The surface of the terrain, which is the last collider; its shape there is a placeholder.
     pub(crate) terrain: Option<Arc<HeightField>>,
     /// The description that it was made from.
     pub(super) described: Option<Terrain>,
@@ -333,8 +333,8 @@ impl Colliders {
         pair.iter().all(|&index| index < self.first_object)
     }
 
-    /// Excludes pairs of links that are too close as the robot stands, with a warning each, and warns of
-    /// links inside something else. True if there was any such pair.
+    /// Excludes pairs of links that are too close at the start, with a warning each, and warns of links
+    /// inside something else. Returns `true` if there was any such pair.
     pub(crate) fn exclude_close(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) -> bool {
         let mut distances = Collisions::new(&self.model);
         for (index, own) in robot.articulations.iter().enumerate() {

@@ -37,7 +37,7 @@ pub(crate) struct ContactPoint {
     /// Bound of the speed of the surfaces relative to one another \[m/s\].
     pub(crate) speed: f64,
     pub(crate) law: SurfaceLaw,
-    /// It holds both ways: a connection of two parts, which is no contact.
+    /// Bilateral: a connection of two parts instead of a contact.
     pub(crate) held: Option<Held>,
     /// Length of the integration step in which its impulse acts \[s\].
     pub(crate) h: f64,
@@ -52,29 +52,29 @@ pub(super) struct Pair {
     pub(super) index: usize,
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Origins farther apart than this are not near one another \[m\]; infinite for a half-space.
+    /// Distance of the origins beyond which the pair is not near \[m\]; infinite for a half-space.
     pub(super) reach: f64,
     pub(super) half_space: bool,
-    /// What meets in it.
+    /// The two colliders.
     pub(super) parties: Parties,
     /// Which part of the motions counts.
     pub(super) part: usize,
-    /// The pair needs no measurement until the ways of both have come this near \[m\].
+    /// Remaining distance without a measurement, to be used up by both \[m\].
     pub(super) until: f64,
 }
 
-/// The part of the step that a collider takes in the next integration step.
+/// Share of the step of a collider in the next integration step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     Moves,
-    /// It is part of the world, or asleep.
+    /// Fixed in the world, or asleep.
     Rests,
     /// Its step is over.
     Done,
 }
 
-/// Length of the integration step of a contact point until it takes part in one \[s\]: any but zero, by which
-/// no force divides.
+/// Placeholder length of the integration step of an inactive contact point \[s\]: nonzero, because forces
+/// divide by it.
 pub(super) const UNKNOWN: f64 = 1.0;
 
 /// Error of a measured distance \[m\].
@@ -166,7 +166,7 @@ impl Detector {
         self.most
     }
 
-    /// Sets the part of the step that each collider takes in the next integration step.
+    /// Sets the share of the step of each collider in the next integration step.
     pub(crate) fn set_moving(&mut self, colliders: &[Collider], of: impl Fn(Owner) -> Motion) {
         for (moving, collider) in self.moving.iter_mut().zip(colliders) {
             *moving = of(collider.owner);
@@ -301,15 +301,14 @@ impl Detector {
         self.points.extend(connections.points(moves));
     }
 
-    /// Makes room for so many points of connections.
+    /// Reserves room for this many connection points.
     pub(crate) fn make_room(&mut self, points: usize) {
         self.points.reserve(self.most + points);
         self.earlier.reserve(self.most + points);
     }
 
-    /// Finds all contact points closer than the `least` distance of their parties \[m\], and those that may
-    /// touch within `h` \[s\]. Between colliders that do not move in this integration step they are those
-    /// found last.
+    /// Finds all contact points closer than the `least` distance of their parties \[m\], and points that may
+    /// touch within `h` \[s\]. Colliders that do not move in this integration step keep their last points.
     pub(crate) fn detect(
         &mut self,
         all: &Colliders,
@@ -381,7 +380,7 @@ impl Detector {
     }
 }
 
-/// Adds a contact point; where there is no room it takes the place of the shallowest.
+/// Adds a contact point; without room it replaces the shallowest.
 fn keep((points, most): (&mut Vec<ContactPoint>, usize), point: ContactPoint) {
     if points.len() < most {
         points.push(point);

@@ -1,4 +1,4 @@
-//! The pairs of colliders that may come near one another soon.
+//! Pairs of colliders that may come near one another soon.
 
 use motorium_robots::Collisions;
 
@@ -21,7 +21,7 @@ pub(super) struct NearPairs {
 }
 
 impl NearPairs {
-    /// For these pairs of so many colliders.
+    /// For these pairs of this many colliders.
     pub(super) fn new(pairs: &[Pair], colliders: usize) -> Self {
         let parts = [0, 1].map(|part| pairs.iter().any(|pair| pair.part == part));
         Self { list: Vec::with_capacity(pairs.len()), start: vec![[0.0; 2]; colliders], made: false, parts }
@@ -32,7 +32,7 @@ impl NearPairs {
         self.parts
     }
 
-    /// The longest way of a collider since the list was made \[m\].
+    /// Longest distance travelled by a collider since the list was made \[m\].
     pub(super) fn way(&self, motions: &Motions) -> f64 {
         motions.most_since(&self.start, self.parts).0
     }

@@ -44,7 +44,7 @@ pub(crate) struct SceneState {
     objects: Vec<FreeBody>,
     /// Gravity of the last integration step \[m/s2\].
     gravity: Vector3<f64>,
-    /// Of the objects that do not move.
+    /// For fixed objects.
     placements: Vec<Isometry3<f64>>,
     connections: (Vec<Joined>, u64),
 }
@@ -96,8 +96,8 @@ impl ContactScene {
         self.detector = Detector::new(&self.colliders, &robot.articulations);
     }
 
-    /// Places each articulation as its `kinematics` stands, its base as in `bases`, and the objects in their
-    /// next state.
+    /// Sets the poses of each articulation from its `kinematics` and its base in `bases`, and of the objects
+    /// in their next state.
     pub(crate) fn set_poses<'a>(
         &mut self,
         kinematics: impl Fn(usize) -> &'a Kinematics,
@@ -107,9 +107,9 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to
-    /// an object or to another robot that they take the integration steps of contacts, with all that they may
-    /// touch. Returns the larger number of integration steps of those there are, `far` from contacts or near.
+    /// Begins a step of `dt` \[s\] at the present poses: finds the contact points, and the robots so near to
+    /// an object or to another robot that they use the integration steps of contacts, with everything they
+    /// may touch. Returns the larger number of integration steps in use, `far` from contacts or near.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
@@ -185,8 +185,8 @@ impl ContactScene {
         impulses.prepare(detector.points(), v, (&objects.before, &objects.next), slopes);
     }
 
-    /// Adds the impulses of this integration step to `sums`; those on what sleeps, once in a step of `dt`
-    /// \[s\], in the first.
+    /// Adds the impulses of this integration step to `sums`; impulses on sleeping objects once in a step of
+    /// `dt` \[s\], in the first.
     pub(crate) fn add_impulses(&self, first: bool, dt: f64, sums: &mut ImpulseSums) {
         let share = |point: &ContactPoint| match point.kept {
             false => 1.0,

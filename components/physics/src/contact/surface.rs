@@ -16,7 +16,7 @@ pub(crate) struct SurfaceLaw {
     pub(crate) restitution: f64,
     /// Velocity of the first surface relative to the second that conveyors give, world axes \[m/s\].
     pub(crate) conveyed: Vector3<f64>,
-    /// The point gives way, in place of restitution.
+    /// Compliance of the point, instead of restitution.
     pub(crate) soft: Option<Softness>,
     /// Direction along which friction differs, world axes, and the friction along and across it relative to
     /// `friction`.

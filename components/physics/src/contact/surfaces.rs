@@ -1,10 +1,10 @@
 //! Contact points of a convex collider with the triangles of a mesh.
 //!
-//! [Features](super::features) of the collider touch the triangles that they stand over; what is round
-//! touches an edge or a corner of the mesh where that is nearer than all triangles.
-//! [Edges](motorium_robots::SurfaceEdge) of the mesh that stick out touch faces and edges of the collider.
-//! Sides between triangles of one plane, and in valleys, are no edges, so that what slides over them feels
-//! the triangles alone. A triangle touches what has its centre in front of it.
+//! [Features](super::features) of the collider touch the triangles below them; a round feature touches an
+//! edge or a corner of the mesh if that is nearer than all triangles. Protruding
+//! [edges](motorium_robots::SurfaceEdge) of the mesh touch faces and edges of the collider. Sides between
+//! coplanar triangles, and in valleys, are no edges, so that a sliding body feels only the triangles. A
+//! triangle touches bodies whose centre is in front of it.
 
 use motorium_robots::{ConvexShape, SurfaceEdge, SurfaceTriangle, TriangleSurface};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
@@ -44,7 +44,7 @@ const SHARED: f64 = 5e-5;
 struct Touch {
     distance: f64,
     normal: Vector3<f64>,
-    /// It touches the face, neither side nor corner.
+    /// Touches the face, neither side nor corner.
     over: bool,
     /// Middle of the triangle.
     middle: Point3<f64>,
@@ -109,8 +109,8 @@ fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
 }
 
 impl Mover<'_> {
-    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal meet those points of
-    /// them that are deepest against it.
+    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal touch the deepest
+    /// points against that normal.
     fn rims(
         &self,
         surface: &TriangleSurface,
@@ -135,7 +135,7 @@ impl Mover<'_> {
         }
     }
 
-    /// A feature against the triangles that are taken.
+    /// A feature against the selected triangles.
     fn feature(
         &self,
         surface: &TriangleSurface,
@@ -185,7 +185,7 @@ impl Mover<'_> {
         }
     }
 
-    /// A triangle that a corner of the collider stands over.
+    /// A triangle below a corner of the collider.
     fn sharp(&self, triangle: &SurfaceTriangle, place: &Point3<f64>) -> Option<Touch> {
         let corner = triangle.corners[0];
         let distance = triangle.normal.dot(&(place - corner));

@@ -19,7 +19,7 @@ pub(super) struct Places {
 
 pub(super) struct ArticulationPlaces {
     pub(super) base: Option<(usize, usize)>,
-    /// One per body of the model.
+    /// One entry per body of the model.
     pub(super) joints: Vec<(usize, usize)>,
     pub(super) coordinates: Vec<Coordinate>,
     /// Body of each independent joint.
@@ -28,9 +28,9 @@ pub(super) struct ArticulationPlaces {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ObjectPlace {
-    /// It moves freely.
+    /// Moves freely.
     Free(usize, usize),
-    /// It stands where it is placed.
+    /// Fixed where it is placed.
     Placed(usize),
 }
 

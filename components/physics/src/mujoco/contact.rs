@@ -36,7 +36,7 @@ impl Seen {
     }
 }
 
-/// Fastest time constant of a contact \[s\]; MuJoCo takes no less than two integration steps.
+/// Fastest time constant of a contact \[s\]; MuJoCo allows no less than two integration steps.
 const TIME_CONSTANT: f64 = 0.002;
 
 /// Damping ratio of a surface without restitution.

@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 use super::layout::VERSION;
 
-/// Environment variable with the path of the library, or of the folder it lies in.
+/// Environment variable with the path of the library, or of its folder.
 pub(super) const VARIABLE: &str = "MOTORIUM_MUJOCO";
 
 /// File name of the library.
@@ -19,7 +19,7 @@ pub(super) const FILE: &str = "libmujoco.so.3.17.0";
 /// An error of loading MuJoCo's library.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LibraryError {
-    /// It is nowhere.
+    /// Not found.
     #[error(
         "MuJoCo's library `{}` was not found; install it by `pip install mujoco==3.17.0` into the Python of your \
          path, or set {} to the library or its folder",
@@ -36,7 +36,7 @@ pub enum LibraryError {
         /// Value of the variable.
         path: PathBuf,
     },
-    /// It cannot be loaded.
+    /// Cannot be loaded.
     #[error("MuJoCo's library `{}` cannot be loaded: {reason}", path.display())]
     Unusable {
         /// The library.
@@ -53,7 +53,7 @@ pub enum LibraryError {
     Version {
         /// The library.
         path: PathBuf,
-        /// Version it says it is.
+        /// Reported version.
         found: String,
     },
 }
@@ -159,8 +159,8 @@ impl Library {
     }
 }
 
-/// Takes a warning of MuJoCo, which would write a file into the working directory otherwise. What it warns of
-/// (states that are no numbers, room for contacts) is looked at after every step.
+/// Receives a warning of MuJoCo, which would otherwise write a file into the working directory. The causes
+/// (states that are not finite, full buffers of contacts) are checked after every step.
 extern "C" fn ignore(_: *const c_char) {}
 
 /// Takes an error after which MuJoCo cannot go on, and ends the process: a panic cannot leave this function.

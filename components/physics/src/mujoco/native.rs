@@ -13,7 +13,7 @@ use super::library::{Library, Opaque};
 pub(super) struct Parts(c_int);
 
 impl Parts {
-    /// Positions, velocities and the start of the solver: what a step changes.
+    /// Positions, velocities and the start of the solver: the state changed by a step.
     pub(super) const MOTION: Self = Self(1 << 1 | 1 << 2 | 1 << 5);
     /// All that the next step depends on: time, positions, velocities, activations, histories, the start of
     /// the solver, controls and forces, active constraints, mocap poses, the rest.
@@ -138,7 +138,7 @@ impl Native {
         unsafe { array_mut(self.data, layout::QFRC_APPLIED, self.nv) }
     }
 
-    /// Position and quaternion w x y z of body `mocap` among those that are placed.
+    /// Position and quaternion w x y z of the placed body `mocap`.
     pub(super) fn mocap(&self, mocap: usize) -> ([f64; 3], [f64; 4]) {
         // SAFETY: the arrays have three and four entries for each of these bodies.
         let (positions, quaternions): (&[f64], &[f64]) = unsafe {
@@ -151,7 +151,7 @@ impl Native {
         (position, core::array::from_fn(|axis| quaternions[4 * mocap + axis]))
     }
 
-    /// Places body `mocap` among those that are placed.
+    /// Places body `mocap`.
     pub(super) fn set_mocap(&mut self, mocap: usize, position: [f64; 3], quaternion: [f64; 4]) {
         // SAFETY: as above, one after the other; nothing else has the data.
         unsafe {
@@ -179,8 +179,8 @@ impl Native {
         }
     }
 
-    /// Hardens the constraints of a joint: friction, stops and couplings yield to forces by this share of
-    /// what they would.
+    /// Hardens the constraints of a joint: friction, stops and couplings yield to forces by this share of the
+    /// default.
     pub(super) fn harden(&mut self, dof: usize, share: f64) {
         // SAFETY: the array of the model has nv entries; nothing else has the model.
         unsafe { array_mut::<f64>(self.model, layout::DOF_INVERSE_WEIGHT, self.nv)[dof] *= share }
@@ -234,7 +234,7 @@ impl Native {
         unsafe { (self.library.set_state)(self.model, self.data, state.as_ptr(), parts.0) }
     }
 
-    /// The number of the thing of this name.
+    /// The number of the object with this name.
     pub(super) fn id(&self, kind: Kind, name: &str) -> Option<usize> {
         let name = CString::new(name).ok()?;
         // SAFETY: the model is alive, and the name ends with a zero byte.
@@ -252,7 +252,7 @@ impl Native {
         }
     }
 
-    /// Place of a body among those that are placed.
+    /// Index of a body among the placed ones.
     pub(super) fn mocap_of(&self, body: usize) -> Option<usize> {
         // SAFETY: the array has an entry for every body of the model.
         let id = unsafe {

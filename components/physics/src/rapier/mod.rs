@@ -265,8 +265,8 @@ impl Rapier {
 }
 
 impl Simulation<Rapier> {
-    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its
-    /// allocations apart, for one.
+    /// Runs every call of rapier's pipeline inside `enclose`, which must call it, for example to count its
+    /// allocations separately.
     pub fn enclose_rapier(&mut self, enclose: Enclose) {
         self.engine.scene.set_enclosure(enclose);
     }

@@ -19,7 +19,7 @@ use crate::air::Air;
 use crate::contact::Collider;
 use crate::{Contact, World};
 
-/// A function that runs the call it is given, such as one that counts its allocations apart.
+/// A function that runs a given call, such as one that counts its allocations separately.
 pub type Enclose = fn(&mut dyn FnMut());
 
 /// Rapier's rule for the friction of a collider. Rapier orders its rules as [`FrictionCombine`] does.
@@ -189,7 +189,7 @@ impl Scene {
         }
     }
 
-    /// One step of `dt` \[s\] of everything that is enabled.
+    /// One step of `dt` \[s\] of everything enabled.
     pub(super) fn step(&mut self, dt: f64, gravity: &Vector3<f64>, pairs: &PairTable) {
         self.parameters.dt = dt;
         self.set_drag(dt, gravity);

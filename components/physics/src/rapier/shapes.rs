@@ -63,7 +63,7 @@ impl PairTable {
     }
 }
 
-/// Rapier asks about every pair whose bounding boxes overlap. The user data of a collider is its index.
+/// Filter for every pair with overlapping bounding boxes. The user data of a collider is its index.
 impl PhysicsHooks for PairTable {
     fn filter_contact_pair(&self, context: &PairFilterContext<'_>) -> Option<SolverFlags> {
         let index = |handle: ColliderHandle| context.colliders[handle].user_data as usize;

@@ -94,7 +94,7 @@ impl TaskKind for LimitConfig {
     }
 }
 
-/// Limits that give way.
+/// Soft limits.
 struct SoftLimits {
     limits: Vec<Box<dyn RowLimit>>,
     weight: Ramped,

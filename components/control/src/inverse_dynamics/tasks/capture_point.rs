@@ -6,7 +6,7 @@ use nalgebra::{Matrix3xX, Vector2, Vector3};
 use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 
-/// The least height of the centre of mass above the contacts that is reckoned with \[m\].
+/// Minimum height of the centre of mass above the contacts \[m\]; lower values are replaced by it.
 const LOWEST: f64 = 0.05;
 
 /// Moves the capture point `k`, where the robot would have to step to come to rest, to a point `k*` \[m, axes

@@ -7,8 +7,8 @@ use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::least_turn;
 
-/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every
-/// direction is right.
+/// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
+/// direction is undefined.
 const NEAREST: f64 = 1e-2;
 
 /// Points an axis `d` of a frame at a point `p*` \[m, world axes\]. Rotation about the axis is free.

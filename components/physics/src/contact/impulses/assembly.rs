@@ -46,8 +46,8 @@ impl Impulses {
         }
     }
 
-    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps where
-    /// `few`. Returns whether they settled.
+    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps if
+    /// `few`. Returns whether they converged.
     pub(super) fn solve_sparse(&mut self, places: Range<usize>, few: bool) -> bool {
         self.sum.fill(0.0);
         for place in places.clone() {

@@ -116,12 +116,12 @@ pub(crate) struct ImpulseTarget<'a> {
 
 /// An articulation that contact impulses act on.
 pub(crate) trait MovedByImpulses {
-    /// Its end velocity and what maps impulses to it.
+    /// Its end velocity and its map from impulses.
     fn target(&mut self) -> ImpulseTarget<'_>;
 }
 
 impl Impulses {
-    /// For these articulations, so many free objects, and up to `most` contact points.
+    /// For these articulations, this many free objects, and up to `most` contact points.
     pub(crate) fn new(robot: &Robot, objects: usize, most: usize) -> Self {
         let articulations = &robot.articulations;
         let n = articulations.last().map_or(0, |last| last.v().end);
@@ -153,7 +153,7 @@ impl Impulses {
         impulses
     }
 
-    /// Makes room for so many contact points.
+    /// Reserves room for this many contact points.
     pub(crate) fn make_room(&mut self, most: usize) {
         let n = self.n;
         self.sites.reserve(most);
@@ -292,7 +292,7 @@ impl Impulses {
         self.prepare_couples(points, falling, slopes);
     }
 
-    /// Gives the objects the velocities that the impulses lead to.
+    /// Sets the velocities of the objects that result from the impulses.
     pub(crate) fn push_objects(&self, bodies: &mut [FreeBody]) {
         for (index, site) in self.sites.iter().enumerate() {
             let impulse = site.vector(&self.lambda[3 * index..]);
@@ -361,7 +361,7 @@ impl Impulses {
     }
 }
 
-/// Inverse of a mass \[1/kg\], of none at all a great number.
+/// Inverse of a mass \[1/kg\]; a large number for zero.
 fn inverse(mass: f64) -> f64 {
     1.0 / mass.max(f64::MIN_POSITIVE)
 }
