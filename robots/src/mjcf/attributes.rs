@@ -289,8 +289,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
     }
 
-    /// Returns `N` numbers, of which the first ones come from the element, then from its class, its parents,
-    /// and `default`.
+    /// Returns `N` numbers, the first ones from the element, then from its class, its parents, and `default`.
     pub(super) fn first_numbers<const N: usize>(
         &self,
         name: &str,
@@ -339,7 +338,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         self.attributes.error(self.node, problem)
     }
 
-    /// An error with a message of its own.
+    /// An error with a custom message.
     pub(super) fn fault(&self, problem: impl Into<String>) -> MjcfError {
         self.error(MjcfProblem::Other(problem.into()))
     }

@@ -6,7 +6,7 @@
 /// Treatment of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
-    /// It is read.
+    /// Supported.
     Read,
     /// No effect on a model: names, appearance, solver and contact parameters, user data.
     NoEffect,

@@ -80,7 +80,7 @@ pub enum Steering {
     Ackermann,
     /// Any planar velocity.
     Omnidirectional,
-    /// Every wheel steers by itself.
+    /// Every wheel steers independently.
     SteeredWheels,
 }
 

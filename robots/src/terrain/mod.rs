@@ -146,7 +146,7 @@ pub enum TerrainError {
     /// More heights than fit.
     #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
-        /// Heights asked for.
+        /// Requested number of heights.
         found: f64,
         /// Heights possible.
         most: f64,
