@@ -5,10 +5,10 @@
 ///
 /// ```text
 /// min_force <= f_z <= max_force                                    N
-/// |f_x|, |f_y| <= mu f_z                                           mu = friction / sqrt(2): inside Coulomb's cone
-/// |t_x| <= Y f_z,   |t_y| <= X f_z                                 centre of pressure within sides 2 X by 2 Y
+/// |f_x|, |f_y| <= mu f_z                                           mu = friction / sqrt(2)
+/// |t_x| <= Y f_z,   |t_y| <= X f_z                                 centre of pressure in 2 X by 2 Y
 /// |t_z| <= max_yaw                                                 Nm
-/// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z   yaw torque that the same sole can transfer
+/// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z   yaw torque of the same sole
 ///  mu (X + Y) f_z - |Y f_x + mu t_x| - |X f_y + mu t_y|  >=  t_z
 /// ```
 ///

@@ -63,7 +63,8 @@ pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64>
 /// A swing of a foot from its lift-off position to a foothold that may still move.
 ///
 /// ```text
-/// p(s) = from + b(s) (to - from) + clearance 64 s^3 (1 - s)^3 z   b = 10 s^3 - 15 s^4 + 6 s^5,   s: share of the swing
+/// p(s) = from + b(s) (to - from) + clearance 64 s^3 (1 - s)^3 z,   b = 10 s^3 - 15 s^4 + 6 s^5
+///                                                                    s: share of the swing
 /// ```
 ///
 /// It starts and ends at rest without acceleration.

@@ -59,7 +59,8 @@ impl Default for CartesianSettings {
 /// gives the cost
 ///
 /// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = Jlog(T_tb) J_b,   b = c + Jlog(T_bt) nu_t,   mu = damping |W^2 c|
+/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
+/// A = Jlog(T_tb) J_b,   b = c + Jlog(T_bt) nu_t,   mu = damping |W^2 c|
 /// ```
 ///
 /// (the error and Jacobian of Pink's frame task, there per step and for a target at rest). `c` is scaled down

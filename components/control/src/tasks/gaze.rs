@@ -44,7 +44,8 @@ impl Default for GazeSettings {
 /// Asking for `u x u' = -k`, `k = gain e`, gives the cost
 ///
 /// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = P J_w + [u]x J_v / |r|,   b = k + u x w / |r|,   mu = damping |W^2 k|
+/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
+/// A = P J_w + [u]x J_v / |r|,   b = k + u x w / |r|,   mu = damping |W^2 k|
 /// ```
 ///
 /// (the gaze task of OpenSoT, there with two rows and for a point at rest). `k` is scaled down to the largest

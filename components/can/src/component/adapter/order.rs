@@ -11,9 +11,9 @@ use crate::Table;
 ///
 /// | buses | `command_within` | a step |
 /// |---|---|---|
-/// | simulated over topics | with or without | reads the answers to the batch before, publishes, waits for the command, sends |
+/// | simulated over topics | with or without | reads previous answers, publishes, waits for a command, sends |
 /// | real | without | sends the newest command, waits for the answers, publishes |
-/// | real | with | reads the answers to the batch before, publishes, waits for the command, sends |
+/// | real | with | reads previous answers, publishes, waits for a command, sends |
 ///
 /// One cycle always passes between a measured state and the effect of the command computed from it. The
 /// orders differ in the position of the pause: before the command is sent, or before the state is published.

@@ -15,8 +15,8 @@ const LOWEST: f64 = 0.05;
 /// ```text
 /// h = height of the centre of mass above the active contacts (their mean)   m
 /// o = sqrt(|g| / h)                                                         1/s
-/// k = c + c' / o                                                            x and y of the centre of mass and its velocity
-/// A = J_com                                                                 its rows of x and y, on the accelerations
+/// k = c + c' / o                                                            x and y of centre of mass
+/// A = J_com                                                                 rows x and y, on accelerations
 /// b = o (k*' + gain (k* - k) - c') - J_com' v                               so that k' = k*' + gain (k* - k)
 /// W = weight                                                                1/(m/s2)
 /// ```

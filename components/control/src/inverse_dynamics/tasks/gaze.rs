@@ -18,7 +18,7 @@ const NEAREST: f64 = 1e-2;
 ///
 /// ```text
 /// e = the rotation vector that turns d onto u   rad
-/// s = P o + [u]x (v - w) / |r|                  rate at which the axis turns relative to the point; u' = u x s
+/// s = P o + [u]x (v - w) / |r|                  rate of the axis relative to the point; u' = u x s
 /// A = P J_o + [u]x J_v / |r|                    3 x nv, of rank 2, on the accelerations
 /// b = kp e - kd s - s'|(a = 0)                  kp e: no faster than the largest speed
 /// W = weight                                    1/(rad/s2)
