@@ -193,7 +193,7 @@ fn commanded(table: &Table, bus: usize, frame: &Frame) -> Option<String> {
         }
         (_, Protocol::Odrive, _) => {
             let node = crate::odrive::Node::new(drive.node);
-            // what a drive reports has other commands
+            // drive reports use other commands
             node.is_some_and(|node| node.instruction(frame).is_ok())
         }
         (_, Protocol::Moteus, Id::Standard(id)) => id & 0xff == u16::from(drive.node),

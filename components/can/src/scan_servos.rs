@@ -70,7 +70,7 @@ fn take(line: &mut impl Bus, found: &mut Vec<ServoFound>) {
         let count = line.receive(&mut inbox);
         for received in &inbox[..count] {
             let mut packet = Packet::default();
-            // lines that return what is written to them bring the requests back, which are no answers
+            // lines that echo their input return the requests, which are no answers
             if let Ok(status) = packet.status(received.frame.data()) {
                 let model = match (status.protocol, status.data) {
                     (Protocol::Two, [low, high, firmware]) => {

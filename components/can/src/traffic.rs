@@ -84,7 +84,7 @@ fn mistake(frame: &str) -> Option<String> {
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
         return Some(format!("`{letter}` in the data is no hexadecimal digit"));
     }
-    // dots may stand between bytes
+    // dots may separate the bytes
     let digits = bytes.chars().filter(|letter| *letter != '.').count();
     if digits > 2 * most {
         let count = digits.div_ceil(2);

@@ -137,7 +137,7 @@ impl Adapter {
             }
         }
         if self.tripped {
-            // they let go for the reason of another one
+            // they are disabled because of another drive
             self.links.iter_mut().for_each(Link::interrupt_homing);
             return;
         }

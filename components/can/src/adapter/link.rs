@@ -161,7 +161,7 @@ impl Link {
         if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
             self.dialogue.forget();
             self.start();
-            // where it was says nothing about where it is
+            // its last position does not determine the present one
             self.received_ns = None;
         }
     }
@@ -179,7 +179,7 @@ impl Link {
         self.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
         Ok(match response {
             Response::Setting(wrong) => {
-                // it names what it answers: nothing from before is on its way any more
+                // it names the request: no earlier answer is pending
                 (self.answered, self.owed) = (true, 0);
                 if let (None, Some(setting)) = (wrong, checking) {
                     let next = setting + 1;
@@ -332,7 +332,7 @@ impl Link {
                 self.counts.faults += 1;
                 true
             }
-            // It let go by itself: its power was cut, or its watchdog acted unseen.
+            // It was disabled without an order: its power was cut, or its watchdog acted unseen.
             (State::Disabled, Phase::Enabled) if !self.is_released => {
                 self.forget_homing();
                 self.phase = Phase::Fault;

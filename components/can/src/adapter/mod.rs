@@ -230,7 +230,7 @@ impl Adapter {
             link.counts.missing += u64::from(is_lost);
             let answers = link.dialogue.reports_every_ns().is_none();
             link.owed = link.owed.saturating_add(u32::from(is_lost && answers));
-            // servos of which some are checked are asked in turns
+            // partly checked servos are polled in turn
             let is_due = link.asked || !matches!(link.dialogue, Dialogue::Servo(_));
             if is_due && !link.is_probed {
                 link.silent = if is_missing { link.silent + 1 } else { 0 };
@@ -341,7 +341,7 @@ impl Adapter {
             let order = link.order(trip);
             link.count_clamped(&order);
             is_line |= matches!(link.dialogue, Dialogue::Servo(_));
-            // service data are answered by themselves
+            // service data are always answered
             let waits = matches!(link.dialogue, Dialogue::Cia402(_)) && !matches!(order, Order::Check(_));
             is_synchronised |= waits;
             link.dialogue.write(&order, frames);
@@ -365,7 +365,7 @@ impl Adapter {
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
         let was_asked = |link: &&mut Link| link.bus == bus && link.asked_by.is_some_and(|by| by <= count);
         for link in self.links.iter_mut().filter(was_asked) {
-            // what has come since the last cycle ended answers an earlier frame
+            // frames received since the last cycle ended answer an earlier frame
             let answers = link.dialogue.reports_every_ns().is_none();
             link.counts.late += u64::from(link.answered && answers);
             link.owed = link.owed.saturating_sub(u32::from(link.answered));

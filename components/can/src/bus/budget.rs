@@ -88,7 +88,7 @@ impl Budget {
         if count == 0 {
             return 0;
         }
-        // each with its share of the frames beside
+        // each with its share of the additional frames
         let each_ns = self.busy_ns().div_ceil(count);
         self.cycle_ns.saturating_sub(self.turn_round_ns) / each_ns
     }

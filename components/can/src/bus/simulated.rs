@@ -161,7 +161,7 @@ impl SimulatedBus {
         let suspended_ns = now_ns + self.bits_ns(SUSPEND_BITS);
         let is_passive = self.state(sender) == ErrorState::Passive;
         let node = &mut self.nodes[sender];
-        // a passive node that is alone counts no further: it would leave the bus for want of others
+        // a passive node that is alone stops counting: otherwise it would leave the bus
         if !(was_alone && is_passive) {
             node.transmit_errors += 8;
         }

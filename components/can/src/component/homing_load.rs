@@ -269,7 +269,7 @@ mod tests {
                 "homing = {{ by = \"stop\", velocity = -0.1, effort = {effort}, position = -2.9, order = 1 }}"
             )
         };
-        // the link lies at 2 x 2.85 - 2.9 rad
+        // the link is at 2 x 2.85 - 2.9 rad
         let weight = -1.962 * 2.8_f64.cos();
         for friction in [0.0, 0.3] {
             let most = (weight - friction) / (0.5 * 1.03);
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_weight_that_does_not_let_the_joint_off_its_stop_is_refused_with_the_friction() {
-        // the link lies at 2 x 2.85 + 2.9 rad
+        // the link is at 2 x 2.85 + 2.9 rad
         let leaving = -1.962 * 8.6_f64.cos();
         let most = (leaving + 0.3) / 0.97;
         let (told, is_refused) =

@@ -90,7 +90,7 @@ impl Cia402 {
             for step in 0..Mapping::STEPS {
                 let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
                 match dictionary.iter_mut().find(|(known, _)| *known == object) {
-                    // as it stands in the drive for ever
+                    // the permanent setting of the drive
                     Some((_, place)) if is_fixed => *place = value,
                     Some(_) => {}
                     None => dictionary.push((object, value)),

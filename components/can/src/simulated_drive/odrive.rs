@@ -63,7 +63,7 @@ impl Odrive {
     }
 
     pub(super) fn ids(&self) -> Vec<Id> {
-        // a message to it has the number of its own reports
+        // a message to it has the identifier of its own reports
         (0..0x20).map(|command| self.node.id(command)).collect()
     }
 

@@ -222,7 +222,7 @@ impl Servo {
             if self.stopped.is_some() && written.contains(&dynamixel::GOAL_POSITION.into()) {
                 return;
             }
-            // no more than the limit that stands in it
+            // no more than its stored limit
             let goal_current = usize::from(dynamixel::GOAL_CURRENT);
             let highest = self.word(dynamixel::CURRENT_LIMIT.into());
             if register == goal_current && data.len() == 2 && u16::from_le_bytes([data[0], data[1]]) > highest

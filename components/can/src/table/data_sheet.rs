@@ -68,7 +68,7 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     // a byte with a sign, which some data sheets write without one
     let signed = |limit: i64| if (128..256).contains(&limit) { limit - 256 } else { limit };
     let (low, high) = (entry.low(drive.node).map(signed), entry.high(drive.node).map(signed));
-    // limits without a sign that stand for the whole byte say nothing
+    // unsigned limits of the whole byte are no limits
     let is_range = !matches!((low, high), (Some(low), Some(high)) if low > high);
     let is_beyond = low.is_some_and(|low| method < low) || high.is_some_and(|high| method > high);
     if is_range && is_beyond {

@@ -275,14 +275,14 @@ impl Table {
                     exchanges.push((of(6), of(6)));
                     others.push(of(6));
                     if drive.is_homed() && drive.homing_objects().is_some() {
-                        // service data beside the process data, and their answer
+                        // service data besides the process data, and their answer
                         others.extend([of(8); 2]);
                     }
                 }
                 Protocol::Moteus => {
                     exchanges.push((Shape { extended: true, ..of(32) }, of(20)));
                 }
-                // in the packet with all goals, number and goal; in the one that asks, the number again
+                // in the packet with all goals: number and goal; in the request: the number again
                 Protocol::Feetech => {
                     exchanges.push((of(4), of(6 + usize::from(crate::feetech::STATE_BYTES))))
                 }

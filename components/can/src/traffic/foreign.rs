@@ -71,7 +71,7 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
     };
     if fields.get(1) == Some(&"CANFD") {
         let (channel, id) = (fields.get(2)?, id_of(fields.get(4)?)?);
-        // a symbolic name may stand between identifier and flags
+        // a symbolic name may precede the flags
         let flags = if matches!(fields.get(5), Some(&("0" | "1"))) { 5 } else { 6 };
         let separator = if fields.get(flags) == Some(&"1") { "##1" } else { "##0" };
         let bytes = data(fields.get(flags + 3)?, fields.get(flags + 4..)?)?;

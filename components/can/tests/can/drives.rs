@@ -61,7 +61,7 @@ pub(super) struct Rig {
     drives: [AnySimulatedDrive; 2],
     pub(super) cycle: u64,
     pub(super) cycle_ns: u64,
-    /// The first drive says nothing.
+    /// The first drive is silent.
     pub(super) is_silent: bool,
     pub(super) is_old: bool,
     pub(super) torques: [f64; 2],
@@ -364,8 +364,8 @@ fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
     assert!(!rig.drives[0].is_enabled());
 }
 
-/// Runs the adapter of one drive by a table, with the drive of the same table or of another one: whether it
-/// is enabled, and the setting that is wrong.
+/// Runs the adapter of one drive by a table, with the drive of the same table or of another one; returns
+/// whether it is enabled, and the wrong setting.
 pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<WrongSetting>) {
     let mut adapter = Adapter::new(table, &[0], &[0.3], OnTrip::Damp);
     let mut drive = AnySimulatedDrive::new(drive.unwrap_or(table), 0, Overrides::default());

@@ -77,7 +77,7 @@ impl Arm {
         self.session.step_until(until).unwrap();
     }
 
-    /// Runs until the flags of the joints are as wanted, at most 20 s.
+    /// Runs until the flags of the joints match, at most 20 s.
     fn run_until(&mut self, what: &str, wanted: impl Fn([u32; 3]) -> bool) {
         let end = self.session.time() + Duration::from_secs(20);
         while !wanted(self.flags()) {
@@ -104,7 +104,7 @@ impl Arm {
 
 const STATES: u32 = JointHealth::ENABLED | JointHealth::HOMING | JointHealth::NOT_HOMED;
 
-/// The first joint is held, the second on its way to its stop.
+/// The first joint is held, the second moves to its stop.
 fn is_between([first, second, _]: [u32; 3]) -> bool {
     first & STATES == JointHealth::ENABLED && second & JointHealth::HOMING != 0
 }

@@ -1,5 +1,5 @@
-//! One robot on two adapters with rates of their own: an arm on CAN at 1 kHz and its gripper on a line of
-//! servos at 200 Hz, whose states `joint.merge` puts together.
+//! One robot on two adapters with different rates: an arm on CAN at 1 kHz and its gripper on a line of servos
+//! at 200 Hz, whose states `joint.merge` merges.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;

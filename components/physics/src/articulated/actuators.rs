@@ -126,8 +126,7 @@ impl Actuators {
             driven.acting = driven.delay.acting(commands[driven.joint]);
             let Driven { acting, next, measured, network, .. } = driven;
             let Some(network) = network else { continue };
-            // The drive measures its motor. A command without `kp` asks for no position: there is no error
-            // then.
+            // The drive measures its motor. A command without `kp` has no position target, and so no error.
             let Motor { position, velocity } = next.motor().unwrap_or(joint);
             let error = if acting.kp > 0.0 { acting.position - position } else { 0.0 };
             *measured = [error, velocity];

@@ -113,7 +113,7 @@ impl ImplicitSolver {
         let mut settled = true;
         for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
             let (constant, slope) = laws.force(mode);
-            // What holds a velocity counts only where one is held.
+            // A held velocity counts only where one is held.
             let missing = if laws.fixed(mode).is_some() {
                 let outside = start.bias[i] - self.impulse[i] / start.h;
                 inertial(start, x, i) / start.h + outside - (constant - slope * x[i])
@@ -147,7 +147,7 @@ impl ImplicitSolver {
             self.system[(i, i)] += start.h * slope;
             x[i] = start.h * (constant - start.bias[i]);
         }
-        // Column by column, which is how the matrix lies in memory.
+        // Column by column, the memory order of the matrix.
         for (column, v) in start.mass.as_slice().chunks_exact(start.v.len()).zip(start.v) {
             for (x, entry) in x.iter_mut().zip(column) {
                 *x += entry * v;

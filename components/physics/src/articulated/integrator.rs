@@ -270,8 +270,7 @@ impl JointSpaceIntegrator {
             *bias -= force;
         }
         if model.base().floating {
-            // In axes that stand still the base's velocity does not turn with it: remove the term of the
-            // turning axes.
+            // In fixed axes the base's velocity does not turn with it: remove the term of the turning axes.
             let turning = Vector3::from_column_slice(&v[3..6]).cross(&Vector3::from_column_slice(&v[..3]));
             for (row, bias) in self.bias.iter_mut().enumerate() {
                 *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();

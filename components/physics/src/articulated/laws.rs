@@ -293,7 +293,7 @@ impl Laws {
                 Drive::Low => full(self.low),
                 _ => linear,
             };
-            // Beyond a velocity limit the drive gives the least of its branches.
+            // Beyond a velocity limit the drive applies the minimum of its branches.
             let slowing = |effort: f64| {
                 (h * (effort + push) - rest) / (inertia + h * (self.braking_slope + self.damping))
             };

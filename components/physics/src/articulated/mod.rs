@@ -338,7 +338,7 @@ impl Articulated {
     /// Updates the poses of all colliders: robots and objects in their next state.
     fn place_next(&mut self, robot: &Robot) {
         let parts = &self.parts;
-        // An articulation that has not been stepped yet stands as it did at the start of the step.
+        // An articulation that has not been stepped yet is in its state at the start of the step.
         let of = |of: usize| {
             if parts[of].h > 0.0 { &parts[of].kinematics } else { &robot.articulations[of].kinematics }
         };

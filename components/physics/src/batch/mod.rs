@@ -307,8 +307,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
             .collect();
         let threads = self.workers.threads();
         self.workers.run(&|thread| {
-            // Each thread begins with worlds of its own, which its caches hold, and ends with those that are
-            // left.
+            // Each thread starts with its own worlds, which are in its caches, and then takes remaining ones.
             let start = thread * blocks.len() / threads;
             for (claimed, block) in blocks[start..].iter().chain(&blocks[..start]) {
                 if !claimed.swap(true, Ordering::Relaxed) {

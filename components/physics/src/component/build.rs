@@ -141,7 +141,7 @@ fn several<E: PhysicsEngine>(
     let loaded = robots.iter().map(|robot| Placing::load(config, robot)).collect::<Result<Vec<_>, _>>()?;
     let floats = |index: usize| loaded[index].loaded.model.base().floating;
     let fixed: Vec<usize> = (0..loaded.len()).filter(|index| !floats(*index)).collect();
-    // The one of the fixed robots stands where the first of them does.
+    // The model of the fixed robots is at the place of the first one.
     let groups: Vec<Vec<usize>> = (0..loaded.len())
         .filter(|index| floats(*index) || fixed.first() == Some(index))
         .map(|index| if floats(index) { vec![index] } else { fixed.clone() })
@@ -240,7 +240,7 @@ impl PhysicsEngine for Mujoco {
         if anywhere.is_empty() {
             return;
         }
-        // The same shapes stand on the same ground.
+        // The same shapes on the same ground.
         let (world, options) = (simulation.world.clone(), *simulation.options());
         let robots = simulation.articulations().iter().map(|own| RobotSetup::from(own.model().clone()));
         let (robots, q) = (robots.collect::<Vec<_>>(), simulation.configuration().to_vec());

@@ -19,7 +19,7 @@ pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLim
     let gains = profile.and_then(|profile| profile.gains(model).ok());
     let joint = |(i, name): (usize, &String)| {
         if i >= model.joint_count() {
-            // A rotor holds nothing in place; its thrust has limits of its own.
+            // A rotor holds nothing in place; its thrust has separate limits.
             return JointLimits::new(name);
         }
         let effort = model.effort_limit()[i].abs();

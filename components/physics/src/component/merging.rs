@@ -99,7 +99,7 @@ impl Merger {
                 whole = false;
             }
         });
-        // One entry each, then a second, then the rest in order.
+        // First one entry each, then a second, then the rest in order.
         let mut left = *most - groups.len();
         for most in [2, usize::MAX] {
             for group in &mut *groups {

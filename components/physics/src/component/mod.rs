@@ -94,7 +94,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             declare.warn(doubt);
         }
         Pushes::new(&config.pushes, simulation.articulations())?;
-        // Links that are always close are how the robot is built: nothing that its user could mend.
+        // Links that are always close are part of the robot's design: the user cannot change that.
         let mut warnings = simulation.warnings().to_vec();
         warnings.retain(|warning| !matches!(warning, BuildWarning::SelfCollisionOff { .. }));
         for warning in BuildWarning::told(&warnings) {
@@ -248,7 +248,7 @@ impl Totals {
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"physics.articulated"));
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> [Kind; 3] {
     [Kind::of::<ArticulatedPhysics>(), Kind::of::<MujocoPhysics>(), Kind::of::<RapierPhysics>()]

@@ -179,7 +179,7 @@ impl Randomiser {
         if start.lifts.iter().any(|lift| *lift != 0.0) {
             let mut q = simulation.configuration().to_vec();
             for (own, lift) in simulation.articulations().iter().zip(&start.lifts) {
-                // One that is fixed has no height of its own.
+                // A fixed base has no height of its own.
                 if own.model().base().floating {
                     q[own.q().start + 2] += lift;
                 }
@@ -216,7 +216,7 @@ impl Randomiser {
     /// Keeps a draw, and hands its factors to the drives.
     fn note<E: PhysicsEngine>(&mut self, simulation: &Simulation<E>, draw: Draw, factors: &[Vec<[f64; 2]>]) {
         for (own, factors) in simulation.articulations().iter().zip(factors) {
-            // Rotors come after joints, and have none.
+            // Rotors follow the joints, and have none.
             let first = own.drives().start;
             self.drives[first..first + factors.len()].copy_from_slice(factors);
         }

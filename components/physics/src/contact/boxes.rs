@@ -53,7 +53,7 @@ pub(super) fn collide(
     mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
 ) -> f64 {
     let (ra, rb) = (pose_a.rotation.matrix(), pose_b.rotation.matrix());
-    // Of the second box, in the frame of the first.
+    // The second box, in the frame of the first.
     let turn = ra.tr_mul(rb);
     let offset = ra.tr_mul(&(pose_b.translation.vector - pose_a.translation.vector));
     let (separation, axis) = separate(a, b, &turn, &offset);
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn edges_that_cross_touch_at_one_point_with_a_normal_square_to_both() {
-        // Both stand on an edge: the upper one along y, the lower one along x.
+        // Both touch with an edge: the upper one along y, the lower one along x.
         let high = pose([0.03, 0.02, 0.1 * 2.0_f64.sqrt() - 1e-3], [0.0, core::f64::consts::FRAC_PI_4, 0.0]);
         let low = pose([0.0; 3], [core::f64::consts::FRAC_PI_4, 0.0, 0.0]);
         let (least, found) = points(([0.05; 3], high), ([0.05; 3], low));
@@ -303,8 +303,8 @@ mod tests {
             }
             assert!(least <= distance + 1e-9, "{index}: {least} m, {distance} m");
             for (_, point, normal, depth) in found {
-                // Each point is halfway between the surfaces: half the distance along the normal lies on the
-                // second.
+                // Each point is halfway between the surfaces: the second is at half the distance along the
+                // normal.
                 let on_second = second.inverse_transform_point(&(point - normal * (0.5 * depth)));
                 let beyond = on_second.coords.abs() - Vector3::from(half.1);
                 assert!(beyond.max() < 1.1 * WITHIN, "{index}: {beyond}");

@@ -175,7 +175,7 @@ impl Calm {
                 (way, speed) = (way.max(moved), speed.max(rate));
             }
         }
-        // Of the pairs that are not listed none may have come near.
+        // No unlisted pair can have come near.
         let far = 2.0 * (self.way + way) + margin(h, 2.0 * speed).max(self.least) < SKIN;
         let holds = far
             && self.watched.iter().all(|watched| {

@@ -280,8 +280,8 @@ impl Colliders {
                 collider.sides = sides(&collider.shape);
             }
         }
-        // Colliders of one owner, and two that never move, need no check. Links that touch nothing of their
-        // own robot touch nothing of another either, as in one model of both.
+        // Colliders of one owner, and two fixed ones, need no check. Links excluded within their own robot
+        // are also excluded with the same links of another, as in one model of both.
         let silent = |index: usize| {
             let rules = model.robot(index).map(|of| &setups[of].collision_rules.disabled_links);
             rules.is_some_and(|links| links.iter().any(|link| link == model.link(index)))

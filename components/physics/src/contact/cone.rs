@@ -108,7 +108,7 @@ impl ConeSolver {
             };
         }
         self.find_coupled();
-        // Sweeps before the next Newton step; they double whenever one leads astray.
+        // Sweeps before the next Newton step; doubled whenever one diverges.
         let (mut patience, mut wait) = (1, 1);
         let mut sweeps = 0;
         while sweeps < SWEEPS {
@@ -310,7 +310,7 @@ impl PointAnswer {
             [old[0] - (first * slip[0] - beside * slip[1]), old[1] - (second * slip[1] - beside * slip[0])];
         let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
         if squared(&tangent) > bound * bound {
-            // It slips: a projected step along the slip, whose fixed point opposes it.
+            // Slipping: a projected step along the slip, whose fixed point opposes it.
             tangent = [old[0] - slip[0] * self.slip, old[1] - slip[1] * self.slip];
             let size = squared(&tangent);
             if size > bound * bound {

@@ -129,7 +129,7 @@ impl Connections {
             let mut add = |turning: bool, error: Vector3<f64>| {
                 self.points.push(ContactPoint {
                     key: CONNECTION | joined.number << 1 | u64::from(turning),
-                    // A part may have none: see `sums`.
+                    // A part may be missing: see `sums`.
                     colliders: (usize::MAX, usize::MAX),
                     owners: (joined.members[0].owner, joined.members[1].owner),
                     point,

@@ -236,7 +236,7 @@ impl Detector {
         self.distances.set_pose(collider, &pose);
         self.near.forget();
         self.calm.forget();
-        // The world stands still, but for this: its way is not followed.
+        // The world is fixed except for this: its motion is not tracked.
         for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
             pair.until = f64::NEG_INFINITY;
         }

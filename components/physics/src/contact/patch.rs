@@ -375,7 +375,7 @@ fn parallel(
         (here, there)
     });
     let gaps = points.map(|(here, there)| (here - there).norm() - one.radius - other.radius);
-    // Lines without a radius, and those that have passed one another, have no direction between them.
+    // Lines without a radius, and crossed ones, have no direction between them.
     if gaps[0].min(gaps[1]) > distance + SEPARATION || one.radius + other.radius < 1e-6 {
         return false;
     }

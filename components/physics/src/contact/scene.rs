@@ -127,7 +127,7 @@ impl ContactScene {
     /// Sets the lengths of the integration step with this number, the first being 0.
     pub(crate) fn set_lengths(&mut self, step: usize, dt: f64, [far, near]: [usize; 2]) {
         for (body, length) in self.lengths.iter_mut().enumerate() {
-            // An object may wake in any of the steps: it takes the short ones, where there are some.
+            // An object may wake in any of the steps: it uses the short ones, if there are any.
             let asleep = self.objects.is_asleep(body.checked_sub(self.articulations));
             let steps = if self.near[body] || asleep { near.min(self.steps) } else { far };
             *length = if step < steps { dt / steps as f64 } else { 0.0 };
@@ -311,7 +311,7 @@ impl ContactScene {
 
     /// Places object `index` of the world, at rest.
     pub(crate) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
-        // It may have been what others rest on.
+        // Others may have rested on it.
         self.objects.wake();
         match self.objects.movable[index] {
             Some(movable) => self.objects.now[movable].stop_at(*pose),

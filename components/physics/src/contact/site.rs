@@ -179,7 +179,7 @@ impl Site {
             squares,
             sides: [side(point.owners.0), side(point.owners.1)],
             friction: point.law.friction,
-            // What conveyors move across the surface is no motion of it.
+            // Tangential motion by conveyors is no motion of the surface.
             conveyed: [0.0, axes[1].dot(&point.law.conveyed), axes[2].dot(&point.law.conveyed)],
             immovable: false,
             ..Self::KEPT

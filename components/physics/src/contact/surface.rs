@@ -52,7 +52,7 @@ impl SurfaceLaw {
         };
         let mut friction = combined(a.friction, b.friction);
         let mut grain = None;
-        // Of two that have a grain the first counts.
+        // If both have a grain the first counts.
         for (place, own) in [(1, b), (0, a)] {
             if let Some(ColliderGrain { direction, along, .. }) = own.grain {
                 let along =
@@ -85,7 +85,7 @@ impl SurfaceLaw {
     pub(super) fn axes(&self, normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let Some((direction, [along, across])) = self.grain else { return axes(normal) };
         let tangent = direction - normal * normal.dot(&direction);
-        // A surface square to its grain has none.
+        // A surface perpendicular to its grain has none.
         let Some(one) = tangent.try_normalize(1e-6) else { return axes(normal) };
         [*normal, one * along, normal.cross(&one) * across]
     }

@@ -168,7 +168,7 @@ impl Mover<'_> {
                 keep(&mut touches, touch);
             }
         });
-        // What is beyond the other side of a rail is behind this side of it, but not in it.
+        // A point beyond the other side of a rail is behind this side, but not inside the rail.
         if side.outside {
             let deepest = -2.0 * self.margin;
             touches.iter_mut().for_each(|slot| *slot = slot.filter(|touch| touch.distance > deepest));
@@ -379,7 +379,7 @@ impl Side {
     fn look(&mut self, triangle: &SurfaceTriangle, place: &Point3<f64>) {
         let out = place - triangle.nearest(place);
         let (square, height) = (out.norm_squared(), triangle.normal.dot(&out));
-        // Of the triangles that meet in the nearest point, the one that faces it most decides.
+        // Of the triangles that meet in the nearest point, the one facing it most decides.
         let same = (square - self.nearest).abs() <= 1e-9 * square;
         if square < self.nearest && !same || same && height.abs() > self.height.abs() {
             (self.nearest, self.height, self.outside) = (square, height, height > 0.0);

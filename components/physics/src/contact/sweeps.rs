@@ -120,7 +120,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
             self.begin_sweep();
             let (mut change, mut largest, mut squared) = (0.0_f64, 0.0_f64, 0.0);
             for step in 0..self.places.len() {
-                // To and fro, so that impulses run through a pile both ways.
+                // Alternating directions, so that impulses propagate through a pile both ways.
                 let place =
                     if sweep % 2 == 0 { self.places.start + step } else { self.places.end - 1 - step };
                 let index = (self.point)(place);
@@ -145,7 +145,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
             }
             let share = squared / before;
             before = squared;
-            // Changes that grow show that the direction led astray.
+            // Growing changes mean that the direction diverged.
             self.extrapolate(if share < 1.0 { share } else { 0.0 });
         }
         false

@@ -272,7 +272,7 @@ pub(super) fn clearance(all: &Colliders, articulation: usize, distances: &Collis
         collider.shape.features(&against, &mut |Feature { point, radius, .. }| {
             let place = pose * Point3::from(point);
             let (height, normal) = (field.height(place.x, place.y), field.normal(place.x, place.y));
-            // the plane of the face below touches a sphere beside its lowest point
+            // the plane of the face below touches a sphere next to its lowest point
             least = least.min(place.z - height - radius / normal.z);
         });
     }

@@ -60,8 +60,7 @@ impl Mujoco {
             for index in 0..model.bodies().len() {
                 let name = mjcf::body_joint(of, index);
                 let (place, dof) = joint(&native, name.clone())?;
-                // The structures lie where they are thought to: what has been written into the model is found
-                // there.
+                // Checks the layout: values written into the model are found at their offsets.
                 let armature = mjcf::armature(robot, (of, index));
                 if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != armature {
                     return Err(lost(format!("armature of {name}")));

@@ -58,7 +58,7 @@ fn damping_ratio(restitution: f64) -> f64 {
     if rebound(high) >= restitution {
         return high;
     }
-    // It falls with the ratio: halve the interval down to rounding.
+    // It decreases with the ratio: halve the interval down to rounding.
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if rebound(middle) > restitution {

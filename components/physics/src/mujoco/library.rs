@@ -112,12 +112,12 @@ impl Library {
         /// A function of this type must be there.
         unsafe fn function<F: Copy>(address: *mut c_void) -> F {
             const { assert!(size_of::<F>() == size_of::<*mut c_void>(), "a pointer to a function") };
-            // SAFETY: the caller says what is there, and both are pointers.
+            // SAFETY: the caller guarantees the symbol, and both are pointers.
             unsafe { core::mem::transmute_copy(&address) }
         }
         // SAFETY: this is its type in every version.
         let version: unsafe extern "C" fn() -> c_int = unsafe { function(symbol(c"mj_version")?) };
-        // SAFETY: it takes nothing and returns a number, in every version.
+        // SAFETY: the function has no arguments and returns a number, in every version.
         let found = unsafe { version() };
         if found != VERSION {
             // Three digits for each part; older versions have one.
@@ -127,7 +127,7 @@ impl Library {
             };
             return Err(LibraryError::Version { path: path.to_owned(), found });
         }
-        // SAFETY: the types are those in the headers of this version.
+        // SAFETY: the types match the headers of this version.
         let library = unsafe {
             Self {
                 parse_xml_string: function(symbol(c"mj_parseXMLString")?),

@@ -210,7 +210,7 @@ impl Writer<'_> {
             let (lower, upper) = (joint.lower, joint.upper);
             if lower.is_finite() || upper.is_finite() {
                 let lower = lower.max(-NO_LIMIT);
-                // MuJoCo wants some room between the ends.
+                // MuJoCo requires a gap between the ends.
                 let upper = upper.min(NO_LIMIT).max(lower + 1e-9);
                 write!(self.text, r#" limited="true" range="{lower} {upper}" {STOP}"#)?;
             }

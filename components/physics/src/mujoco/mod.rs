@@ -315,7 +315,7 @@ impl Engine for Mujoco {
             }
             ObjectPlace::Placed(mocap) => self.native.set_mocap(mocap, p.into(), [r.w, r.i, r.j, r.k]),
         }
-        // Whatever it comes close to is found out in the next step.
+        // Anything it comes close to is detected in the next step.
         self.seen.near = true;
     }
 

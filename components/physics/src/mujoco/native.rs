@@ -62,8 +62,8 @@ impl Native {
         let mut message = [0_u8; 1000];
         let model = {
             let length = message.len() as c_int;
-            // SAFETY: text and message are what the function takes: a text with a zero byte at its end, room
-            // of that length.
+            // SAFETY: text and message are as the function requires: a text with a zero byte at its end, a
+            // buffer of that length.
             let spec = unsafe {
                 (library.parse_xml_string)(
                     text.as_ptr(),
@@ -264,7 +264,8 @@ impl Native {
 
     /// The contact points of the last step.
     pub(super) fn contacts(&self) -> &[layout::Contact] {
-        // SAFETY: the library keeps so many contacts at this place, until the next call that has the data.
+        // SAFETY: the library keeps this number of contacts at this address, until the next call with the
+        // data.
         unsafe {
             let count = self.data.byte_add(layout::CONTACT_COUNT).cast::<i32>().read() as usize;
             array(self.data, layout::CONTACTS, count)
@@ -274,14 +275,14 @@ impl Native {
     /// Force \[N\] and torque \[N m\] at a contact along the rows of its frame.
     pub(super) fn contact_force(&self, contact: usize) -> [f64; 6] {
         let mut force = [0.0; 6];
-        // SAFETY: six numbers are what the function writes, for a contact of the last step.
+        // SAFETY: the function writes six numbers, for a contact of the last step.
         unsafe { (self.library.contact_force)(self.model, self.data, contact as c_int, force.as_mut_ptr()) };
         force
     }
 
     /// True if contacts or constraints of a step had no room since the last [`reset`](Self::reset).
     pub(super) fn is_full(&self) -> bool {
-        // SAFETY: the warnings stand in the data itself, these two among them.
+        // SAFETY: the warnings are stored in the data itself, including these two.
         let warnings = unsafe { self.data.byte_add(layout::WARNINGS).cast::<layout::Warning>() };
         layout::FULL.iter().any(|place| {
             // SAFETY: as above.
@@ -296,7 +297,7 @@ impl Native {
 ///
 /// The field must point to `length` values, which nothing changes as long as the slice lives.
 unsafe fn array<'a, T>(structure: Opaque, offset: usize, length: usize) -> &'a [T] {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let first = structure.byte_add(offset).cast::<*const T>().read();
         if length == 0 { &[] } else { core::slice::from_raw_parts(first, length) }
@@ -309,7 +310,7 @@ unsafe fn array<'a, T>(structure: Opaque, offset: usize, length: usize) -> &'a [
 ///
 /// The field must point to `length` values, which nothing else reads or changes as long as the slice lives.
 unsafe fn array_mut<'a, T>(structure: Opaque, offset: usize, length: usize) -> &'a mut [T] {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let first = structure.byte_add(offset).cast::<*mut T>().read();
         if length == 0 { &mut [] } else { core::slice::from_raw_parts_mut(first, length) }

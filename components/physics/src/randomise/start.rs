@@ -47,7 +47,7 @@ pub struct Start {
 /// The part that each robot has in the model of its articulation.
 pub(super) fn shares(robots: &[RandomisedRobot]) -> Vec<Share> {
     let share = |(index, robot): (usize, &RandomisedRobot)| {
-        // Robots of one articulation stand in it in their order.
+        // Robots of one articulation are stored in their order.
         let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
         Share {
             articulation: robot.articulation,

@@ -160,7 +160,7 @@ impl Engine for Rapier {
     ) {
         let robot = robot.first();
         let Some(body) = robot.model.frames()[link.index()].body else { return };
-        // Rapier places the links, and knows their centres of mass, in its first step only.
+        // Rapier computes the poses of the links and their centres of mass only in its first step.
         let com = robot.kinematics.body_pose(body) * Point3::from(robot.model.bodies()[body].inertia.com);
         let arm = robot.kinematics.pose(&robot.model, link) * point - com;
         let [force, torque] = wrench;

@@ -132,8 +132,7 @@ impl Scene {
                     }
                     None => RigidBodyBuilder::fixed(),
                 };
-                // A sleeping object would wake a step late, and falling asleep is one more thing to happen in
-                // a step.
+                // A sleeping object would wake a step late, and falling asleep is another event in a step.
                 bodies.insert(
                     builder
                         .pose(convert::pose(&object.pose()))
@@ -264,7 +263,7 @@ impl Scene {
     /// Places an object and stops it.
     pub(super) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         let body = &mut self.bodies[self.objects[index]];
-        // Rapier takes a body out of the simulation when its state stops being a number.
+        // Rapier removes a body from the simulation when its state becomes NaN.
         body.set_enabled(true);
         body.set_position(convert::pose(pose), true);
         body.set_linvel(Vector::ZERO, true);

@@ -24,7 +24,7 @@ pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry
         }
         ConvexShape::HalfSpace => SharedShape::halfspace(Vector::Z),
         ConvexShape::Cylinder { radius, half_length } => {
-            // Rapier's cylinders stand along y.
+            // Rapier's cylinders are along y.
             let shape = SharedShape::cylinder(*half_length, *radius);
             return Some((shape, Isometry3::rotation(Vector3::x() * FRAC_PI_2)));
         }

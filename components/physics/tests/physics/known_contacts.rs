@@ -15,7 +15,7 @@ fn object(name: &str, shape: ObjectShape, position: [f64; 3], rpy: [f64; 3]) -> 
     Object { name: name.to_owned(), shape, position, rpy, ..Object::default() }
 }
 
-/// Contact points of an upper body that lies on a lower one, along x and y \[m\]. All are at `height` \[m\].
+/// Contact points of an upper body on a lower one, along x and y \[m\]. All are at `height` \[m\].
 fn points(upper: Object, lower: Object, height: f64) -> Vec<[f64; 2]> {
     let upper = Object { mass: Some(0.2), ..upper };
     let world = World { objects: vec![lower, upper], ..World::default() };

@@ -1,6 +1,6 @@
 //! Every robot of the PyPI package `example-robot-data` holds its pose or stands for 2 s, with collision
-//! shapes, by the gains of its first profile alone. Skipped, with the reason, where the package is not on
-//! this machine.
+//! shapes, by the gains of its first profile alone. Skipped, with the reason, if the package is not
+//! installed.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -18,9 +18,9 @@ use nalgebra::{DVector, Vector3};
 use crate::first_step::robots;
 use crate::legged::grounded;
 
-/// Robots that stand on the ground, by the beginnings of their paths: those on four legs, and bipeds whose
-/// makers' posture balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile
-/// bases without a floating joint, flying arms, and humanoids that nobody balances here.
+/// Robots that stand on the ground, by the prefixes of their paths: quadrupeds, and bipeds whose makers'
+/// posture balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile bases
+/// without a floating joint, flying arms, and humanoids without a balance controller here.
 const STANDING: [&str; 15] = [
     "a1_",
     "anymal_",
@@ -199,8 +199,8 @@ fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
 /// profile, which minds the feet in the air; and its damping, as a time \[s\].
 const STIFF: [f64; 2] = [0.02, 0.02];
 
-/// Holds the posture: a robot that is fixed to the world by the gains of its first profile and its weight by
-/// feed-forward, one that stands by stiff drives.
+/// Holds the posture: a fixed-base robot by the gains of its first profile and its weight by feed-forward, a
+/// standing one by stiff drives.
 fn hold(simulation: &mut ArticulatedSimulator, profile: &Profile) {
     let model = simulation.model().clone();
     let (q, home) = (simulation.configuration().to_vec(), simulation.positions().to_vec());

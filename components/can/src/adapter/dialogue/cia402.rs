@@ -229,7 +229,7 @@ impl Cia402 {
             Some(Extra::Homing(object @ Object::HOMING_VELOCITY)) => write(object, velocities[0]),
             Some(Extra::Homing(object @ Object::HOMING_CREEP_VELOCITY)) => write(object, velocities[1]),
             Some(Extra::Homing(object @ Object::HOMING_ACCELERATION)) => write(object, acceleration),
-            // it says zero at its mark: where that is stands in the table
+            // it reads zero at its mark, whose position is in the table
             Some(Extra::Homing(object)) => write(object, 0),
             Some(Extra::RatedCurrent) | None => Service::Read(Object::RATED_CURRENT),
         }
@@ -239,7 +239,7 @@ impl Cia402 {
     fn fixed_mapping(&self, setting: u8) -> Option<(u16, u32)> {
         let mapping = Mapping::ALL.get(usize::from(setting / Mapping::STEPS))?;
         match mapping.step(self.node, self.cyclic(), setting % Mapping::STEPS) {
-            // that the count is 0 while it is changed says nothing here
+            // the count of 0 during a change is expected here
             Service::Write(_, value) if value.number() == 0 => None,
             Service::Write(object, value) if object.is_mapping() && self.fixed.contains(mapping) => {
                 Some((object.index, value.number()))

@@ -171,7 +171,7 @@ impl Dialogue {
         match self {
             Self::Odrive(drive) => drive.begin_homing(),
             Self::Cia402(drive) => drive.begin_homing(),
-            // they have no procedure of their own
+            // they have no homing procedure
             Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => {}
         }
     }

@@ -95,7 +95,7 @@ impl Offer {
     pub fn set_link_down(&mut self, is_down: bool) {
         match self {
             Self::Socket(offer) if is_down => offer.down(),
-            // the report of the controller says that it is back
+            // the report of the controller announces its return
             Self::Socket(_) => {}
             Self::Terminal(offer) => offer.set_link_down(is_down),
         }

@@ -99,7 +99,7 @@ impl UnixOffer {
                     *rest = (0, length / RECORD);
                     for other in programs.iter().enumerate().filter(|(other, _)| *other != index) {
                         let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
-                        // one that does not keep up misses what others send
+                        // a slow program misses frames of others
                         let _ = send(other.1, bytes, flags);
                     }
                     return true;

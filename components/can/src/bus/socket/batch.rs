@@ -119,8 +119,8 @@ impl Batch {
         let mut arrival =
             Arrival { frame: self.frames[index], is_fd, wall_ns: 0, hardware_ns: 0, overflows: None };
         let header = &self.headers[index].msg_hdr;
-        // SAFETY: the kernel has filled the room behind this header, and said in it how much of it; the
-        // macros stay within that. A part is read only as far as its own length says, and unaligned.
+        // SAFETY: the kernel has filled the buffer behind this header, and stored the used length in it; the
+        // macros stay within that. A part is read only up to its own length, and unaligned.
         unsafe {
             let mut part = libc::CMSG_FIRSTHDR(header);
             while let Some(found) = part.as_ref() {
@@ -169,8 +169,8 @@ impl Waiting {
             tv_sec: (timeout_ns / 1_000_000_000) as _,
             tv_nsec: (timeout_ns % 1_000_000_000) as _,
         };
-        // SAFETY: the descriptors, as many as are said, and the time live throughout the call. An error means
-        // a signal: the caller looks at the clock anyway.
+        // SAFETY: the given number of descriptors and the time live throughout the call. An error means a
+        // signal: the caller checks the clock anyway.
         unsafe {
             libc::ppoll(
                 self.sockets.as_mut_ptr(),
@@ -186,7 +186,7 @@ impl Waiting {
 pub(super) fn take_error(socket: BorrowedFd<'_>) {
     let mut error = MaybeUninit::<c_int>::zeroed();
     let mut length = size_of::<c_int>() as libc::socklen_t;
-    // SAFETY: the place has the length that is said, and lives throughout the call.
+    // SAFETY: the buffer has the given length, and lives throughout the call.
     unsafe {
         libc::getsockopt(
             socket.as_raw_fd(),
@@ -200,7 +200,7 @@ pub(super) fn take_error(socket: BorrowedFd<'_>) {
 
 /// Sends one frame as it is, a classic one.
 pub(super) fn send_raw(socket: BorrowedFd<'_>, frame: &canfd_frame) -> io::Result<()> {
-    // SAFETY: a CAN FD frame begins like a classic one, of whose length so many bytes are read.
+    // SAFETY: a CAN FD frame begins like a classic one, of which only its length is read.
     let sent = unsafe { libc::write(socket.as_raw_fd(), core::ptr::from_ref(frame).cast(), CLASSIC) };
     if sent < 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
 }

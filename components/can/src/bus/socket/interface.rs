@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn the_kernel_lists_its_interfaces() {
-        // how many there are is the machine's affair
+        // the number depends on the machine
         for interface in Interface::all().unwrap() {
             assert!(!interface.name.is_empty());
         }

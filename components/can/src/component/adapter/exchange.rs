@@ -80,7 +80,7 @@ impl Topics {
                 let Some(bus) = buses.get_mut(frame.bus as usize) else { continue };
                 if let Some(news) = wire::news_of(frame) {
                     bus.apply(&news);
-                    // who cannot send cannot command: the drives let go by their watchdogs
+                    // without sending there are no commands: the watchdogs disable the drives
                     if !bus.condition.can_send() {
                         adapter.trip();
                     }
@@ -164,7 +164,7 @@ impl Sockets {
                 }
             }
             account.follow(bus);
-            // who cannot send cannot command: the drives let go by their watchdogs
+            // without sending there are no commands: the watchdogs disable the drives
             if !bus.condition().can_send() {
                 adapter.trip();
             }
@@ -191,7 +191,7 @@ impl Sockets {
         frames: &mut Vec<Frame>,
     ) -> bool {
         let until_ns = self.clock.now_ns() + RELEASE_NS;
-        // an answer to a frame from before says nothing: the orders are sent again after it
+        // an answer to an earlier frame is ignored: the orders are sent again after it
         for round in 0.. {
             self.send(adapter, accounts, frames);
             self.receive_for(adapter, accounts, RELEASE_EVERY_NS, |_| false);

@@ -60,7 +60,7 @@ mod tests {
     fn each_command_counts_once_from_its_publication_to_its_first_frames() {
         let mut hand_over = HandOver::default();
         assert_eq!(hand_over.result(), None);
-        // the second is sent again in the cycle after, and the last cycle follows none
+        // the second is repeated in the next cycle, and the last cycle has none
         let cycles = [
             (command(1, 1_000), 3_000),
             (command(2, 10_000), 17_000),

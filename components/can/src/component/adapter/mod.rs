@@ -200,7 +200,7 @@ impl Component for CanAdapter {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Self { exchange, adapter, buses, .. } = self;
-        // with answers within the step these are late ones, and else those to the last step's batch
+        // with answers within the step these are late; otherwise they answer the last step's batch
         exchange.collect(adapter, buses);
         if !self.order.answers_within_step() {
             let waits = self.order.command_within;

@@ -108,7 +108,7 @@ impl StepOrder {
         match self.answer_within {
             Some(within) => within,
             None if self.is_real => cycle.saturating_sub(self.command_within.unwrap_or_default()),
-            // in simulated time a step takes none
+            // in simulated time a step has no duration
             None => cycle,
         }
     }

@@ -64,8 +64,8 @@ impl Endpoints {
             Self::Offers(all) => {
                 all.start_ns = start_ns;
                 for (offer, channel) in all.offers.iter_mut().zip(buses) {
-                    // a socket hands on all that comes, and the interface drops what it has no room for; a
-                    // terminal keeps it, as the line of an adapter does
+                    // a socket forwards everything, and the interface drops frames beyond its capacity; a
+                    // terminal keeps them, like the line of an adapter
                     let room = match offer {
                         Offer::Socket(_) => BATCH,
                         Offer::Terminal(_) => channel.room().min(BATCH),
@@ -101,7 +101,7 @@ impl Endpoints {
     pub(super) fn set_link_down(&mut self, bus: usize, is_down: bool, now_ns: u64) {
         match self {
             Self::Topics(topics) if is_down => topics.push(wire::down(bus, now_ns)),
-            // the report of the controller says that it is up again
+            // the report of the controller announces that it is up again
             Self::Topics(_) => {}
             Self::Offers(Offers { offers, .. }) => offers[bus].set_link_down(is_down),
         }

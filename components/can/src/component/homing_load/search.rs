@@ -169,7 +169,7 @@ impl Wave {
         let step = (upper - lower) / Self::STEPS as f64;
         let places = (0..=Self::STEPS).map(|k| lower + step * k as f64);
         let best = places.max_by(|a, b| self.at(*a).total_cmp(&self.at(*b))).unwrap_or(lower);
-        // thirds: beside the best place it has one top
+        // thirds: apart from the maximum it has one local maximum
         let (mut a, mut b) = ((best - step).max(lower), (best + step).min(upper));
         for _ in 0..60 {
             let (x, y) = (a + (b - a) / 3.0, b - (b - a) / 3.0);

@@ -144,7 +144,7 @@ impl<'a> Weights<'a> {
         let Self { model, dynamics, gravity, joint, sign, q, efforts, .. } = self;
         let spring = model.joint(*joint).dynamics;
         let pull = spring.stiffness * (spring.rest - joints[*joint]);
-        // how a floating base lies is not known
+        // the orientation of a floating base is unknown
         let weight = match model.base().floating {
             true => 0.0,
             false => {
@@ -222,7 +222,7 @@ enum Of {
 /// the base and these bodies.
 fn related(model: &Model, joint: usize, above: bool) -> Vec<usize> {
     let bodies = model.bodies();
-    // parents stand before children
+    // parents precede children
     let (mut carried, mut related) = (vec![false; bodies.len()], vec![false; model.joint_count()]);
     for (i, body) in bodies.iter().enumerate() {
         let of = body.joint.coordinate.index();

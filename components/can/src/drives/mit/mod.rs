@@ -178,8 +178,7 @@ impl Drive {
     #[inline(always)]
     pub fn command(&self, command: &Command) -> Frame {
         let packed = self.fields.pack(command);
-        // All fields at their highest would be the code for enabling, disabling or zeroing: the torque gives
-        // way.
+        // All fields at their maximum would encode enabling, disabling or zeroing: the torque is reduced.
         let is_code = packed >= u64::from_be_bytes(code(ENABLE));
         self.frame(if is_code { code(ENABLE - 1) } else { packed.to_be_bytes() })
     }
@@ -251,7 +250,7 @@ impl Drive {
     // in place, as commands
     #[inline(always)]
     pub fn reply(&self, frame: &Frame) -> Result<Feedback, DecodeError> {
-        // the first byte the most significant, whether or not there are the last two
+        // most significant byte first, with or without the last two
         let packed = match self.reply {
             Reply::MiniCheetah => {
                 let [device, p1, p0, v1, v_t, t0] = *exactly::<6>(frame, self.reply_id)?;

@@ -196,7 +196,7 @@ fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
             out.put(&[sum])?;
         }
         Protocol::Two => {
-            // what looks like the head of a packet gets a byte that keeps it apart
+            // bytes that look like a packet header get a stuffing byte
             let mut at = 7;
             while at + 3 <= out.length {
                 if out.bytes[at..at + 3] == [0xff, 0xff, 0xfd] {

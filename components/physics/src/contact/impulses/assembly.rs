@@ -29,7 +29,7 @@ impl Impulses {
             self.aim(index, diagonal);
             let site = &self.sites[index];
             self.cone.couples[local] = site.couple.map(|couple| Couple {
-                // Contact points come first, and in order.
+                // Contact points come first, in order.
                 point: places.clone().take_while(|place| self.islands.point(*place) < couple.point).count(),
                 ..couple
             });
@@ -89,7 +89,7 @@ impl Impulses {
     /// three.
     fn aim(&mut self, index: usize, [mobility, one, other]: [f64; 3]) {
         let site = &mut self.sites[index];
-        // Only the two that meet count: what else is in the world has no part in their contact.
+        // Only the two colliding bodies count: others have no part in their contact.
         let articulations = site.articulations().map(|of| self.inverse_masses[of]);
         let objects = site.sides.iter().filter_map(|side| side.object());
         let inverse_mass: f64 =

@@ -73,7 +73,7 @@ impl Impulses {
     /// Interpolation share from the plastic impact, whose impulses are the present ones, to Newton's.
     fn rebound_share(&self, places: Range<usize>, impact: &Impact) -> f64 {
         let [newton, newton_velocity] = &impact.newton;
-        // Twice the energies: at the plastic impact; its slope and its curvature on the way.
+        // Twice the energies at the plastic impact, and their slope and curvature along the interpolation.
         let (mut start, mut slope, mut curve, mut size) = (0.0, 0.0, 0.0, 0.0);
         // Stronge's bound, of the squared share.
         let (mut allowed, mut returned) = (0.0, 0.0);

@@ -229,7 +229,7 @@ impl Impulses {
             self.bodies.extend(falling.iter().map(Mobility::new));
         }
         let n = self.n;
-        // Points come in nearly the same order in every step.
+        // Points have nearly the same order in every step.
         let mut expected = 0;
         for (index, point) in points.iter().enumerate() {
             let h = point.h;
@@ -272,8 +272,8 @@ impl Impulses {
             }
             now += site.speed(0, before);
             site.target = if let Some(Softness { stiffness, damping }) = point.law.soft {
-                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w.
-                // What is still apart has no damping.
+                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w. A
+                // separated point has no damping.
                 let gain = h * stiffness + if point.distance > 0.0 { 0.0 } else { damping };
                 site.soft = 1.0 / (h * gain);
                 -stiffness * point.distance / gain

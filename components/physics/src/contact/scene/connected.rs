@@ -34,7 +34,7 @@ impl ContactScene {
     /// Removes the connections of two parts; `false` if there are none.
     pub(crate) fn disconnect(&mut self, members: [Member; 2]) -> bool {
         self.objects.wake();
-        // They may be near one another, and were not looked at.
+        // They may be near one another, and were not checked.
         self.detector.forget();
         self.connections.remove(members)
     }

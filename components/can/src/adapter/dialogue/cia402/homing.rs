@@ -75,7 +75,7 @@ impl Cia402 {
         }
         match (self.homing, self.state) {
             (Stage::Enabling, DriveState::Enabled) => {
-                // a method that takes the place where it stands is over at once
+                // a method that adopts the present position ends at once
                 let is_here = self.homes.is_some_and(|homes| matches!(homes.method, 35 | 37));
                 self.homing = Stage::Running { cycles: 0, was_seen: is_here };
                 0x0f | HOMING_START
