@@ -48,7 +48,7 @@ fn assert_close(ours: &[f64], theirs: &[f64]) {
     }
 }
 
-/// The link `name` stands and moves as `expected` says.
+/// Asserts the pose and velocity `expected` of the link `name`.
 fn assert_moves(model: &Model, q: &[f64], v: &[f64], name: &str, expected: &Value) {
     let mut kinematics = Kinematics::new(model);
     kinematics.update_with_velocity(model, q, v);

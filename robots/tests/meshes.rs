@@ -1,4 +1,4 @@
-//! Mesh files, and what stands for them in a collision model.
+//! Mesh files, and their substitutes in a collision model.
 
 use std::path::{Path, PathBuf};
 

@@ -20,7 +20,7 @@ fn panda(base: BaseMode) -> Model {
     load_with("panda", Path::new("."), &LoadOptions { base, ..LoadOptions::default() }).unwrap().model
 }
 
-/// Numbers in -1 .. 1 that look random enough.
+/// Pseudo-random numbers in -1 .. 1.
 fn numbers(count: usize, seed: f64) -> Vec<f64> {
     (0..count).map(|index| ((index as f64 + 1.0) * 12.9898 + seed * 78.233).sin()).collect()
 }

@@ -1,7 +1,7 @@
-//! Robots of others against Pinocchio, where their files are on this machine; each test says why it is
+//! Third-party robots compared with Pinocchio, if their files are installed; each test reports why it is
 //! skipped.
 //!
-//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` beside the repository. URDFs:
+//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` next to the repository. URDFs:
 //! `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it), or the PyPI package
 //! `example-robot-data` of the `python3` in the path.
 

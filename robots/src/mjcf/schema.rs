@@ -121,7 +121,7 @@ pub(super) const GEOM: Schema = Schema {
         (Use::Read, &["mass", "density", "shellinertia", "group"]),
         // Parameters of contacts: each simulator here has its own.
         (Use::NoEffect, &["condim", "priority", "friction", "solmix", "solref", "solimp", "margin", "gap"]),
-        // Looks, of which viewers ask.
+        // Appearance, for viewers.
         (Use::Read, &["rgba", "material"]),
         (Use::NoEffect, &["castshadow", "user", "fluidcoef"]),
         // Concerns primitives fitted to meshes and height fields, which are rejected.

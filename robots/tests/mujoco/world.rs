@@ -1,5 +1,5 @@
-//! A world with a height field, a body of several geoms, and bodies that are held. `world.py` writes what
-//! MuJoCo makes of it.
+//! A world with a height field, a body of several geoms, and connected bodies. `world.py` writes MuJoCo's
+//! result.
 
 use approx::assert_relative_eq;
 use motorium_robots::{ConnectionKind, Ray, RayScene, World, parse_mjcf_world};

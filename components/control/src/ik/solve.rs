@@ -87,7 +87,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         for constraint in conflict.constraints() {
             let Constraint::Row(row, _) = constraint else { continue };
             let wanted = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
-            // among equally fast ones, the nearest pairs, which come first, return
+            // among equally fast ones, the nearest pairs, which are first, return
             let less = least.is_none_or(|(other, before)| wanted < other || wanted == other && row > before);
             if self.returns(row) && less {
                 least = Some((wanted, row));

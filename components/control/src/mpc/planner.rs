@@ -323,7 +323,7 @@ impl LegPlanner {
                     continue;
                 }
                 let swing = leg.swing.zip(leg.swing_at(&self.stepping, index, now));
-                // it stands from then on, until it lifts
+                // it is in stance from then on, until it lifts
                 let since = swing.map_or(now, |(_, (_, lands))| lands);
                 let lifts = self.stepping.lifts(index, since);
                 let (place, axes) = match swing {

@@ -57,7 +57,7 @@ fn planner_on(robot: &Loaded, rest: &[f64], step: f64, ground: GroundModel) -> L
     LegPlanner::new(&robot.model, feet.to_vec(), stepping, settings, rest)
 }
 
-/// Plans `count` steps of `dt` seconds for a robot that does not move, and wants to go ahead.
+/// Plans `count` steps of `dt` seconds for a stationary robot with a forward target velocity.
 fn plan(robot: &Loaded, planner: &mut LegPlanner, q: &[f64], (dt, count): (f64, usize)) {
     let v = vec![0.0; robot.model.nv()];
     let mut kinematics = Kinematics::new(&robot.model);

@@ -186,7 +186,7 @@ fn limits(count: usize) -> WheelLimits {
     WheelLimits { speed: vec![10.0; count], acceleration: vec![40.0; count] }
 }
 
-/// Curvature of what the wheels of a base do.
+/// Curvature of the motion of a base's wheels.
 fn curvature(base: &WheelBase, speeds: &[f64]) -> f64 {
     let way = base.way(speeds);
     way.yaw / way.x

@@ -15,7 +15,7 @@ use crate::tasks::rows;
 
 const NONE: Feedback = Feedback { kp: 0.0, kd: 0.0 };
 
-/// A target on its way: pose, velocity and acceleration at time 0.
+/// A moving target: pose, velocity and acceleration at time 0.
 struct Moving {
     pose: Isometry3<f64>,
     velocity: Twist,

@@ -1,5 +1,5 @@
-//! Tasks of velocities in their form for accelerations, against finite differences of motions and the decay
-//! that they ask for.
+//! Velocity tasks in their acceleration form, compared with finite differences of motions and the requested
+//! decay.
 
 use motorium_control::{
     RobotState,

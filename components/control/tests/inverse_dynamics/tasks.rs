@@ -1,7 +1,7 @@
-//! Each task against finite differences, on fixed and floating bases, and against what its equation says.
+//! Each task compared with finite differences, on fixed and floating bases, and with its equation.
 //!
-//! A task that asks `A x = b` says that the second derivative of its quantity is `wanted + A x - b`:
-//! differences of the quantity along an accelerated motion are compared with that.
+//! A task with the request `A x = b` predicts that the second derivative of its quantity is `wanted + A x -
+//! b`; this is compared with differences of the quantity along an accelerated motion.
 
 use motorium_control::inverse_dynamics::{
     Contact, ContactShape, InverseDynamics,
