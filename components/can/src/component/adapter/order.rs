@@ -11,7 +11,7 @@ use crate::Table;
 ///
 /// | buses | `command_within` | a step |
 /// |---|---|---|
-/// | simulated over topics | with or without | reads previous answers, publishes, waits for a command, sends |
+/// | over topics | both | reads previous answers, publishes, waits for a command, sends |
 /// | real | without | sends the newest command, waits for the answers, publishes |
 /// | real | with | reads previous answers, publishes, waits for a command, sends |
 ///
