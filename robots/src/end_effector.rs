@@ -93,8 +93,8 @@ impl Model {
         frame.body.is_some() || (self.base().floating && !frame.in_world)
     }
 
-    /// The frame at the end of the longest chain of joints, before its fingers: the last one of its body, for
-    /// the tool's usually comes last. `None` if no joint moves any.
+    /// The frame at the end of the longest chain of joints, before its fingers: the last frame of its body,
+    /// which is usually the tool's. `None` if no joint moves any frame.
     ///
     /// ```
     /// # use std::path::Path;

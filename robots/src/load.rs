@@ -68,7 +68,7 @@ pub enum BaseMode {
     AsFile,
     /// The root link moves freely.
     Floating,
-    /// The root link is fixed to the world, whatever the profile says.
+    /// The root link is fixed to the world, regardless of the profile.
     Fixed,
 }
 

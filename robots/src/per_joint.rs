@@ -21,7 +21,7 @@ use crate::{JointKind, Model};
 pub enum PerJoint {
     /// The same for all joints.
     All(f64),
-    /// One for each joint.
+    /// One number for each joint.
     Each(Vec<f64>),
 }
 

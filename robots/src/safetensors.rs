@@ -44,7 +44,7 @@ pub enum SafetensorsError {
         name: String,
         /// First byte.
         from: usize,
-        /// One behind the last.
+        /// One past the last.
         to: usize,
         /// Bytes of numbers in the file.
         size: usize,

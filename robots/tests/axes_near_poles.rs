@@ -1,5 +1,5 @@
-//! Robots whose joint axes stand at, or all but at, a coordinate axis: CAD programs write `0 1.22465e-16 -1`
-//! for -z.
+//! Robots whose joint axes are at or nearly at a coordinate axis: CAD programs write `0 1.22465e-16 -1` for
+//! -z.
 //!
 //! Random trees against closed forms of the file's own numbers: Rodrigues' rotation about the axis as
 //! written, one joint after the other from the root. And trees and a real robot against Pinocchio, by vectors
@@ -43,7 +43,7 @@ const TILTS: [f64; 20] = [
     0.7,
 ];
 
-/// One joint and the link it carries, by the numbers of the file.
+/// One joint and the link it carries, with the numbers of the file.
 #[derive(Clone, Debug)]
 struct Part {
     /// The link it hangs on: 0 is the root, part `i` carries link `i + 1`.

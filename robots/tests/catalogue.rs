@@ -1,4 +1,4 @@
-//! Every robot of the catalogue is sound, and the known ones move as the books say.
+//! Every robot of the catalogue is sound, and the known ones move as published.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;

@@ -48,7 +48,7 @@ fn assert_close(ours: &[f64], theirs: &[f64]) {
     }
 }
 
-/// The link `name` stands and moves as `expected` says.
+/// Asserts the pose and velocity `expected` of the link `name`.
 fn assert_moves(model: &Model, q: &[f64], v: &[f64], name: &str, expected: &Value) {
     let mut kinematics = Kinematics::new(model);
     kinematics.update_with_velocity(model, q, v);
@@ -165,7 +165,7 @@ fn a_planar_joint_matches_pinocchio_in_fixed_axes() {
         let theirs = numbers(&case["q"]);
         let q = model.from_pinocchio(&theirs).unwrap();
         assert_close(&model.to_pinocchio(&q), &theirs);
-        // Theirs is along the axes of the body, ours along those of the plane.
+        // Theirs is along the axes of the body, ours along the plane's.
         let v = numbers(&case["v"]);
         let ours = model.velocity_from_pinocchio(&q, &v);
         assert_moves(&model, &q, &ours, "plate", case);

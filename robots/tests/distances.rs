@@ -1,4 +1,4 @@
-//! Signed distances of shapes, held to what geometry says of them.
+//! Signed distances of shapes, compared with geometry.
 
 use crate::solids::{Random, at, cube, with_shape};
 use approx::assert_relative_eq;

@@ -22,7 +22,7 @@ impl Pair {
         let law = self.actuator.joint_law(command, self.joint, h).unwrap();
         let rate = self.inertia / h;
         let x = |effort: f64, slope: f64| (rate * self.joint.velocity + effort + torque) / (rate + slope);
-        // the effort falls with x, the joint's own line rises: the bounds of the one are those of the other
+        // the effort falls with x, the joint's own line rises: both have the same bounds
         let end = x(law.effort, law.slope).clamp(x(law.low, 0.0), x(law.high, 0.0));
         let effort = law.at(end);
         self.joint.velocity = end;

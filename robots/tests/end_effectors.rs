@@ -1,4 +1,4 @@
-//! The frame that a task controls when none is named.
+//! The frame that a task controls by default.
 
 use std::path::Path;
 

@@ -112,7 +112,7 @@ fn jacobians_are_slopes_of_poses_along_the_manifold() {
     }
 }
 
-/// One step of the midpoint method: of second order on the manifold too, where the mean velocity is followed.
+/// One step of the midpoint method: of second order on the manifold, too, along the mean velocity.
 fn step(
     model: &Model,
     dynamics: &mut Dynamics,

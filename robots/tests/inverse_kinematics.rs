@@ -1,4 +1,4 @@
-//! Inverse kinematics finds what is there and says why it does not find the rest.
+//! Inverse kinematics finds reachable poses and reports why others are not found.
 
 use std::path::Path;
 

@@ -157,7 +157,7 @@ fn an_mjcf_file_is_preferred_if_the_graph_asks_for_it() {
     }
 }
 
-/// The model of what viewers are given.
+/// The model for viewers.
 fn seen(robot: &Loaded) -> Model {
     let drawn = robot.drawn().unwrap().unwrap();
     let read = parse_urdf(&drawn.text, None, MimicMode::Follow, &PackagePath::default());

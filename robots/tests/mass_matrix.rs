@@ -1,5 +1,5 @@
-//! The mass matrix in frames on the joints' axes, held to inverse dynamics, which knows nothing of them; its
-//! factor, held to a dense one.
+//! The mass matrix in frames on the joints' axes, compared with inverse dynamics, which is independent of
+//! them; its factor, compared with a dense one.
 
 use std::path::Path;
 

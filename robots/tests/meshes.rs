@@ -1,4 +1,4 @@
-//! Mesh files, and what stands for them in a collision model.
+//! Mesh files, and their substitutes in a collision model.
 
 use std::path::{Path, PathBuf};
 
@@ -57,7 +57,7 @@ fn obj() -> String {
     format!("# a cube\nmtllib x.mtl\no cube\n{corners}vn 0 0 1\nvt 0 0\n{}", faces.concat())
 }
 
-/// The cube in centimetres, the normals' indices between those of the corners, moved and turned by two nodes.
+/// The cube in centimetres, with normal and corner indices alternating, moved and turned by two nodes.
 fn dae() -> String {
     let corners: String = CORNERS.iter().flatten().map(|x| format!("{} ", x * 100)).collect();
     let indices: String = FACES.iter().flatten().map(|corner| format!("0 {corner} ")).collect();

@@ -20,7 +20,7 @@ fn panda(base: BaseMode) -> Model {
     load_with("panda", Path::new("."), &LoadOptions { base, ..LoadOptions::default() }).unwrap().model
 }
 
-/// Numbers in -1 .. 1 that look random enough.
+/// Pseudo-random numbers in -1 .. 1.
 fn numbers(count: usize, seed: f64) -> Vec<f64> {
     (0..count).map(|index| ((index as f64 + 1.0) * 12.9898 + seed * 78.233).sin()).collect()
 }
@@ -328,7 +328,7 @@ fn faulty_transmissions_are_named() {
     assert!(error.to_string().starts_with("URDF:1:") && error.to_string().contains("\"fifty\""), "{error}");
 }
 
-/// Every body's inertia is that of the links fixed to it, also after edits of the model.
+/// Every body has the inertia of the links fixed to it, also after edits of the model.
 #[test]
 fn the_inertias_of_links_make_up_those_of_their_bodies() {
     use motorium_robots::{BodyFactors, Inertia, catalogue};

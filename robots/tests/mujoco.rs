@@ -77,8 +77,7 @@ fn the_total_mass_a_file_sets_is_that_of_its_bodies() {
     }
 }
 
-/// Files of others: `MOTORIUM_MUJOCO_VECTORS` names what the script wrote of them, beside the files
-/// themselves.
+/// Other files: `MOTORIUM_MUJOCO_VECTORS` names the script's output, next to the files themselves.
 #[test]
 fn files_of_others_agree_with_mujoco() {
     let Some(path) = std::env::var_os("MOTORIUM_MUJOCO_VECTORS").map(PathBuf::from) else {
@@ -134,7 +133,7 @@ fn bodies_whose_geoms_never_collide_in_mujoco_are_excluded() {
     );
 }
 
-/// Colours as `mjv_updateScene` of MuJoCo 3.17 gives them to the geoms of this file; opacity apart.
+/// Colours of the geoms of this file by `mjv_updateScene` of MuJoCo 3.17, without opacity.
 const PAINTED: &str = r#"<mujoco model="painted">
   <default>
     <geom rgba="0.1 0.2 0.3 1"/>

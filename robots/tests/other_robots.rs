@@ -1,7 +1,7 @@
-//! Robots of others against Pinocchio, where their files are on this machine; each test says why it is
+//! Third-party robots compared with Pinocchio, if their files are installed; each test reports why it is
 //! skipped.
 //!
-//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` beside the repository. URDFs:
+//! Vectors: `MOTORIUM_GOLDEN`, or `../shared/golden` next to the repository. URDFs:
 //! `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it), or the PyPI package
 //! `example-robot-data` of the `python3` in the path.
 
@@ -83,7 +83,7 @@ fn the_talos_agrees_with_pinocchio() {
     agrees("talos_full", "talos_data/robots/talos_full_v2.urdf", BaseMode::Floating);
 }
 
-/// Its knee has the axis `0 1.22465e-16 -1`. The vectors are those of `golden/axes.py`.
+/// Its knee has the axis `0 1.22465e-16 -1`. The vectors come from `golden/axes.py`.
 #[test]
 fn the_icub_with_an_axis_near_minus_z_matches_pinocchio() {
     let Some(robots) = robots() else { return };

@@ -1,4 +1,4 @@
-//! Profiles: read, refused, and asked.
+//! Profiles: parsed, refused, and queried.
 
 use std::path::Path;
 

@@ -62,7 +62,7 @@ fn loads(points: &[Point3<f64>], mass: f64, com: &Vector3<f64>, planar: bool) ->
 /// Frame, point in it, and the vertical force there \[N\].
 type Load = (usize, Vector3<f64>, f64);
 
-/// The robot in a pose, and the force on each contact; `None` for what does not stand.
+/// The robot in a pose, and the force on each contact; `None` if it does not stand.
 fn stand(model: &Model, profile: &Profile, pose: &str) -> Option<(DVector<f64>, Vec<Load>)> {
     let q = profile.configuration(model, pose).unwrap();
     let mut kinematics = Kinematics::new(model);
@@ -99,8 +99,8 @@ fn standing_poses_have_feet_on_the_ground_below_the_weight() {
     assert_eq!(standing.join(" "), expected);
 }
 
-/// Torques that hold the robot still at home, with the weight on its feet; the rows no joint drives must come
-/// out zero.
+/// Torques that hold the robot still at home, with the weight on its feet; the rows without a drive must be
+/// zero.
 fn holding(model: &Model, profile: &Profile) -> DVector<f64> {
     let mut dynamics = Dynamics::new(model);
     let mut tau = DVector::zeros(model.nv());

@@ -1,4 +1,4 @@
-//! Files that cannot become a model, and exactly what the user reads.
+//! Files that cannot become a model, and the exact messages.
 
 use std::path::Path;
 

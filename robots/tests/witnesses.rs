@@ -172,7 +172,7 @@ fn a_witness_stays_nearest_after_a_small_turn() {
                 "{shape} {case}"
             );
             let after = measure(pose * turn).0.distance;
-            // points of the shape stay; those of the cube move by the turn
+            // points of the shape stay; points of the cube move with the rotation
             let known = std::iter::once(&nearest).chain(&found).map(|witness| {
                 let moved = turn.inverse() * witness.points[1];
                 (moved - witness.points[0]).dot(&witness.normal)

@@ -175,8 +175,8 @@ appearance = { colours = { shed = [0.5, 0.2, 0.1] } }
     }
 }
 
-/// Geoms that touch are hidden and those that are seen touch nothing, as in many files; colours of geoms, of
-/// classes and of materials.
+/// Hidden colliding geoms and visible non-colliding ones, as in many files; colours of geoms, of classes and
+/// of materials.
 const COLOURED: &str = r#"<mujoco>
   <default>
     <default class="touched"><geom group="3" rgba="0 1 1 0.3"/></default>

@@ -15,7 +15,7 @@ pub struct Calibrated {
     pub joint: String,
     /// Its mean position by the offset of the table, rad or m.
     pub position: f64,
-    /// The offset with which it stands as the pose says, rad or m.
+    /// Offset at which the reading equals the pose, rad or m.
     pub offset: f64,
     /// The offset of the table, rad or m.
     pub before: f64,
@@ -37,7 +37,7 @@ pub enum CalibrationError {
         /// The joint of the drive.
         joint: String,
     },
-    /// A drive is not set as the table says, so that its positions may be others.
+    /// A drive's settings differ from the table, so its positions may be wrong.
     #[error("the drive of `{joint}`: {wrong}")]
     Setting {
         /// The joint of the drive.
@@ -61,21 +61,22 @@ pub enum CalibrationError {
     },
 }
 
-/// Time for which it is listened whether another program commands the drives.
+/// Time to listen for another program that commands the drives.
 const LISTEN: Duration = Duration::from_millis(300);
 /// Time from one question to the next.
 const CYCLE: Duration = Duration::from_millis(10);
 /// Cycles within which each drive must have answered: they are checked meanwhile.
 const ANSWER_TIMEOUT: u32 = 300;
-/// Largest difference of two positions of a joint that stands still, rad or m.
+/// Largest difference of two positions of a joint at rest, rad or m.
 const STILL: f64 = 0.05;
 
 /// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a
-/// position for each of `joints`; those that are homed are left out. No drive is enabled. `pass` lets time
-/// pass on `buses`, those of the table in its order, and returns the time, ns.
+/// position for each of `joints`. Homed joints are skipped, and no drive is enabled. `pass` lets time pass on
+/// `buses`, in the order of the table, and returns the time, ns.
 ///
 /// # Errors
-/// A drive is commanded by another program, is set otherwise than the table says, does not answer, or moves.
+/// Another program commands a drive, a drive's settings differ from the table, or a drive does not answer or
+/// moves.
 ///
 /// # Panics
 /// If `pose` has not as many positions as there are `joints`, or there are fewer buses than in the table.
@@ -141,7 +142,7 @@ pub fn calibrate<B: Bus>(
             }
         }
     }
-    // the offset of a joint that is homed is that of its mark, and its encoder counts from anywhere
+    // the offset of a homed joint belongs to its mark, and its encoder starts at an arbitrary position
     let is_measured = |(index, _): &(usize, &Taken)| !table.drives[order[*index]].is_homed();
     let result = taken.iter().enumerate().filter(is_measured).map(|(index, taken)| {
         let (joint, before) = (joints[index].clone(), table.transmission(order[index]).offset);
@@ -192,7 +193,7 @@ fn commanded(table: &Table, bus: usize, frame: &Frame) -> Option<String> {
         }
         (_, Protocol::Odrive, _) => {
             let node = crate::odrive::Node::new(drive.node);
-            // what a drive reports has other commands
+            // drive reports use other commands
             node.is_some_and(|node| node.instruction(frame).is_ok())
         }
         (_, Protocol::Moteus, Id::Standard(id)) => id & 0xff == u16::from(drive.node),

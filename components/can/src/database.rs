@@ -1,4 +1,4 @@
-//! Databases of messages (DBC files): names, units and values of what frames carry.
+//! Message databases (DBC files): names, units and values of the signals in frames.
 
 use core::ops::RangeInclusive;
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub struct Database {
 /// A database that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DatabaseError {
-    /// It is no DBC file.
+    /// Not a DBC file.
     #[error("it is no DBC file: {0}")]
     Syntax(String),
     /// A signal that cannot be.
@@ -85,7 +85,7 @@ struct Signal {
     factor: f64,
     offset: f64,
     labels: Vec<(i64, String)>,
-    /// It is there while this signal has one of these values.
+    /// The signal is present while this signal has one of these values.
     switch: Option<(usize, Vec<RangeInclusive<u64>>)>,
 }
 
@@ -103,8 +103,8 @@ enum Form {
 pub struct Decoded<'a> {
     /// Name of the message.
     pub name: &'a str,
-    /// Its signals, in the order of the database; those that the frame is too short for, or that are not
-    /// there now, left out.
+    /// Returns its signals, in the order of the database, without signals beyond the frame's length and
+    /// absent multiplexed signals.
     pub signals: Vec<SignalValue<'a>>,
 }
 
@@ -119,13 +119,13 @@ pub struct SignalValue<'a> {
     pub whole: Option<i128>,
     /// Significant digits of a value that is not whole.
     digits: usize,
-    /// Its unit; empty if the database has none.
+    /// Its unit; empty if missing.
     pub unit: &'a str,
     /// The name of the value, if the database has one.
     pub label: Option<&'a str>,
 }
 
-/// A number with so many significant digits at most.
+/// A number with at most this many significant digits.
 fn rounded(value: f64, digits: usize) -> f64 {
     format!("{value:.0$e}", digits - 1).parse().unwrap_or(value)
 }

@@ -30,9 +30,9 @@ impl Id {
         (id < 1 << 29).then_some(Self::Extended(id))
     }
 
-    /// The bits of the arbitration field in the order in which they are sent, remote bit apart: of two frames
-    /// that begin together the one with the smaller number is sent. A standard identifier wins over an
-    /// extended one with the same first 11 bits.
+    /// Bits of the arbitration field in the order of transmission, without the remote bit: of two frames that
+    /// start together the one with the smaller number is sent. A standard identifier wins over an extended
+    /// one with the same first 11 bits.
     pub fn arbitration(self) -> u32 {
         match self {
             Self::Standard(id) => u32::from(id) << 21,
@@ -61,7 +61,7 @@ pub enum Form {
     Fd,
     /// CAN FD with its data at the higher rate.
     FdFast,
-    /// A packet of a serial line, such as that of servos: up to 64 bytes, head and checksum among them.
+    /// A packet of a serial line, such as a servo's: up to 64 bytes, including header and checksum.
     Packet,
 }
 
@@ -115,8 +115,8 @@ impl Frame {
         Self::new(Id::Standard(device.into()), Form::Packet, bytes)
     }
 
-    /// A frame of any form; `None` if it cannot have so many bytes. CAN FD knows 0 to 8, 12, 16, 20, 24, 32,
-    /// 48 and 64.
+    /// Creates a frame of any form; `None` if it cannot have this length. CAN FD supports 0 to 8, 12, 16, 20,
+    /// 24, 32, 48 and 64 bytes.
     pub fn new(id: Id, form: Form, data: &[u8]) -> Option<Self> {
         let length = data.len();
         let is_length =
@@ -181,15 +181,15 @@ impl fmt::Debug for Frame {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum DecodeError {
-    /// It is for somebody else.
+    /// Addressed to another node.
     #[error("a frame with the identifier {found}, expected {expected}")]
     Id {
         /// The identifier found.
         found: Id,
-        /// The identifier of what was to be decoded.
+        /// Identifier of the frame.
         expected: Id,
     },
-    /// It comes from another device with the same identifier.
+    /// Sent by another device with the same identifier.
     #[error("a frame of device {found}, expected {expected}")]
     Device {
         /// The device named in the data.
@@ -197,7 +197,7 @@ pub enum DecodeError {
         /// The device that was to answer.
         expected: u8,
     },
-    /// It has another length than its kind has.
+    /// Unexpected length.
     #[error("{found} bytes, expected {expected}")]
     Length {
         /// Bytes found.
@@ -225,12 +225,12 @@ pub enum DecodeError {
         /// The field.
         field: &'static str,
     },
-    /// It answers something that was not asked.
+    /// Answers something that was not requested.
     #[error("an answer about 0x{found:X}, asked was 0x{expected:X}")]
     Answer {
         /// The register or object that it is about.
         found: u32,
-        /// The register or object asked for.
+        /// Requested register or object.
         expected: u32,
     },
     /// The device refused the request.
@@ -251,7 +251,7 @@ pub(crate) fn exactly<const N: usize>(frame: &Frame, expected: Id) -> Result<&[u
     frame.data().try_into().map_err(|_| DecodeError::Length { found, expected: N })
 }
 
-/// A finite number of four bytes, the least significant first.
+/// A finite number of four bytes, little-endian.
 pub(crate) fn finite(bytes: [u8; 4], field: &'static str) -> Result<f64, DecodeError> {
     let value = f32::from_le_bytes(bytes);
     if value.is_finite() { Ok(f64::from(value)) } else { Err(DecodeError::NotFinite { field }) }

@@ -22,14 +22,14 @@ pub struct Device {
 /// The kind of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceKind {
-    /// A Damiao drive, which tells its settings.
+    /// A Damiao drive, which reports its settings.
     Damiao {
         /// The identifier of its answers.
         master: u16,
-        /// Its watchdog, ns, 0 for off; `None` if it did not tell.
+        /// Its watchdog, ns, 0 for off; `None` if not reported.
         watchdog_ns: Option<u64>,
-        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for one that it did
-        /// not tell.
+        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each that was
+        /// not reported.
         ranges: [Option<f64>; 3],
     },
     /// An ODrive: its heartbeat, with the state and the errors of its axis.
@@ -44,11 +44,11 @@ pub enum DeviceKind {
         /// State: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
         state: u8,
     },
-    /// A moteus, which tells its state.
+    /// A moteus, which reports its state.
     Moteus {
         /// Its mode.
         mode: Mode,
-        /// The place from which it counts its position, if it tells.
+        /// The reference of its position, if reported.
         home: Option<Home>,
         /// Code of its fault.
         fault: u8,
@@ -60,27 +60,27 @@ pub enum DeviceKind {
 pub struct Found {
     /// The devices, by their numbers.
     pub devices: Vec<Device>,
-    /// Identifiers of frames that belong to none of them, and how many there were.
+    /// Identifiers of frames of unknown devices, and their number.
     pub others: Vec<(Id, u64)>,
     /// The search for drives that speak CAN FD.
     pub fd: FdSearch,
-    /// A frame of classic CAN was received: its sender may know no others.
+    /// A classic frame was received: its sender may not support CAN FD.
     has_classic: bool,
 }
 
 /// The outcome of a search for drives that speak CAN FD.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FdSearch {
-    /// It was not wanted.
+    /// Not requested.
     #[default]
     NotWanted,
-    /// Each number was asked.
+    /// Each number was queried.
     Complete,
-    /// No frame of CAN FD was sent: a device on the bus sends classic frames, and may know no others.
+    /// No CAN FD frame was sent: a device on the bus sends classic frames and may not support others.
     Classic,
-    /// The bus reported an error after so many numbers had been asked, and no more were.
+    /// The bus reported an error after this many numbers had been queried; the search stopped.
     Disturbed {
-        /// How many had been asked.
+        /// Number of queried numbers.
         asked: u8,
     },
 }
@@ -88,11 +88,10 @@ pub enum FdSearch {
 /// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for
 /// the heartbeats of ODrives and CANopen nodes. `pass` lets time pass.
 ///
-/// With `has_errors`, which tells whether the bus has reported an error since it was opened, the registers of
-/// moteus are read afterwards, by frames of CAN FD. A node that knows classic frames only disturbs those, and
-/// the controller repeats them until it leaves the bus: none is sent once a classic frame or an error has
-/// been received, and no more after the first error. A classic node that has been silent is not known: want
-/// this only where every node knows CAN FD.
+/// With `has_errors`, which returns whether the bus has reported an error since it was opened, the registers
+/// of moteus are read afterwards, by CAN FD frames. A classic-only node disturbs such frames, and the
+/// controller repeats them until it leaves the bus. None is therefore sent once a classic frame or an error
+/// has been received. A silent classic node goes unnoticed: use this only if every node supports CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;
@@ -198,8 +197,8 @@ impl Found {
                 None => self.devices.push(device),
             }
         } else {
-            // commands of another program look like heartbeats now and then; those of an ODrive are
-            // heartbeats always
+            // commands of another program occasionally look like heartbeats; an ODrive always sends
+            // heartbeats
             self.devices.retain(|device| {
                 !(matches!(device.kind, DeviceKind::Odrive { .. })
                     && frame.id == Id::Standard(u16::from(device.node) << 5 | 1))
@@ -218,7 +217,7 @@ impl Found {
 }
 
 impl DeviceKind {
-    /// Takes what the other one tells.
+    /// Adopts the other one's reported values.
     fn complete(&mut self, other: Self) {
         let (
             Self::Damiao { watchdog_ns, ranges, .. },
@@ -249,7 +248,7 @@ mod tests {
         has_classic: bool,
         /// Frames of CAN FD that were sent.
         fd_frames: u32,
-        /// How many of those it takes for the bus to report an error.
+        /// Number of CAN FD frames after which the bus reports an error.
         errors_from: u32,
         now_ns: u64,
     }
@@ -293,7 +292,7 @@ mod tests {
     fn foreign_commands_are_not_odrive_heartbeats() {
         let (drive, mut found) =
             (mit::Drive::damiao(1, 0x11, Ranges::new(12.5, 30.0, 10.0)), Found::default());
-        // the low byte of the gain passes all states of an axis, and that of the torque all flags
+        // the low byte of the gain covers all states of an axis, the low byte of the torque all flags
         for step in 0..20_000_u32 {
             let kp = f64::from(step % 500);
             let (velocity, torque) = (f64::from(step % 60) - 30.0, f64::from(step % 19) - 9.0);

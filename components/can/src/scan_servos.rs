@@ -13,13 +13,13 @@ pub struct ServoFound {
     pub number: u8,
     /// The protocol that it speaks.
     pub protocol: Protocol,
-    /// The number of its model and the version of its firmware, which servos of protocol 2 tell.
+    /// Model number and firmware version, as reported by servos of protocol 2.
     pub model: Option<(u16, u8)>,
     /// Flags of its errors.
     pub error: u8,
 }
 
-/// The speeds at which servos are looked for, bit/s: the ones that they are delivered with come first.
+/// Speeds at which servos are searched, bit/s, factory defaults first.
 pub const SPEEDS: [u32; 8] = [1_000_000, 57_600, 115_200, 500_000, 2_000_000, 3_000_000, 4_000_000, 9_600];
 
 /// Time for the answers of all servos of protocol 2 to one packet.
@@ -27,8 +27,8 @@ const ALL: Duration = Duration::from_millis(300);
 /// Time for the answer of one servo.
 const ONE: Duration = Duration::from_millis(3);
 
-/// Finds the servos on a line at the speed that it was opened with, by asking each number up to `last`
-/// whether it is there, which changes nothing. `pass` lets time pass.
+/// Finds the servos on a line at its present speed by polling each number up to `last`, which changes
+/// nothing. `pass` lets time pass.
 ///
 /// ```no_run
 /// use motorium_can::{SERVO_SPEEDS, ServoBus, scan_servos};
@@ -70,7 +70,7 @@ fn take(line: &mut impl Bus, found: &mut Vec<ServoFound>) {
         let count = line.receive(&mut inbox);
         for received in &inbox[..count] {
             let mut packet = Packet::default();
-            // lines that return what is written to them bring the requests back, which are no answers
+            // lines that echo their input return the requests, which are no answers
             if let Ok(status) = packet.status(received.frame.data()) {
                 let model = match (status.protocol, status.data) {
                     (Protocol::Two, [low, high, firmware]) => {

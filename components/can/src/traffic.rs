@@ -14,7 +14,7 @@ use crate::bus::time::monotonic_ns;
 use crate::{Form, Frame, Id, Received, Report};
 pub use listener::{Listener, Sender};
 
-/// One line of traffic: when, where, and what.
+/// One line of traffic: time, interface and frame.
 ///
 /// ```
 /// use motorium_can::{Id, Record};
@@ -61,7 +61,7 @@ impl FromStr for Record {
     }
 }
 
-/// The mistake in the text of a frame alone, if it is one of those that are made often.
+/// Returns the mistake in the text of a frame, if it is a common one.
 fn mistake(frame: &str) -> Option<String> {
     let Some((id, data)) = frame.split_once('#') else {
         return Some("there is no `#` between identifier and data".into());
@@ -84,7 +84,7 @@ fn mistake(frame: &str) -> Option<String> {
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
         return Some(format!("`{letter}` in the data is no hexadecimal digit"));
     }
-    // dots may stand between bytes
+    // dots may separate the bytes
     let digits = bytes.chars().filter(|letter| *letter != '.').count();
     if digits > 2 * most {
         let count = digits.div_ceil(2);
@@ -94,11 +94,10 @@ fn mistake(frame: &str) -> Option<String> {
 }
 
 impl Record {
-    /// Reads a frame alone, such as `123#0102`, for an interface. Dots may stand between the bytes of its
-    /// data.
+    /// Parses a frame such as `123#0102` for an interface. Dots may separate the bytes of its data.
     ///
     /// # Errors
-    /// It is no frame.
+    /// Not a frame.
     pub fn of_frame(frame: &str, interface: &str) -> Result<Self, RecordError> {
         let plain = match frame.split_once('#') {
             Some((id, data)) => format!("{id}#{}", data.replace('.', "")),

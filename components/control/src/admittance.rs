@@ -44,10 +44,10 @@ impl Default for AdmittanceSettings {
 /// inertia:
 ///
 /// ```text
-/// mass x'' + damping x' + stiffness x = f                                     m, N
-/// inertia t'' + rotational_damping t' + rotational_stiffness t = n            rotation vector t, rad; Nm
-/// p = p* + x,   R = exp(t) R*                                                 pose that takes the place of the target (p*, R*)
-/// v = v* + x',  o = J(t) t' + exp(t) o*                                       J: left Jacobian of SO(3)
+/// mass x'' + damping x' + stiffness x = f                            m, N
+/// inertia t'' + rotational_damping t' + rotational_stiffness t = n   rotation vector t, rad; Nm
+/// p = p* + x,   R = exp(t) R*                                        pose replacing the target (p*, R*)
+/// v = v* + x',  o = J(t) t' + exp(t) o*                              J: left Jacobian of SO(3)
 /// ```
 ///
 /// All quantities are in world axes at the origin of the frame. `f` and `n` are exerted by the world on the

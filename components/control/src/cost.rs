@@ -24,7 +24,7 @@ use crate::solver::Problem;
 pub struct Cost {
     /// First of the unknowns.
     first: usize,
-    /// `A`; none for the identity.
+    /// `A`; `None` for the identity.
     matrix: Option<DMatrix<f64>>,
     desired: DVector<f64>,
     weights: DVector<f64>,

@@ -11,7 +11,7 @@
 //!   joints keep a posture. They are weighed against one another, or stand in
 //!   [levels](DifferentialIk::levels) of strict priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
-//! - [`DifferentialIk`] assembles both and asks a [`solver`] for `v`.
+//! - [`DifferentialIk`] assembles both, and a [`solver`] computes `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
 //! - [`FeedForward`] computes the efforts of gravity and inertia that a joint drive adds to its feedback.
 //!
@@ -20,9 +20,9 @@
 //! Legged robots plan contact forces ahead by [`mpc`]. Bases move by [`wheels`], robots on rotors by
 //! [`multirotor`].
 //!
-//! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads.
-//! Everything is allocated at construction; a tick allocates nothing of its own. [`QpController`], the
-//! component `control.qp`, puts it behind topics.
+//! The library works on a [`motorium_robots::Model`], without clock, topics or threads. Everything is
+//! allocated at construction; a tick does not allocate. [`QpController`], the component `control.qp`,
+//! connects it to topics.
 //!
 //! # Example
 //!

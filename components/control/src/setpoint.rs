@@ -54,8 +54,8 @@ impl JointSetpoint {
         self.velocity.fill(0.0);
     }
 
-    /// Moves by `v dt`. The velocity becomes that of the actual move within the limits. A joint with a NaN
-    /// velocity stands still.
+    /// Moves by `v dt` and sets the velocity of the actual move within the limits. A joint with a NaN
+    /// velocity does not move.
     ///
     /// # Panics
     /// If the length of `v` differs from the number of independent joints.

@@ -50,11 +50,11 @@ pub enum BuildError {
     Unable {
         /// The engine.
         engine: &'static str,
-        /// What it cannot simulate.
+        /// Unsupported feature.
         ability: &'static str,
         /// The object, link, `ground` or `terrain`.
         owner: String,
-        /// Of a link, the property of its surface: `soft` or `grain`.
+        /// Surface property of a link: `soft` or `grain`.
         surface: Option<&'static str>,
     },
     /// A connection of the world that cannot be made.
@@ -258,7 +258,7 @@ impl BuildWarning {
 }
 
 impl BuildError {
-    /// Refuses what an engine of these abilities cannot simulate.
+    /// Refuses features that an engine with these capabilities does not support.
     pub(crate) fn check_abilities(
         (engine, abilities): (&'static str, Capabilities),
         setups: &[RobotSetup],

@@ -9,8 +9,8 @@
 /// ```
 ///
 /// with `limit` the effort limit of the joint: the impedance law of torque-controlled drives ("MIT mode").
-/// `kp = kd = 0` is pure effort control, `kp = 0` velocity control. `q` and `v` are those at the *end* of the
-/// step (implicit), so gains of any size are stable; a drive without `kd` is damped by the integration.
+/// `kp = kd = 0` is pure effort control, `kp = 0` velocity control. `q` and `v` are values at the *end* of
+/// the step (implicit), so gains of any size are stable; a drive without `kd` is damped by the integration.
 ///
 /// A joint that moves beyond `min_velocity` or `max_velocity` is braked, whatever the rest of the command:
 /// the highest effort in the direction of its motion falls from `limit` at that velocity to `-limit` over a
@@ -37,9 +37,9 @@ pub struct JointCommand {
     pub kp: f64,
     /// Velocity gain Kd \[Nms/rad or Ns/m\], not negative.
     pub kd: f64,
-    /// Velocity backwards beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for none.
+    /// Lower velocity beyond which the drive brakes \[rad/s or m/s\], negative; minus infinity for none.
     pub min_velocity: f64,
-    /// Velocity forwards beyond which the drive brakes \[rad/s or m/s\], positive; infinity for none.
+    /// Upper velocity beyond which the drive brakes \[rad/s or m/s\], positive; infinity for none.
     pub max_velocity: f64,
 }
 
@@ -66,7 +66,7 @@ impl JointCommand {
         Self { position, kp, kd, ..Self::default() }
     }
 
-    /// True when setpoints and gains are finite, no gain is negative and zero velocity lies within the
+    /// Returns `true` if setpoints and gains are finite, no gain is negative, and zero velocity is within the
     /// limits.
     pub fn is_valid(&self) -> bool {
         [self.position, self.velocity, self.effort, self.kp, self.kd].iter().all(|x| x.is_finite())

@@ -46,7 +46,7 @@ pub enum StepError {
         joint: usize,
         /// Its name.
         name: String,
-        /// Velocity the step led to; may be infinite or NaN.
+        /// Velocity after the step; may be infinite or NaN.
         velocity: f64,
         /// The bound that was broken.
         bound: f64,
@@ -60,7 +60,7 @@ pub enum StepError {
     BaseDiverged {
         /// Its link.
         base: String,
-        /// Speed of its origin the step led to \[m/s\]; may be infinite or NaN.
+        /// Speed of its origin after the step \[m/s\]; may be infinite or NaN.
         linear: f64,
         /// Its rate of turn \[rad/s\].
         angular: f64,
@@ -142,7 +142,7 @@ pub enum ResetError {
         positions: usize,
         /// Velocities given.
         velocities: usize,
-        /// Of each for the robots of the simulation.
+        /// Numbers for the robots of the simulation.
         expected: (usize, usize),
     },
     /// A floating base that is nowhere.

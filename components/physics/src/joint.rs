@@ -2,17 +2,17 @@
 
 use motorium_robots::Model;
 
-/// Passive properties of one independent joint, with those of the joints that mimic it folded in.
+/// Passive properties of one independent joint, including the joints that mimic it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointProperties {
     /// Lowest position \[rad or m\], -inf without a limit.
     pub lower: f64,
     /// Highest position \[rad or m\], +inf without a limit.
     pub upper: f64,
-    /// Largest effort of the drive, either way \[Nm or N\].
+    /// Largest effort of the drive in either direction \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\], +inf without a limit. Steps beyond it are counted; drives keep
-    /// it where their command says so ([`JointCommand`](crate::JointCommand)).
+    /// Velocity limit \[rad/s or m/s\], +inf without a limit. Steps beyond it are counted; drives keep it if
+    /// their command requests it ([`JointCommand`](crate::JointCommand)).
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,

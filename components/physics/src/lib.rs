@@ -8,7 +8,7 @@
 //! runtime.
 //!
 //! [`ArticulatedPhysics`] (`physics.articulated`), [`RapierPhysics`] (`physics.rapier`) and [`MujocoPhysics`]
-//! (`physics.mujoco`) are the components of a graph; they alone know the runtime.
+//! (`physics.mujoco`) are the components of a graph; only they depend on the runtime.
 
 mod air;
 mod articulated;

@@ -3,18 +3,18 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The method that integrates the motion of what nothing touches.
+/// Integration method for bodies without contacts.
 ///
-/// What is in contact, stands at a joint stop, is pushed, or moves behind the spring of a drivetrain, takes
-/// Euler's method in that step with either. Drives are implicit with both.
+/// Either method falls back to Euler's for a body that is in contact, at a joint stop, pushed, or behind the
+/// spring of a drivetrain. Drives are implicit with both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
     /// Semi-implicit Euler, of first order in the step.
     #[default]
     Euler,
-    /// The midpoint rule, of second order in the step: energy drifts by a small fraction of what it does with
-    /// Euler's method, and free flight is exact. Forces are computed twice in a step of a robot.
+    /// The midpoint rule, of second order in the step: energy drifts by a small fraction of Euler's drift,
+    /// and free flight is exact. Forces are computed twice in a step of a robot.
     Midpoint,
 }
 
@@ -22,9 +22,9 @@ pub enum Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Integration steps per step of all that takes no `contact_iterations`, 1 to 100, default 1. One is
-    /// enough at 1 kHz: the drives are implicit, so more only refine the integration. Rapier takes 1 only: it
-    /// always does `contact_iterations` steps.
+    /// Integration steps per step of bodies outside `contact_iterations`, 1 to 100, default 1. One is enough
+    /// at 1 kHz: the drives are implicit, so more only refine the integration. Rapier accepts only 1: it
+    /// always uses `contact_iterations` steps.
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
     /// Integration steps per step of a robot within a centimetre of an object that moves or of another robot,
@@ -35,21 +35,20 @@ pub struct Options {
     /// Contacts between links of the robot, default true. Links that share a joint or a parent, and links
     /// that start closer than a centimetre, never touch each other.
     pub self_collision: bool,
-    /// Inertia of each drive's rotor seen at the joint (kg m2 or kg), added to that of the model; from 0,
-    /// default 0.
+    /// Rotor inertia of each drive at the joint (kg m2 or kg), added to the model's; from 0, default 0.
     #[schemars(range(min = 0.0))]
     pub armature: f64,
-    /// Friction coefficient of the robot's surface, from 0, default 0.8. That of a contact is the mean of
-    /// both surfaces', unless one has a friction of 0 or a `friction_combine`.
+    /// Friction coefficient of the robot's surface, from 0, default 0.8. A contact has the mean of both
+    /// surfaces', unless one has a friction of 0 or a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
     /// Restitution of the robot's surface: the share of the approach speed kept after an impact, 0 to 1,
-    /// default 0. That of a contact is the mean of both surfaces'.
+    /// default 0. A contact has the mean of both surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
-    /// Objects that have stood still for half a second sleep with all that they touch, default true: their
-    /// forces stay, and they cost next to nothing until something touches them or they are moved. Those of
-    /// rapier and MuJoCo never sleep.
+    /// Objects at rest for half a second sleep with everything they touch, default true: their forces stay,
+    /// at almost no cost, until something touches them or they are moved. Objects in rapier and MuJoCo never
+    /// sleep.
     pub sleeping: bool,
     /// Method of integration of robots and objects that touch nothing: `euler`, of first order, the default,
     /// or `midpoint`, of second order. `physics.articulated` alone has a choice.

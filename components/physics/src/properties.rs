@@ -11,13 +11,13 @@ use crate::{Engine, ResetError, Simulation};
 pub struct Surface {
     /// Robot link, object, `ground` or `terrain`. A link of several shapes has as many surfaces.
     pub name: String,
-    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    /// Coefficient of friction. A contact has the mean of both surfaces'.
     pub friction: f64,
-    /// Share of the approach speed kept after an impact. That of a contact is the mean of both surfaces'.
+    /// Share of the approach speed kept after an impact. A contact has the mean of both surfaces'.
     pub restitution: f64,
 }
 
-/// The physical properties of a simulation: all that may change between two resets without building it anew.
+/// Physical properties of a simulation that may change at a reset without rebuilding it.
 ///
 /// ```
 /// use std::path::Path;
@@ -41,15 +41,15 @@ pub struct Surface {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Properties {
-    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes are those of the
-    /// simulation.
+    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes stay the
+    /// simulation's.
     pub model: Model,
-    /// Of several [articulations](crate::Articulation), the models of those after the first.
+    /// Models of the [articulations](crate::Articulation) after the first.
     pub others: Vec<Model>,
-    /// The world: gravity, and mass and start of its objects. Which there are, their shapes, and the ground
-    /// are those of the simulation; the surfaces here play no part.
+    /// The world: gravity, and mass and start of its objects. The set of objects, their shapes and the ground
+    /// stay the simulation's; the surfaces given here are ignored.
     pub world: World,
-    /// The surfaces of all colliders: those of the robot, of the objects, of the ground or the terrain.
+    /// The surfaces of all colliders: the robot's, the objects', and the ground's or the terrain's.
     pub surfaces: Vec<Surface>,
     /// The actuators of each articulation, one per joint; empty where all are ideal. Those that are ideal
     /// stay so.
@@ -57,7 +57,7 @@ pub struct Properties {
 }
 
 impl<E: Engine> Simulation<E> {
-    /// The properties as they stand.
+    /// Returns the present properties.
     pub fn properties(&self) -> Properties {
         Properties {
             model: self.robot.first().model.clone(),
@@ -69,10 +69,10 @@ impl<E: Engine> Simulation<E> {
     }
 
     /// [`reset`](crate::Simulator::reset) with these properties, which stay until the next call. Nothing is
-    /// built anew: the shapes and pairs of the contact detection stay.
+    /// rebuilt: the shapes and pairs of the contact detection stay.
     ///
     /// A [saved state](crate::Simulator::save) holds gravity and the objects' masses, but not the robot's
-    /// properties: restore it under those under which it was saved.
+    /// properties: restore it with the same properties.
     ///
     /// # Errors
     ///
@@ -89,8 +89,8 @@ impl<E: Engine> Simulation<E> {
         crate::Simulator::reset(self, q, v)
     }
 
-    /// Takes over properties in the midst of motion: gravity, and those of robots, surfaces and actuators.
-    /// Objects and terrain stay as they are. It may allocate.
+    /// Applies properties during motion: gravity, robots, surfaces and actuators. Objects and terrain are
+    /// unchanged. May allocate.
     ///
     /// # Errors
     ///
@@ -108,7 +108,7 @@ impl<E: Engine> Simulation<E> {
         let others = self.engine.surfaces() != properties.surfaces;
         let state = self.engine.save();
         self.take_over(properties, &world)?;
-        // An engine that is compiled anew has forgotten how it moves.
+        // A recompiled engine has lost its state of motion.
         self.engine.restore(&self.robot, &state);
         if others {
             // An object that sleeps because friction held it may slide now.

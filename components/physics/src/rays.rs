@@ -20,8 +20,8 @@ impl Rays {
         Self(shapes.chain(colliders.terrain.clone().map(RayShape::of_terrain)).collect())
     }
 
-    /// The first surface that a ray meets within `range` \[m\], as the robot stands and objects are at
-    /// `object_pose`, by their index in the world.
+    /// Returns the first surface that a ray hits within `range` \[m\], with the robot's present pose and
+    /// objects at `object_pose`, by their index in the world.
     pub(crate) fn cast<'a>(
         &self,
         colliders: &'a Colliders,

@@ -22,17 +22,17 @@ pub struct RobotSetup {
     pub rotors: Vec<RotorDrive>,
     /// Pairs of links that never touch one another, and exceptions from the engine's own rules.
     pub collision_rules: Srdf,
-    /// Coefficients of friction of links whose surface is not as that of the others.
+    /// Coefficients of friction of links with a different surface.
     pub friction: BTreeMap<String, f64>,
     /// Rules of their frictions.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
-    /// Restitutions of links whose surface is not as that of the others, from 0 to 1.
+    /// Restitutions of links with a different surface, from 0 to 1.
     pub restitution: BTreeMap<String, f64>,
-    /// Links whose surface gives way.
+    /// Links with compliant surfaces.
     pub soft: BTreeMap<String, Softness>,
     /// Links whose friction differs by direction, in their own axes.
     pub grain: BTreeMap<String, Grain>,
-    /// The actuators of the joints, one for each; `None`, and those beyond the end of the list, are ideal.
+    /// Actuators of the joints, one for each; `None` and missing entries are ideal.
     pub actuators: Vec<Option<ActuatorSettings>>,
 }
 
@@ -56,8 +56,8 @@ impl From<Model> for RobotSetup {
 }
 
 impl RobotSetup {
-    /// The setup of a loaded robot. Rotors are those of its profile, and act on a floating base only; the
-    /// friction of its feet is that of the profile, too.
+    /// Returns the setup of a loaded robot. Rotors and the friction of its feet come from its profile; rotors
+    /// only act on a floating base.
     ///
     /// # Errors
     ///
@@ -78,7 +78,7 @@ impl RobotSetup {
 /// Speed \[m/s\] and rate of turn \[rad/s\] of a base beyond which the simulation no longer means anything.
 pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
-/// An articulation: a kinematic tree of a simulation with a base of its own.
+/// An articulation: a kinematic tree of a simulation with its own base.
 ///
 /// A robot is one, and several robots with fixed bases may be one together ([`Model::world`]). Each has its
 /// range of the vectors of a [`Simulator`](crate::Simulator).
@@ -153,11 +153,11 @@ impl Articulation {
 /// Articulations, state and commands of a simulation, shared by all engines.
 pub struct Robot {
     pub(crate) articulations: Vec<Articulation>,
-    /// One per independent joint.
+    /// One entry per independent joint.
     pub(crate) joints: Vec<JointProperties>,
     /// Names of the drives of each articulation: joints, then rotors.
     pub(crate) names: Vec<String>,
-    /// One per drive.
+    /// One entry per drive.
     pub(crate) commands: Vec<JointCommand>,
     pub(crate) state: State,
     /// Acceleration of free fall \[m/s2\].

@@ -37,7 +37,7 @@ impl RotorDrive {
         rotors.collect()
     }
 
-    /// Thrust \[N\]: the effort of the command, clamped to what the rotor can do.
+    /// Thrust \[N\]: the effort of the command, clamped to the rotor's range.
     pub(crate) fn thrust(&self, command: &JointCommand) -> f64 {
         command.effort.clamp(0.0, self.max_thrust)
     }

@@ -12,8 +12,8 @@ use crate::{
 
 /// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
 ///
-/// The robot's state, commands and limits, the checks before and after a step and the description of the
-/// world are those of the simulation; an engine holds the objects of the world and its own workspace.
+/// The simulation holds the robot's state, commands and limits, the description of the world, and the checks
+/// before and after a step; an engine holds the objects of the world and its own workspace.
 pub trait Engine: Sized {
     /// All of the engine's state that later steps depend on.
     type State: Send + Sync + 'static;
@@ -70,7 +70,7 @@ pub trait Engine: Sized {
     }
 
     /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during
-    /// the next step, besides those applied before.
+    /// the next step, in addition to earlier ones.
     fn apply_wrench(
         &mut self,
         robot: &Robot,
@@ -86,7 +86,7 @@ pub trait Engine: Sized {
     /// something. Objects may be at rest afterwards, whatever velocity they had.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
-    /// Computes the robot's next state, `dt` \[s\] after the current one, and that of the objects.
+    /// Computes the next state of the robot and the objects, `dt` \[s\] after the current one.
     ///
     /// # Errors
     ///
@@ -100,7 +100,7 @@ pub trait Engine: Sized {
     /// Drops the next state: the robot stays in its current one.
     fn discard(&mut self);
 
-    /// The state that later steps depend on, that of the robot apart.
+    /// State that later steps depend on, without the robot's.
     fn save(&self) -> Self::State;
 
     /// Goes back to a saved state. The robot's has been restored already. `false`, and nothing has changed,
@@ -110,7 +110,7 @@ pub trait Engine: Sized {
     /// Wakes all objects that sleep.
     fn wake(&mut self) {}
 
-    /// The first surface along a ray as `robot` stands: see [`Simulator::cast_ray`].
+    /// Returns the first surface along a ray with `robot` in its present pose: see [`Simulator::cast_ray`].
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>>;
 
     /// Index of the first object whose next state is not finite.
@@ -129,7 +129,8 @@ pub trait Engine: Sized {
     /// world axes.
     fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>);
 
-    /// Connects two parts as they stand: see [`Simulator::connect`]. `lasting` where a reset keeps it.
+    /// Connects two parts in their present relative pose: see [`Simulator::connect`]. A `lasting` connection
+    /// survives a reset.
     ///
     /// # Errors
     ///
@@ -138,7 +139,7 @@ pub trait Engine: Sized {
         Err(ConnectError::Unable { engine: Self::NAME })
     }
 
-    /// Takes the connections of two parts away; `false` where there are none.
+    /// Removes the connections between two parts; `false` if there are none.
     fn disconnect(&mut self, _: (&Robot, &World), _: [&str; 2]) -> bool {
         false
     }
@@ -146,9 +147,9 @@ pub trait Engine: Sized {
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Passes the contacts' impulse on each collider that a contact touched during the last step, of `dt`
-    /// \[s\], to `visit`: its name, the impulse \[N s\] and its moment about the origin of the world \[N m
-    /// s\], friction included. A collider, or one of several with a name, may come more than once.
+    /// Passes the impulse of the contacts on each collider touched during the last step, of `dt` \[s\], to
+    /// `visit`: its name, the impulse \[N s\] and its moment about the origin of the world \[N m s\],
+    /// friction included. A collider, or one of several with a name, may appear more than once.
     ///
     /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act for the whole step; an
     /// engine with several integration steps in one adds up theirs.
@@ -218,7 +219,7 @@ impl<E: Engine> Simulation<E> {
         simulation.reset(q, &vec![0.0; nv])?;
         let Self { robot, engine, warnings, .. } = &mut simulation;
         engine.exclude_start_overlaps(robot, warnings);
-        // An engine may have built its scene anew, with all at rest.
+        // An engine may have rebuilt its scene, with everything at rest.
         simulation.start_objects();
         let Self { robot, warnings, .. } = &mut simulation;
         for own in &robot.articulations {

@@ -18,7 +18,7 @@ impl ObjectId {
     }
 }
 
-/// One point where two surfaces touch.
+/// One contact point of two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact<'a> {
     /// Robot link, object, `"ground"` or `"terrain"`.
@@ -33,7 +33,7 @@ pub struct Contact<'a> {
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
-    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not tell
+    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not report
     /// it.
     pub friction: Vector3<f64>,
 }
@@ -51,8 +51,8 @@ pub struct RayHit<'a> {
     pub normal: Vector3<f64>,
 }
 
-/// The abilities of a simulator beyond those that every one has: robots with fixed bases, several of them as
-/// one model, free and fixed objects, contacts, rays, commands, reset, save and restore.
+/// Capabilities of a simulator beyond the common ones: robots with fixed bases, several of them as one model,
+/// free and fixed objects, contacts, rays, commands, reset, save and restore.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
     /// Robots whose base moves freely, and several of them in one world.
@@ -63,7 +63,7 @@ pub struct Capabilities {
     pub rolling_friction: bool,
     /// Surfaces that move along themselves.
     pub conveyors: bool,
-    /// Surfaces that give way, and such whose friction differs by direction.
+    /// Compliant surfaces, and direction-dependent friction.
     pub textures: bool,
     /// [Meshes](motorium_robots::MeshCollision) of objects touch by their triangles; by convex parts they
     /// touch in every engine.
@@ -79,8 +79,7 @@ pub struct Capabilities {
 
 /// A state of a simulator with all that its next steps depend on, warm starts included.
 ///
-/// [`Simulator::restore`] takes it back to the bit: the steps after it are those that came after
-/// [`Simulator::save`].
+/// [`Simulator::restore`] is exact to the bit: the following steps equal the steps after [`Simulator::save`].
 pub struct SavedState(pub(crate) Box<dyn Any + Send + Sync>);
 
 impl core::fmt::Debug for SavedState {
@@ -101,7 +100,7 @@ pub struct ForeignState;
 pub struct StepReport {
     /// Joints whose effort was cut at the limit.
     pub saturated: usize,
-    /// Joints that stand at a position limit.
+    /// Joints at a position limit.
     pub at_limit: usize,
     /// Joints faster than their velocity limit. They are not slowed down: nothing in the joint would.
     pub overspeed: usize,
@@ -112,10 +111,10 @@ pub struct StepReport {
 /// A simulated robot in a world, or several.
 ///
 /// Vectors have one entry per drive: the independent joints of the robot, in the order of
-/// [`motorium_robots::Model::joint_names`], then its rotors, if it has any. With several
-/// [articulations](Simulator::articulations) they are theirs one after the other. Poses are in the world,
-/// which is the base frame of a robot with a fixed base. After construction and the first step nothing here
-/// allocates, unless an engine says so.
+/// [`motorium_robots::Model::joint_names`], then its rotors, if any; with several
+/// [articulations](Simulator::articulations) one after the other. Poses are in the world, which is the base
+/// frame of a robot with a fixed base. After construction and the first step nothing here allocates, unless
+/// an engine documents it.
 ///
 /// # Example
 ///
@@ -173,7 +172,7 @@ pub trait Simulator {
     fn velocities(&self) -> &[f64];
 
     /// Efforts tau the drives applied during the last step, after clamping \[Nm or N\]. Joint friction,
-    /// damping and limit stops are not part of it. With substeps, that of the last one.
+    /// damping and limit stops are not part of it. With substeps, the last one's.
     fn efforts(&self) -> &[f64];
 
     /// The commands, one per joint; they stay until changed.
@@ -208,8 +207,8 @@ pub trait Simulator {
     fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState>;
 
     /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, axes of the link\] of a
-    /// link during the next step, besides those that have been applied before it. A link that is fixed to the
-    /// world does not move.
+    /// link during the next step, in addition to earlier ones. A link that is fixed to the world does not
+    /// move.
     fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>) {
         self.apply_wrench_to((0, link), point, force, torque);
     }
@@ -233,7 +232,7 @@ pub trait Simulator {
     /// Sets the acceleration of free fall \[m/s2\].
     fn set_gravity(&mut self, gravity: Vector3<f64>);
 
-    /// Pose of the robot's base in the world: that of the first articulation.
+    /// Pose of the robot's base in the world, of the first articulation.
     fn base_pose(&self) -> Isometry3<f64> {
         self.base_pose_of(0)
     }
@@ -265,9 +264,9 @@ pub trait Simulator {
     /// world axes. A fixed one stays at rest.
     fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>);
 
-    /// Connects two parts as they stand to one another, by a ball joint or rigidly. The connection stays
-    /// until [`detach`](Self::detach), over resets, too. The parts do not collide with one another meanwhile.
-    /// Memory for it is allocated here, not in a step.
+    /// Connects two parts in their present relative pose, by a ball joint or rigidly. The connection lasts
+    /// until [`detach`](Self::detach), also through resets. The parts do not collide meanwhile. Its memory is
+    /// allocated here, not in a step.
     ///
     /// # Errors
     ///
@@ -298,15 +297,15 @@ pub trait Simulator {
     /// ```
     fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError>;
 
-    /// Fixes one part to another as they stand, such as an object to a hand, until [`detach`](Self::detach)
-    /// or the next reset.
+    /// Fixes one part to another in their present relative pose, such as an object to a hand, until
+    /// [`detach`](Self::detach) or the next reset.
     ///
     /// # Errors
     ///
     /// [`ConnectError`].
     fn attach(&mut self, first: &str, second: &str) -> Result<(), ConnectError>;
 
-    /// Takes all connections between two parts away; `false` where there are none.
+    /// Removes all connections between two parts; `false` if there are none.
     fn detach(&mut self, first: &str, second: &str) -> bool;
 
     /// Passes every contact point of the last step to `visit`.

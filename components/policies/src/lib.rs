@@ -3,15 +3,16 @@
 //!
 //! | module | component | moves |
 //! |---|---|---|
-//! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through a sequence of poses, by dynamic movement primitives |
-//! | [`latent`] | `policy.latent`, [`LatentPolicy`] | joints of several robots, after a human, by a shared latent space |
-//! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector in a plane, or joints, by a motion library |
+//! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through poses, by dynamic movement primitives |
+//! | [`latent`] | `policy.latent`, [`LatentPolicy`] | joints of several robots like a human, by a latent space |
+//! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector or joints, by a motion library |
 //! | [`promp`] | `policy.promp`, [`ProMpPolicy`] | joints, by a probabilistic movement primitive |
 //! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
-//! | [`trajectory`] | `policy.trajectory`, [`TrajectoryPolicy`], and `policy.home`, [`HomePolicy`] | joints through waypoints, within limits |
+//! | [`trajectory`] | `policy.trajectory`, [`TrajectoryPolicy`] | joints through waypoints, within limits |
+//! | [`trajectory`] | `policy.home`, [`HomePolicy`] | joints to the home pose |
 //! | [`network`] | `policy.network`, [`NetworkPolicy`] | publishes the actions of a trained network |
 //! | [`joint_targets`] | `policy.joint_targets`, [`JointTargetsPolicy`] | joints by the actions of a policy |
-//! | [`waypoints`] | `policy.waypoints`, [`WaypointsPolicy`] | a base on wheels through poses in the plane |
+//! | [`waypoints`] | `policy.waypoints`, [`WaypointsPolicy`] | a wheeled base through planar poses |
 //!
 //! The models themselves are plain libraries without the runtime: `motorium_primitives`, `motorium_library`
 //! and `motorium_models`.

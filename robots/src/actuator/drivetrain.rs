@@ -2,13 +2,13 @@
 
 use super::{Actuator, EffortLaw};
 
-/// A drivetrain: a motor with an inertia of its own that moves the joint by a spring and a damper, which a
-/// gap may part.
+/// A drivetrain: a motor with its own inertia that moves the joint through a spring and a damper, optionally
+/// with a gap.
 ///
 /// With `backlash = 0` it is a series-elastic actuator; with a stiff spring and a gap, a gear with backlash
 /// (the dead-zone model of Nordin and Gutman 2002): within the gap neither side feels the other, at its ends
-/// the teeth push and never pull. All numbers are those at the joint, behind the gear: the inertia of a rotor
-/// times the square of the gear ratio.
+/// the teeth push and never pull. All values are at the joint, behind the gear: the rotor inertia times the
+/// square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
     /// Inertia of the motor \[kg m2 or kg\].

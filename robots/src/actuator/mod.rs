@@ -4,11 +4,14 @@
 //!
 //! ```text
 //! delay       command(t) = asked(t - delay)
-//! envelope    highest(v) = clamp(stall (1 - v / no_load), 0, limit)      lowest(v) = clamp(stall (-1 - v / no_load), -limit, 0)
-//! thermal     heat' = ((effort / continuous)^2 - heat) / time_constant   limit falls to `continuous` as heat goes from 0.8 to 1
+//! envelope    highest(v) = clamp(stall (1 - v / no_load), 0, limit)
+//!             lowest(v)  = clamp(stall (-1 - v / no_load), -limit, 0)
+//! thermal     heat' = ((effort / continuous)^2 - heat) / time_constant
+//!             limit falls to `continuous` as heat goes from 0.8 to 1
 //! lag         effort' = (clamp(wanted, lowest, highest) - effort) / lag
 //! rate limit  |effort'| <= rate
-//! drivetrain  motor_inertia theta'' = effort - load      load = dead_band(theta - q, backlash) stiffness + (theta' - q') damping
+//! drivetrain  motor_inertia theta'' = effort - load
+//!             load = dead_band(theta - q, backlash) stiffness + (theta' - q') damping
 //! ```
 //!
 //! A network may replace the law of the drive: [`ActuatorNetwork`].

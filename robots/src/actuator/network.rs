@@ -60,7 +60,7 @@ pub struct NetworkWeights {
 
 #[derive(Clone, Debug, PartialEq)]
 struct Layer {
-    /// One row an output.
+    /// One row per output.
     weight: Vec<f64>,
     bias: Vec<f64>,
     inputs: usize,
@@ -136,7 +136,7 @@ impl NetworkWeights {
         self.layers.iter().map(|layer| layer.inputs).max().unwrap_or(0)
     }
 
-    /// The output for the inputs that stand at the beginning of `values`; both have room for the widest
+    /// Returns the output for the inputs at the beginning of `values`; both buffers have room for the widest
     /// layer.
     fn output<'a>(&self, mut values: &'a mut [f64], mut next: &'a mut [f64]) -> f64 {
         for (index, Layer { weight, bias, inputs }) in self.layers.iter().enumerate() {

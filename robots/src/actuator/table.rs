@@ -50,7 +50,7 @@ pub struct ActuatorTable<T: Default> {
     pub network: Option<NetworkTable<T>>,
 }
 
-/// The efforts of a motor at a limited voltage: from `stall_effort` at standstill they fall to none at
+/// Efforts of a motor at a limited voltage: from `stall_effort` at standstill they fall to zero at
 /// `no_load_velocity`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -73,8 +73,8 @@ pub struct ThermalTable<T> {
     pub time_constant: T,
 }
 
-/// A motor with an inertia of its own, and the spring, damper and gap between it and the joint, all as they
-/// are at the joint. The drive closes its loops on the motor.
+/// A motor with its own inertia, and the spring, damper and gap between it and the joint, all values at the
+/// joint. The drive closes its loops on the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "DrivetrainConfig")]
@@ -193,8 +193,8 @@ impl<T: Copy + Default> ActuatorTable<T> {
         settings.check().map(|()| settings).map_err(refused)
     }
 
-    /// Returns the actuators of the joints of a model: `of_all`, overridden by those of single joints. Empty
-    /// if all are ideal.
+    /// Returns the actuators of the joints of a model: `of_all`, overridden by actuators of single joints.
+    /// Empty if all are ideal.
     ///
     /// # Errors
     ///

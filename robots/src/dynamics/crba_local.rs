@@ -10,8 +10,8 @@ use crate::algebra::{LANES, M3, RigidInertia, Spatial, Turn, V3, fused, sin_cos_
 use crate::model::dh_frames::{DhBody, JointZeros, LinkTransform};
 use crate::model::flat::FlatModel;
 
-/// Wrenches side by side, by component: force x, y, z, moment x, y, z. All about the origin of the frame that
-/// the recursion has come down to.
+/// Wrenches next to one another, by component: force x, y, z, moment x, y, z; all about the origin of the
+/// present frame of the recursion.
 #[derive(Clone, Debug)]
 #[repr(align(32))]
 struct Block([[f64; LANES]; 6]);

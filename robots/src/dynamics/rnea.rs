@@ -110,8 +110,8 @@ impl Dynamics {
         self.outward::<true>(flat, v, a);
     }
 
-    /// Leaves in slot 0 the wrench that moves the whole robot, gravity apart, about the base's origin in its
-    /// axes.
+    /// Leaves in slot 0 the wrench that moves the whole robot, without gravity, about the base's origin in
+    /// its axes.
     pub(super) fn base_wrench(&mut self, model: &Model, q: &[f64], v: &[f64], a: &[f64]) {
         let mut tau = std::mem::take(&mut self.scratch);
         tau.resize(model.nv(), 0.0);

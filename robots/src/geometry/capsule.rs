@@ -15,7 +15,7 @@ const MOST_STEPS: usize = 60;
 /// [`Geometry::Capsule`].
 ///
 /// The axis is the one of smallest volume found by a local search from each principal axis of the points. The
-/// radius is that of the smallest circle around the points seen along the axis. `None` without points.
+/// radius is the smallest circle's around the points seen along the axis. `None` without points.
 pub fn fit_capsule(points: &[Vector3<f64>]) -> Option<(Isometry3<f64>, Geometry)> {
     if points.is_empty() {
         return None;

@@ -286,7 +286,7 @@ impl CollisionModel {
         self.pairs.retain(keep);
     }
 
-    /// Leaves out the pairs of two links or obstacles. Returns how many pairs of solids that were.
+    /// Excludes the pairs of two links or obstacles. Returns the number of excluded pairs of solids.
     pub fn exclude(&mut self, first: &str, second: &str) -> usize {
         let before = self.pairs.len();
         let solids = &self.solids;

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-/// A convex shape about the origin of its own frame. Lengths in metres, axes of revolution along z.
+/// A convex shape about the origin of its frame. Lengths in metres, axes of revolution along z.
 ///
 /// # Example
 ///

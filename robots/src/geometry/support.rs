@@ -9,7 +9,7 @@ use parry3d_f64::shape::SupportMap;
 
 use crate::algebra::{M3, V3};
 
-/// A convex set about the origin of its own frame.
+/// A convex set about the origin of its frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Core {
     /// The origin.

@@ -15,7 +15,7 @@ pub(super) type Bounds = (V3, V3);
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BoxTree {
     nodes: Vec<Node>,
-    /// Indices of the boxes; those of a leaf are adjacent.
+    /// Indices of the boxes; the boxes of a leaf are adjacent.
     order: Vec<u32>,
 }
 

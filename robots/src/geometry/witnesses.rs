@@ -123,8 +123,8 @@ impl Collisions {
     /// Appends the witnesses of a pair to `found`, at most `most` and
     /// [`MOST_WITNESSES`](Self::MOST_WITNESSES). Witnesses are pairs of opposite points, any of which may
     /// become the nearest after a small rotation. `nearest`, measured at these poses, is not included. Each
-    /// has the normal of `nearest` and, as its distance, the gap along it, which is no smaller than that of
-    /// `nearest`.
+    /// has the normal of `nearest` and, as its distance, the gap along it, which is no smaller than
+    /// `nearest`'s.
     ///
     /// Between a flat face and an edge or another face, the nearest points jump from corner to corner as the
     /// solids rotate, and the [gradient](CollisionModel::distance_jacobian) at one does not cover the others.

@@ -8,7 +8,8 @@
 //!   exp(x)`; the right Jacobian to one in body axes, `d/dt exp(x) = exp(x) (Jr x')^`. `Jr(x) = Jl(-x)`.
 //!
 //! Nothing here allocates. Results are accurate to a few units in the last place from angle zero to pi: power
-//! series stand where closed forms would subtract nearly equal numbers, and no angle is read from its cosine.
+//! series replace closed forms that would subtract nearly equal numbers, and no angle is computed from its
+//! cosine.
 //!
 //! References: Sola, Deray, Atchuthan, *A micro Lie theory for state estimation in robotics*, 2018; Barfoot,
 //! *State Estimation for Robotics*, chapter 7.

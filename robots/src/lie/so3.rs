@@ -48,8 +48,8 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian_inverse(&-phi)
 }
 
-/// The rotation of least angle that takes `from` to `to`. Of opposite vectors, and of those that differ from
-/// opposite ones by rounding alone, a half turn about some axis square to `from`.
+/// The rotation of least angle from `from` to `to`. For vectors that are opposite up to rounding, a half turn
+/// about some axis perpendicular to `from`.
 ///
 /// Accurate to rounding at every angle: half the sine and half the cosine are lengths of the sum and the
 /// difference.

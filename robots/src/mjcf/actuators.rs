@@ -92,7 +92,7 @@ fn position_drive(
     if !(tag == "position" || tag == "general" && is_servo && offset == 0.0) {
         return Ok(None);
     }
-    // MuJoCo takes a positive number for a ratio to critical damping.
+    // MuJoCo interprets a positive number as a ratio to critical damping.
     let (kp, kd, damping_ratio) = (gain, (-rate).max(0.0), rate.max(0.0));
     let squared = gear * gear;
     Ok((kp > 0.0).then_some(PositionDrive { kp: kp * squared, kd: kd * squared, damping_ratio }))

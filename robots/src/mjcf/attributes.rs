@@ -107,7 +107,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         }
     }
 
-    /// Returns the class of an element: its own, or that of the surrounding bodies.
+    /// Returns the class of an element: its own, or the surrounding bodies'.
     fn class_of(&self, node: Node<'a, 'i>, around: &'a str) -> Result<&'a str, MjcfError> {
         let class = node.attribute("class").unwrap_or(around);
         self.known_class(node, class).map(|()| class)
@@ -289,8 +289,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
     }
 
-    /// Returns `N` numbers, of which the first ones come from the element, then from its class, its parents,
-    /// and `default`.
+    /// Returns `N` numbers, the first ones from the element, then from its class, its parents, and `default`.
     pub(super) fn first_numbers<const N: usize>(
         &self,
         name: &str,
@@ -306,8 +305,8 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(numbers)
     }
 
-    /// Elements that set the attributes: those of the class and of its parents, in order, then the element
-    /// itself.
+    /// Elements that set the attributes: the defaults of the class and of its parents, in order, then the
+    /// element itself.
     pub(super) fn elements(&self) -> impl Iterator<Item = Node<'a, 'i>> {
         let class = self.defaults.and_then(|defaults| defaults.get(ELEMENT)).map_or(&[][..], Vec::as_slice);
         class.iter().map(|given| given.node).chain([self.node])
@@ -339,7 +338,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         self.attributes.error(self.node, problem)
     }
 
-    /// An error with a message of its own.
+    /// An error with a custom message.
     pub(super) fn fault(&self, problem: impl Into<String>) -> MjcfError {
         self.error(MjcfProblem::Other(problem.into()))
     }

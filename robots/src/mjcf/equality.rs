@@ -42,7 +42,7 @@ pub(super) fn couple<'a, 'i>(
         if follower == master || !straight(follower) || !straight(master) || followed {
             return Err(rule.fault("chains of couplings are not read; couple every joint with the same one"));
         }
-        // Both positions are relative to those in the pose of the file.
+        // Both positions are relative to the pose of the file.
         let multiplier = polynomial[1];
         let offset = references[follower] + polynomial[0] - multiplier * references[master];
         bodies[follower].joint.coordinate = Coordinate::Mimic { of: master, multiplier, offset };

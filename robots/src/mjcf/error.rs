@@ -79,7 +79,7 @@ pub enum MjcfProblem {
     Unknown {
         /// Element at fault.
         element: String,
-        /// The kind of thing: `joint`, `body`, `mesh` or `class`.
+        /// The kind of element: `joint`, `body`, `mesh` or `class`.
         what: &'static str,
         /// The name.
         name: String,

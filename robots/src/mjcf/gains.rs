@@ -1,4 +1,4 @@
-//! Gain and bias of an actuator: of the elements of its class, then of its own.
+//! Gain and bias of an actuator: from the elements of its class, then from its own.
 
 use roxmltree::Node;
 

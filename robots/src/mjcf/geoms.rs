@@ -216,7 +216,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         }
     }
 
-    /// Rejects a geom whose inertia is not that of a solid.
+    /// Rejects a geom with another inertia than a solid's.
     pub(super) fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
         if geom.flag("shellinertia", false)? {
             return Err(geom.refused("shellinertia", SHELL));

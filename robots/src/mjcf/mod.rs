@@ -41,7 +41,7 @@ use crate::{LinkColours, LoadOptions, Model, ModelWarning, Profile, Srdf};
 /// An MJCF text turned into a model.
 #[derive(Clone, Debug)]
 pub struct MjcfRobot {
-    /// The robot. Joints stand in MuJoCo's order.
+    /// The robot, with joints in MuJoCo's order.
     pub model: Model,
     /// Defects that did not prevent loading, and ignored elements.
     pub warnings: Vec<ModelWarning>,

@@ -6,7 +6,7 @@
 /// Treatment of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
-    /// It is read.
+    /// Supported.
     Read,
     /// No effect on a model: names, appearance, solver and contact parameters, user data.
     NoEffect,
@@ -121,7 +121,7 @@ pub(super) const GEOM: Schema = Schema {
         (Use::Read, &["mass", "density", "shellinertia", "group"]),
         // Parameters of contacts: each simulator here has its own.
         (Use::NoEffect, &["condim", "priority", "friction", "solmix", "solref", "solimp", "margin", "gap"]),
-        // Looks, of which viewers ask.
+        // Appearance, for viewers.
         (Use::Read, &["rgba", "material"]),
         (Use::NoEffect, &["castshadow", "user", "fluidcoef"]),
         // Concerns primitives fitted to meshes and height fields, which are rejected.
@@ -145,8 +145,8 @@ pub(super) const MESH: Schema = Schema {
     groups: &[
         (Use::Read, &["name", "class", "file", "scale", "vertex", "face"]),
         (Use::NoEffect, &["normal", "texcoord"]),
-        // Mesh inertia is rejected if a robot needs it, or if an object needs it and it is not that of the
-        // solid.
+        // Mesh inertia is rejected if a robot needs it, or if an object needs it and it differs from the
+        // solid's.
         (Use::Read, &["inertia"]),
         (Use::NoEffect, &["smoothnormal", "maxhullvert", "content_type", "material"]),
         (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),

@@ -39,9 +39,9 @@ pub enum AttachError {
 }
 
 impl Model {
-    /// The robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` puts the tool's root
-    /// frame there. The tool's links and joints are called `prefix` and their names; its joints stand last in
-    /// `q` and `v`.
+    /// Returns the robot with `tool` (a gripper, another arm) fixed to `frame`: `placement` is the pose of
+    /// the tool's root frame there. The tool's links and joints get the `prefix`; its joints come last in `q`
+    /// and `v`.
     ///
     /// # Errors
     ///

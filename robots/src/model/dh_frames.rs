@@ -40,8 +40,8 @@ pub(crate) struct DhBody {
     pub(crate) inertia: RigidInertia,
 }
 
-/// Joint angle and lift of each position: angle = turning * q, turned further by `sin`, `cos`; lift = sliding *
-/// q + lift.
+/// Joint angle and lift of each position: angle = turning * q, turned further by `sin`, `cos`; lift =
+/// sliding * q + lift.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointZeros {
     pub(crate) turning: [f64; LANES],

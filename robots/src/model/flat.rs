@@ -1,4 +1,4 @@
-//! The model flattened for the inner loops: one plain record a body, parents first, nothing to look up.
+//! The model flattened for the inner loops: one plain record per body, parents first, without lookups.
 //!
 //! Every joint turns about or slides along the z axis of its *node frame*: the body frame, turned once at
 //! construction. With the joint at zero the node frame is the body frame times `align`.

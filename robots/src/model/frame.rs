@@ -37,9 +37,9 @@ pub struct Frame {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("robot \"{robot}\" has no link \"{name}\"{}", suggestion(.nearest.as_deref()))]
 pub struct UnknownFrame {
-    /// The name asked for.
+    /// The requested name.
     pub name: String,
-    /// The robot asked.
+    /// The requested robot.
     pub robot: String,
     /// The link most likely meant.
     pub nearest: Option<String>,

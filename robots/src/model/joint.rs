@@ -21,9 +21,9 @@ pub struct Limits {
     pub lower: f64,
     /// Highest position.
     pub upper: f64,
-    /// Largest speed, either way.
+    /// Largest speed in either direction.
     pub velocity: f64,
-    /// Largest effort, either way.
+    /// Largest effort in either direction.
     pub effort: f64,
 }
 

@@ -13,7 +13,7 @@ pub enum LockError {
     UnknownJoint {
         /// The robot.
         robot: String,
-        /// The name asked for.
+        /// The requested name.
         joint: String,
         /// The joint most likely meant.
         nearest: Option<String>,

@@ -163,7 +163,7 @@ impl Model {
         self.flat.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
     }
 
-    /// Mass of all links \[kg\], those fixed to the world too.
+    /// Mass of all links \[kg\], including links fixed to the world.
     ///
     /// ```
     /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;

@@ -29,7 +29,7 @@ pub enum SpringError {
 }
 
 impl Model {
-    /// The robot with springs in these joints, in place of those that they have: the name of the joint, the
+    /// Returns the robot with springs in these joints, replacing existing ones: the name of the joint, the
     /// stiffness \[Nm/rad or N/m\], and the position at which the spring is relaxed \[rad or m\].
     ///
     /// ```

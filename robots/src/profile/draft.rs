@@ -153,7 +153,7 @@ fn gains(model: &Model, home: &DVector<f64>) -> String {
 
 /// Inertias and weights at a posture.
 struct Weights {
-    /// Inertia that each joint moves while the others stand, kg m^2 or kg.
+    /// Inertia that each joint moves while the others are fixed, kg m^2 or kg.
     inertia: Vec<f64>,
     /// Inertia that each joint feels while the others are free.
     free_inertia: Vec<f64>,

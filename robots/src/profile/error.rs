@@ -22,7 +22,7 @@ pub enum ProfileError {
     /// No pose has this name.
     #[error("no pose is named \"{name}\"{}", suggestion_or_list(.nearest.as_deref(), .known))]
     UnknownPose {
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The pose most likely meant.
         nearest: Option<String>,
@@ -32,7 +32,7 @@ pub enum ProfileError {
     /// There is no end effector with this name.
     #[error("no end effector is named \"{name}\"{}", suggestion_or_list(.nearest.as_deref(), .known))]
     UnknownEndEffector {
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The end effector most likely meant.
         nearest: Option<String>,

@@ -89,7 +89,7 @@ fn best_of<'a>(
     better
 }
 
-/// Joints that move the tip, starting at the base, and those beyond it (its fingers).
+/// Joints that move the tip, starting at the base, and the joints beyond it (its fingers).
 pub(crate) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
     let body = model.frames()[tip.index()].body;
     let parents = |mut body: Option<usize>| {

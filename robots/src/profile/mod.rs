@@ -67,7 +67,7 @@ pub struct Profile {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LimitArrays {
-    /// Velocity limit of each joint \[rad/s or m/s\], below that of its file; `inf` keeps the file's limit.
+    /// Velocity limit of each joint \[rad/s or m/s\], below the file's; `inf` keeps the file's limit.
     velocity: Option<PerJoint>,
     /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
     acceleration: Option<PerJoint>,

@@ -26,7 +26,7 @@ pub struct BasePose {
 }
 
 impl BasePose {
-    /// That of an isometry.
+    /// Pose of an isometry.
     pub fn from_isometry(pose: &Isometry3<f64>) -> Self {
         let (roll, pitch, yaw) = pose.rotation.euler_angles();
         Self { position: pose.translation.vector.into(), rpy: [roll, pitch, yaw] }
@@ -80,7 +80,7 @@ pub enum Steering {
     Ackermann,
     /// Any planar velocity.
     Omnidirectional,
-    /// Every wheel steers by itself.
+    /// Every wheel steers independently.
     SteeredWheels,
 }
 

@@ -1,4 +1,4 @@
-//! Rays against height fields: from block to block, and through the cells of those that rise to the ray.
+//! Rays against height fields: from block to block, and through the cells of blocks that reach up to the ray.
 
 use super::HeightField;
 use super::field::BLOCK;

@@ -211,7 +211,7 @@ impl HeightField {
     }
 
     /// Passes the corners of the grid within `reach` \[m\] along x and y that rise above the line of their
-    /// neighbours along an axis to `visit`, each with a number of its own: where a flat body touches first.
+    /// neighbours along an axis to `visit`, each with a separate number: where a flat body touches first.
     pub fn visit_peaks(&self, x: f64, y: f64, reach: f64, visit: &mut dyn FnMut(u32, Point3<f64>)) {
         let (u, v) = self.in_cells(x, y);
         let wide = reach / self.spacing;

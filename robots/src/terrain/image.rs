@@ -41,7 +41,7 @@ impl Picture {
                 b"IEND" => break,
                 _ => {}
             }
-            // a checksum follows the data; that of the pixels is checked below
+            // a checksum follows the data; the pixels' checksum is checked below
             rest = after.get(4..).ok_or("the file ends within a chunk")?;
         }
         let Header { size, bytes_per_pixel } = header.ok_or("no header (IHDR)")?;

@@ -146,7 +146,7 @@ pub enum TerrainError {
     /// More heights than fit.
     #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
-        /// Heights asked for.
+        /// Requested number of heights.
         found: f64,
         /// Heights possible.
         most: f64,
@@ -259,7 +259,7 @@ impl Terrain {
         let place = |index: usize, axis: usize| corner[axis] + self.spacing * index as f64;
         let mut heights = vec![0.0; count[0] * count[1]];
         for (number, layer) in self.layers.iter().enumerate() {
-            // every layer draws of its own
+            // every layer has separate random numbers
             let seed = layers::mixed(self.seed ^ (number as u64) << 32);
             layer.add(&format!("layers[{number}]"), seed, (corner, self.spacing, count), &mut heights)?;
         }

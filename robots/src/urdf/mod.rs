@@ -36,7 +36,7 @@ pub enum MimicMode {
     /// They follow their master, as in the file.
     #[default]
     Follow,
-    /// Each is an independent joint with a coordinate of its own.
+    /// Each is an independent joint with its own coordinate.
     Independent,
 }
 

@@ -10,7 +10,7 @@ use crate::{Geometry, Model, Shape, TriangleMesh};
 /// Length that no part of a common robot reaches \[m\]. A part of 20 mm in a file of millimetres does.
 const LONGEST: f64 = 20.0;
 
-/// Names what loads and is still doubtful.
+/// Reports doubtful properties that do not prevent loading.
 pub(crate) fn warn_of_model(model: &Model, warnings: &mut Vec<ModelWarning>) {
     warn_of_followers(model, warnings);
     warn_of_sizes(model, warnings);
@@ -70,8 +70,8 @@ fn warn_of_sizes(model: &Model, warnings: &mut Vec<ModelWarning>) {
     }
 }
 
-/// The longest side of a shape \[m\]; `None` of a mesh in a file of its own, which readers of robots leave
-/// closed.
+/// The longest side of a shape \[m\]; `None` for a mesh in a separate file, which the URDF reader does not
+/// open.
 fn length(shape: &Shape) -> Option<f64> {
     Some(match &shape.geometry {
         Geometry::Box { size } => size.max(),

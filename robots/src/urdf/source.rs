@@ -217,7 +217,7 @@ impl<'a> Source<'a> {
         for child in joint.children().filter(Node::is_element) {
             match child.tag_name().name() {
                 "mimic" => drop(self.require_attribute(child, "joint")?),
-                // Read here; `urdf-rs` would want all of its attributes.
+                // Parsed here; `urdf-rs` would require all of its attributes.
                 "safety_controller" => unused.push(child.range()),
                 known if KNOWN.contains(&known) => {}
                 _ => unused.push(child.range()),

@@ -156,7 +156,7 @@ impl Writer<'_> {
                 format!(r#"<cylinder radius="{radius}" length="{length}"/>"#)
             }
             Geometry::Sphere { radius } => format!(r#"<sphere radius="{radius}"/>"#),
-            // URDF has none: its hull is one.
+            // URDF has no capsule: its hull is used.
             Geometry::Capsule { radius, length } => {
                 let mesh = Arc::new(capsule(*radius, *length));
                 let name = self.mesh(mesh);

@@ -43,7 +43,7 @@ pub struct Connection {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ConnectionKind {
-    /// They turn about the point, as in a ball joint, a pin of a planar linkage, or a rod end.
+    /// They rotate about the point, as in a ball joint, a pin of a planar linkage, or a rod end.
     #[default]
     Ball,
     /// No relative motion.

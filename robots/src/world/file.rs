@@ -20,7 +20,7 @@ const LONGEST: u64 = 64 * 1024 * 1024;
 /// The file cannot be read as a world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WorldFileError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{}: {reason}", .path.display())]
     Read {
         /// The file.

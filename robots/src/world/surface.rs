@@ -54,8 +54,8 @@ impl Softness {
     }
 }
 
-/// Direction-dependent friction, like that of a skate, a ski or corduroy: the grain's coefficient along
-/// `direction`, the surface's across it.
+/// Direction-dependent friction, as of a skate, a ski or corduroy: the grain's coefficient along `direction`,
+/// the surface's across it.
 ///
 /// In other directions the maximum friction forces form an ellipse, and sliding dissipates maximum energy.
 ///

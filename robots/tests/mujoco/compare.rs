@@ -1,4 +1,4 @@
-//! Quantities of a model beside MuJoCo's.
+//! Quantities of a model compared with MuJoCo's.
 
 use motorium_robots::{Dynamics, Kinematics, Model};
 use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};

@@ -1,5 +1,5 @@
-//! A scene with the features of MuJoCo Menagerie's files: includes in includes, classes, inline meshes,
-//! position drives, keyframes. `scene.py` writes what MuJoCo makes of it.
+//! A scene with the features of MuJoCo Menagerie's files: nested includes, classes, inline meshes, position
+//! drives, keyframes. `scene.py` writes MuJoCo's result.
 
 use std::path::{Path, PathBuf};
 

@@ -106,7 +106,7 @@ const REFUSED: &[(&str, u32, u32, &str)] = &[
     ("xml_broken", 4, 11, "not well-formed XML: expected 'body' tag, not 'bdy'"),
 ];
 
-/// Files that are read with a warning: all that it says is ignored.
+/// Files read with a warning about ignored values.
 const IGNORED: &[(&str, &[&str])] = &[
     ("joint_effort_one_sided", &["actuatorfrcrange of <joint>"]),
     ("joint_stiffness_polynomial", &["stiffness of <joint>"]),
@@ -140,7 +140,7 @@ const IGNORED: &[(&str, &[&str])] = &[
     ("contact_pair", &["<pair> of <contact>"]),
 ];
 
-/// Files that MuJoCo refuses and that are read as they stand, with a warning of their own.
+/// Files that MuJoCo refuses and that are read with a separate warning.
 const READ_NEVERTHELESS: &[&str] = &["inertia_triangle"];
 
 fn files() -> Vec<Value> {

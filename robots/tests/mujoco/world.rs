@@ -1,5 +1,5 @@
-//! A world with a height field, a body of several geoms, and bodies that are held. `world.py` writes what
-//! MuJoCo makes of it.
+//! A world with a height field, a body of several geoms, and connected bodies. `world.py` writes MuJoCo's
+//! result.
 
 use approx::assert_relative_eq;
 use motorium_robots::{ConnectionKind, Ray, RayScene, World, parse_mjcf_world};
@@ -60,7 +60,7 @@ fn bodies_that_are_held_become_connections_at_the_same_points() {
     let world = world();
     let [ball, spike] = &world.connections[..] else { panic!("{:?}", world.connections) };
     assert_eq!((ball.kind, &ball.parts), (ConnectionKind::Ball, &["ball".to_owned(), "world".to_owned()]));
-    // The origin of the object is that of its geom, 0.1 m below that of the body.
+    // The origin of the object is its geom's, 0.1 m below the body's.
     let point = Vector3::from(ball.point);
     assert_relative_eq!(point, Vector3::new(-0.3, 0.0, 0.3), epsilon = 1e-12);
     let parts = ["hammer".to_owned(), "ball".to_owned()];

@@ -13,7 +13,7 @@ impl Random {
     }
 }
 
-/// A robot of one slide without links in the way, so that obstacles meet one shape on its base.
+/// A robot of one slide without other links, so that obstacles meet one shape on its base.
 pub(crate) fn with_shape(geometry: &str) -> Model {
     let text = format!(
         "<robot name=\"r\"><link name=\"base\"/><link name=\"body\">\

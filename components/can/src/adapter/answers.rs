@@ -3,8 +3,8 @@
 use super::{Link, Phase};
 
 impl Link {
-    /// True if the answer of this cycle has come; of a drive that reports by itself, if no report is overdue.
-    /// One whose heartbeat is overdue counts as missing, whatever else it sends.
+    /// Returns `true` if the answer of this cycle has arrived or, for a drive that reports unasked, if no
+    /// report is overdue. A drive with an overdue heartbeat counts as missing, whatever else it sends.
     pub(super) fn has_answered(&self) -> bool {
         match (self.dialogue.reports_every_ns(), self.received_ns) {
             (None, _) => self.answered && !self.is_state_overdue(),
@@ -18,8 +18,8 @@ impl Link {
     /// Sorts an answer that was received at `time_ns` into the cycles, and counts it; false for one that is
     /// not to be taken.
     ///
-    /// Answers carry no number. One that comes sooner than this cycle's frame can have been answered belongs
-    /// to an earlier one, and so does the first of two in a cycle after one without.
+    /// Answers carry no number. An answer too early for this cycle's frame belongs to an earlier one, and so
+    /// does the first of two in a cycle after a missing answer.
     pub(super) fn sort(&mut self, time_ns: u64) -> bool {
         if self.dialogue.reports_every_ns().is_some() {
             self.answered = true;
@@ -56,8 +56,8 @@ impl Link {
         self.is_behind
     }
 
-    /// Leaves it out of the next cycle, if its answers may come a cycle late: one has not come, and those
-    /// since are answers to the frames before just as well.
+    /// Skips the drive in the next cycle if its answers may be a cycle late: one is missing, so later ones
+    /// may answer earlier frames.
     pub(super) fn probe(&mut self) {
         let answers = self.dialogue.reports_every_ns().is_none();
         self.is_probed = answers && self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;

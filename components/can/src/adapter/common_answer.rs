@@ -3,7 +3,7 @@
 use crate::frame::{DecodeError, Form, Frame, Id};
 use crate::servo::{EVERYBODY, FastReader, LONGEST, write_status};
 
-/// Fast reads in a row without any answer, after which the servos are believed not to know them.
+/// Consecutive unanswered fast reads after which the servos count as not supporting them.
 const GIVEN_UP_AFTER: u32 = 3;
 
 /// The common answers on a line whose servos answer together.
@@ -20,7 +20,7 @@ impl CommonAnswer {
         frame.form == Form::Packet && frame.id == Id::Standard(EVERYBODY.into())
     }
 
-    /// Begins a cycle: whether the servos are to answer together, in so many bytes of each.
+    /// Begins a cycle; with common answers, each servo returns this many bytes.
     pub(super) fn ask(&mut self, count: u8) -> bool {
         self.unanswered += u32::from(core::mem::take(&mut self.is_expected));
         if self.unanswered >= GIVEN_UP_AFTER {

@@ -16,7 +16,7 @@ impl Adapter {
         self.links.iter_mut().for_each(|link| (link.is_released, link.is_off) = (true, false));
     }
 
-    /// True if each drive has answered that it is off since they were let go.
+    /// Returns `true` if each drive has answered that it is off since they were disabled.
     pub fn is_released(&self) -> bool {
         self.links.iter().all(|link| link.is_released && link.is_off)
     }

@@ -1,7 +1,7 @@
-//! The homing of joints whose position is not known when their power comes on.
+//! Homing of joints whose position is unknown at power-up.
 //!
-//! A drive with a procedure of its own is asked for it, and says zero at its mark. Any other joint is led
-//! slowly into its mechanical stop by the adapter.
+//! A drive with a homing procedure runs it and reads zero at its mark. Any other joint is moved slowly into
+//! its mechanical stop by the adapter.
 
 mod stop;
 
@@ -25,7 +25,7 @@ pub enum HomingFault {
     /// The drive ended it before it was seen to begin.
     #[error("the drive ended it before it had begun: is homing set up in it?")]
     NotBegun,
-    /// The drive let go meanwhile.
+    /// The drive disabled itself meanwhile.
     #[error("the drive let go while it was homed")]
     LetGo,
     /// The drive does not take an object of its homing.
@@ -37,7 +37,7 @@ pub enum HomingFault {
     /// The joint came to rest at two places.
     #[error("its stop lies at two places, {0:.4} apart: is something soft in its way?")]
     Ambiguous(f64),
-    /// The joint gave way when it stood there with half of its effort.
+    /// The joint sank back at half of its effort.
     #[error(
         "with half of `effort` it does not stay where it came to rest: was it no stop, but its weight that stopped it?"
     )]
@@ -52,11 +52,11 @@ pub enum HomingFault {
 pub enum HomingState {
     /// Its position is not known.
     Waiting,
-    /// It is being homed.
+    /// Being homed.
     Running,
     /// Its position is known.
     Homed,
-    /// It was not homed.
+    /// Not homed.
     Failed(HomingFault),
 }
 
@@ -103,8 +103,8 @@ impl Homing {
 }
 
 impl Adapter {
-    /// Lets homing go on, which it does by default, or stops it: joints under way let go at once, and begin
-    /// anew when it may go on. Joints that are held meanwhile follow [`set`](Self::set) until then.
+    /// Enables homing, as by default, or interrupts it: moving joints are disabled at once and restart when
+    /// homing is enabled again. Joints held meanwhile follow [`set`](Self::set) until then.
     pub fn allow_homing(&mut self, is_allowed: bool) {
         let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
         if !is_allowed {
@@ -124,7 +124,7 @@ impl Adapter {
         !self.links.iter().all(Link::is_homed)
     }
 
-    /// Goes on with the homing of the joints by a cycle, those of the lowest order first.
+    /// Advances the homing of the joints by a cycle, lowest order first.
     pub(super) fn advance_homing(&mut self) {
         if self.tripped || self.is_observer || !self.is_homing_allowed {
             self.links.iter_mut().for_each(Link::interrupt_homing);
@@ -137,7 +137,7 @@ impl Adapter {
             }
         }
         if self.tripped {
-            // they let go for the reason of another one
+            // they are disabled because of another drive
             self.links.iter_mut().for_each(Link::interrupt_homing);
             return;
         }
@@ -166,17 +166,17 @@ impl Adapter {
 }
 
 impl Link {
-    /// True if its position is that of the joint: it needs no homing, or has been homed.
+    /// Returns `true` if its position is the joint's: it needs no homing, or is homed.
     pub fn is_homed(&self) -> bool {
         self.homing.as_ref().is_none_or(|homing| homing.state == HomingState::Homed)
     }
 
-    /// The progress of its homing; `None` if it needs none.
+    /// Progress of its homing; `None` if it needs none.
     pub fn homing(&self) -> Option<HomingState> {
         self.homing.as_ref().map(|homing| homing.state)
     }
 
-    /// Forgets where it stands: its position is that of the joint no more.
+    /// Discards its reference: its position is no longer the joint's.
     pub(super) fn forget_homing(&mut self) {
         if let Some(homing) = &mut self.homing
             && !matches!(homing.state, HomingState::Failed(_))
@@ -185,15 +185,14 @@ impl Link {
         }
     }
 
-    /// Lets it go in the middle of its homing, which begins anew some day.
+    /// Disables it during its homing, which can restart later.
     fn interrupt_homing(&mut self) {
         if self.phase == Phase::Homing {
             self.end_homing(HomingState::Waiting);
         }
     }
 
-    /// Notes that a trip makes it let go, if it does: it has not done so by itself, and what it has found
-    /// stays.
+    /// Notes that a trip disables it, if it does: the drive has not disabled itself, and keeps its homing.
     pub(super) fn let_go(&mut self, on_trip: OnTrip) {
         self.interrupt_homing();
         let lets_go = self.phase == Phase::Enabled && on_trip == OnTrip::Disable;
@@ -202,7 +201,7 @@ impl Link {
         }
     }
 
-    /// Ends its homing: it lets go.
+    /// Ends its homing and disables it.
     pub(super) fn end_homing(&mut self, state: HomingState) {
         if self.phase == Phase::Homing {
             (self.phase, self.fresh) = (Phase::Disabled, false);
@@ -224,7 +223,7 @@ impl Link {
         }
     }
 
-    /// Goes on with its homing by a cycle; the result once it is over.
+    /// Advances its homing by a cycle; returns the result once it is over.
     fn advance_homing(&mut self, cycle_ns: u64) -> Option<Result<(), HomingFault>> {
         let Self { homing: Some(homing), phase: Phase::Homing, dialogue, gear, .. } = self else {
             return None;

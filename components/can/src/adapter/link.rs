@@ -1,4 +1,4 @@
-//! One drive as the adapter sees it.
+//! One drive as seen by the adapter.
 
 use super::dialogue::{Dialogue, Order, Response};
 use super::homing::{Homing, HomingFault, HomingState};
@@ -8,7 +8,7 @@ use crate::frame::{DecodeError, Frame};
 use crate::mit::{self, Ranges, State};
 use crate::table::{Table, Transmission};
 
-/// One drive as the adapter sees it.
+/// One drive as seen by the adapter.
 #[derive(Clone, Debug)]
 pub struct Link {
     pub(super) dialogue: Dialogue,
@@ -26,22 +26,21 @@ pub struct Link {
     pub(super) limits: ([f64; 2], f64),
     /// Time of the newest message with its state, ns, where its answers are without; of the newest heartbeat.
     pub(super) state_ns: Option<u64>,
-    /// Its newest answer says that it is off.
+    /// Its latest answer reports that it is off.
     pub(super) is_off: bool,
-    /// It is let go for the rest of the run.
+    /// Disabled for the rest of the run.
     pub(super) is_released: bool,
-    /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
+    /// Number of frames on its bus in this cycle up to its request; `None` if it has none.
     pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
     pub(super) answered: bool,
-    /// It has answered once.
+    /// It has answered at least once.
     pub(super) is_found: bool,
-    /// Frames that have not been answered yet, although their cycle is over: an answer may still be on its
-    /// way.
+    /// Unanswered frames of past cycles: an answer may still arrive.
     pub(super) owed: u32,
-    /// It is left out of this cycle: what it sends nevertheless answers an earlier frame.
+    /// Skipped in this cycle: its answers belong to an earlier frame.
     pub(super) is_probed: bool,
-    /// Its answers come a cycle late, each of them.
+    /// Each of its answers is a cycle late.
     pub(super) is_behind: bool,
     pub(super) fresh: bool,
     pub(super) sent_ns: u64,
@@ -114,7 +113,7 @@ impl Link {
         (self.position, self.velocity, self.effort)
     }
 
-    /// Its temperature, degrees Celsius, if it tells.
+    /// Its temperature, degrees Celsius, if reported.
     pub fn temperature(&self) -> Option<f64> {
         self.temperature
     }
@@ -144,11 +143,11 @@ impl Link {
         &self.counts
     }
 
-    /// The first phase: drives that tell their settings are checked.
+    /// First phase: drives with readable settings are checked.
     pub(super) fn start(&mut self) {
         self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
-        // one that does not tell its state may have lost its power meanwhile
+        // a drive without status reports may have lost its power meanwhile
         if let Some(homing) = &mut self.homing
             && !(homing.state == HomingState::Homed && self.dialogue.tells_its_state())
         {
@@ -157,13 +156,12 @@ impl Link {
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
     }
 
-    /// Begins anew with a drive that is let go, and has lost what it was told, or may have: its settings are
-    /// checked again.
+    /// Restarts with a disabled drive that has lost its settings, or may have: they are checked again.
     pub(super) fn begin_anew(&mut self) {
         if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
             self.dialogue.forget();
             self.start();
-            // where it was says nothing about where it is
+            // its last position does not determine the present one
             self.received_ns = None;
         }
     }
@@ -171,7 +169,7 @@ impl Link {
     /// Takes a frame of it that was received at `time_ns`.
     ///
     /// # Errors
-    /// It cannot be decoded.
+    /// Cannot be decoded.
     pub(super) fn take(&mut self, frame: &Frame, time_ns: u64) -> Result<Taken, DecodeError> {
         let checking = match self.phase {
             Phase::Checking(setting) => Some(setting),
@@ -181,7 +179,7 @@ impl Link {
         self.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
         Ok(match response {
             Response::Setting(wrong) => {
-                // it names what it answers: nothing from before is on its way any more
+                // it names the request: no earlier answer is pending
                 (self.answered, self.owed) = (true, 0);
                 if let (None, Some(setting)) = (wrong, checking) {
                     let next = setting + 1;
@@ -271,7 +269,7 @@ impl Link {
         })
     }
 
-    /// Enters a command of which a field lies beyond its range.
+    /// Records a command with a field beyond its range.
     pub(super) fn count_clamped(&mut self, order: &Order) {
         let Order::Follow(command) = order else { return };
         let r = &self.ranges;
@@ -286,12 +284,13 @@ impl Link {
         self.counts.clamped += u64::from(is_clamped);
     }
 
-    /// True while the adapter leads it to its stop.
+    /// Returns `true` while the adapter moves it to its stop.
     fn is_led(&self) -> bool {
         self.homing.as_ref().and_then(|homing| homing.stop.as_ref()).is_some_and(|stop| stop.is_enabled)
     }
 
-    /// Enters that it has started by itself; whether that trips the adapter: it does unless it is let go.
+    /// Records an unexpected restart; returns whether that trips the adapter, which it does unless the drive
+    /// is disabled.
     fn follow_restart(&mut self) -> bool {
         let lets_go = matches!(self.phase, Phase::Homing | Phase::Enabling | Phase::Enabled);
         if self.phase == Phase::Homing {
@@ -304,7 +303,7 @@ impl Link {
         lets_go
     }
 
-    /// A state that it reports; whether that trips the adapter.
+    /// Processes a reported state; returns whether that trips the adapter.
     pub(super) fn follow(&mut self, state: State) -> bool {
         match (state, self.phase) {
             (State::Fault(fault), phase) => {
@@ -333,7 +332,7 @@ impl Link {
                 self.counts.faults += 1;
                 true
             }
-            // It let go by itself: its power was cut, or its watchdog acted unseen.
+            // It was disabled without an order: its power was cut, or its watchdog acted unseen.
             (State::Disabled, Phase::Enabled) if !self.is_released => {
                 self.forget_homing();
                 self.phase = Phase::Fault;
@@ -350,9 +349,9 @@ impl Link {
 pub(super) struct Taken {
     /// The adapter trips.
     pub(super) trips: bool,
-    /// It knows nothing of before.
+    /// It has lost its settings.
     pub(super) has_restarted: bool,
-    /// A setting that is not that of the table.
+    /// A setting that differs from the table.
     pub(super) wrong: Option<WrongSetting>,
 }
 

@@ -1,15 +1,14 @@
 //! The adapter as pure logic: one cycle of commands and answers after the other, without ports, clocks and
 //! processes.
 //!
-//! In each cycle every drive is sent one frame and answers with one. A drive is checked first (a Damiao drive
-//! tells its ranges and its watchdog), then asked for its state while it is disabled, then enabled together
-//! with all others, then commanded. A drive that stays silent for three cycles, reports a fault or lets go
+//! In each cycle every drive receives one frame and answers with one. A drive is checked first (a Damiao
+//! drive reports its ranges and its watchdog), then queried while it is disabled, then enabled together with
+//! all others, then commanded. A drive that stays silent for three cycles, reports a fault or disables itself
 //! trips the adapter: from then on all drives are damped or disabled until [`Adapter::resume`].
 //!
-//! Answers carry no number, and one that comes exactly a cycle late looks like one in time. So when a drive
-//! has missed a cycle and answers again, it is left out of one cycle: an answer that comes nevertheless
-//! proves it to be a cycle behind, and it counts as lost. If none comes, the one answer was lost, and the
-//! drive goes on.
+//! Answers carry no number, so an answer exactly a cycle late looks like one in time. A drive that has missed
+//! a cycle and answers again is therefore skipped for one cycle. An answer in that cycle proves it to be a
+//! cycle behind, and it counts as lost; without one a single answer was lost, and the drive continues.
 
 mod answers;
 mod common_answer;
@@ -40,11 +39,11 @@ pub const LOST_AFTER: u32 = 3;
 /// The reaction of the other drives when one is lost or reports a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnTrip {
-    /// They brake softly: no position gain, the velocity gain of the safe states. Those that are commanded
-    /// positions hold the one at which they are.
+    /// Brake softly: no position gain, the velocity gain of the safe states. Position-controlled drives hold
+    /// their position.
     #[default]
     Damp,
-    /// They let go.
+    /// Disable.
     Disable,
 }
 
@@ -53,15 +52,15 @@ pub enum OnTrip {
 pub enum Phase {
     /// Its settings are being read, this one next.
     Checking(u8),
-    /// It is disabled; its settings are right.
+    /// Disabled, with correct settings.
     Disabled,
     /// Its joint is moved to the mark from which its position is known.
     Homing,
-    /// It has been asked to follow commands.
+    /// Enabling was requested.
     Enabling,
-    /// It follows commands.
+    /// Follows commands.
     Enabled,
-    /// It let go by a fault of its own.
+    /// Disabled itself because of a fault.
     Fault,
 }
 
@@ -84,7 +83,7 @@ pub struct Setpoint {
 #[derive(Clone, Debug)]
 pub struct Adapter {
     links: Vec<Link>,
-    /// Of each bus; `None` where drives answer one by one.
+    /// For each bus; `None` if drives answer one by one.
     common: Vec<Option<CommonAnswer>>,
     on_trip: OnTrip,
     tripped: bool,
@@ -123,14 +122,14 @@ impl Adapter {
         }
     }
 
-    /// The same, but no drive is ever enabled: they are checked, and tell where they stand.
+    /// The same, but no drive is ever enabled: drives are checked and report their positions.
     #[must_use]
     pub fn observer(self) -> Self {
         Self { is_observer: true, ..self }
     }
 
-    /// The same, with the position gain of each joint while it is held, between its homing and its first
-    /// command. Default none: it is damped.
+    /// Also sets the position gain of each joint while it is held, between its homing and its first command.
+    /// Default: none, the joint is damped.
     #[must_use]
     pub fn with_stiffness(mut self, stiffness: &[f64]) -> Self {
         self.links.iter_mut().zip(stiffness).for_each(|(link, stiffness)| link.stiffness = *stiffness);
@@ -162,7 +161,7 @@ impl Adapter {
         self.tripped
     }
 
-    /// The first drive with a setting that is not that of the table.
+    /// The first drive with a setting that differs from the table.
     pub fn wrong_setting(&self) -> Option<(usize, WrongSetting)> {
         self.wrong
     }
@@ -219,7 +218,7 @@ impl Adapter {
         }
     }
 
-    /// Ends the cycle: drives that were asked and have not answered are missing. `counts` is false where
+    /// Ends the cycle: drives without an answer to their request count as missing. `counts` is `false` if
     /// nobody can answer any more.
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
@@ -231,7 +230,7 @@ impl Adapter {
             link.counts.missing += u64::from(is_lost);
             let answers = link.dialogue.reports_every_ns().is_none();
             link.owed = link.owed.saturating_add(u32::from(is_lost && answers));
-            // servos of which some are checked are asked in turns
+            // partly checked servos are polled in turn
             let is_due = link.asked || !matches!(link.dialogue, Dialogue::Servo(_));
             if is_due && !link.is_probed {
                 link.silent = if is_missing { link.silent + 1 } else { 0 };
@@ -270,7 +269,7 @@ impl Adapter {
         }
     }
 
-    /// True if each drive that was asked in this cycle has answered.
+    /// Returns `true` if each drive queried in this cycle has answered.
     pub fn has_all_answers(&self) -> bool {
         let waits = |link: &Link| link.asked && !link.answered && link.dialogue.reports_every_ns().is_none();
         !self.links.iter().any(waits)
@@ -294,12 +293,12 @@ impl Adapter {
         }
     }
 
-    /// True if the state of every joint is known and none is lost.
+    /// Returns `true` if the state of every joint is known and no drive is lost.
     pub fn is_complete(&self) -> bool {
         self.is_known() && self.links.iter().all(|link| link.silent < LOST_AFTER)
     }
 
-    /// True if every drive has answered, and its position is that of its joint.
+    /// Returns `true` if every drive has answered and its position is its joint's.
     pub fn is_known(&self) -> bool {
         self.links.iter().all(|link| link.received_ns.is_some() && link.is_homed())
     }
@@ -314,8 +313,8 @@ impl Adapter {
         self.links[joint].setpoint = setpoint;
     }
 
-    /// Writes the frames of this cycle for one bus into `frames`, of which the caller says by
-    /// [`sent`](Self::sent) how many were taken.
+    /// Writes the frames of this cycle for one bus into `frames`; the caller reports the number of sent
+    /// frames by [`sent`](Self::sent).
     pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             if link.end_probe() {
@@ -342,7 +341,7 @@ impl Adapter {
             let order = link.order(trip);
             link.count_clamped(&order);
             is_line |= matches!(link.dialogue, Dialogue::Servo(_));
-            // service data are answered by themselves
+            // service data are always answered
             let waits = matches!(link.dialogue, Dialogue::Cia402(_)) && !matches!(order, Order::Check(_));
             is_synchronised |= waits;
             link.dialogue.write(&order, frames);
@@ -366,7 +365,7 @@ impl Adapter {
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
         let was_asked = |link: &&mut Link| link.bus == bus && link.asked_by.is_some_and(|by| by <= count);
         for link in self.links.iter_mut().filter(was_asked) {
-            // what has come since the last cycle ended answers an earlier frame
+            // frames received since the last cycle ended answer an earlier frame
             let answers = link.dialogue.reports_every_ns().is_none();
             link.counts.late += u64::from(link.answered && answers);
             link.owed = link.owed.saturating_sub(u32::from(link.answered));
@@ -374,11 +373,11 @@ impl Adapter {
         }
     }
 
-    /// Lets it go on after it has tripped: drives that are lost or let go are checked and enabled again.
+    /// Resumes after a trip: lost or disabled drives are checked and enabled again.
     pub fn resume(&mut self) {
         (self.tripped, self.out_of_range) = (false, None);
         for link in &mut self.links {
-            // one that does not tell its state may have let go meanwhile
+            // a drive without status reports may have disabled itself meanwhile
             let is_well = link.phase == Phase::Enabled
                 && link.is_homed()
                 && link.silent == 0

@@ -8,7 +8,7 @@ use crate::mit;
 /// Velocities of the drive's range that a joint may move with from outside, as when it is off and moved by
 /// hand.
 const FASTER: f64 = 2.0;
-/// Distance that two readings in a row may always be apart, rad: steps of the encoder, and play.
+/// Distance always allowed between two consecutive readings, rad: encoder steps and backlash.
 const JUMP: f64 = 0.1;
 /// Position beyond which 32-bit numbers do not resolve a hundredth of a radian, rad.
 const FARTHEST: f64 = 1e5;

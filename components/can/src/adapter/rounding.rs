@@ -4,11 +4,11 @@ use crate::mit::{Command, Drive};
 
 /// The rounding of the commands of one drive, made up for by its torque.
 ///
-/// The fields of a command have 12 and 16 bits, and no integer stands for a velocity or a torque of zero.
-/// Rounded one by one they turn a joint aside by half a step of the torque over the stiffness, and hold it
-/// there. Instead the torque takes over what positions, velocities and gains lose, at the newest state of the
-/// drive, and what its own rounding leaves is added to the torque of the next cycle (error diffusion). So the
-/// mean torque is the one commanded, and a single one at most a step beside it.
+/// The fields of a command have 12 and 16 bits, and no integer represents a velocity or a torque of zero.
+/// Rounded separately, they would displace a joint by half a torque step over the stiffness. Instead, the
+/// torque absorbs the rounding of positions, velocities and gains at the newest state of the drive, and its
+/// own rounding error is added to the torque of the next cycle (error diffusion). So the mean torque is
+/// exact, and a single one is off by at most one step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rounding {
     /// The part of the torques so far that has not been sent, N m.
@@ -16,8 +16,8 @@ pub(super) struct Rounding {
 }
 
 impl Rounding {
-    /// The command to send, at this position \[rad\] and velocity \[rad/s\] of the drive; without them as it
-    /// is. What lies beyond a range is cut off, and not made up for.
+    /// Returns the command to send at this position \[rad\] and velocity \[rad/s\] of the drive; without them
+    /// the command is unchanged. Values beyond a range are clamped and not compensated.
     pub(super) fn command(&mut self, wanted: &Command, drive: &Drive, state: Option<(f64, f64)>) -> Command {
         let Some((position, velocity)) = state else { return *wanted };
         let (ranges, fields) = (drive.ranges(), drive.fields());

@@ -1,17 +1,17 @@
-//! Settings of drives that are not those of the table.
+//! Settings of drives that differ from the table.
 
 use crate::damiao::Register;
 use crate::moteus::Home;
 
-/// A setting of a drive that is not that of the table.
+/// A setting of a drive that differs from the table.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum WrongSetting {
     /// The watchdog, ns; `None` for off.
     #[error("its watchdog is {}, the table says {} ms", ms(*.found), *.expected as f64 / 1e6)]
     Watchdog {
-        /// That of the drive.
+        /// Value in the drive.
         found: Option<u64>,
-        /// That of the table.
+        /// Value in the table.
         expected: u64,
     },
     /// The end of a range.
@@ -19,9 +19,9 @@ pub enum WrongSetting {
     Range {
         /// The register.
         register: Register,
-        /// That of the drive.
+        /// Value in the drive.
         found: f64,
-        /// That of the table.
+        /// Value in the table.
         expected: f64,
     },
     /// The control mode.
@@ -54,33 +54,33 @@ pub enum WrongSetting {
     /// The limit of the current, in the units of the drive's register.
     #[error("its limit of current is {found}, the table says {expected}, in the units of its register")]
     CurrentLimit {
-        /// That of the drive.
+        /// Value in the drive.
         found: f64,
-        /// That of the table.
+        /// Value in the table.
         expected: f64,
     },
     /// The homing offset of a servo, steps.
     #[error("its homing offset is {found} steps, the table says {expected}")]
     HomingOffset {
-        /// That of the servo.
+        /// Value in the servo.
         found: i32,
-        /// That of the table.
+        /// Value in the table.
         expected: i32,
     },
     /// The rated torque, of which torques are thousandths, N m.
     #[error("its rated torque is {found} N m, the table says {expected}")]
     RatedTorque {
-        /// That of the drive.
+        /// Value in the drive.
         found: f64,
-        /// That of the table.
+        /// Value in the table.
         expected: f64,
     },
     /// The rated current, of which currents are thousandths, A.
     #[error("its rated current is {found} A, the table says {expected}")]
     RatedCurrent {
-        /// That of the drive.
+        /// Value in the drive.
         found: f64,
-        /// That of the table.
+        /// Value in the table.
         expected: f64,
     },
     /// The place from which a moteus counts its position.
@@ -88,23 +88,23 @@ pub enum WrongSetting {
         "its position is counted from {found}, the table needs one counted from {expected}: give the joint a `homing`, tell the drive where it stands (`d exact`, `d nearest`), or write `reference`"
     )]
     Reference {
-        /// That of the drive.
+        /// Value in the drive.
         found: Home,
-        /// That of the table.
+        /// Value in the table.
         expected: Home,
     },
     /// The operating mode of a servo.
     #[error("its operating mode is {found}, expected {expected}, that of positions")]
     OperatingMode {
-        /// That of the servo.
+        /// Value in the servo.
         found: u8,
-        /// That of positions.
+        /// Mode of positions.
         expected: u8,
     },
     /// The limits of a servo's goals, rad.
     #[error("its goals end at {:.3} and {:.3} rad, the table has positions up to {expected}", .found[0], .found[1])]
     Goals {
-        /// Those of the servo.
+        /// Values in the servo.
         found: [f64; 2],
         /// The largest position of the table.
         expected: f64,
@@ -116,9 +116,9 @@ pub enum WrongSetting {
     Mapping {
         /// The index of the object.
         index: u16,
-        /// That of the drive.
+        /// Value in the drive.
         found: u32,
-        /// That of the adapter.
+        /// Value of the adapter.
         expected: u32,
     },
     /// An object that the drive does not let be set, or does not have.

@@ -1,6 +1,6 @@
 //! The bits of a frame on the wire, stuffing included.
 //!
-//! A frame is sent from its start bit to the three bits that keep two frames apart. Within it a bit of the
+//! A frame lasts from its start bit to the three bits that separate two frames. Within it a bit of the
 //! opposite value is inserted after each five equal ones; in the checksum of CAN FD, at fixed places. A byte
 //! of a serial line has ten bits.
 
@@ -31,7 +31,7 @@ pub struct Bits {
     pub fast: u32,
 }
 
-/// From the delimiter of the checksum to the end of the pause: none of these bits is stuffed.
+/// From the delimiter of the checksum to the end of the interframe space: none of these bits is stuffed.
 const TAIL: u32 = 13;
 
 impl Bits {
@@ -96,7 +96,7 @@ impl Bits {
         }
     }
 
-    /// The bits of the longest frame of this form with so many bytes, whatever they are.
+    /// Bits of the longest frame of this form and number of bytes, for any content.
     pub fn worst(is_extended: bool, form: Form, bytes: usize) -> Self {
         let plain = Self::nominal(is_extended, form, bytes);
         if form == Form::Packet {
@@ -115,7 +115,7 @@ impl Bits {
         Self { nominal: plain.nominal + head, fast: plain.fast + stuffed(all) - head }
     }
 
-    /// The bits of a frame of this form with so many bytes, stuffing left out.
+    /// Bits of a frame of this form and number of bytes, without stuffing.
     pub fn nominal(is_extended: bool, form: Form, bytes: usize) -> Self {
         let bits = 8 * bytes as u32;
         match (form, is_extended) {
@@ -149,7 +149,7 @@ fn checksum_field(bytes: usize) -> u32 {
     if bytes <= 16 { 4 + 17 + 6 } else { 4 + 21 + 7 }
 }
 
-/// The four bits that stand for a length.
+/// The four bits that encode a length.
 fn length_code(bytes: usize) -> u32 {
     match bytes {
         0..=8 => bytes as u32,

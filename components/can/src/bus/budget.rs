@@ -1,4 +1,5 @@
-//! The budget of a cycle: whether all commands and answers fit on the bus, with the arithmetic.
+//! The budget of a cycle: compares all commands and answers with the capacity of the bus, with the
+//! arithmetic.
 
 use core::fmt;
 
@@ -47,7 +48,7 @@ pub struct Budget {
     pub rates: Rates,
     /// Command and answer of each drive.
     pub exchanges: Vec<(Shape, Shape)>,
-    /// Frames beside them, such as a synchronisation and second answers.
+    /// Additional frames, such as a synchronisation and second answers.
     pub others: Vec<Shape>,
     /// Longest time from a command to the beginning of its answer, ns.
     pub turn_round_ns: u64,
@@ -65,8 +66,8 @@ impl Budget {
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
-    /// Time from the first bit of the commands to the last of the answers in the worst case, ns: all bits,
-    /// and one turn-round, while that of the last answer the bus is idle.
+    /// Worst-case time from the first bit of the commands to the last bit of the answers, ns: all bits, and
+    /// the turn-round of the last answer, during which the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }
@@ -87,7 +88,7 @@ impl Budget {
         if count == 0 {
             return 0;
         }
-        // each with its share of the frames beside
+        // each with its share of the additional frames
         let each_ns = self.busy_ns().div_ceil(count);
         self.cycle_ns.saturating_sub(self.turn_round_ns) / each_ns
     }

@@ -1,5 +1,5 @@
-//! Buses: the bits of frames, the budget of a cycle, the interface of a bus, simulated ones, those of the
-//! kernel, and those on serial lines.
+//! Buses: the bits of frames, the budget of a cycle, the [`Bus`] trait, and simulated, kernel and serial
+//! buses.
 
 pub mod bits;
 pub mod budget;
@@ -38,10 +38,10 @@ pub struct Received {
 /// assert_eq!(inbox[0].frame, hello);
 /// ```
 pub trait Bus {
-    /// Hands frames over in this order; how many were taken. The others are not sent: nothing waits for a
-    /// later time, when newer commands are there.
+    /// Sends frames in this order and returns the number accepted. The others are discarded, because newer
+    /// commands follow.
     fn send(&mut self, frames: &[Frame]) -> usize;
 
-    /// Takes frames that were received, in their order; how many.
+    /// Moves received frames into `frames`, in their order, and returns their number.
     fn receive(&mut self, frames: &mut [Received]) -> usize;
 }

@@ -38,7 +38,7 @@ impl RealBus {
     /// is a path, or else an interface of the kernel.
     ///
     /// # Errors
-    /// It cannot be opened, or has other rates.
+    /// The interface cannot be opened, or has other rates.
     pub fn open(name: &str, rates: &Rates, is_fd: bool) -> Result<Self, OpenError> {
         let slcan = |path| SlcanBus::open(path, *rates, is_fd).map(|bus| Self::Serial(Box::new(bus)));
         if let Some(place) = Place::from_interface(name) {
@@ -56,7 +56,7 @@ impl RealBus {
     /// Opens an interface of the kernel with the rates that it has.
     ///
     /// # Errors
-    /// It cannot be opened.
+    /// The interface cannot be opened.
     pub fn of_interface(name: &str) -> Result<Self, OpenError> {
         SocketBus::open(name).map(|bus| Self::Socket(Box::new(bus)))
     }
@@ -64,7 +64,7 @@ impl RealBus {
     /// Opens a line of serial servos with this speed, bit/s.
     ///
     /// # Errors
-    /// It cannot be opened, or knows no such speed.
+    /// The line cannot be opened, or does not support the speed.
     pub fn open_servos(path: &str, speed: u32) -> Result<Self, OpenError> {
         match Place::from_interface(path) {
             Some(Place::Socket(name)) => UnixBus::open(name).map(|bus| Self::Simulated(Box::new(bus))),

@@ -3,18 +3,18 @@
 /// The state of a controller on a bus, by its error counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ErrorState {
-    /// It takes part, and marks errors of others.
+    /// It takes part, and signals errors of others.
     #[default]
     Active,
-    /// It takes part, and has counted many errors.
+    /// It takes part, with many errors counted.
     Warning,
-    /// It takes part, and disturbs nobody.
+    /// It takes part without signalling errors.
     Passive,
     /// It has left the bus.
     Off,
 }
 
-/// A report of a controller: what has happened, and the state it is in since.
+/// A report of a controller: the event and the state since then.
 ///
 /// ```
 /// use motorium_can::{ErrorState, Report};
@@ -26,7 +26,7 @@ pub enum ErrorState {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// The state that it tells, if it tells one.
+    /// The reported state, if any.
     pub state: Option<ErrorState>,
     /// A frame was sent and no node acknowledged it.
     pub is_unacknowledged: bool,
@@ -36,7 +36,7 @@ pub struct Report {
     pub is_disturbed: bool,
     /// The controller is back after it had left the bus.
     pub is_restart: bool,
-    /// Errors counted as sender and as receiver, where the driver tells.
+    /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u8; 2]>,
 }
 
@@ -76,7 +76,7 @@ impl Report {
         }
     }
 
-    /// The error frame that says so: its classes and its data.
+    /// The corresponding error frame: its classes and its data.
     pub fn encode(&self) -> (u32, [u8; 8]) {
         let mut data = [0; 8];
         let mut classes = 0;

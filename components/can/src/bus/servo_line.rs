@@ -29,7 +29,7 @@ pub struct ServoBus {
     speed: u32,
     line: Terminal,
     reader: Reader,
-    /// A packet longer than a frame, and what of it has not been received yet, from where to where.
+    /// A packet longer than a frame, and the range not delivered yet.
     long: Box<[u8; LONGEST]>,
     left: (usize, usize),
 }
@@ -37,7 +37,7 @@ pub struct ServoBus {
 /// Bytes that wait to be written at most.
 const ROOM: usize = 4096;
 
-/// The speed as the terminal knows it; `None` for one that it does not know.
+/// The speed as a terminal constant; `None` for an unsupported one.
 fn speed_of(speed: u32) -> Option<libc::speed_t> {
     Some(match speed {
         9_600 => libc::B9600,
@@ -63,7 +63,7 @@ impl ServoBus {
     /// Opens a serial line with this speed, bit/s.
     ///
     /// # Errors
-    /// There is no such line, it cannot be opened, or knows no such speed.
+    /// The line does not exist, cannot be opened, or does not support the speed.
     pub fn open(path: &str, speed: u32) -> Result<Self, OpenError> {
         let line = Terminal::new(path, open(path, speed)?, ROOM);
         let long = Box::new([0; LONGEST]);
@@ -75,7 +75,7 @@ impl ServoBus {
         self.line.path()
     }
 
-    /// Its condition: whether it is there.
+    /// Its condition: present or gone.
     pub fn condition(&self) -> Condition {
         self.line.condition
     }

@@ -25,7 +25,7 @@ pub enum Event {
         sender: usize,
         /// The state of that node from then on.
         state: ErrorState,
-        /// No other node is on the bus: nobody acknowledges.
+        /// No other node is on the bus, so frames are not acknowledged.
         is_unacknowledged: bool,
         /// Time of the error, ns.
         time_ns: u64,
@@ -37,23 +37,23 @@ pub enum Event {
 struct Node {
     queue: VecDeque<(Frame, u64)>,
     inbox: VecDeque<Received>,
-    /// It keeps what arrives for a port.
+    /// It keeps received frames for a port.
     listens: bool,
     transmit_errors: u32,
     receive_errors: u32,
     is_off: bool,
-    /// Time before which it does not send: a passive node gives way after an error.
+    /// Time before which it does not send: a passive node waits after an error.
     suspended_ns: u64,
 }
 
 /// A bus in simulated time.
 ///
-/// A frame begins when the bus is free; of several that wait the one with the lowest identifier wins. It
-/// takes as long as its bits, stuffing included. A sender that is disturbed counts eight transmit errors and
-/// sends again; it is passive from 128 on and leaves the bus beyond 255. Two nodes that send different frames
-/// with one identifier disturb each other. A frame that nobody receives is not acknowledged, and is sent
-/// again and again. Packets of a serial line are sent one after the other, and nobody notices errors of
-/// theirs. Nothing here depends on anything but its input.
+/// A frame begins when the bus is free; of several waiting ones the lowest identifier wins. It lasts as long
+/// as its bits, stuffing included. A disturbed sender counts eight transmit errors and sends again; it is
+/// passive from 128 on and leaves the bus beyond 255. Two nodes that send different frames with one
+/// identifier disturb each other. A frame without a receiver is not acknowledged, and is repeated
+/// indefinitely. Packets of a serial line are sent one after the other, and their errors go unnoticed. The
+/// result depends only on the input.
 #[derive(Debug)]
 pub struct SimulatedBus {
     rates: Rates,
@@ -73,7 +73,7 @@ const PAUSE_BITS: u32 = 3;
 const SUSPEND_BITS: u32 = 8;
 
 impl SimulatedBus {
-    /// A bus of so many nodes, each with room for `depth` frames to be sent.
+    /// Creates a bus of this many nodes, each with room for `depth` frames to be sent.
     pub fn new(rates: Rates, nodes: usize, depth: usize) -> Self {
         let node = |_| Node {
             queue: VecDeque::with_capacity(depth),
@@ -98,8 +98,7 @@ impl SimulatedBus {
         fits
     }
 
-    /// The next event that is over at `until_ns`. Who answers a frame hands its answer over before it asks
-    /// again.
+    /// The next event that ends by `until_ns`. Hand over answers to a frame before the next call.
     pub fn next(&mut self, until_ns: u64) -> Option<Event> {
         let waits = |node: &Node| node.queue.front().map(|(_, ready)| (*ready).max(node.suspended_ns));
         let first_ns = self.nodes.iter().filter_map(waits).min()?;
@@ -162,7 +161,7 @@ impl SimulatedBus {
         let suspended_ns = now_ns + self.bits_ns(SUSPEND_BITS);
         let is_passive = self.state(sender) == ErrorState::Passive;
         let node = &mut self.nodes[sender];
-        // a passive node that is alone counts no further: it would leave the bus for want of others
+        // a passive node that is alone stops counting: otherwise it would leave the bus
         if !(was_alone && is_passive) {
             node.transmit_errors += 8;
         }
@@ -217,7 +216,7 @@ impl SimulatedBus {
         self.busy_ns
     }
 
-    /// The bus as one node uses it at `now_ns`. From then on the node keeps what arrives.
+    /// Access of one node to the bus at `now_ns`; from then on the node keeps received frames.
     pub fn port(&mut self, node: usize, now_ns: u64) -> Port<'_> {
         self.nodes[node].listens = true;
         Port { bus: self, node, now_ns }

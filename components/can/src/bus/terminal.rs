@@ -44,7 +44,7 @@ fn set_up(path: &str, speed: libc::speed_t) -> io::Result<File> {
     Ok(file)
 }
 
-/// A serial line with what is yet to be written and read on it, its condition and its counts.
+/// A serial line with pending output and input, its condition and its counts.
 #[derive(Debug)]
 pub(super) struct Terminal {
     path: String,
@@ -115,17 +115,17 @@ impl Terminal {
         true
     }
 
-    /// Bytes that may be added to those that wait.
+    /// Bytes that fit into the pending output.
     pub(super) fn room(&self) -> usize {
         self.pending.capacity() - self.pending.len()
     }
 
-    /// Adds bytes to those that wait to be written.
+    /// Appends bytes to the pending output.
     pub(super) fn push(&mut self, bytes: &[u8]) {
         self.pending.extend_from_slice(bytes);
     }
 
-    /// Writes what waits; false if some of it is left.
+    /// Writes the pending output; `false` if some of it remains.
     pub(super) fn flush(&mut self) -> bool {
         while !self.pending.is_empty() {
             match self.file.write(&self.pending) {
@@ -140,7 +140,7 @@ impl Terminal {
         true
     }
 
-    /// Writes bytes at once, after those that wait are gone; how many were taken.
+    /// Writes bytes immediately after the pending output; returns the number accepted.
     pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
         match self.file.write(bytes) {
             Ok(written) => written,

@@ -8,17 +8,17 @@ fn now_ns(clock: ClockId) -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Time on the monotonic clock, ns: that of all stamps.
+/// Time on the monotonic clock of all stamps, ns.
 pub(crate) fn monotonic_ns() -> u64 {
     now_ns(ClockId::Monotonic)
 }
 
-/// Time on the clock of the day, ns: that of the kernel's own stamps.
+/// Time on the wall clock, which the kernel uses for its stamps, ns.
 pub(super) fn realtime_ns() -> u64 {
     now_ns(ClockId::Realtime)
 }
 
-/// Time after which what has gone is looked for again, ns.
+/// Time after which a missing interface is searched again, ns.
 const AGAIN_NS: u64 = 1_000_000_000;
 
 /// The time at which a line or an interface that has gone is looked for again: once a second.
@@ -28,7 +28,7 @@ pub(super) struct Retry {
 }
 
 impl Retry {
-    /// It has gone just now.
+    /// It has just disappeared.
     pub(super) fn begin(&mut self) {
         self.at_ns = monotonic_ns() + AGAIN_NS;
     }

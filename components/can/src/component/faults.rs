@@ -48,21 +48,21 @@ pub enum FaultKind {
     Corrupt,
     /// The drive sends each answer twice.
     Duplicate,
-    /// Another drive has the same number: it answers too, with a position of its own.
+    /// Another drive has the same number: it answers, too, from a different position.
     Twin,
     /// The drive has no power: it receives nothing, answers nothing and is disabled.
     Off,
     /// The mark of the drive, such as its switch, is never met when it homes itself.
     NoMark,
-    /// The mark of the drive is met wherever it stands.
+    /// The mark of the drive is found at every position.
     StuckMark,
     /// A node floods the bus with frames that win against all others.
     Babbling,
     /// Every frame on the bus is disturbed once.
     Disturbed,
-    /// The controller of the adapter leaves the bus; it comes back at the end.
+    /// The controller of the adapter leaves the bus, and recovers at the end.
     BusOff,
-    /// The cable is unplugged behind the adapter: nobody acknowledges its frames. On simulated buses.
+    /// The cable is unplugged behind the adapter: its frames are not acknowledged. On simulated buses.
     Alone,
     /// The interface of the adapter is down. On simulated buses.
     Down,
@@ -75,7 +75,7 @@ impl FaultKind {
     }
 }
 
-/// A fault with what it befalls.
+/// A fault with the affected joint or bus.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fault {
     pub(super) kind: FaultKind,

@@ -1,10 +1,10 @@
-//! The load of a joint that is led to its mechanical stop, by the model of its robot: whether its effort
-//! moves it there, holds it there and moves it away again, and with how much energy it arrives.
+//! The load of a joint that is moved to its mechanical stop, by the model of its robot: checks that its
+//! effort moves it there, holds it there and moves it away again, and computes the energy of the impact.
 //!
-//! A joint is led with the gain `effort / velocity`. At the share [`STILL`] of `velocity` it is taken to
-//! stand: by then its weight and its Coulomb friction have used up all of `effort` but that share. Viscous
-//! damping slows it and stops nothing, so it counts with that share of `velocity` only. Against its stop the
-//! friction helps to hold it, and away from it it does not.
+//! A joint is moved with the gain `effort / velocity`. At the share [`STILL`] of `velocity` it counts as
+//! stationary: by then its weight and its Coulomb friction have used up all of `effort` but that share.
+//! Viscous damping slows it without stopping it, so it counts only at that share of `velocity`. Friction
+//! helps to hold the joint against its stop, but not away from it.
 
 mod search;
 mod weights;
@@ -44,7 +44,7 @@ struct Load<'a> {
     velocity: f64,
     effort: f64,
     energy: f64,
-    /// Friction of the joint when it nearly stands, N m or N.
+    /// Friction of the nearly stationary joint, N m or N.
     friction: f64,
 }
 
@@ -65,9 +65,9 @@ impl<'a> Load<'a> {
         Unfit { joint: self.weights.joint().name.clone(), message, advice, is_refused }
     }
 
-    /// A homing whose effort does not move the joint to its stop, hold it there, or move it away: refused
-    /// where that is so at the stop wherever the others are, and told where it is so with the others at home,
-    /// or anywhere, or on the way.
+    /// A homing whose effort does not move the joint to its stop, hold it there, or move it away. It is
+    /// refused if this holds at the stop for every pose of the other joints, and a warning if it holds with
+    /// the others at home, for some pose, or on the path.
     fn unmoved(&mut self) -> Option<Unfit> {
         let certain = self.weights.at_stop(Others::Anywhere);
         self.at_stop((certain.least, certain.most), "wherever the other joints are", true)
@@ -80,7 +80,7 @@ impl<'a> Load<'a> {
             .or_else(|| self.at_stop((certain.most, certain.least), Others::Anywhere.describe(), false))
     }
 
-    /// Too little effort somewhere on the way.
+    /// Too little effort somewhere on the path.
     fn on_the_way(&mut self, others: Others) -> Option<Unfit> {
         let weight = self.weights.on_the_way(others).max(0.0);
         let (unit, friction, moving) = (self.weights.unit(), self.friction, self.moving());
@@ -125,7 +125,7 @@ impl<'a> Load<'a> {
         Some(self.unfit(message, "raise `effort`, or choose the stop at the other end", is_refused))
     }
 
-    /// The load at which the joint is taken to stand.
+    /// Load at which the joint counts as stationary.
     fn moving(&self) -> f64 {
         self.effort * (1.0 - STILL)
     }
@@ -134,8 +134,8 @@ impl<'a> Load<'a> {
         (100.0 * (1.0 - STILL)).round()
     }
 
-    /// A homing in which the joint may meet its stop with more energy than it may: the largest inertia at the
-    /// stop with the velocity by the largest weight on the way, each with the others where it is largest.
+    /// A homing in which the joint may hit its stop with too much energy: the largest inertia at the stop
+    /// with the velocity from the largest weight on the path, each maximised over the other joints.
     fn too_hard(&mut self) -> Option<Unfit> {
         let inertia = self.weights.inertia_at_stop();
         let helping = self.weights.helping().max(0.0);
@@ -203,7 +203,7 @@ mod tests {
         [FIRST, FIRST, homing]
     }
 
-    /// The message of the only homing that is unfit, and whether it is refused.
+    /// The message of the only unfit homing, and whether it is refused.
     fn message(homings: [&str; 3], gravity: [f64; 3]) -> (String, bool) {
         only(&arm(homings), gravity)
     }
@@ -269,7 +269,7 @@ mod tests {
                 "homing = {{ by = \"stop\", velocity = -0.1, effort = {effort}, position = -2.9, order = 1 }}"
             )
         };
-        // the link lies at 2 x 2.85 - 2.9 rad
+        // the link is at 2 x 2.85 - 2.9 rad
         let weight = -1.962 * 2.8_f64.cos();
         for friction in [0.0, 0.3] {
             let most = (weight - friction) / (0.5 * 1.03);
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_weight_holding_the_joint_at_its_stop_is_refused() {
-        // the link lies at 2 x 2.85 + 2.9 rad
+        // the link is at 2 x 2.85 + 2.9 rad
         let leaving = -1.962 * 8.6_f64.cos();
         let most = (leaving + 0.3) / 0.97;
         let (told, is_refused) =

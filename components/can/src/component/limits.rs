@@ -1,4 +1,4 @@
-//! The limits that the command gate of the adapter applies: those of the robot, as far as its drives reach.
+//! Limits for the adapter's command gate: the robot's, reduced to the ranges of its drives.
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;
@@ -52,7 +52,7 @@ pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64
     (0..model.joint_count()).map(joint).collect()
 }
 
-/// Joints of which the drive covers less than the range: name, what it covers, what the joint needs.
+/// Joints whose drive does not cover their range: name, covered range, needed range.
 pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let model = &robot.model;
@@ -62,7 +62,7 @@ pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         let (lower, upper) = (model.lower()[i], model.upper()[i]);
         if table.drives[order[i]].homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Stop) {
-            // its zero lies where its power came on, anywhere in the range of the joint
+            // its zero is its position at power-up, anywhere in the range of the joint
             let (span, reaches) = (upper - lower, range.max / gear.ratio.abs());
             return (span.is_finite() && reaches < span).then(|| {
                 format!("the positions of drive `{name}` reach {reaches:.3} from its zero, and the joint moves by {span:.3}")

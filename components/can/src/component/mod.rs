@@ -33,7 +33,7 @@ struct Source<'a> {
     file: Option<&'a str>,
     buses: &'a [BusEntry],
     drives: &'a [DriveEntry],
-    /// Interfaces of buses, by their names, instead of those of the table.
+    /// Interfaces of buses by name, replacing the table's.
     interfaces: &'a BTreeMap<String, String>,
 }
 
@@ -140,7 +140,7 @@ fn pose(pose: motorium::declare::BasePose) -> motorium_robots::BasePose {
 /// let names: Vec<_> = motorium_can::kinds().iter().map(|kind| kind.name).collect();
 /// assert_eq!(names, ["can.adapter", "can.drive_sim"]);
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<CanAdapter>(), Kind::of::<DriveSimulation>()]

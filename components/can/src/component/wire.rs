@@ -23,7 +23,8 @@ pub(super) fn to_topic(frame: &Frame, bus: usize, time_ns: u64) -> CanFrame {
     out
 }
 
-/// The data frame that a topic carries; `None` for reports of errors, remote requests and what is no frame.
+/// Returns the data frame carried by a topic; `None` for reports of errors, remote requests and malformed
+/// frames.
 pub(super) fn from_topic(frame: &CanFrame) -> Option<Frame> {
     if frame.flags & (CanFrame::ERROR | CanFrame::REMOTE) != 0 {
         return None;
@@ -61,7 +62,7 @@ pub(super) fn report(report: &Report, unsent: u8, bus: usize, time_ns: u64) -> C
 /// The byte of a report that drivers use as they like.
 const UNSENT: usize = 5;
 
-/// The news that the interface of a simulated bus is down: a report that says nothing.
+/// Notification that the interface of a simulated bus is down: a report without content.
 pub(super) fn down(bus: usize, time_ns: u64) -> CanFrame {
     CanFrame { receive_time: time_ns, flags: CanFrame::ERROR, bus: bus as u32, ..CanFrame::default() }
 }
@@ -69,13 +70,13 @@ pub(super) fn down(bus: usize, time_ns: u64) -> CanFrame {
 /// State of a simulated interface.
 #[derive(Debug, PartialEq)]
 pub(super) enum News {
-    /// It is down.
+    /// The interface is down.
     Down,
     /// The report of its controller, with the number of frames that it had no room for.
     Report(Report, u8),
 }
 
-/// The news of an interface that a topic carries; `None` for what is a frame.
+/// Returns the interface notification carried by a topic; `None` for a frame.
 pub(super) fn news_of(frame: &CanFrame) -> Option<News> {
     let data = frame.data.first_chunk::<8>()?;
     match (frame.flags & CanFrame::ERROR != 0, frame.length) {

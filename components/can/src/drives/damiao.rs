@@ -1,7 +1,7 @@
 //! The registers of Damiao drives: the settings that must be known before such a drive is enabled.
 //!
 //! All drives of a bus listen to the identifier 0x7FF; the first two bytes name the drive. An answer has the
-//! identifier of the drive's other answers and repeats what was asked.
+//! identifier of the drive's other answers and repeats the request.
 
 use crate::frame::{DecodeError, Frame, Id, exactly, finite};
 
@@ -16,9 +16,9 @@ const TIMEOUT_NS: u64 = 50_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Register {
-    /// The current at which the drive lets go, a share of its full current.
+    /// Current at which the drive disables itself, a share of its full current.
     OverCurrent = 3,
-    /// Time without a command after which the drive lets go, in units of 50 us; 0 for never.
+    /// Time without a command after which the drive disables itself, in units of 50 us; 0 for never.
     Timeout = 9,
     /// The control mode: 1 MIT, 2 position and velocity, 3 velocity, 4 position and force.
     ControlMode = 10,
@@ -48,7 +48,7 @@ impl Register {
 /// The value of a register.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
-    /// Time without a command after which the drive lets go, ns; `None` for never.
+    /// Time without a command after which the drive disables itself, ns; `None` for never.
     Watchdog(Option<u64>),
     /// A control mode.
     Mode(u32),
@@ -66,7 +66,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// The frame that asks for the register.
+    /// The frame that requests the register.
     ///
     /// ```
     /// use motorium_can::damiao::{Register, Request};
@@ -116,7 +116,7 @@ impl Request {
     /// The drive's side: the request in a frame to all drives.
     ///
     /// # Errors
-    /// The frame asks for nothing that can be read here, or asks another drive.
+    /// The frame is no readable request, or addresses another drive.
     pub fn decode(frame: &Frame, node: u8) -> Result<Self, DecodeError> {
         let data: &[u8; 8] = exactly(frame, EVERYBODY)?;
         let [low, high, action, register, ..] = *data;
@@ -153,12 +153,12 @@ impl Request {
     /// The value in an answer with the identifier `master`.
     ///
     /// # Errors
-    /// It is the answer of another drive, about another register, or its number is not finite.
+    /// The answer comes from another drive, is about another register, or its number is not finite.
     pub fn value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(READ, frame, master)
     }
 
-    /// The number that a drive says it has changed the register to.
+    /// The number that a drive reports to have written to the register.
     ///
     /// # Errors
     /// As [`value`](Self::value).

@@ -1,9 +1,9 @@
 //! Registers of Dynamixel's X series, such as the XL330, XL430 and XM540: position servos that speak protocol
 //! 2.0.
 //!
-//! A servo follows its goal position by a loop of its own. Positions are steps of a turn of 4096, with 2048
-//! in the middle; numbers have their least significant byte first, and two's complement. Its bus watchdog
-//! stops it when no packet has come for its time; then goals are refused until the watchdog is set anew.
+//! A servo follows its goal position with an internal loop. Positions are steps of a turn of 4096, with 2048
+//! in the middle; numbers are little-endian, in two's complement. Its bus watchdog stops it after a time
+//! without a packet; goals are then refused until the watchdog is set again.
 
 use core::f64::consts::TAU;
 
@@ -31,7 +31,7 @@ pub const POSITION_LIMITS: u16 = 48;
 /// The register that switches torque on.
 pub const TORQUE_ENABLE: u16 = 64;
 /// The register of the bus watchdog, in units of [`WATCHDOG_UNIT_NS`]; 0 is off, and [`WATCHDOG_EXPIRED`]
-/// says that it stopped.
+/// means that it has stopped the servo.
 pub const BUS_WATCHDOG: u16 = 98;
 /// The unit of the bus watchdog, ns.
 pub const WATCHDOG_UNIT_NS: u64 = 20_000_000;
@@ -45,7 +45,7 @@ pub const GOAL_POSITION: u16 = 116;
 pub const STATE: u16 = 126;
 /// Bytes of a state: load, velocity, position, trajectories of both, voltage, temperature.
 pub const STATE_BYTES: u8 = 21;
-/// Flag of each answer: the servo has a hardware error, and let go.
+/// Flag of each answer: the servo has a hardware error and has disabled its torque.
 pub const ALERT: u8 = 0x80;
 
 /// Velocity of one unit: 0.229 turns a minute, rad/s.
@@ -85,7 +85,7 @@ pub fn step(position: f64) -> i32 {
     (MIDDLE + position / TAU * TURN + 0.5).clamp(0.0, TURN - 1.0) as i32
 }
 
-/// The position of a step, rad. A shaft that was turned by hand may stand beyond a turn.
+/// Position of a step, rad. A shaft that was turned by hand may be beyond a turn.
 pub fn position(step: i32) -> f64 {
     (f64::from(step) - MIDDLE) / TURN * TAU
 }
@@ -94,7 +94,7 @@ impl State {
     /// Reads the state in the registers from [`STATE`] on.
     ///
     /// # Errors
-    /// They are more or fewer, or the position is farther away than 256 turns.
+    /// The number of bytes is wrong, or the position is farther away than 256 turns.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {

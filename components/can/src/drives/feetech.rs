@@ -1,10 +1,9 @@
-//! Registers of Feetech's STS servos, such as the STS3215: position servos whose packets are those of
+//! Registers of Feetech's STS servos, such as the STS3215: position servos with the packets of
 //! [`servo`](crate::servo).
 //!
-//! A servo follows its goal position by a loop of its own, with gains that stand in it. Positions are steps
-//! of a turn of 4096, with 2048 in the middle; words have their least significant byte first, and negative
-//! ones a sign bit. Such a servo has no watchdog: when nobody commands it any more it goes on holding its
-//! last goal.
+//! A servo follows its goal position with an internal loop and stored gains. Positions are steps of a turn of
+//! 4096, with 2048 in the middle; words are little-endian, negative ones with a sign bit. Such a servo has no
+//! watchdog: without further commands it keeps holding its last goal.
 
 use core::f64::consts::TAU;
 
@@ -23,12 +22,11 @@ pub const HOMING_OFFSET: u8 = 31;
 pub const OPERATING_MODE: u8 = 33;
 /// The operating mode of positions.
 pub const POSITIONS: u8 = 0;
-/// The first register of the state: whether torque is on.
+/// First register of the state: torque on or off.
 pub const TORQUE_ENABLE: u8 = 40;
 /// The register of the goal position, a word.
 pub const GOAL_POSITION: u8 = 42;
-/// The register of the largest torque, a word, thousandths of the stall torque; what it holds is gone with
-/// the power.
+/// Register of the largest torque, a word, thousandths of the stall torque; reset at power-off.
 pub const TORQUE_LIMIT: u8 = 48;
 /// Bytes of a state, from [`TORQUE_ENABLE`] on.
 pub const STATE_BYTES: u8 = 26;
@@ -46,7 +44,7 @@ const STATUS: usize = 25;
 /// The state of a servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// It holds its goal.
+    /// Holds its goal.
     pub is_enabled: bool,
     /// Position of its shaft, rad.
     pub position: f64,
@@ -58,7 +56,7 @@ pub struct State {
     pub voltage: f64,
     /// Temperature, degrees Celsius.
     pub temperature: f64,
-    /// Flags of its errors; 0 for none.
+    /// Its error flags; 0 for none.
     pub status: u8,
 }
 
@@ -100,7 +98,7 @@ impl State {
     /// Reads the state in the registers from [`TORQUE_ENABLE`] on.
     ///
     /// # Errors
-    /// They are more or fewer, or torque is neither on nor off, or the position is no step of a turn.
+    /// The number of bytes is wrong, torque is neither on nor off, or the position is no step of a turn.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {
@@ -130,7 +128,7 @@ impl State {
         })
     }
 
-    /// The servo's side: writes what changes by itself into the registers from [`TORQUE_ENABLE`] on.
+    /// The servo's side: writes its state into the registers from [`TORQUE_ENABLE`] on.
     pub fn encode(&self, data: &mut [u8; STATE_BYTES as usize]) {
         data[0] = self.is_enabled.into();
         let mut put = |at: usize, word: u16| data[at..at + 2].copy_from_slice(&word.to_le_bytes());

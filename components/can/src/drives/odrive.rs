@@ -1,43 +1,42 @@
 //! CANSimple, the protocol of ODrive drives.
 //!
-//! The identifier of 11 bits is `node << 5 | command`; numbers have their least significant byte first,
-//! positions are in turns of the motor. Heartbeat and encoder estimates come by themselves, at rates that are
-//! set in the drive. The messages are those of the published database `odrive-cansimple.dbc` of firmware
-//! 0.5.6.
+//! The identifier of 11 bits is `node << 5 | command`; numbers are little-endian, positions are in turns of
+//! the motor. Heartbeat and encoder estimates are sent unasked, at rates set in the drive. The messages
+//! follow the published database `odrive-cansimple.dbc` of firmware 0.5.6.
 
 use core::f64::consts::TAU;
 
 use crate::frame::{DecodeError, Frame, Id, finite};
 
-/// The state of an axis: what it does, or is asked to do.
+/// The actual or requested state of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum AxisState {
-    /// It has not begun yet.
+    /// Not started yet.
     Undefined = 0,
-    /// It lets go.
+    /// Idle: no torque.
     Idle = 1,
-    /// It runs what is configured for the start.
+    /// Running the configured start-up sequence.
     StartupSequence = 2,
-    /// It calibrates motor and encoder.
+    /// Calibrating motor and encoder.
     FullCalibration = 3,
-    /// It calibrates the motor.
+    /// Calibrating the motor.
     MotorCalibration = 4,
-    /// It looks for the index of the encoder.
+    /// Searching the encoder index.
     IndexSearch = 6,
-    /// It measures the offset of the encoder.
+    /// Measuring the encoder offset.
     EncoderOffset = 7,
-    /// It follows commands.
+    /// Closed loop: follows commands.
     ClosedLoop = 8,
-    /// It spins with the phase it is given.
+    /// Spinning with a given phase.
     LockinSpin = 9,
-    /// It finds the direction of the encoder.
+    /// Finding the direction of the encoder.
     EncoderDirection = 10,
-    /// It homes.
+    /// Homing.
     Homing = 11,
-    /// It calibrates the polarity of Hall sensors.
+    /// Calibrating the polarity of Hall sensors.
     HallPolarity = 12,
-    /// It calibrates the phase of Hall sensors.
+    /// Calibrating the phase of Hall sensors.
     HallPhase = 13,
 }
 
@@ -78,7 +77,7 @@ pub enum ControlMode {
     Position = 3,
 }
 
-/// The way from an input to a setpoint.
+/// Conversion of an input to a setpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum InputMode {
@@ -95,7 +94,7 @@ pub enum InputMode {
 /// A message to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// It lets go at once and reports an error.
+    /// Disables the drive at once and reports an error.
     EmergencyStop,
     /// Asks for a state.
     SetState(AxisState),
@@ -119,7 +118,7 @@ pub enum Instruction {
     },
     /// Torque of the motor, N m.
     Torque(f64),
-    /// The limits of its own loops.
+    /// Limits of its own loops.
     Limits {
         /// Velocity, rad/s.
         velocity: f64,
@@ -139,8 +138,8 @@ pub enum Report {
         error: u32,
         /// Its state.
         state: AxisState,
-        /// The result of its last procedure, 0 for success and 1 for one under way; of firmware before 0.6
-        /// the flag of an error of the motor.
+        /// Result of its last procedure, 0 for success and 1 while running; for firmware before 0.6 the motor
+        /// error flag.
         result: u8,
     },
     /// The estimates of the encoder, of the motor.
@@ -328,8 +327,8 @@ impl Node {
     /// A report of the drive.
     ///
     /// # Errors
-    /// The frame comes from another drive, is no report that is known here, has another length, or holds a
-    /// number that there is not.
+    /// The frame comes from another drive, is an unknown report, has another length, or contains an invalid
+    /// number.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;

@@ -3,7 +3,7 @@
 /// A range of numbers that a field of a frame covers.
 ///
 /// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer, zero in the
-/// middle of a range down; what lies outside the range is sent as its end.
+/// middle of a range down; values outside the range are sent as its end.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -54,7 +54,7 @@ impl Range {
         self.field(bits).decode::<0>(value)
     }
 
-    /// Distance between two numbers that `bits` bits tell apart.
+    /// Distance between two numbers that `bits` bits distinguish.
     pub const fn resolution(&self, bits: u32) -> f64 {
         (self.max - self.min) / largest(bits) as f64
     }
@@ -65,7 +65,7 @@ impl Range {
     }
 }
 
-/// The largest integer of so many bits, 1 to 16.
+/// Largest integer of 1 to 16 bits.
 const fn largest(bits: u32) -> u32 {
     debug_assert!(1 <= bits && bits <= 16);
     (1 << bits) - 1
@@ -74,8 +74,8 @@ const fn largest(bits: u32) -> u32 {
 /// Fields of a frame: ranges and numbers of bits, with the factors by which numbers become integers and back.
 ///
 /// The factors are computed once, so that numbers are encoded and decoded without a division, and without a
-/// branch but that for what is no number. Steps are counted from the upper end of the range and rounded to
-/// the nearest even one there, which rounds zero in the middle of a symmetric range down.
+/// branch except for NaN. Steps are counted from the upper end of the range and rounded to the nearest even
+/// one there, which rounds zero in the middle of a symmetric range down.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -104,7 +104,7 @@ pub struct Fields<const N: usize> {
 const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
 impl<const N: usize> Fields<N> {
-    /// Fields of these ranges, each of so many bits, 1 to 16.
+    /// Fields of these ranges, each of 1 to 16 bits.
     pub const fn new(ranges: [Range; N], bits: [u32; N]) -> Self {
         let none = [0.0; N];
         let mut fields =

@@ -16,7 +16,7 @@ use crate::table::{ControlMode, LoopEntry, Table};
 const NO_OBJECT: u32 = 0x0602_0000;
 /// The object cannot be written.
 const READ_ONLY: u32 = 0x0601_0002;
-/// Code that refuses what its state does not allow.
+/// Code of a request refused in its present state.
 const NOT_NOW: u32 = 0x0800_0022;
 /// The value is out of the range of the object.
 const NO_SUCH_VALUE: u32 = 0x0609_0030;
@@ -25,7 +25,7 @@ const MODES: [u32; 5] = [0, HOMING_MODE as u32, 8, 9, 10];
 /// Error codes of emergency messages.
 const NO_HEARTBEAT: u16 = 0x8130;
 const TOO_HOT: u16 = 0x4310;
-/// Objects beside those of the mappings.
+/// Objects besides the mappings.
 const OBJECTS: [Object; 11] = [
     Object::MAX_CURRENT,
     Object::HOMING_METHOD,
@@ -40,7 +40,7 @@ const OBJECTS: [Object; 11] = [
     Object::INTERPOLATION_EXPONENT,
 ];
 
-/// A drive of CiA 402 with a position loop of its own, or in the mode of velocities or torques.
+/// A CiA 402 drive with its own position loop, or in the mode of velocities or torques.
 #[derive(Clone, Debug)]
 pub struct Cia402 {
     node: Node,
@@ -51,19 +51,19 @@ pub struct Cia402 {
     network: NetworkState,
     state: DriveState,
     dictionary: Vec<(Object, Value)>,
-    /// The same as it stands when its power comes on.
+    /// The same after power-up.
     initial: Vec<(Object, Value)>,
     /// Process data whose mapping cannot be written.
     fixed: Vec<Mapping>,
     /// The watchdog that it keeps, whatever is written; ns.
     fixed_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
-    /// A heartbeat of the adapter has come: from then on it is waited for.
+    /// A heartbeat of the adapter has arrived, and is monitored from then on.
     is_watching: bool,
-    /// Setpoints that wait for the next synchronisation, and those in force.
+    /// Setpoints that wait for the next synchronisation, and the active ones.
     waiting: Option<Setpoint>,
     setpoint: Setpoint,
-    /// It has yet to report that it has started.
+    /// Its boot-up message is still to be sent.
     boots: bool,
     /// Time of its next heartbeat, ns; `None` before one is due.
     next_heartbeat_ns: Option<u64>,
@@ -90,7 +90,7 @@ impl Cia402 {
             for step in 0..Mapping::STEPS {
                 let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
                 match dictionary.iter_mut().find(|(known, _)| *known == object) {
-                    // as it stands in the drive for ever
+                    // the permanent setting of the drive
                     Some((_, place)) if is_fixed => *place = value,
                     Some(_) => {}
                     None => dictionary.push((object, value)),
@@ -212,8 +212,7 @@ impl Cia402 {
         self.node.service_answer(service, result)
     }
 
-    /// The objects that every device of CANopen and every drive of CiA 402 has, beside those that are
-    /// written.
+    /// The standard objects of CANopen devices and CiA 402 drives, in addition to the written ones.
     fn identity(&self, object: Object) -> Option<Value> {
         Some(match (object.index, object.subindex) {
             (0x1000, 0) => Value::long(0x0002_0192),
@@ -293,7 +292,7 @@ impl Cia402 {
         }
     }
 
-    /// Begins to look for its mark.
+    /// Starts the search for its mark.
     fn home(&mut self) {
         let scale = self.number(Object::HOMING_VELOCITY);
         let speed = f64::from(scale) / self.increments * TAU;

@@ -2,34 +2,34 @@
 
 use super::Motor;
 
-/// Shortest time of a search, ns: a drive that stands at its mark moves off it and comes back.
+/// Shortest time of a search, ns: a drive at its mark moves off it and returns.
 const SHORTEST_NS: u64 = 250_000_000;
 
-/// The mark of a simulated drive whose position is not known when its power comes on, such as its switch.
+/// The mark of a simulated drive with unknown position at power-up, such as its switch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mark {
-    /// It works.
+    /// Works.
     #[default]
     Works,
-    /// It is never met.
+    /// Never found.
     Missing,
-    /// It is met wherever the drive stands.
+    /// Found at every position.
     Stuck,
 }
 
-/// The place of the shaft at which an encoder says zero.
+/// Position of the shaft at which an encoder reads zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Zero {
-    /// That of the table.
+    /// Value in the table.
     Absolute,
-    /// That at which its power comes on, which is not known yet.
+    /// The position at power-up, which is unknown.
     PowerOn,
     /// This one, rad.
     At(f64),
 }
 
 impl Motor {
-    /// The position that the encoder tells, with the shaft at this one, rad.
+    /// Returns the encoder's reading with the shaft at this position, rad.
     pub(super) fn encoder(&mut self, shaft: f64) -> f64 {
         match self.zero {
             Zero::Absolute => shaft,
@@ -57,7 +57,7 @@ impl Motor {
     }
 }
 
-/// A search for the mark, which lies where the table has the zero.
+/// A search for the mark, which is at the table's zero.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
     velocity: f64,
@@ -86,7 +86,7 @@ impl Search {
         None
     }
 
-    /// Ends where the drive stands, from which the encoder counts then.
+    /// Ends at the drive's position, which becomes the encoder's zero.
     pub(super) fn here(motor: &mut Motor) {
         motor.zero = Zero::At(motor.shaft());
     }

@@ -5,19 +5,19 @@ use crate::damiao::{Register, Request, Value};
 use crate::frame::Frame;
 use crate::mit::{Command, Drive, Fault, Feedback, Instruction, Reply, State};
 
-/// The share of its full current at which a drive lets go that has not been told another one.
+/// Default share of its full current at which a drive disables itself.
 const OVER_CURRENT: f64 = 0.95;
 
 /// A drive of the MIT family as it behaves on the bus and at its shaft.
 ///
-/// It answers each command with the state it was in when the command came, as the published firmware does.
-/// Its inner loop gives
+/// It answers each command with its state on arrival of the command, like the published firmware. Its inner
+/// loop computes
 ///
 /// ```text
 /// tau = clamp(kp (position - q) + kd (velocity - v) + torque, -limit, limit)
 /// ```
 ///
-/// with `limit` the end of its range of torques. Without a command for the time of its watchdog it lets go.
+/// with `limit` the end of its range of torques. Without a command for its watchdog time it disables itself.
 ///
 /// ```
 /// use motorium_can::mit::{Command, Drive, Instruction};
@@ -33,14 +33,14 @@ const OVER_CURRENT: f64 = 0.95;
 #[derive(Clone, Debug)]
 pub struct SimulatedDrive {
     codec: Drive,
-    /// Time without a command after which it lets go, ns; `None` for never.
+    /// Time without a command after which it disables itself, ns; `None` for never.
     watchdog_ns: Option<u64>,
     command: Command,
     state: State,
     commanded_ns: u64,
     /// Its control mode: register 10 of a Damiao drive.
     control_mode: u32,
-    /// The share of its full current at which it lets go, and the torque at the full current, N m.
+    /// Share of its full current at which it disables itself, and the torque at the full current, N m.
     over_current: f64,
     full_torque: Option<f64>,
     pub(super) motor: Motor,
@@ -64,7 +64,7 @@ impl SimulatedDrive {
         }
     }
 
-    /// The same, with a torque at its full current \[N m\], of which it lets go at a share.
+    /// Also sets the torque at its full current \[N m\], at a share of which it disables itself.
     #[must_use]
     pub fn with_full_torque(self, torque: f64) -> Self {
         Self { full_torque: Some(torque), ..self }
@@ -77,7 +77,7 @@ impl SimulatedDrive {
         Self { control_mode, ..self }
     }
 
-    /// Its codec, with the ranges that stand in the drive.
+    /// Its codec, with its stored ranges.
     pub fn codec(&self) -> &Drive {
         &self.codec
     }
@@ -87,7 +87,7 @@ impl SimulatedDrive {
         self.state == State::Enabled
     }
 
-    /// Times that its watchdog let go.
+    /// Number of watchdog trips.
     pub fn watchdog_trips(&self) -> u64 {
         self.watchdog_trips
     }
@@ -97,7 +97,7 @@ impl SimulatedDrive {
         self.motor.temperature
     }
 
-    /// Takes its power away: it is disabled when it comes back.
+    /// Removes its power: it is disabled when it returns.
     pub fn cut_power(&mut self) {
         (self.state, self.command) = (State::Disabled, Command::default());
         self.over_current = OVER_CURRENT;
@@ -158,8 +158,8 @@ impl SimulatedDrive {
         }
     }
 
-    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: the torque
-    /// that it gives from now on, N m.
+    /// One step of the inner loop at this position \[rad\] and velocity \[rad/s\] of its shaft; returns the
+    /// torque from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         self.motor.turn(position, velocity, now_ns);
         let silent_ns = now_ns.saturating_sub(self.commanded_ns);

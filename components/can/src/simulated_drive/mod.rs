@@ -15,7 +15,7 @@ pub use encoder::Mark;
 use encoder::Zero;
 pub use mit::SimulatedDrive;
 
-/// Settings of a simulated drive that are not those of the table.
+/// Settings of a simulated drive that differ from the table.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
     /// Time of the watchdog, ns; 0 for off.
@@ -50,7 +50,7 @@ pub struct Overrides {
 /// ```
 #[derive(Clone, Debug)]
 pub enum AnySimulatedDrive {
-    /// One of the MIT family.
+    /// A drive of the MIT family.
     Mit(Box<SimulatedDrive>),
     /// An ODrive.
     Odrive(odrive::Odrive),
@@ -138,7 +138,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// Frames that it sends by itself until `now_ns`, each with its time.
+    /// Frames sent unasked until `now_ns`, each with its time.
     pub fn report(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         match self {
             Self::Odrive(drive) => drive.report(now_ns, send),
@@ -147,8 +147,8 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: its torque
-    /// from now on, N m.
+    /// One step of the inner loop at this position \[rad\] and velocity \[rad/s\] of its shaft; returns its
+    /// torque from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         let position = self.motor_mut().encoder(position);
         match self {
@@ -160,7 +160,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// Takes its power away: it is disabled when it comes back.
+    /// Removes its power: it is disabled when it returns.
     pub fn cut_power(&mut self) {
         self.motor_mut().cut_power();
         match self {
@@ -183,7 +183,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// True if it gives torque: it follows commands, or looks for its mark by itself.
+    /// Returns `true` if it applies torque: it follows commands, or searches for its mark.
     pub fn has_torque(&self) -> bool {
         match self {
             Self::Odrive(drive) => drive.has_torque(),
@@ -191,7 +191,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// Times that its watchdog let go.
+    /// Number of watchdog trips.
     pub fn watchdog_trips(&self) -> u64 {
         match self {
             Self::Mit(drive) => drive.watchdog_trips(),
@@ -236,7 +236,7 @@ const SURROUNDINGS: f64 = 25.0;
 const RISE: f64 = 90.0;
 /// Time constant of the temperature, s.
 const WARM_UP: f64 = 120.0;
-/// Temperature at which a drive lets go, degrees Celsius.
+/// Temperature at which a drive disables itself, degrees Celsius.
 const TOO_HOT: f64 = 100.0;
 
 impl Motor {
@@ -273,7 +273,7 @@ impl Motor {
         self.temperature > TOO_HOT
     }
 
-    /// Gives a torque as far as it reaches, N m; none while it is let go.
+    /// Applies a torque within its range, N m; zero while disabled.
     fn give(&mut self, wanted: Option<f64>) -> f64 {
         self.torque = wanted.map_or(0.0, |torque| torque.clamp(-self.limit, self.limit));
         self.torque

@@ -14,7 +14,7 @@ const OVER_TEMPERATURE: u8 = 38;
 pub struct Moteus {
     node: Node,
     gains: LoopEntry,
-    /// The limit in the drive, for commands that name none.
+    /// The drive's limit, for commands without one.
     own_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
     mode: Mode,

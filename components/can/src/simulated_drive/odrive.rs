@@ -17,8 +17,8 @@ const WATCHDOG_EXPIRED: u32 = 0x800;
 const ENDSTOP_PRESSED: u32 = 0x1000;
 const MOTOR_TOO_HOT: u32 = 0x4_0000;
 
-/// A drive that gives `kp (position - q) + kd (velocity - v) + torque`: the gain of its position loop times
-/// that of its velocity loop is `kp`, that of its velocity loop `kd`.
+/// A drive that applies `kp (position - q) + kd (velocity - v) + torque`: `kp` is the product of the gains of
+/// its position and velocity loops, `kd` the gain of its velocity loop.
 #[derive(Clone, Debug)]
 pub struct Odrive {
     node: Node,
@@ -30,7 +30,7 @@ pub struct Odrive {
     setpoint: [f64; 3],
     error: u32,
     is_enabled: bool,
-    /// The procedure under way, with its state.
+    /// The running procedure, with its state.
     search: Option<(AxisState, Search)>,
     watchdog: Watchdog,
     next_report_ns: u64,
@@ -63,7 +63,7 @@ impl Odrive {
     }
 
     pub(super) fn ids(&self) -> Vec<Id> {
-        // a message to it has the number of its own reports
+        // a message to it has the identifier of its own reports
         (0..0x20).map(|command| self.node.id(command)).collect()
     }
 

@@ -21,16 +21,16 @@ pub struct Servo {
     protocol: servo::Protocol,
     gains: LoopEntry,
     registers: [u8; REGISTERS],
-    /// Flags of its errors, which a Feetech tells in its state and a Dynamixel in the head of each answer.
+    /// Error flags, which a Feetech reports in its state and a Dynamixel in the header of each answer.
     status: u8,
     watchdog: Watchdog,
     /// The time of its watchdog that it keeps, whatever is written; ns.
     fixed_watchdog_ns: Option<u64>,
-    /// The position at which its watchdog stopped it, until the watchdog is set anew.
+    /// Position at which its watchdog stopped it, until the watchdog is set again.
     stopped: Option<f64>,
     /// Its turn in the common packet of a fast read, until it has spoken.
     turn: Option<Turn>,
-    /// Torque of a unit of the register of its current, N m; `None` for one that tells its load.
+    /// Torque of a unit of its current register, N m; `None` for a servo that reports its load.
     torque_per_unit: Option<f64>,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,
@@ -41,7 +41,7 @@ pub struct Servo {
 struct Turn {
     /// Servos that speak before it.
     before: usize,
-    /// The sum of what they have said.
+    /// Sum of the previous shares.
     sum: u16,
     register: u16,
     count: u8,
@@ -89,7 +89,7 @@ impl Servo {
         servo
     }
 
-    /// Sets the limits that are gone with the power to what they are at its beginning: all that it gives.
+    /// Resets the volatile limits to their power-up values: the full torque.
     fn reset_limits(&mut self) {
         if self.is_dynamixel() {
             let highest = self.word(dynamixel::CURRENT_LIMIT.into());
@@ -118,7 +118,7 @@ impl Servo {
         self.protocol == servo::Protocol::Two
     }
 
-    /// Puts bytes into registers; false if there are none of them.
+    /// Writes bytes into registers; `false` if one does not exist.
     fn put(&mut self, register: usize, bytes: &[u8]) -> bool {
         let place = self.registers.get_mut(register..register + bytes.len());
         place.map(|place| place.copy_from_slice(bytes)).is_some()
@@ -162,7 +162,7 @@ impl Servo {
         self.turn = None;
         let is_meant = servo == self.number;
         match instruction {
-            // a Dynamixel tells its model, and the version of its firmware
+            // a Dynamixel reports its model and its firmware version
             Instruction::Ping if is_meant || (servo == EVERYBODY && self.is_dynamixel()) => {
                 self.answer(0, if self.is_dynamixel() { 3 } else { 0 })
             }
@@ -194,7 +194,7 @@ impl Servo {
         }
     }
 
-    /// Observes the answer of another servo, and adds its share to a common packet when its turn has come.
+    /// Observes the answer of another servo, and adds its own share to a common packet in turn.
     pub(super) fn observe(&mut self, frame: &Frame) -> Option<Frame> {
         if frame.form != Form::Packet || frame.id != Id::Standard(EVERYBODY.into()) {
             return None;
@@ -222,7 +222,7 @@ impl Servo {
             if self.stopped.is_some() && written.contains(&dynamixel::GOAL_POSITION.into()) {
                 return;
             }
-            // no more than the limit that stands in it
+            // no more than its stored limit
             let goal_current = usize::from(dynamixel::GOAL_CURRENT);
             let highest = self.word(dynamixel::CURRENT_LIMIT.into());
             if register == goal_current && data.len() == 2 && u16::from_le_bytes([data[0], data[1]]) > highest
@@ -244,7 +244,7 @@ impl Servo {
         } else {
             self.put(register, data);
         }
-        // torque that is switched on anew ends the error that switched it off
+        // enabling torque again clears the error that disabled it
         if written.contains(&self.switch()) && !self.has_torque() {
             self.status = 0;
         }

@@ -1,4 +1,4 @@
-//! The mistakes of a drive table that it shows by itself.
+//! Mistakes of a drive table that need no other file.
 
 use core::f64::consts::TAU;
 
@@ -20,7 +20,7 @@ const SERVOS: usize = 50;
 /// Servos whose states fit into one packet.
 const FAST_SERVOS: usize = (LONGEST - FAST_HEAD) / (dynamixel::STATE_BYTES as usize + FAST_AROUND);
 
-/// Checks a table by itself.
+/// Checks a table without other files.
 pub(super) fn check(table: &Table) -> Result<(), Mistake> {
     for (index, bus) in table.buses.iter().enumerate() {
         let at = |(message, advice): Refusal| (Some(("bus", index)), message, advice);
@@ -195,7 +195,7 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The keys that belong to one protocol, and what one protocol needs.
+/// Keys that belong to one protocol, and keys that a protocol requires.
 fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     let protocol = drive.protocol;
     let Some(bus) = table.bus_of(drive).map(|index| &table.buses[index]) else { return Ok(()) };
@@ -297,7 +297,7 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
 /// The largest values of registers of 16 bits: position, velocity (in turns and turns per second) and torque.
 const MOTEUS_MOST: [f64; 3] = [3.2767 * TAU, 8.19175 * TAU, 327.67];
 
-/// Refuses ranges beyond the registers of a moteus, in which all beyond would look like their end.
+/// Refuses ranges beyond the registers of a moteus, which would saturate.
 fn check_moteus(drive: &DriveEntry) -> Result<(), Refusal> {
     let ranges = [drive.ranges.position, drive.ranges.velocity, drive.ranges.torque];
     let names = [("position", "rad"), ("velocity", "rad/s"), ("torque", "N m")];

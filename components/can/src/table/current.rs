@@ -19,8 +19,8 @@ impl DriveEntry {
         }
     }
 
-    /// The limit of its current as its register has it: of a Damiao drive a share of its full current, of a
-    /// Feetech thousandths of the stall current, of a Dynamixel units. Never more than the table says.
+    /// The current limit in units of its register: for a Damiao drive a share of its full current, for a
+    /// Feetech thousandths of the stall current, for a Dynamixel units; never more than the table's.
     pub(crate) fn current_register(&self) -> Option<f64> {
         let limit = self.current_limit?;
         match self.protocol {
@@ -32,7 +32,7 @@ impl DriveEntry {
     }
 }
 
-/// Refuses a largest current that the drive cannot be told, or of which nobody knows the torque.
+/// Refuses a current limit that cannot be written to the drive, or whose torque is unknown.
 pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     let all = [
         ("current_limit", drive.current_limit),

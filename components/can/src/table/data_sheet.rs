@@ -1,4 +1,4 @@
-//! What the data sheet of a drive says about its entry in the table.
+//! Comparison of a drive's data sheet with its entry in the table.
 
 use core::f64::consts::TAU;
 use std::io;
@@ -8,7 +8,7 @@ use super::{ControlMode, DriveEntry, HomingBy};
 use crate::cia402::eds::Eds;
 use crate::cia402::{Mapping, Mode, Node, Object, Service};
 
-/// Objects that the adapter writes beside the mappings.
+/// Objects that the adapter writes in addition to the mappings.
 const WRITTEN: [Object; 4] =
     [Object::HEARTBEAT_CONSUMER, Object::MODE, Object::INTERPOLATION_UNITS, Object::INTERPOLATION_EXPONENT];
 
@@ -65,14 +65,14 @@ pub(super) fn complete(
     limits(drive, &sheet).and_then(|()| method(drive, &sheet)).map_err(at)
 }
 
-/// Refuses a method of homing beyond those of the drive, 0x6098.
+/// Refuses a homing method that the drive does not support, 0x6098.
 fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let method = drive.homing.as_ref().and_then(|homing| homing.method).map(i64::from);
     let (Some(method), Some(entry)) = (method, sheet.entry(Object::HOMING_METHOD)) else { return Ok(()) };
     // a byte with a sign, which some data sheets write without one
     let signed = |limit: i64| if (128..256).contains(&limit) { limit - 256 } else { limit };
     let (low, high) = (entry.low(drive.node).map(signed), entry.high(drive.node).map(signed));
-    // limits without a sign that stand for the whole byte say nothing
+    // unsigned limits of the whole byte are no limits
     let is_range = !matches!((low, high), (Some(low), Some(high)) if low > high);
     let is_beyond = low.is_some_and(|low| method < low) || high.is_some_and(|high| method > high);
     if is_range && is_beyond {
@@ -83,7 +83,7 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// True if it looks for its mark by a procedure of its own.
+/// Returns `true` if it searches for its mark by its own procedure.
 fn homes_itself(drive: &DriveEntry) -> bool {
     drive.homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Drive)
 }
@@ -118,7 +118,7 @@ fn cyclic(drive: &DriveEntry) -> Mode {
     }
 }
 
-/// Refuses a mode that the drive does not know by 0x6502, in which bit 7 is that of mode 8.
+/// Refuses a mode missing in the drive's 0x6502, whose bit 7 is mode 8.
 fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let known = sheet.entry(Object::SUPPORTED_MODES).and_then(|entry| entry.value(drive.node));
     let mode = cyclic(drive);

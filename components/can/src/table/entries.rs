@@ -27,8 +27,8 @@ pub struct BusEntry {
     pub bitrate: u32,
     /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
     pub data_bitrate: Option<u32>,
-    /// All servos answer in one packet together (fast sync read), which saves most of their turn-rounds:
-    /// Dynamixels whose firmware knows it, up to nine on a line. Default false.
+    /// All servos answer in one common packet (fast sync read), which saves most of their turn-rounds:
+    /// Dynamixels with firmware support, up to nine on a line. Default false.
     #[serde(default)]
     pub fast_read: bool,
     /// Longest time from a command to the beginning of its answer. Default 100 us.
@@ -68,19 +68,19 @@ pub struct DriveEntry {
     pub master: Option<u16>,
     /// The ranges of its fields; of protocols without ranges the largest values that it reaches.
     pub ranges: RangeEntry,
-    /// Time without a command after which the drive lets go by itself; "0 s" for never.
+    /// Time without a command after which the drive disables itself; "0 s" for never.
     pub watchdog: TimeSpan,
     /// Angle of the drive's output shaft per joint position (rad/rad or rad/m). Default 1.
     #[serde(default = "one")]
     pub ratio: f64,
-    /// The drive turns the other way round. Default false.
+    /// The drive turns in the opposite direction. Default false.
     #[serde(default)]
     pub reversed: bool,
-    /// Joint position where the drive says zero (rad or m). Default 0.
+    /// Joint position at the drive's zero (rad or m). Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// Whole turns of the drive's output shaft that are added to its reading, for one that comes up whole
-    /// turns away. Default 0.
+    /// Whole turns of the drive's output shaft added to its reading, for a drive that comes up whole turns
+    /// away. Default 0.
     #[serde(default)]
     pub turns: i32,
     /// The quantity that it is commanded: "position", by its own loop, "velocity", with the position loop in
@@ -92,8 +92,8 @@ pub struct DriveEntry {
     pub position_loop: Option<LoopEntry>,
     /// Time between two reports of the encoder, as it is set in the drive. Default 10 ms. Of ODrive only.
     pub report_every: Option<TimeSpan>,
-    /// The least from which the position has to be counted that the drive tells: "output", or "rotor", for a
-    /// joint that moves by less than a turn of the rotor. Default "output". Of moteus without `homing` only.
+    /// Required reference of the reported position: "output", or "rotor" for a joint that moves by less than
+    /// a turn of the rotor. Default "output". Of moteus without `homing` only.
     pub reference: Option<ReferenceEntry>,
     /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required unless
     /// the data sheet has it.
@@ -116,14 +116,14 @@ pub struct DriveEntry {
     /// The rated current, of which currents are thousandths: object 0x6075, A. Of CiA 402 only, for
     /// `current_limit`, where it is required unless the data sheet has it.
     pub rated_current: Option<f64>,
-    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it tells
+    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it provides
     /// increments and rated torque, and the table is checked against its objects, modes, mappings and limits.
     /// Of CiA 402 only.
     pub eds: Option<String>,
-    /// The way in which its position becomes known once its power is on, before it is enabled. Default: the
-    /// position that it tells is absolute, or it stands at its zero.
+    /// Procedure that determines its position after power-up, before it is enabled. Default: the reported
+    /// position is absolute, or the drive is at its zero.
     pub homing: Option<HomingEntry>,
-    /// Process data of which the data sheet says that their mapping cannot be written.
+    /// Process data with a read-only mapping in the data sheet.
     #[serde(skip)]
     pub(crate) fixed_mappings: Vec<Mapping>,
 }
@@ -136,11 +136,11 @@ fn one() -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlMode {
-    /// Positions, which the drive follows by a loop of its own.
+    /// Positions, followed by the drive's own loop.
     #[default]
     Position,
-    /// Velocities, which the drive follows by a loop of its own: the adapter closes the position loop around
-    /// it, with the ratio of the gains of `position_loop`, once a cycle.
+    /// Velocities, followed by the drive's own loop: the adapter closes the position loop around it, with the
+    /// ratio of the gains of `position_loop`, once a cycle.
     Velocity,
     /// Torques: the adapter applies the gains of the command to the newest state, once a cycle.
     Torque,
@@ -193,14 +193,14 @@ pub struct RangeEntry {
 }
 
 impl DriveEntry {
-    /// The gains of its own position loop: those of its entry, or full torque at a twentieth of a radian.
+    /// Gains of its own position loop: the entry's, or full torque at a twentieth of a radian.
     pub(super) fn loop_gains(&self) -> LoopEntry {
         let torque = self.ranges.torque;
         self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
     }
 
-    /// Its ranges, with no more torque than its current gives, and of a moteus with no higher gains than
-    /// those of its own loop.
+    /// Its ranges, with the torque limited by its current and, for a moteus, the gains limited to its own
+    /// loop's.
     pub(super) fn limited_ranges(&self) -> mit::Ranges {
         let ranges = self.ranges.ranges();
         // one that cannot be is refused as such
@@ -208,7 +208,7 @@ impl DriveEntry {
         let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
         let ranges = mit::Ranges { torque: Range::symmetric(most), ..ranges };
         match self.protocol {
-            // it is told shares of the gains that stand in it, which end at one
+            // it receives shares of its stored gains, at most one
             Protocol::Moteus => {
                 let gains = self.loop_gains();
                 ranges.with_gains(ranges.kp.max.min(gains.kp), ranges.kd.max.min(gains.kd))
@@ -235,7 +235,7 @@ pub enum Protocol {
     MiniCheetahVoltage,
     /// The MIT protocol of CubeMars.
     Cubemars,
-    /// The MIT protocol of Damiao, whose registers tell ranges and watchdog.
+    /// The MIT protocol of Damiao, whose registers report ranges and watchdog.
     Damiao,
     /// The MIT protocol of RobStride.
     Robstride,
@@ -289,12 +289,12 @@ impl Protocol {
         if self.is_servo() { BusKind::Serial } else { BusKind::Can }
     }
 
-    /// True for drives that are commanded positions or torques, as the table says.
+    /// Returns `true` for drives with a selectable mode, positions or torques.
     pub(super) fn has_modes(self) -> bool {
         matches!(self, Self::Odrive | Self::Cia402)
     }
 
-    /// True for drives with a position loop of their own, whose gains the table says.
+    /// Returns `true` for drives with their own position loop, whose gains are in the table.
     pub(crate) fn has_loop(self) -> bool {
         matches!(self, Self::Odrive | Self::Cia402 | Self::Moteus) || self.is_servo()
     }

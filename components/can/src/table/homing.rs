@@ -1,4 +1,4 @@
-//! The homing of drives whose position is not known when their power comes on.
+//! Homing of drives whose position is unknown at power-up.
 
 use core::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::check::Refusal;
 use super::{ControlMode, DriveEntry, Protocol};
 
-/// The homing of a drive: velocities, efforts and positions are those of the joint.
+/// The homing of a drive: velocities, efforts and positions refer to the joint.
 ///
 /// ```
 /// use motorium_can::{HomingBy, Table};
@@ -35,12 +35,11 @@ use super::{ControlMode, DriveEntry, Protocol};
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomingEntry {
-    /// Finder of the mark: "drive", the drive by its own procedure (ODrive, CiA 402; of servos the offset in
-    /// them), or "stop", the adapter, which leads the joint slowly into its mechanical stop (MIT family,
-    /// moteus, and drives that are commanded torques).
+    /// Finder of the mark: "drive", the drive's own procedure (ODrive, CiA 402; of servos their stored
+    /// offset), or "stop", the adapter, which moves the joint slowly into its mechanical stop (MIT family,
+    /// moteus, and torque-controlled drives).
     pub by: HomingBy,
-    /// Joints of a lower number are homed before those of a higher one, those of the same number together.
-    /// Default 0.
+    /// Joints of a lower number are homed first, joints of the same number together. Default 0.
     pub order: Option<u8>,
     /// Time after which a homing that is not over has failed. Default 20 s.
     pub timeout: Option<TimeSpan>,
@@ -58,7 +57,7 @@ pub struct HomingEntry {
     /// The homing offset in a servo, which is compared before it is enabled, steps. Of servos, where it is
     /// required.
     pub steps: Option<i32>,
-    /// Effort at which the joint stands against its stop, N m or N. Of "stop", where it is required.
+    /// Effort of the joint against its stop, N m or N. Required with "stop".
     pub effort: Option<f64>,
     /// Position of the joint at its stop, rad or m. Of "stop", where it is required.
     pub position: Option<f64>,
@@ -73,7 +72,7 @@ pub struct HomingEntry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HomingBy {
-    /// The drive, by a procedure of its own.
+    /// The drive, by its own procedure.
     Drive,
     /// The adapter, at the mechanical stop of the joint.
     Stop,
@@ -103,9 +102,9 @@ pub(crate) struct HomingObjects {
 
 /// The usual time for a homing.
 const TIMEOUT: TimeSpan = TimeSpan { ns: 20_000_000_000 };
-/// The usual bound of the energy at a stop, J: that of half a kilogram metre squared at 0.6 rad/s.
+/// Default bound of the energy at a stop, J: half a kilogram metre squared at 0.6 rad/s.
 const ENERGY: f64 = 0.1;
-/// The usual way back from a stop, rad or m.
+/// Default back-off distance from a stop, rad or m.
 const BACK_OFF: f64 = 0.05;
 
 impl HomingEntry {
@@ -136,8 +135,7 @@ impl DriveEntry {
         self.homing.is_some() && !self.protocol.is_servo()
     }
 
-    /// The objects that are written for its homing, with index, subindex and number; none if it has no homing
-    /// of CiA 402.
+    /// Objects written for its homing, with index, subindex and number; empty without a CiA 402 homing.
     ///
     /// Velocities are increments of the drive per second.
     pub fn homing_registers(&self) -> Vec<(u16, u8, i64)> {
@@ -153,7 +151,7 @@ impl DriveEntry {
         ]
     }
 
-    /// The objects of its homing; `None` if it has none of its own, or one that does not fit into them.
+    /// Objects of its homing; `None` without one of its own, or if the values do not fit.
     pub(crate) fn homing_objects(&self) -> Option<HomingObjects> {
         let homing = self.homing.as_ref().filter(|homing| homing.by == HomingBy::Drive)?;
         let per_joint = self.increments? / TAU * self.ratio;
@@ -169,7 +167,7 @@ impl DriveEntry {
     }
 }
 
-/// Refuses a homing that its drive cannot be told.
+/// Refuses a homing that its drive does not support.
 pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     let Some(homing) = &drive.homing else { return Ok(()) };
     check_keys(drive, homing)?;
@@ -220,7 +218,7 @@ fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// True if its drive knows this homing.
+/// Returns `true` if its drive supports this homing.
 fn can_home(drive: &DriveEntry, by: HomingBy) -> bool {
     match by {
         HomingBy::Drive => drive.protocol.has_modes() || drive.protocol.is_servo(),
@@ -334,7 +332,7 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
             "write less `effort`",
         ));
     }
-    // its torque at standstill is that of the velocity gain
+    // its torque at standstill comes from the velocity gain
     let gain = effort / velocity.abs() / ratio;
     let most = match drive.protocol {
         Protocol::Moteus => drive.loop_gains().kd,

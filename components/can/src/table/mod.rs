@@ -57,7 +57,7 @@ pub struct Table {
     /// The drives.
     #[serde(rename = "drive")]
     pub drives: Vec<DriveEntry>,
-    /// Line and column of the name of each drive's joint, from 1; none if it was not read from a text.
+    /// Line and column of the name of each drive's joint, from 1; empty if it was not read from a text.
     #[serde(skip)]
     pub(crate) joint_places: Vec<(usize, usize)>,
 }
@@ -74,7 +74,7 @@ pub struct TableError {
     pub entry: Option<(&'static str, usize)>,
     /// The value found, and the values expected.
     pub message: String,
-    /// Advice on how to mend it.
+    /// Advice on fixing it.
     pub advice: &'static str,
 }
 
@@ -83,39 +83,39 @@ pub struct TableError {
 pub struct Transmission {
     /// Angle of the drive per joint position, signed (rad/rad or rad/m).
     pub ratio: f64,
-    /// Joint position where the drive says zero (rad or m).
+    /// Joint position at the drive's zero (rad or m).
     pub offset: f64,
     /// Turns of the drive that are in `offset`.
     pub turns: i32,
 }
 
 impl Transmission {
-    /// The drive's position for that of the joint.
+    /// Converts a joint position to the drive's.
     pub fn to_drive(&self, joint: f64) -> f64 {
         (joint - self.offset) * self.ratio
     }
 
-    /// The joint's position for that of the drive.
+    /// Converts a drive position to the joint's.
     pub fn to_joint(&self, drive: f64) -> f64 {
         drive / self.ratio + self.offset
     }
 }
 
 impl Table {
-    /// Reads a table and checks it by itself.
+    /// Parses and checks a table.
     ///
     /// # Errors
-    /// It is no such table, or a value in it cannot be.
+    /// Not a drive table, or an invalid value.
     pub fn parse(text: &str) -> Result<Self, TableError> {
         Self::parse_with(text, |path| {
             Err(io::Error::new(io::ErrorKind::Unsupported, format!("a text alone has no {path}")))
         })
     }
 
-    /// Reads a table and checks it by itself; `read` reads the text of a file that it names.
+    /// Parses and checks a table; `read` returns the text of a file that it names.
     ///
     /// # Errors
-    /// It is no such table, a value in it cannot be, or a file that it names cannot be read.
+    /// Not a drive table, an invalid value, or an unreadable file.
     pub fn parse_with(text: &str, read: impl Fn(&str) -> io::Result<String>) -> Result<Self, TableError> {
         let refuse = |error: toml::de::Error| {
             let place = error.span().map(|span| place_of(text, &span));
@@ -140,7 +140,7 @@ impl Table {
     /// Completes the drives from their data sheets, whose texts `read` reads by their names.
     ///
     /// # Errors
-    /// A data sheet cannot be read, or a drive cannot be what the table says by it.
+    /// A data sheet cannot be read, or contradicts the table.
     pub fn complete(&mut self, read: impl Fn(&str) -> io::Result<String>) -> Result<(), TableError> {
         for (index, drive) in self.drives.iter_mut().enumerate() {
             data_sheet::complete(drive, &read).map_err(|(message, advice)| TableError {
@@ -154,7 +154,7 @@ impl Table {
         Ok(())
     }
 
-    /// Checks a table by itself.
+    /// Checks a table without other files.
     ///
     /// # Errors
     /// A value in it cannot be.
@@ -180,7 +180,7 @@ impl Table {
     /// Opens the interface of a bus.
     ///
     /// # Errors
-    /// It is missing, down, or has other bitrates.
+    /// The interface is missing, down, or has other bitrates.
     pub fn open(&self, bus: usize) -> Result<RealBus, OpenError> {
         let entry = &self.buses[bus];
         let interface = entry.interface.as_deref().unwrap_or(&entry.name);
@@ -190,8 +190,8 @@ impl Table {
         }
     }
 
-    /// True if each of its buses tells when a frame was received, however much later it is read: interfaces
-    /// of the kernel and unix sockets, but no serial lines.
+    /// Returns `true` if each of its buses reports receive times regardless of when a frame is read:
+    /// interfaces of the kernel and unix sockets, but no serial lines.
     pub(crate) fn tells_times(&self) -> bool {
         self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| {
             match Place::from_interface(name) {
@@ -201,7 +201,7 @@ impl Table {
         })
     }
 
-    /// True if one of its simulated buses is that of an adapter on a pseudo-terminal.
+    /// Returns `true` if one of its simulated buses is an adapter on a pseudo-terminal.
     pub(crate) fn has_adapters_on_terminals(&self) -> bool {
         let of_can = self.buses.iter().filter(|bus| bus.kind == BusKind::Can);
         of_can
@@ -231,8 +231,7 @@ impl Table {
         self.drives[index].limited_ranges()
     }
 
-    /// The gains of a drive's own position loop: those of its entry, or full torque at a twentieth of a
-    /// radian.
+    /// Gains of a drive's own position loop: the entry's, or full torque at a twentieth of a radian.
     pub fn position_loop(&self, index: usize) -> LoopEntry {
         self.drives[index].loop_gains()
     }
@@ -281,14 +280,14 @@ impl Table {
                     exchanges.push((of(6), of(6)));
                     others.push(of(6));
                     if drive.is_homed() && drive.homing_objects().is_some() {
-                        // service data beside the process data, and their answer
+                        // service data besides the process data, and their answer
                         others.extend([of(8); 2]);
                     }
                 }
                 Protocol::Moteus => {
                     exchanges.push((Shape { extended: true, ..of(32) }, of(20)));
                 }
-                // in the packet with all goals, number and goal; in the one that asks, the number again
+                // in the packet with all goals: number and goal; in the request: the number again
                 Protocol::Feetech => {
                     exchanges.push((of(4), of(6 + usize::from(crate::feetech::STATE_BYTES))))
                 }

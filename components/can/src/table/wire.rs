@@ -1,5 +1,5 @@
-//! Refusals of what does not go over the wire: frames that a drive does not know, identifiers that two of
-//! them share, and numbers beyond their fields.
+//! Refusals of settings that the bus cannot carry: unsupported frames, shared identifiers, and numbers beyond
+//! their fields.
 
 use core::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use crate::damiao;
 use crate::frame::{Form, Id};
 use crate::moteus;
 
-/// Refuses drives that know classic frames only beside those that are sent frames of CAN FD.
+/// Refuses classic-only drives on a bus with drives that use CAN FD frames.
 pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let of = |form| on_bus().find(|drive| table.form(drive) == form);
@@ -24,8 +24,7 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
     ))
 }
 
-/// The identifiers of the commands of a drive, and that of its answers, where drives of several protocols
-/// share a bus.
+/// Identifiers of a drive's commands and answers, where drives of several protocols share a bus.
 fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     let entry = &table.drives[index];
     match (table.drive(index), entry.protocol) {
@@ -35,8 +34,7 @@ fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     }
 }
 
-/// Refuses a drive whose answers another one would take for commands, or whose answers look like those of
-/// another kind.
+/// Refuses a drive whose answers look like another drive's commands or another protocol's answers.
 pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refusal> {
     let drive = &table.drives[index];
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
@@ -54,7 +52,7 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
                 other.joint
             ));
         }
-        // those of one protocol name the drive
+        // answers of one protocol name the drive
         if answers == their_answers && drive.protocol != other.protocol {
             return refuse(format!(
                 "its answers have the identifier {answers}, as those of `{}`, a drive of {:?}",

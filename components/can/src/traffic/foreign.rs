@@ -1,10 +1,10 @@
-//! Logs in other formats than that of `candump -L`: what `candump` prints on a screen, and ASC files of
-//! Vector's tools.
+//! Logs in other formats than `candump -L`'s: the screen output of `candump`, and ASC files of Vector's
+//! tools.
 
 use super::{Record, RecordError};
 
-/// A line of a log as `candump -L` would have it; `None` for a line that says nothing about traffic, such as
-/// a header.
+/// Parses a line of a foreign log into the form of `candump -L`; `None` for a line without traffic, such as a
+/// header.
 pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     let refuse = |message: &str| Err(RecordError { found: line.to_string(), message: message.to_string() });
     let fields: Vec<&str> = line.split_whitespace().collect();
@@ -57,8 +57,8 @@ fn screen(time: &str, line: &str) -> Option<String> {
     Some(format!("({time}) {interface} {id}{separator}{}", bytes.concat()))
 }
 
-/// A line of an ASC file, in whose place that of an interface `canN` for channel N comes; `None` for one that
-/// does not parse, and `Some(None)` for an event that is no frame.
+/// Parses a line of an ASC file, with channel N as the interface `canN`. Returns `None` if it does not parse,
+/// and `Some(None)` for an event other than a frame.
 fn asc(fields: &[&str]) -> Option<Option<String>> {
     let time = micros(fields.first()?)?;
     let id_of = |text: &str| match text.strip_suffix(['x', 'X']) {
@@ -71,7 +71,7 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
     };
     if fields.get(1) == Some(&"CANFD") {
         let (channel, id) = (fields.get(2)?, id_of(fields.get(4)?)?);
-        // a symbolic name may stand between identifier and flags
+        // a symbolic name may precede the flags
         let flags = if matches!(fields.get(5), Some(&("0" | "1"))) { 5 } else { 6 };
         let separator = if fields.get(flags) == Some(&"1") { "##1" } else { "##0" };
         let bytes = data(fields.get(flags + 3)?, fields.get(flags + 4..)?)?;

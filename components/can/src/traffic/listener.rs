@@ -108,12 +108,12 @@ impl Listener {
     /// Listens on these interfaces.
     ///
     /// # Errors
-    /// One is missing or down, is a line that one program has for itself, or the kernel refuses.
+    /// An interface is missing or down, is a line used by one program only, or the kernel refuses.
     pub fn open<'a>(interfaces: impl IntoIterator<Item = &'a str>) -> Result<Self, OpenError> {
         Ok(Self { sources: interfaces.into_iter().map(Source::open).collect::<Result<_, _>>()? })
     }
 
-    /// The next record, if one comes within `timeout`.
+    /// Returns the next record, if one arrives within `timeout`.
     ///
     /// # Errors
     /// An interface went down or away.
@@ -149,7 +149,7 @@ pub struct Sender {
     line: Line,
 }
 
-/// The way on which records are sent.
+/// Destination of sent records.
 enum Line {
     Kernel(CanFdSocket),
     Simulated(Box<UnixBus>),
@@ -159,7 +159,7 @@ impl Sender {
     /// Sends on an interface.
     ///
     /// # Errors
-    /// It is missing or down, is a line that one program has for itself, or the kernel refuses.
+    /// The interface is missing or down, is a line used by one program only, or the kernel refuses.
     pub fn open(name: &str) -> Result<Self, OpenError> {
         let line = match simulated(name)? {
             Some(bus) => Line::Simulated(bus),
@@ -175,7 +175,7 @@ impl Sender {
     /// Sends the frame of a record, whatever interface it came from.
     ///
     /// # Errors
-    /// The interface does not take it; the error says what that means.
+    /// The interface rejects the record; the error has the reason.
     pub fn send(&mut self, record: &Record) -> io::Result<()> {
         let name = &self.name;
         let socket = match &mut self.line {

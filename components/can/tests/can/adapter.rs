@@ -48,7 +48,7 @@ impl Rig {
         }
     }
 
-    /// Runs cycles: the adapter sends, the bus goes on for a cycle, drives answer and step, the adapter
+    /// Runs cycles: the adapter sends, the bus advances by a cycle, drives answer and step, the adapter
     /// collects.
     fn run(&mut self, cycles: u64) {
         for _ in 0..cycles {

@@ -1,10 +1,10 @@
-//! The bits of frames, against published lengths and a second way of counting.
+//! Bits of frames, compared with published lengths and a second count.
 
 use motorium_can::{Bits, Form, Frame, Id, Rates};
 
 const FD: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
-/// A generator of numbers that only look random.
+/// A pseudo-random generator.
 struct Numbers(u64);
 
 impl Numbers {
@@ -61,8 +61,8 @@ fn random_frames_have_the_published_mean_length() {
     }
 }
 
-/// The frame as a text of bits, stuffed by replacing runs from the left: slow, and nothing of the product's
-/// way.
+/// The frame as a text of bits, stuffed by replacing runs from the left: slow, and independent of the
+/// product's algorithm.
 #[test]
 fn stuffing_is_that_of_a_text_of_bits() {
     fn checksum(bits: &str) -> String {

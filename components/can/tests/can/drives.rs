@@ -9,7 +9,7 @@ const STEP_NS: u64 = 250_000;
 /// Position of the shafts at first, rad.
 const SHAFT: f64 = 0.5;
 
-/// A protocol, with what its entries have beside those of all.
+/// A protocol, with the additional keys of its entries.
 pub(super) struct Case {
     pub(super) protocol: &'static str,
     pub(super) bus: &'static str,
@@ -61,7 +61,7 @@ pub(super) struct Rig {
     drives: [AnySimulatedDrive; 2],
     pub(super) cycle: u64,
     pub(super) cycle_ns: u64,
-    /// The first drive says nothing.
+    /// The first drive is silent.
     pub(super) is_silent: bool,
     pub(super) is_old: bool,
     pub(super) torques: [f64; 2],
@@ -223,7 +223,7 @@ fn reenabled_drives_begin_at_their_moved_position() {
         rig.is_silent = true;
         rig.run(5);
         (rig.is_silent, rig.shaft) = (false, -1.0);
-        // an ODrive tells its state each tenth of a second
+        // an ODrive reports its state every tenth of a second
         rig.run(150_000_000 / rig.cycle_ns);
         rig.adapter.resume();
         let cycles = 400;
@@ -244,7 +244,7 @@ fn a_drive_without_power_trips_until_resumed() {
         rig.is_silent = true;
         rig.run(5);
         rig.is_silent = false;
-        // an ODrive tells its state each tenth of a second
+        // an ODrive reports its state every tenth of a second
         rig.run(150_000_000 / rig.cycle_ns);
         assert!(rig.adapter.has_tripped(), "{}", case.protocol);
         // a moteus follows any command, and is damped
@@ -342,7 +342,7 @@ fn a_dynamixel_watchdog_stops_it_until_checked() {
     rig.shaft = SHAFT + 0.03;
     rig.step(killed_ns + WATCHDOG_NS + 2 * STEP_NS);
     assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds the place: {:?}", rig.torques);
-    // goals are refused until the watchdog is set anew, which the check of a resumed adapter does
+    // goals are refused until the check of a resumed adapter sets the watchdog again
     rig.cycle = 2 + (killed_ns + WATCHDOG_NS) / rig.cycle_ns;
     rig.run(5);
     assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));
@@ -363,8 +363,8 @@ fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
     assert!(!rig.drives[0].is_enabled());
 }
 
-/// Runs the adapter of one drive by a table, with the drive of the same table or of another one: whether it
-/// is enabled, and the setting that is wrong.
+/// Runs the adapter of one drive by a table, with the drive of the same table or of another one; returns
+/// whether it is enabled, and the wrong setting.
 pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<WrongSetting>) {
     let mut adapter = Adapter::new(table, &[0], &[0.3], OnTrip::Damp);
     let mut drive = AnySimulatedDrive::new(drive.unwrap_or(table), 0, Overrides::default());

@@ -21,7 +21,7 @@ fn every_object_of_a_data_sheet_is_what_canopen_reads() {
         let index = u16::from_str_radix(head[0], 16).unwrap();
         let entry = sheet.entry(Object { index, subindex: head[1].parse().unwrap() }).expect(line);
         assert_eq!((entry.name(), entry.is_writable()), (name, head[2] == "rw"), "{line}");
-        // where a limit is that of its type, canopen tells none
+        // canopen reports no limit that equals the type's
         let number = |text: &str| text.parse::<i64>().ok();
         assert_eq!(entry.value(5), number(head[3]), "{line}");
         assert_eq!((entry.low(5), entry.high(5)), (number(low), number(high)), "{line}");

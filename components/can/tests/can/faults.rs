@@ -1,5 +1,4 @@
-//! The table of faults on simulated buses, in lockstep: each row runs twice, and comes out the same to the
-//! last bit.
+//! The table of faults on simulated buses, in lockstep: each row runs twice, with bit-identical results.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -9,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::components::{DRIVES, Folder, adapter, bare_graph, command, graph};
 
-/// Runs a fault twice for 600 ms, and returns what comes out both times.
+/// Runs a fault twice for 600 ms, and returns both results.
 fn row(name: &str, fault: &str) -> Report {
     let run = |turn: &str| {
         let folder = Folder::new(&format!("row-{name}-{turn}"), DRIVES);
@@ -33,7 +32,7 @@ fn drive<'a>(report: &'a Report, joint: &str) -> &'a Value {
     &report.results["drives"]["drives"][joint]
 }
 
-/// The drives that let go by their watchdog, and stayed so.
+/// Drives disabled by their watchdog, and still disabled.
 fn let_go(report: &Report) -> Vec<&'static str> {
     let has = |joint: &&str| {
         let drive = drive(report, joint);

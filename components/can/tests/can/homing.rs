@@ -1,5 +1,4 @@
-//! Homing: joints whose position is not known when their power comes on, by drives of every family and at
-//! mechanical stops.
+//! Homing: joints with unknown position at power-up, by drives of every family and at mechanical stops.
 
 use motorium_can::adapter::{Adapter, HomingState, Link, OnTrip, Phase};
 use motorium_can::bus::simulated::Event;
@@ -12,7 +11,7 @@ pub(super) const EFFORT: f64 = 1.2;
 /// Position of the lower stop, rad.
 pub(super) const STOP: f64 = -0.8;
 
-/// A family of drives with what its entries have beside those of all.
+/// A family of drives, with the additional keys of its entries.
 pub(super) struct Case {
     pub(super) name: &'static str,
     pub(super) bus: &'static str,
@@ -165,7 +164,7 @@ impl Rig {
         }
     }
 
-    /// Runs until the homing of a joint is over, at most for so many seconds.
+    /// Runs until the homing of a joint is over, at most for this number of seconds.
     pub(super) fn run_until_over(&mut self, joint: usize, seconds: f64) -> HomingState {
         for _ in 0..(seconds * 1e9) as u64 / CYCLE_NS {
             self.run_cycle();
@@ -235,7 +234,7 @@ impl Rig {
         self.adapter.links()[joint].homing().expect("it is homed")
     }
 
-    /// True if all joints follow commands, and the adapter knows where they are.
+    /// Returns `true` if all joints follow commands, and their positions are known to the adapter.
     pub(super) fn is_right(&self) -> bool {
         let knows = |(link, joint): (&Link, &Joint)| {
             link.phase() == Phase::Enabled && (link.state().0 - joint.position).abs() < 0.02

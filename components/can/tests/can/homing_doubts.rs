@@ -1,4 +1,4 @@
-//! Homing where something is in doubt: the adapter does not move, and begins anew.
+//! Homing in doubtful cases: the adapter does not move, and restarts.
 
 use motorium_can::adapter::{HomingFault, HomingState, OnTrip, Phase, Setpoint};
 

@@ -170,7 +170,7 @@ fn only_the_drive_that_lost_its_power_is_homed_again() {
         assert_eq!(rig.drives[1].is_enabled(), on_trip == OnTrip::Damp, "{name}");
         let held = rig.joints[1].position;
         rig.adapter.resume();
-        // one that does not tell its state may have lost its power, too
+        // a drive without status reports may have lost its power, too
         let tells = case.name != "mini cheetah";
         assert_eq!(rig.state(1) == HomingState::Homed, tells, "{name}");
         for joint in [0, 1] {

@@ -56,7 +56,7 @@ offset       = -1.2
 homing       = { by = "drive", method = 17, velocity = 0.5, creep_velocity = 0.1, acceleration = 2.0, order = 1 }
 "#;
 
-/// The same with an ODrive, which reports by itself, in place of the drive of CiA 402.
+/// The same with an ODrive, which reports unasked, instead of the CiA 402 drive.
 fn with_odrive() -> String {
     let own = &PLANAR[PLANAR.find("protocol     = \"cia402\"").unwrap()..];
     let odrive = r#"protocol = "odrive"

@@ -1,5 +1,5 @@
-//! A stop in the middle of a homing, in a graph: joints that are held take the safe state of the graph, those
-//! under way let go, and all goes on once the run is resumed.
+//! A stop during a homing, in a graph: held joints enter the graph's safe state, moving joints are disabled,
+//! and homing restarts once the run is resumed.
 
 use std::time::Duration;
 
@@ -77,7 +77,7 @@ impl Arm {
         self.session.step_until(until).unwrap();
     }
 
-    /// Runs until the flags of the joints are as wanted, at most 20 s.
+    /// Runs until the flags of the joints match, at most 20 s.
     fn run_until(&mut self, what: &str, wanted: impl Fn([u32; 3]) -> bool) {
         let end = self.session.time() + Duration::from_secs(20);
         while !wanted(self.flags()) {
@@ -104,7 +104,7 @@ impl Arm {
 
 const STATES: u32 = JointHealth::ENABLED | JointHealth::HOMING | JointHealth::NOT_HOMED;
 
-/// The first joint is held, the second on its way to its stop.
+/// The first joint is held, the second moves to its stop.
 fn is_between([first, second, _]: [u32; 3]) -> bool {
     first & STATES == JointHealth::ENABLED && second & JointHealth::HOMING != 0
 }

@@ -1,5 +1,5 @@
-//! One robot on two adapters with rates of their own: an arm on CAN at 1 kHz and its gripper on a line of
-//! servos at 200 Hz, whose states `joint.merge` puts together.
+//! One robot on two adapters with different rates: an arm on CAN at 1 kHz and its gripper on a line of servos
+//! at 200 Hz, whose states `joint.merge` merges.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -188,7 +188,7 @@ fn the_merged_state_has_its_rate_and_the_oldest_age() {
         };
         assert!(is_from(&arm, 0..2) && is_from(&gripper, 2..3), "at {now}: {:?}", sample.value.position());
         let oldest = newest(&arm).stamp.source_time.min(newest(&gripper).stamp.source_time);
-        // or that of the gripper's cycle before
+        // or from the gripper's previous cycle
         assert!(sample.stamp.source_time <= oldest && sample.stamp.source_time + 5_000_000 >= oldest);
         let age_ns = now - sample.stamp.source_time;
         assert!((1_000_000..=11_000_000).contains(&age_ns), "{age_ns}");

@@ -104,7 +104,7 @@ fn an_answer_of_another_length_device_or_state_is_refused() {
     assert!(matches!(elsewhere, Err(DecodeError::Id { .. })));
 }
 
-/// The integer of a number by the published formula `(x - min) (2^n - 1) / (max - min)`, and how far it is
+/// The integer of a number by the published formula `(x - min) (2^n - 1) / (max - min)`, and its distance
 /// from a half.
 fn published(x: f64, range: &Range, bits: u32) -> (f64, f64) {
     let scaled = (x - range.min) * f64::from((1_u32 << bits) - 1) / (range.max - range.min);

@@ -25,7 +25,7 @@ fn path(test: &str) -> String {
     std::env::temp_dir().join(name(test)).to_str().unwrap().to_string()
 }
 
-/// Receives until so many frames have come.
+/// Receives until this number of frames has arrived.
 fn received(bus: &mut RealBus, count: usize) -> Vec<Frame> {
     let (mut all, mut inbox) = (Vec::new(), [Received::default(); 16]);
     let until = Instant::now() + Duration::from_secs(10);

@@ -86,7 +86,7 @@ impl Case {
                  position_loop = {gains}\n{drive}\n"
             );
         }
-        // its goals are those of a turn
+        // its goals are within a turn
         if self.name == "feetech" { text.replace("position = 12.6", "position = 3.1416") } else { text }
     }
 

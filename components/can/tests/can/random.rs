@@ -1,11 +1,11 @@
-//! Random frames: none makes a decoder panic, and what it accepts is what it would send.
+//! Random frames: none makes a decoder panic, and accepted frames are encoded identically.
 
 use motorium_can::bus::slcan::{LONGEST, Line, Reader, write};
 use motorium_can::{Database, Form, Frame, Id, cia402, damiao, mit, moteus, odrive};
 
 const FRAMES: u64 = 10_000_000;
 
-/// Numbers that only look random: splitmix64.
+/// Pseudo-random numbers: splitmix64.
 struct Numbers(u64);
 
 impl Numbers {
@@ -110,7 +110,7 @@ fn ten_million_random_frames_cause_no_panic() {
     }
 }
 
-/// Frames of the tests below: a share of them, or as many as `MOTORIUM_CAN_FRAMES` says.
+/// Number of frames of the tests below: a share of it, or as set by `MOTORIUM_CAN_FRAMES`.
 fn frames() -> u64 {
     let asked =
         std::env::var("MOTORIUM_CAN_FRAMES").ok().map(|text| text.parse().expect("a number of frames"));

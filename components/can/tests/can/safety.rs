@@ -210,7 +210,7 @@ fn an_odrive_without_heartbeat_is_lost() {
     }
 }
 
-/// All frames of a node of CANopen but its heartbeats; that it has started is none.
+/// All frames of a CANopen node except its heartbeats and its boot-up message.
 fn without_beat(frame: &Frame) -> Option<Frame> {
     let beat = cia402::Node::new(5).unwrap().heartbeat(frame);
     beat.map_or(true, |state| state == cia402::NetworkState::BootUp).then_some(*frame)

@@ -1,4 +1,4 @@
-//! Packets of serial servos, against those of the makers' manuals.
+//! Packets of serial servos, compared with the makers' manuals.
 
 use motorium_can::servo::{
     FastReader, FastTurn, Instruction, LONGEST, Packet, Protocol, Reader, fast_sum, write, write_fast_status,

@@ -104,8 +104,8 @@ proptest! {
 
 /// The other end of a pseudo-terminal, and its path.
 pub(super) fn terminal() -> (File, String) {
-    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that
-    // they are told.
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the stated
+    // length.
     unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK);
         assert!(master >= 0 && libc::grantpt(master) == 0 && libc::unlockpt(master) == 0);
@@ -118,7 +118,7 @@ pub(super) fn terminal() -> (File, String) {
 
 const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
-/// Bytes that have come on a terminal by now.
+/// Bytes received on a terminal so far.
 pub(super) fn written(terminal: &mut File) -> Vec<u8> {
     let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
     while let Ok(length @ 1..) = terminal.read(&mut bytes) {
@@ -127,7 +127,7 @@ pub(super) fn written(terminal: &mut File) -> Vec<u8> {
     all
 }
 
-/// Opens the bus on a terminal whose other end answers to its commands in this way.
+/// Opens the bus on a terminal whose other end answers its commands in this way.
 fn opened(answer: &'static [u8], is_fd: bool) -> (File, Result<SlcanBus, OpenError>, Vec<u8>) {
     let (mut terminal, path) = terminal();
     let adapter = std::thread::spawn(move || {

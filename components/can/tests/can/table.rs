@@ -1,4 +1,4 @@
-//! The drive table: what it accepts, and what it says of mistakes.
+//! The drive table: accepted values, and messages about mistakes.
 
 use motorium_can::{Budget, Table};
 

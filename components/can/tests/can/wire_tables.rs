@@ -8,8 +8,7 @@ use motorium_can::{AnySimulatedDrive, Form, Frame, Overrides, Table};
 const FD: &str = "data_bitrate = 5_000_000";
 const CIA402: &str = "increments = 65536.0\nrated_torque = 5.0";
 
-/// A table of drives on one bus: of each its protocol, its number, and what its entry has beside those of
-/// all.
+/// A table of drives on one bus: protocol, number and additional keys of each.
 fn table(bus: &str, drives: &[(&str, u8, &str)]) -> Result<Table, String> {
     let mut text = format!("[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n{bus}\n");
     for (protocol, node, more) in drives {
@@ -60,7 +59,7 @@ fn answers_that_collide_with_commands_are_refused() {
         text,
         "drive of `damiao1`: its answers have the identifier 0x002, that of commands to `damiao2`"
     );
-    // that of a Damiao drive by default
+    // a Damiao drive's default
     let text = refused("", &[("mini_cheetah", 17, ""), ("damiao", 1, "")]);
     assert_eq!(
         text,

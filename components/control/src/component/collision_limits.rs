@@ -68,7 +68,7 @@ pub enum OfWorld {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a list of names of objects, or \"all\"")]
 pub enum WorldObjects {
-    /// Those of these names.
+    /// Objects with these names.
     Named(Vec<String>),
     /// "all".
     All(AllObjects),

@@ -56,8 +56,8 @@ pub struct QpControllerConfig {
     /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is
     /// pushed with at most `kp` times this. Default 0.1.
     pub max_lead: f64,
-    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without one of
-    /// their own. Default 1e-7.
+    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without their
+    /// own. Default 1e-7.
     pub damping: f64,
     /// Maximum age of the joint state. Beyond it nothing is commanded, and the drives enter their safe state.
     /// Default 10 ms.

@@ -24,7 +24,8 @@ pub struct FrameLimitConfig {
     pub z: Option<[f64; 2]>,
     /// Distance kept from the sides of the box, m, at least 0. Default 0.
     pub margin: f64,
-    /// Share of the remaining distance to a side that may be covered per second, 1/s, at least 1e-3. Default 5.
+    /// Share of the remaining distance to a side that may be covered per second, 1/s, at least 1e-3. Default
+    /// 5.
     pub rate: f64,
     /// Largest velocity along each axis of the world, m/s, at least 0. Default: no limit.
     pub max_linear: Option<f64>,

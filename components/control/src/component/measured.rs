@@ -20,11 +20,11 @@ pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> 
     source.load().map_err(|error| ConfigError::key("robot", error.to_string()))
 }
 
-/// Configuration and velocity of a robot, with its kinematics, as the newest states of its joints and its
-/// base say.
+/// Configuration and velocity of a robot, with its kinematics, from the newest states of its joints and its
+/// base.
 pub(super) struct MeasuredState {
     joint_state: Input<JointState>,
-    /// Of a floating base.
+    /// State of a floating base.
     base_state: Option<Input<BaseState>>,
     pub(super) model: Model,
     pub(super) kinematics: Kinematics,
@@ -37,11 +37,11 @@ pub(super) struct MeasuredState {
 /// Age of the newest state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freshness {
-    /// There was none yet.
+    /// Nothing published yet.
     Missing,
     /// The state is too old.
     Stale,
-    /// It was read.
+    /// A new state was read.
     Fresh,
 }
 

@@ -40,7 +40,7 @@ impl Default for IkSettings {
     }
 }
 
-/// The tick has no joint velocity. The safe reaction is to stand still.
+/// The tick has no joint velocity. The safe reaction is not to move.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IkError {
     /// The state, a target or a setting is not a number, or the limits cross.
@@ -88,7 +88,7 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     constrained: Rows,
     relaxed: Option<Relaxed>,
     conflict: Option<IkConflict>,
-    /// Bounds without the acceleration limit, and whether there is one.
+    /// Bounds without the acceleration limit, and whether it is set.
     unhurried: [DVector<f64>; 2],
     is_narrowed: bool,
     /// Velocities of the previous tick, if any.

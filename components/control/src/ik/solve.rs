@@ -20,8 +20,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     ///
     /// 1. Among the returning rows of the conflict, the one least beyond its limit
     ///    [stays](crate::limits::LimitRows::push_barrier) there.
-    /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), those of the conflict
-    ///    first. Joints accelerate beyond it only if a contact or an exact task requires it.
+    /// 2. Joints brake beyond the [acceleration limit](Self::add_acceleration_limit), first the conflicting
+    ///    ones. Joints accelerate beyond it only if a contact or an exact task requires it.
     /// 3. With a [relaxation](super::IkSettings::relaxation), contacts and exact tasks are violated.
     ///
     /// [`conflict`](Self::conflict) returns the contradictory constraints and the violation.
@@ -87,7 +87,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         for constraint in conflict.constraints() {
             let Constraint::Row(row, _) = constraint else { continue };
             let wanted = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
-            // among equally fast ones, the nearest pairs, which come first, return
+            // among equally fast ones, the nearest pairs, which are first, return
             let less = least.is_none_or(|(other, before)| wanted < other || wanted == other && row > before);
             if self.returns(row) && less {
                 least = Some((wanted, row));
@@ -179,7 +179,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         true
     }
 
-    /// The present velocity along a row, and the least and the largest that the bounds of the joints admit.
+    /// Present velocity along a row, and the smallest and largest values allowed by the joint bounds.
     fn range(&self, row: usize) -> (f64, f64, f64) {
         let (mut now, mut least, mut largest) = (0.0, 0.0, 0.0);
         for variable in 0..self.motions {

@@ -47,7 +47,7 @@ impl BelowSolver {
         }
     }
 
-    /// Bounds the iterations of the next solve. Clarabel has a bound of its own.
+    /// Limits the iterations of the next solve. Clarabel has a separate limit.
     pub(super) fn set_max_iterations(&mut self, most: u32) {
         if let Self::Pyramids(solver) = self {
             solver.set_max_iterations(most);

@@ -6,13 +6,13 @@
 //!
 //! ```text
 //! minimise   sum_tasks 1/2 |W (A x - b)|^2 + 1/2 damping |x|^2 + 1/2 force_weight^2 |f|^2,   x = (a, f)
-//! subject to M_u a - J_u' f = -h_u                                  the rows without a drive: a floating base
-//!            J_c a = -drift_c - kd v_c                              contacts stay where they are
-//!            tau_min <= M_a a - J_a' f + h_a <= tau_max             torques of the drives
-//!            |f_t| <= mu / sqrt(2) f_n,   0 <= f_n <= f_max         friction pyramid, unilateral contact
-//!            a_min <= a <= a_max                                    position and velocity limits of the joints
-//!            G a <= rate (upper - G v)                              limits of velocities, in control-barrier form
-//!            C w <= 0                                               limits of the whole wrench w of a sole
+//! subject to M_u a - J_u' f = -h_u                             the rows without a drive: a floating base
+//!            J_c a = -drift_c - kd v_c                         contacts stay where they are
+//!            tau_min <= M_a a - J_a' f + h_a <= tau_max        torques of the drives
+//!            |f_t| <= mu / sqrt(2) f_n,   0 <= f_n <= f_max    friction pyramid, unilateral contact
+//!            a_min <= a <= a_max                               position and velocity limits of the joints
+//!            G a <= rate (upper - G v)                         limits of velocities, in control-barrier form
+//!            C w <= 0                                          limits of the whole wrench w of a sole
 //! ```
 //!
 //! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The

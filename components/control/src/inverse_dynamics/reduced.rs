@@ -14,7 +14,7 @@ use crate::solver::{
 ///
 /// ```text
 /// accelerations alone   x = (a, 0)
-/// forces alone          x = (a_b, 0, f),   a_b = M_b^-1 (J_b' f - h_b)      M_b: the inertia of the whole robot, its joints at rest
+/// forces alone          x = (a_b, 0, f),   a_b = M_b^-1 (J_b' f - h_b)   M_b: inertia with fixed joints
 /// ```
 #[derive(Debug)]
 pub(super) struct Reduced {

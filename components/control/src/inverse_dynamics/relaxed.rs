@@ -87,7 +87,7 @@ impl Relaxed {
         self.solver.iterations()
     }
 
-    /// Solves `posed`, relaxed, and says by how much, without the conflict.
+    /// Solves the relaxed form of `posed` and returns the violation, without the conflict.
     ///
     /// # Errors
     /// The numbers of the problem are of no use, or the solver reached its limit.

@@ -10,7 +10,8 @@ impl InverseDynamics {
     /// Solves the assembled problem.
     ///
     /// # Errors
-    /// [`InverseDynamicsError`]: the constraints are infeasible and may not be relaxed, or the solver reached its limit.
+    /// [`InverseDynamicsError`]: the constraints are infeasible and may not be relaxed, or the solver reached
+    /// its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
         (self.solution.slack, self.solution.undecided, self.solution.iterations) = (None, 0, 0);
         match self.solve_returning()? {

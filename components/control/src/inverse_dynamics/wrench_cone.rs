@@ -4,18 +4,18 @@
 /// frame, in its axes:
 ///
 /// ```text
-/// min_force <= f_z <= max_force                                             N
-/// |f_x|, |f_y| <= mu f_z                                                    mu = friction / sqrt(2): inside Coulomb's cone
-/// |t_x| <= Y f_z,   |t_y| <= X f_z                                          centre of pressure within sides 2 X by 2 Y
-/// |t_z| <= max_yaw                                                          Nm
-/// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z            yaw torque that the same sole can transfer
+/// min_force <= f_z <= max_force                                    N
+/// |f_x|, |f_y| <= mu f_z                                           mu = friction / sqrt(2)
+/// |t_x| <= Y f_z,   |t_y| <= X f_z                                 centre of pressure in 2 X by 2 Y
+/// |t_z| <= max_yaw                                                 Nm
+/// -mu (X + Y) f_z + |Y f_x - mu t_x| + |X f_y - mu t_y|  <=  t_z   yaw torque of the same sole
 ///  mu (X + Y) f_z - |Y f_x + mu t_x| - |X f_y + mu t_y|  >=  t_z
 /// ```
 ///
 /// Forces at the four corners of the rectangle within their friction pyramids have exactly these wrenches as
-/// their sums, so for a whole sole with its own friction they say nothing new; they tighten what the corners
-/// allow: a smaller rectangle or friction than that of the contact, a least force that keeps the foot loaded,
-/// a largest one of the whole foot, a largest yaw torque. Caron, Pham and Nakamura, *Stability of surface
+/// their sums, so for a whole sole with its own friction the limits add nothing. They tighten the corners'
+/// limits: a smaller rectangle or friction than the contact's, a minimum force that keeps the foot loaded, a
+/// maximum force of the whole foot, or a maximum yaw torque. Caron, Pham and Nakamura, *Stability of surface
 /// contacts for humanoid robots: closed-form formulae of the contact wrench for rectangular support areas*,
 /// ICRA 2015.
 ///
@@ -34,7 +34,7 @@ pub struct WrenchCone {
     pub sides: [f64; 2],
     /// Coefficient of friction.
     pub friction: f64,
-    /// Least normal force of the whole sole \[N\]. Default 0. It gives way where constraints conflict, and
+    /// Minimum normal force of the whole sole \[N\]. Default 0. It is relaxed if constraints conflict, and
     /// while the contact is lifted.
     pub min_force: f64,
     /// Largest normal force of the whole sole \[N\]. Default infinite.

@@ -134,7 +134,7 @@ impl Freedom {
             }
             closed += 1;
         }
-        // what is open comes first
+        // free directions come first
         let data = self.basis.as_mut_slice();
         data.copy_within(closed * n..open * n, 0);
         data[(open - closed) * n..open * n].fill(0.0);

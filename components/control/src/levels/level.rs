@@ -43,8 +43,8 @@ impl Level {
 /// subject to lower - v <= Z z <= upper - v,   lg - G v <= G Z z <= ug - G v
 /// ```
 ///
-/// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size,
-/// whatever is open: unknowns without a motion have a cost of their own and stay zero.
+/// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size
+/// regardless of the free directions: unknowns without a motion have a separate cost and stay zero.
 #[derive(Debug)]
 pub(crate) struct LevelSolver {
     problem: Problem,

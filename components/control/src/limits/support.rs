@@ -26,7 +26,7 @@ pub enum Supported {
 /// place `d = n' p`,
 ///
 /// ```text
-/// n' J_com v  <=  rate max(d - margin - n' c, 0)          x and y of the world; rate: that of the centre of mass, 1/s
+/// n' J_com v  <=  rate max(d - margin - n' c, 0)       x and y of the world; rate of the centre of mass, 1/s
 /// ```
 ///
 /// (OpenSoT's convex hull and capture point: `n' (c + c' / o) <= d - margin` is the same with the rate `o`).

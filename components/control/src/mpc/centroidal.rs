@@ -86,7 +86,7 @@ impl CentroidalMpc {
         self.axes = *axes;
     }
 
-    /// Discards the previous horizon: the next solve equals that of a new controller.
+    /// Discards the previous horizon: the next solve equals a new controller's.
     pub fn reset(&mut self) {
         self.predicts = false;
         self.solver.reset();

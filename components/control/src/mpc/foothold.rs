@@ -30,7 +30,7 @@ pub struct FootPlan {
 /// share of a velocity error, at most `most`.
 ///
 /// ```text
-/// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)          x and y;   z: that of the ground
+/// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)       x and y;   z: the ground's
 /// ```
 ///
 /// Raibert, *Legged Robots That Balance*, 1986; Pratt, Carff, Drakunov and Goswami, *Capture point: a step
@@ -63,7 +63,8 @@ pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64>
 /// A swing of a foot from its lift-off position to a foothold that may still move.
 ///
 /// ```text
-/// p(s) = from + b(s) (to - from) + clearance 64 s^3 (1 - s)^3 z          b = 10 s^3 - 15 s^4 + 6 s^5,   s: share of the swing
+/// p(s) = from + b(s) (to - from) + clearance 64 s^3 (1 - s)^3 z,   b = 10 s^3 - 15 s^4 + 6 s^5
+///                                                                    s: share of the swing
 /// ```
 ///
 /// It starts and ends at rest without acceleration.

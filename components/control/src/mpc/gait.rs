@@ -150,7 +150,7 @@ mod tests {
     fn trot_alternates_its_diagonals() {
         let mut stepping = trot();
         stepping.set(true, 10.0);
-        // the first swings begin at 0.6 of the period; those of the other diagonal, 0.5 later, at 0.1 of it
+        // the first swings begin at 0.6 of the period, the other diagonal's 0.5 later, at 0.1 of it
         let mut share = [0; 4];
         for step in 0..4000 {
             let time = 10.0 + f64::from(step) * 1e-3;

@@ -18,7 +18,7 @@ pub enum GroundModel {
     Normal(Vector3<f64>),
     /// A plane fitted to the places at which each foot stood last, smoothed by this time constant \[s\].
     Fitted {
-        /// Time constant of its height and its slopes \[s\]; 0: none.
+        /// Time constant of its height and its slopes \[s\]; 0 disables smoothing.
         smoothing: f64,
     },
 }

@@ -37,7 +37,7 @@ impl Default for Landing {
     }
 }
 
-/// A foot on its way.
+/// A swing foot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     /// Place of the ground below it in the pose at rest, from the centre of mass, axes of the heading \[m\].

@@ -15,7 +15,7 @@
 //!
 //! ```text
 //! minimise   sum_k 1/2 |Q (s_k - s*_k)|^2 + sum_k,i 1/2 (r / m g)^2 |f_k,i - f*_k,i|^2
-//! subject to |f_x|, |f_y| <= friction / sqrt(2) f_z,   0 <= f_z <= max_force,   of points that touch the ground
+//! subject to |f_x|, |f_y| <= friction / sqrt(2) f_z,   0 <= f_z <= max_force,   of points on the ground
 //! ```
 //!
 //! with a share `f*` of the weight for each point in contact. The states are eliminated. Forces of other

@@ -118,8 +118,8 @@ impl LegPlanner {
         self.legs[foot].touches = touches;
     }
 
-    /// Plans a step of `dt` seconds from the measured state: stepping at the velocity `wanted`, or at rest on
-    /// all feet.
+    /// Plans a step of `dt` seconds from the measured state: stepping at the target velocity `wanted`, or at
+    /// rest on all feet.
     ///
     /// # Errors
     /// [`SolveError`]: the previous forces remain valid.
@@ -206,7 +206,7 @@ impl LegPlanner {
         self.legs[foot].landings
     }
 
-    /// The motion that is wanted.
+    /// The target motion.
     pub fn reference(&self) -> &Reference {
         &self.reference
     }
@@ -323,7 +323,7 @@ impl LegPlanner {
                     continue;
                 }
                 let swing = leg.swing.zip(leg.swing_at(&self.stepping, index, now));
-                // it stands from then on, until it lifts
+                // it is in stance from then on, until it lifts
                 let since = swing.map_or(now, |(_, (_, lands))| lands);
                 let lifts = self.stepping.lifts(index, since);
                 let (place, axes) = match swing {

@@ -54,7 +54,7 @@ pub struct FlightControl {
 }
 
 impl FlightControl {
-    /// For what flies, with gains.
+    /// Creates the controller of a flying robot with these gains.
     pub fn new(flight: Flight, settings: FlightSettings) -> Self {
         Self { flight, settings, lasting: Vector3::zeros() }
     }
@@ -228,7 +228,7 @@ mod tests {
             body.fly(&mut control, |time| circle(time, known), 40.0)
         };
         assert!(fly(1.0) < 5e-3, "{} m", fly(1.0));
-        // 0.25 m/s2 over w^2, less what the integral takes away
+        // 0.25 m/s2 over w^2, less the integral's compensation
         assert!((0.005..0.04).contains(&fly(0.0)), "{} m", fly(0.0));
     }
 

@@ -29,7 +29,7 @@ pub enum MixerError {
     Dependent,
 }
 
-/// The share of each rotor in thrust and torque, by the least sum of squares of their thrusts.
+/// Shares of each rotor in thrust and torque, with the least sum of squared thrusts.
 #[derive(Clone, Debug)]
 pub struct Mixer {
     /// 4 x rotors: thrust along z and torque about x, y, z of a thrust of each.

@@ -55,6 +55,6 @@ pub trait QpSolver: Send {
     /// Iterations of the last solve, successful or not.
     fn iterations(&self) -> u32;
 
-    /// Discards the previous solution: the next solve is bitwise equal to that of a new solver.
+    /// Discards the previous solution: the next solve is bitwise equal to a new solver's.
     fn reset(&mut self);
 }

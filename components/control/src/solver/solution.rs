@@ -7,10 +7,10 @@ use super::Structure;
 /// The tolerances that a solution meets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accuracy {
-    /// Those of the settings.
+    /// The tolerances of the settings.
     #[default]
     Full,
-    /// Only the looser ones, where rounding allowed no more.
+    /// Only the looser tolerances, because of rounding.
     Reduced,
 }
 

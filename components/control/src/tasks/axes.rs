@@ -15,9 +15,9 @@ pub enum PoseAxes {
     /// Axes of the controlled frame: free directions move with the tool.
     #[default]
     Frame,
-    /// Those of the target.
+    /// Axes of the target.
     Target,
-    /// Those of the world.
+    /// Axes of the world.
     World,
 }
 

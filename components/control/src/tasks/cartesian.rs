@@ -55,19 +55,20 @@ impl Default for CartesianSettings {
 /// ```
 ///
 /// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the
-/// target's axes, and `Jlog` the derivative of the logarithm. Asking for the decay `e' = -c`, `c = gain e`,
+/// target's axes, and `Jlog` the derivative of the logarithm. Requesting the decay `e' = -c`, `c = gain e`,
 /// gives the cost
 ///
 /// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = Jlog(T_tb) J_b,   b = c + Jlog(T_bt) nu_t,   mu = damping |W^2 c|
+/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
+/// A = Jlog(T_tb) J_b,   b = c + Jlog(T_bt) nu_t,   mu = damping |W^2 c|
 /// ```
 ///
 /// (the error and Jacobian of Pink's frame task, there per step and for a target at rest). `c` is scaled down
 /// as a whole where it would exceed the largest speeds, so that the direction is kept.
 ///
-/// With [`shares`](CartesianSettings::shares) position and rotation are apart, so that one may be free
-/// without an effect on the other: `e` is that of [`AxisShares`], and with the velocities `v*`, `w*` of the
-/// target, in the axes `R` of the shares,
+/// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that one may be free
+/// without affecting the other. [`AxisShares`] defines `e`; with the velocities `v*`, `w*` of the target, in
+/// the axes `R` of the shares,
 ///
 /// ```text
 /// A = S (R'J_v - [e_p]x R'J_w;  J(e_o) J_w)        the term of e_p for the axes of the frame alone
@@ -181,7 +182,7 @@ impl CartesianTask {
     fn weights(&self) -> Vector6<f64> {
         let (p, o) = (self.settings.position_weight, self.settings.orientation_weight);
         let weights = Vector6::new(p, p, p, o, o, o);
-        // a row without a factor is none
+        // a row without a factor is ignored
         self.settings.shares.map_or(weights, |shares| weights.component_mul(&shares.rows()))
     }
 

@@ -40,7 +40,8 @@ impl Default for CentreOfMassSettings {
 /// e`, gives the cost
 ///
 /// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = J_com,   b = k + c*',   W = weight diag(shares),   mu = damping |W^2 k|
+/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
+/// A = J_com,   b = k + c*',   W = weight diag(shares),   mu = damping |W^2 k|
 /// ```
 ///
 /// (the task of OpenSoT and Pink, there without the velocity `c*'` of the target). `k` is scaled down as a

@@ -8,9 +8,9 @@ use crate::{RobotState, solver::Problem};
 /// Keeps a frame in contact with the world in place:
 ///
 /// ```text
-/// A = J                                           Jacobian of the frame, world axes: 3 rows of a point, 6 of a surface
+/// A = J                                 Jacobian of the frame, world axes: 3 rows of a point, 6 of a surface
 /// b = 0
-/// W = weight                                      1/(m/s), 1/(rad/s)
+/// W = weight                            1/(m/s), 1/(rad/s)
 /// ```
 ///
 /// (OpenSoT's contact task.) On the first of several [levels](crate::DifferentialIk::levels) it holds the

@@ -6,8 +6,8 @@ use nalgebra::{Matrix3xX, Matrix6xX, Unit, Vector3};
 use super::{Rows, Task, residual};
 use crate::{RobotState, solver::Problem};
 
-/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every
-/// direction is right.
+/// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
+/// direction is undefined.
 const NEAREST: f64 = 1e-2;
 
 /// Gain and weights of a [`GazeTask`].
@@ -44,7 +44,8 @@ impl Default for GazeSettings {
 /// Asking for `u x u' = -k`, `k = gain e`, gives the cost
 ///
 /// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2,   A = P J_w + [u]x J_v / |r|,   b = k + u x w / |r|,   mu = damping |W^2 k|
+/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
+/// A = P J_w + [u]x J_v / |r|,   b = k + u x w / |r|,   mu = damping |W^2 k|
 /// ```
 ///
 /// (the gaze task of OpenSoT, there with two rows and for a point at rest). `k` is scaled down to the largest

@@ -12,7 +12,7 @@ const STEP: f64 = 1e-5;
 /// Moves the joints down the gradient of the effort required to hold the robot's weight:
 ///
 /// ```text
-/// m = 1/2 sum_joints (g_i(q) / tau_max_i)^2       efforts as shares of their limits; of 1 Nm where there is no limit
+/// m = 1/2 sum_joints (g_i(q) / tau_max_i)^2       shares of the effort limits; of 1 Nm without a limit
 /// A = 1 on all velocities,   b = -gain dm/dq,   W = weight      1/(rad/s)
 /// ```
 ///

@@ -38,7 +38,7 @@ pub struct PostureTask {
     target: DVector<f64>,
     shares: DVector<f64>,
     error: DVector<f64>,
-    /// Index of the first joint's unknown, after those of a floating base.
+    /// Index of the first joint's unknown, after the unknowns of a floating base.
     first: usize,
 }
 

@@ -52,7 +52,8 @@ impl RollingWheel {
         Some(RollingContact { axis, up, length, way: -up * self.radius })
     }
 
-    /// Writes the Jacobian `J_v - [c]x J_w` of the point of the wheel at the way `c` from its centre, 3 x nv.
+    /// Writes the Jacobian `J_v - [c]x J_w` of the point of the wheel at the offset `c` from its centre, 3 x
+    /// nv.
     pub(crate) fn write_jacobian(
         &mut self,
         model: &Model,
@@ -93,9 +94,9 @@ impl RollingWheel {
 ///
 /// ```text
 /// c = -radius (n - d d' n) / |n - d d' n|
-/// A = J_v - [c]x J_w                              velocity v + w x c of the point of the wheel at the contact, 3 x nv
+/// A = J_v - [c]x J_w                     velocity v + w x c of the point of the wheel at the contact, 3 x nv
 /// b = 0
-/// W = weight                                      1/(m/s)
+/// W = weight                             1/(m/s)
 /// ```
 ///
 /// (OpenSoT's pure rolling.) On the first of several levels it couples a base to the rotation of its wheels.

@@ -27,7 +27,7 @@ impl Default for Wheel {
 /// Kind of base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseKind {
-    /// Wheels on one axle, or in two rows, at speeds of their own.
+    /// Wheels on one axle, or in two rows, with independent speeds.
     Differential,
     /// Steered wheels that aim at one centre on the axle line of the fixed wheels.
     Ackermann,
@@ -61,7 +61,7 @@ pub enum WheelError {
     /// The speeds of the Mecanum wheels do not determine the velocity.
     #[error("mecanum wheels in places in which their speeds do not determine the velocity of the base")]
     Mecanum,
-    /// A radius that is none.
+    /// An invalid radius.
     #[error("a radius of {found} m of wheel {wheel}, expected a positive number")]
     Radius {
         /// Its index.
@@ -127,8 +127,8 @@ impl WheelBase {
         Ok(Self { kind: BaseKind::Mecanum, wheels, axle: 0.0, ways })
     }
 
-    /// A base whose pose is given by three joints, x, y and yaw, whose velocities are treated like those of
-    /// three wheels.
+    /// A base whose pose is given by three joints, x, y and yaw; their velocities are treated like wheel
+    /// velocities.
     pub fn planar() -> Self {
         let ways = vec![Vector3::x(), Vector3::y(), Vector3::z()];
         Self { kind: BaseKind::Planar, wheels: vec![Wheel::default(); 3], axle: 0.0, ways }

@@ -1,4 +1,4 @@
-//! Dead reckoning from how far wheels turned.
+//! Dead reckoning from the rotations of wheels.
 
 use nalgebra::Matrix3;
 

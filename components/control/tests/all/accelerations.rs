@@ -92,8 +92,8 @@ fn a_joint_without_a_largest_acceleration_is_as_fast_as_before() {
     assert!(first[3] > 2.0 && (first[0] - 1e-3).abs() < 1e-9, "{first:?}");
 }
 
-/// The ground below the hand, and not below the links that it stands on: pairs of links whose names hold one
-/// of these words.
+/// Ground below the hand but not below the links that carry it: pairs of links whose names contain one of
+/// these words.
 fn ground_below(panda: &Panda, words: &[&str]) -> CollisionModel {
     let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
     let mut solids = CollisionModel::new(&panda.model, &options).unwrap();

@@ -1,5 +1,5 @@
-//! A frame that gives way to a wrench: the response of a mass on a spring and a damper, finite differences,
-//! and a Panda in a graph.
+//! A frame that yields to a wrench: the response of a mass on a spring and a damper, finite differences, and
+//! a Panda in a graph.
 
 use approx::assert_abs_diff_eq;
 use motorium::launcher::Report;

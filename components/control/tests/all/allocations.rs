@@ -9,7 +9,7 @@ use motorium_control::{
 };
 use nalgebra::Vector3;
 
-/// Clarabel 0.11.1 rebuilds the table of its own stopwatch in every solve.
+/// Clarabel 0.11.1 rebuilds the table of its stopwatch in every solve.
 const CLARABEL_PER_SOLVE: u64 = 1;
 
 #[test]

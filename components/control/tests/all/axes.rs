@@ -1,4 +1,4 @@
-//! Weights of a pose by axis, against finite differences and what stays free.
+//! Weights of a pose by axis, compared with finite differences; free axes.
 
 use motorium_control::{
     DifferentialIk, RobotState,

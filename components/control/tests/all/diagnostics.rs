@@ -7,7 +7,7 @@ use motorium::testing::Probe;
 use crate::component::number;
 use crate::graph::{Targets, controller, graph};
 
-/// A run whose diagnostics are recorded, and those.
+/// A run whose diagnostics are recorded, and the recorded diagnostics.
 fn watched(config: &str) -> (Report, Vec<ControlDiagnostics>) {
     let probe = Probe::<ControlDiagnostics>::for_topic("panda/diagnostics").triggered();
     let controller = controller(config).publish("diagnostics", "panda/diagnostics");

@@ -11,7 +11,7 @@ use crate::graph::session;
 const RAMP: f64 = 0.2;
 const DT: f64 = 1e-3;
 
-/// Posture that moves the whole arm, in the level below or beside what is switched.
+/// Posture that moves the whole arm, in the level below or next to the switched task.
 const AWAY: &str = "positions = [0.4, -0.5, -0.3, -2.0, 0.2, 1.8, 0.5, 0.02], gain = 0.5";
 
 /// Numbers of the command of each step, where parameters change at their times, ms.

@@ -52,7 +52,7 @@ fn feed_forward_stays_within_the_effort_limits() {
     assert!(effort.iter().zip(panda.model.effort_limit()).all(|(e, limit)| e.abs() <= *limit));
 }
 
-/// The power of the efforts fed forward is what the kinetic energy grows by.
+/// The power of the feed-forward efforts equals the rate of the kinetic energy.
 #[test]
 fn inertia_compensation_feeds_the_kinetic_energy_forward() {
     let panda = Panda::new();

@@ -1,4 +1,4 @@
-//! An axis that points at a point, against finite differences and the decay that it asks for.
+//! An axis that points at a point, compared with finite differences and the requested decay.
 
 use approx::assert_abs_diff_eq;
 use motorium::testing::allocations;

@@ -163,11 +163,11 @@ impl Component for Plant {
     }
 }
 
-/// Targets that move along smooth segments to goals beside the start, one after the other.
+/// Targets that move along smooth segments to goals next to the start, one after the other.
 pub(crate) struct Targets {
     /// Offsets of the goals from the start, m.
     pub(crate) offsets: Vec<[f64; 3]>,
-    /// The start, m; the place of the hand at home if none is given.
+    /// The start, m; by default the position of the hand at home.
     pub(crate) start: Option<[f64; 3]>,
     /// Time of one segment, half of it at rest at its goal, s.
     pub(crate) segment: f64,

@@ -1,4 +1,4 @@
-//! The kinds of tasks and limits of `control.qp` beside the usual ones, in a graph in lockstep.
+//! The less usual kinds of tasks and limits of `control.qp`, in a graph in lockstep.
 
 use motorium::launcher::Report;
 

@@ -230,7 +230,7 @@ fn too_few_iterations_are_reported_and_the_solver_stays_usable() {
     let mut solver = ActiveSetSolver::new(structure, settings);
     solver.update(&problem).unwrap();
     assert_eq!(solver.solve().unwrap_err(), SolveError::MaxIterations { iterations: 1 });
-    // the next solve goes on where it stopped
+    // the next solve continues where this one stopped
     assert_eq!(solver.solve().unwrap().x.as_slice(), [-1.0, 0.5, 2.0, -0.25]);
 }
 

@@ -1,4 +1,4 @@
-//! Levels of strict priority, against projections and against a solver that holds what was decided by
+//! Levels of strict priority, compared with projections and with a solver that fixes higher decisions by
 //! equalities.
 
 use motorium_control::{

@@ -14,7 +14,7 @@ fn inertia() -> Matrix3<f64> {
     Matrix3::new(0.11, 0.01, 0.02, 0.01, 0.26, -0.01, 0.02, -0.01, 0.24)
 }
 
-/// Feet of a quadruped about the origin, and a reference that stands above them.
+/// Feet of a quadruped about the origin, and a reference above them.
 fn standing(mpc: &mut CentroidalMpc) {
     for step in mpc.horizon_mut() {
         step.position = Vector3::new(0.0, 0.0, 0.3);
@@ -58,8 +58,7 @@ fn equal_shares_of_the_weight_carry_a_robot_at_rest() {
     assert!((mpc.predicted()[10].position - state.position).norm() < 1e-9);
 }
 
-/// A mass above one point that it may push and pull from: the first force is that of the regulator of the
-/// finite horizon.
+/// A mass above one point that may push and pull: the first force equals the finite-horizon regulator's.
 #[test]
 fn the_unlimited_first_force_matches_the_riccati_recursion() {
     let weights = MpcWeights { force: 0.3, ..MpcWeights::default() };
@@ -152,7 +151,7 @@ fn rolled_out(mpc: &mut CentroidalMpc, state: &CentroidalState, heading: f64, fo
     cost
 }
 
-/// A horizon in which feet come and go while the reference moves and turns.
+/// A horizon with lift-offs and touch-downs while the reference moves and turns.
 fn trotting(mpc: &mut CentroidalMpc) {
     standing(mpc);
     for (index, step) in mpc.horizon_mut().iter_mut().enumerate() {

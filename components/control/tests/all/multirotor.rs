@@ -9,7 +9,7 @@ use motorium_control::MultirotorController;
 use motorium_robots::Spin;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The quadrotor as the profile and the model have it, with another mass; `None` stands for its own.
+/// The quadrotor of the profile and the model, with another mass; `None` keeps its own.
 fn plant(mass: Option<f64>, height: f64) -> Function {
     let robot = motorium_robots::load("quadrotor", Path::new(".")).unwrap();
     let inertia = robot.model.base().inertia;
@@ -64,7 +64,7 @@ fn graph(robot: &str, plant: Function, controller: Instance) -> Graph {
     Graph::new("flight-test").robot("quadrotor", robot).with(plant).with(controller)
 }
 
-/// Half a metre up and aside in 2 s, with the least jerk, then at rest.
+/// Half a metre up and sideways in 2 s, with the least jerk, then at rest.
 fn climb() -> Source {
     Source::new("targets", "target", |tick| {
         let s = (0.5 * tick.time()).min(1.0);

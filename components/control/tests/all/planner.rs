@@ -1,5 +1,5 @@
-//! The planner of `control.mpc` in the library: footholds do not depend on the heading, forces are those of
-//! the step that begins, slopes, landings before and after their time.
+//! The planner of `control.mpc` in the library: footholds independent of the heading, forces of the starting
+//! step, slopes, early and late landings.
 
 use std::path::Path;
 
@@ -57,7 +57,7 @@ fn planner_on(robot: &Loaded, rest: &[f64], step: f64, ground: GroundModel) -> L
     LegPlanner::new(&robot.model, feet.to_vec(), stepping, settings, rest)
 }
 
-/// Plans `count` steps of `dt` seconds for a robot that does not move, and wants to go ahead.
+/// Plans `count` steps of `dt` seconds for a stationary robot with a forward target velocity.
 fn plan(robot: &Loaded, planner: &mut LegPlanner, q: &[f64], (dt, count): (f64, usize)) {
     let v = vec![0.0; robot.model.nv()];
     let mut kinematics = Kinematics::new(&robot.model);
@@ -175,7 +175,7 @@ fn a_planner_finds_the_slope_under_its_feet_and_steps_along_it() {
     let mut unaware = planner_on(&robot, &level, 0.03, GroundModel::Level);
     plan(&robot, &mut unaware, &slope, (0.005, 70));
     assert!((unaware.state().turn.norm() - tilt).abs() < 1e-3);
-    // a normal that is told
+    // a given normal
     let normal = Vector3::new(-tilt.sin(), 0.0, tilt.cos());
     let mut told = planner_on(&robot, &level, 0.03, GroundModel::Normal(normal));
     plan(&robot, &mut told, &slope, (0.005, 70));
@@ -227,8 +227,8 @@ fn a_base_on_a_slope_stays_parallel_to_it_as_it_turns() {
     }
 }
 
-/// Steps of 5 ms of a trot whose first swing is that of the feet 1 and 2; `touches` says what the sensor of
-/// foot 1 says at a time.
+/// Steps of 5 ms of a trot whose first swing moves the feet 1 and 2; `touches` is the contact sensor of foot
+/// 1 over time.
 fn strides(touches: impl Fn(f64) -> bool) -> (LegPlanner, Vec<(f64, Vector3<f64>)>) {
     let robot = quadruped();
     let q = turned(&robot, 0.0);
@@ -264,8 +264,8 @@ fn a_foot_that_touches_early_stands_unless_much_too_early() {
     let (planner, seen) = strides(|time| time < lifted_at || time >= lifted_at + 0.14);
     assert_eq!(carries(&seen, lifted), lifted + 28);
     assert_eq!(planner.early_and_late(1), [1, 0]);
-    // a contact in the first half is that of the lift-off: it ends at half of the swing, where `touches` says
-    // so all the time
+    // a contact in the first half belongs to the lift-off: with a constant contact the swing ends at half of
+    // its duration
     assert_eq!(carries(&as_planned, lifted), lifted + 20);
 }
 

@@ -130,7 +130,7 @@ fn reference(trial: &Trial, nearest: bool) -> Result<f64, SolveError> {
     solver.solve().map(|solution| residual(&problem, solution))
 }
 
-/// A word on what is wrong with an answer; `None` if it is right.
+/// Describes the error of an answer; `None` if it is right.
 fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Option<String> {
     match answer {
         Ok(solution) => {

@@ -83,7 +83,7 @@ impl<'a> ClosedLoop<'a> {
         }
     }
 
-    /// One tick; afterwards the limits hold, whatever was asked.
+    /// One tick; afterwards the limits hold, whatever was requested.
     pub(crate) fn tick(&mut self, dt: f64) {
         let model = &self.panda.model;
         let before = self.setpoint.position().to_vec();

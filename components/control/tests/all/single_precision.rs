@@ -1,5 +1,4 @@
-//! Problems recorded in single precision: what their rounding hides is no reason to refuse them, and what it
-//! does not is.
+//! Problems recorded in single precision: errors within rounding are accepted, larger ones refused.
 
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, QpSolver, recorded,

@@ -17,7 +17,7 @@ fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).unwrap()
 }
 
-/// A quadruped that stands at home, whose base is said to move at this velocity.
+/// A quadruped standing at home, with this reported base velocity.
 fn standing(velocity: [f64; 3]) -> Graph {
     let robot = quadruped();
     let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();

@@ -1,4 +1,4 @@
-//! The working set from one solve to the next: what changes in a problem is all that a solve has to find.
+//! The working set from one solve to the next: a solve only has to find the changes of the problem.
 
 use motorium_control::inverse_dynamics::{
     Contact, InverseDynamics, MotionState,

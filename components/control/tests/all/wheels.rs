@@ -186,7 +186,7 @@ fn limits(count: usize) -> WheelLimits {
     WheelLimits { speed: vec![10.0; count], acceleration: vec![40.0; count] }
 }
 
-/// Curvature of what the wheels of a base do.
+/// Curvature of the motion of a base's wheels.
 fn curvature(base: &WheelBase, speeds: &[f64]) -> f64 {
     let way = base.way(speeds);
     way.yaw / way.x
@@ -267,7 +267,7 @@ fn wheels_that_say_nothing_about_the_base_are_refused() {
     );
 }
 
-/// A robot whose joints do at once as they are told, under a controller of its wheels, led by a velocity.
+/// A robot with ideal joints under a wheel controller that follows a velocity.
 fn graph(
     robot: &str,
     config: &str,
@@ -282,7 +282,7 @@ fn graph(
             state.set_count(q.len());
             if let Some(command) = command {
                 for (joint, q) in q.iter_mut().enumerate() {
-                    // what is held by position stands there, what is driven by speed goes on
+                    // position-controlled joints stop there, velocity-controlled joints continue
                     if command.velocity()[joint] == 0.0 {
                         *q = command.position()[joint];
                     } else {

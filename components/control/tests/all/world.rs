@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Vector3};
 use crate::component::number;
 use crate::graph::{Targets, controller, graph, run};
 
-/// Radius of the ball that stands in the way, m.
+/// Radius of the ball in the way, m.
 const RADIUS: f64 = 0.08;
 /// Way of the hand from home into the middle of the ball, m.
 const INTO: [f64; 3] = [0.0, 0.25, 0.0];
@@ -197,7 +197,7 @@ fn missing_or_colliding_objects_and_grounds_are_refused() {
     refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = -1.0")), &["world", "ball", "mass"]);
 }
 
-/// A file beside the graph; the graph is taken for one in that folder.
+/// A file next to the graph; the graph counts as a file of that folder.
 fn beside(graph: Graph, name: &str, text: &str) -> (Graph, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(name), text).unwrap();

@@ -31,7 +31,7 @@ fn moved(robot: &Robot, v: &DVector<f64>, h: f64) -> Robot {
     next
 }
 
-/// The velocity that a task alone asks for.
+/// The velocity requested by a task alone.
 fn alone(robot: &Robot, task: &mut dyn Task) -> DVector<f64> {
     let mut ik = DifferentialIk::new(&robot.model);
     ik.begin();

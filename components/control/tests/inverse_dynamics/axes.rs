@@ -15,7 +15,7 @@ use crate::tasks::rows;
 
 const NONE: Feedback = Feedback { kp: 0.0, kd: 0.0 };
 
-/// A target on its way: pose, velocity and acceleration at time 0.
+/// A moving target: pose, velocity and acceleration at time 0.
 struct Moving {
     pose: Isometry3<f64>,
     velocity: Twist,
@@ -72,7 +72,7 @@ fn position_rows_are_second_derivatives_in_turning_axes() {
                 "{name} {axes:?}: {found} {expected}"
             );
 
-            // the feedback is that of the weighed error and of its rate
+            // the feedback uses the weighted error and its rate
             let rate = (error(h) - error(-h)) / (2.0 * h);
             let without = task.cost().desired().clone();
             task.set(Feedback { kp: 30.0, kd: 7.0 }, weights);

@@ -1,5 +1,5 @@
-//! Limits as control barriers: from every state in which they hold they hold for ever, whatever the tasks ask
-//! for.
+//! Limits as control barriers: from every state in which they hold they hold forever, whatever the tasks
+//! request.
 
 use motorium_control::{
     DifferentialIk, RobotState,
@@ -20,7 +20,7 @@ use crate::robots::{Random, Robot};
 
 const DT: f64 = 1e-3;
 
-/// Torques without limits, and no constraint that gives way.
+/// Torques without limits, and no relaxation.
 fn strict() -> InverseDynamicsSettings {
     InverseDynamicsSettings { torque_fraction: 1e6, relaxation: None, ..InverseDynamicsSettings::default() }
 }

@@ -1,5 +1,4 @@
-//! Rows of distances: which come back where others contradict each other, which have witnesses, and what
-//! counts as no distance.
+//! Rows of distances: recovery of contradictory ones, witnesses, and ignored distances.
 
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,
@@ -24,7 +23,7 @@ fn settings() -> CollisionSettings {
     CollisionSettings { distance: 0.03, range: 0.3, ..CollisionSettings::default() }
 }
 
-/// Walls beside a plate at the origin, each by its middle and its sides.
+/// Walls next to a plate at the origin, each by its middle and its sides.
 fn walls(model: &Model, walls: &[([f64; 3], [f64; 3])]) -> CollisionModel {
     let mut solids = CollisionModel::new(model, &CollisionOptions::default()).unwrap();
     for (middle, size) in walls {
@@ -35,7 +34,7 @@ fn walls(model: &Model, walls: &[([f64; 3], [f64; 3])]) -> CollisionModel {
     solids
 }
 
-/// 0.01 m below and above the plate, where 0.03 m are to be kept: neither lets the other's come back.
+/// 0.01 m below and above the plate, with a required distance of 0.03 m: neither allows the other to recover.
 const SQUEEZE: [([f64; 3], [f64; 3]); 2] =
     [([0.0, 0.0, -0.08], [1.0, 1.0, 0.1]), ([0.0, 0.0, 0.08], [1.0, 1.0, 0.1])];
 

@@ -243,7 +243,7 @@ fn posture_rows(model: &motorium_robots::Model) -> usize {
     model.joint_count()
 }
 
-/// A state in which the legs spread faster than their joints may brake: the feet cannot stand still.
+/// A state in which the legs spread faster than their joints may brake: the feet cannot stay at rest.
 fn torn() -> Robot {
     let mut robot = Robot::new("humanoid");
     for (joint, v) in [("left_hip_roll", 1.0), ("right_hip_roll", -1.0)] {

@@ -96,8 +96,7 @@ struct Kept {
     chatter: f64,
 }
 
-/// Leads a frame to `target` for 4 s at rest at the end, and measures what is kept of the distances of
-/// `solids`.
+/// Moves a frame to `target` in 4 s, at rest at the end, and measures the distances of `solids`.
 fn lead(
     (model, q): (&Model, &[f64]),
     frame: FrameId,

@@ -1,4 +1,4 @@
-//! Tasks of velocities against finite differences of what they are about, on a fixed and on a floating base.
+//! Velocity tasks, compared with finite differences of their quantities, on a fixed and on a floating base.
 
 use motorium_control::{
     RobotState,

@@ -1,4 +1,4 @@
-//! Friction cones beside pyramids, and the centre of pressure of soles.
+//! Friction cones compared with pyramids, and the centre of pressure of soles.
 
 use motorium_control::inverse_dynamics::{
     ConstraintName, Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsError,

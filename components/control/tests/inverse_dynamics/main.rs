@@ -1,4 +1,4 @@
-//! Tests of inverse dynamics: tasks, contacts, limits, levels, and what happens where constraints conflict.
+//! Tests of inverse dynamics: tasks, contacts, limits, levels, and conflicting constraints.
 
 mod added_tasks;
 mod axes;

@@ -1,5 +1,5 @@
-//! Tasks that lead points: the gaze and the capture point, against finite differences and the decay that they
-//! ask for.
+//! Tasks that move points: the gaze and the capture point, compared with finite differences and the requested
+//! decay.
 
 use motorium_control::inverse_dynamics::{
     InverseDynamics,

@@ -1,5 +1,5 @@
-//! Tasks of velocities in their form for accelerations, against finite differences of motions and the decay
-//! that they ask for.
+//! Velocity tasks in their acceleration form, compared with finite differences of motions and the requested
+//! decay.
 
 use motorium_control::{
     RobotState,
@@ -140,7 +140,7 @@ fn a_rolling_wheel_lets_the_point_at_the_contact_come_to_rest() {
         let expected = (slip(H) - slip(-H)) / (2.0 * H) + slip(0.0) * rate;
         let found = rows(task.cost(), &a);
         assert!((&found - expected).amax() < 1e-5, "{name}: {found} {expected}");
-        // the rows are those of the task of velocities
+        // the rows equal the velocity task's
         let mut velocity = RollingTask::new(model, frame, axis, 0.3).on(normal);
         velocity.update(&RobotState { model, kinematics: &robot.kinematics, q: &robot.q });
         assert!((velocity.residual(&robot.v) - slip(0.0).norm()).abs() < 1e-12);

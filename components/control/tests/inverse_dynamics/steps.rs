@@ -16,8 +16,8 @@ const DT: f64 = 0.001;
 
 /// Iterations of each tick of six seconds, and whether it was relaxed: the humanoid leans over its left foot
 /// within a second, lifts the right one from 2.1 s to 3 s, and leans back from 3.5 s on. While it is lifted,
-/// the right foot goes up and comes down where it was; if nothing leads it there, it is set down nearer to
-/// the other one, and the humanoid falls.
+/// the right foot goes up and comes down at the same place; without a task it would be set down nearer to the
+/// other one, and the humanoid would fall.
 fn step(is_led: bool) -> Vec<(u32, bool)> {
     let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
     let (model, profile) = (&loaded.model, loaded.profile.unwrap());

@@ -1,7 +1,7 @@
-//! Each task against finite differences, on fixed and floating bases, and against what its equation says.
+//! Each task compared with finite differences, on fixed and floating bases, and with its equation.
 //!
-//! A task that asks `A x = b` says that the second derivative of its quantity is `wanted + A x - b`:
-//! differences of the quantity along an accelerated motion are compared with that.
+//! A task with the request `A x = b` predicts that the second derivative of its quantity is `wanted + A x -
+//! b`; this is compared with differences of the quantity along an accelerated motion.
 
 use motorium_control::inverse_dynamics::{
     Contact, ContactShape, InverseDynamics,
@@ -27,7 +27,7 @@ pub(crate) fn rows(cost: &Cost, x: &DVector<f64>) -> DVector<f64> {
     DVector::from_fn(cost.rows(), |row, _| {
         one.weights_mut().fill(0.0);
         one.weights_mut()[row] = 1.0;
-        // residuals are lengths: the sign is that of a shifted right-hand side
+        // residuals are lengths: the sign comes from a shifted right-hand side
         let length = one.residual(x.as_slice());
         one.desired_mut()[row] += 1e-3;
         let shifted = one.residual(x.as_slice());

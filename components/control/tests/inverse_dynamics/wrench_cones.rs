@@ -147,7 +147,7 @@ fn a_wrench_cone_of_a_lifted_or_other_foot_is_inactive() {
     assert!(control.wrench(1).linear.z > 100.0 - 1e-6);
 }
 
-/// A motion that asks for more than the friction.
+/// A motion that requires more than the available friction.
 const PUSH: Vector3<f64> = Vector3::new(0.25, 0.2, -0.01);
 
 /// Solution of up to three levels: the centre of mass, a palm, the posture.

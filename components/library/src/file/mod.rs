@@ -12,8 +12,11 @@
 //! | 24 | 8 | length of the head |
 //! | 32 | 8 | XXH3 (64 bits, seed 0) of all bytes from 64 on |
 //! | 40 | 24 | 0 |
-//! | 64 | | the head: JSON with `names`, `samples`, `damping`, `interpolation` (`spline` or `linear`; `linear` if missing), `metric`, `ids`, `labels` and `sections` |
+//! | 64 | | the head, as JSON |
 //! | | | the sections, each as `[offset, count]` in the head |
+//!
+//! The head has `names`, `samples`, `damping`, `interpolation` (`spline` or `linear`; `linear` if missing),
+//! `metric`, `ids`, `labels` and `sections`.
 //!
 //! | section | shape, column by column | |
 //! |---|---|---|

@@ -1,9 +1,10 @@
 //! Gaussian process regression.
 //!
-//! `y = f(x) + e`, `f ~ GP(0, k)`, `e ~ N(0, s_n)`. The hyperparameters minimise
-//! `E = (D N ln 2 pi + D ln |K| + tr K^-1 Y Y^T) / 2` (type-II maximum likelihood) by L-BFGS with analytic gradients; all
-//! `D` outputs share the kernel. A prediction is `m = k^T K^-1 y`, `s = k(x, x) + s_n - k^T K^-1 k`. A point is added or
-//! removed in `O(N^2)`. Beyond some 500 points, [`SparseGaussianProcess`] takes `O(N M^2)` with `M` inducing points. Reference: Rasmussen, Williams, *Gaussian Processes for Machine Learning*, algorithm 2.1.
+//! `y = f(x) + e`, `f ~ GP(0, k)`, `e ~ N(0, s_n)`. The hyperparameters minimise `E = (D N ln 2 pi + D ln
+//! |K| + tr K^-1 Y Y^T) / 2` (type-II maximum likelihood) by L-BFGS with analytic gradients; all `D` outputs
+//! share the kernel. A prediction is `m = k^T K^-1 y`, `s = k(x, x) + s_n - k^T K^-1 k`. A point is added or
+//! removed in `O(N^2)`. Beyond some 500 points, [`SparseGaussianProcess`] takes `O(N M^2)` with `M` inducing
+//! points. Reference: Rasmussen, Williams, *Gaussian Processes for Machine Learning*, algorithm 2.1.
 //!
 //! ```
 //! use motorium_models::gp::GaussianProcess;

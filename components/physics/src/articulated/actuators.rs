@@ -43,7 +43,7 @@ struct Driven {
 pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointCommand>, Option<ActuatorNetwork>)>);
 
 impl Actuators {
-    /// Those of the setup, for joints with these properties.
+    /// Creates the actuators of the setup, for joints with these properties.
     pub(super) fn new(setup: &RobotSetup, joints: &[JointProperties]) -> Result<Self, BuildError> {
         let mut driven = Vec::new();
         for ((joint, settings), properties) in setup.actuators.iter().enumerate().zip(joints) {
@@ -76,8 +76,8 @@ impl Actuators {
         settings
     }
 
-    /// Takes over other settings of the actuators there are, whose networks stay; effort, heat and what is
-    /// under way stay as they are.
+    /// Applies other settings to the existing actuators. Their networks, efforts, heat and delayed commands
+    /// are kept.
     pub(super) fn set_settings(
         &mut self,
         settings: &[Option<ActuatorSettings>],
@@ -110,12 +110,12 @@ impl Actuators {
         }
     }
 
-    /// True where a motor moves apart from its joint.
+    /// Returns `true` if a motor moves separately from its joint.
     pub(super) fn have_drivetrains(&self) -> bool {
         self.joints.iter().any(|driven| driven.now.drivetrain().is_some())
     }
 
-    /// Begins a step: the commands of these drives that act in it, and what networks make of them.
+    /// Begins a step: computes the commands that act on these drives in it, and the outputs of networks.
     pub(super) fn begin(&mut self, robot: &Robot, drives: &Range<usize>) {
         let (q, v) = (&robot.positions()[drives.clone()], &robot.velocities()[drives.clone()]);
         let commands = &robot.commands[drives.clone()];
@@ -126,8 +126,7 @@ impl Actuators {
             driven.acting = driven.delay.acting(commands[driven.joint]);
             let Driven { acting, next, measured, network, .. } = driven;
             let Some(network) = network else { continue };
-            // The drive measures its motor. A command without `kp` asks for no position: there is no error
-            // then.
+            // The drive measures its motor. A command without `kp` has no position target, and so no error.
             let Motor { position, velocity } = next.motor().unwrap_or(joint);
             let error = if acting.kp > 0.0 { acting.position - position } else { 0.0 };
             *measured = [error, velocity];
@@ -200,8 +199,8 @@ impl Actuators {
         ActuatorsState(self.joints.iter().map(saved).collect())
     }
 
-    /// Goes back to a saved state; `false` where it is that of other actuators. Effort limits and settings
-    /// stay: they are no state.
+    /// Restores a saved state; returns `false` if it belongs to other actuators. Effort limits and settings
+    /// are unchanged.
     pub(super) fn restore(&mut self, state: &ActuatorsState) -> bool {
         let fits = state.0.len() == self.joints.len();
         if fits {

@@ -9,7 +9,7 @@ use crate::robot::Robot;
 use crate::{ConnectError, Connection, World};
 
 impl Articulated {
-    /// Connects two parts as they stand.
+    /// Connects two parts in their present relative pose.
     pub(super) fn connect_parts(
         &mut self,
         (robot, world): (&Robot, &World),
@@ -72,7 +72,7 @@ impl Articulated {
         Some((Member { owner, fixed: None }, frame.placement))
     }
 
-    /// Pose of a part as all stands.
+    /// Present pose of a part.
     fn pose_of(&self, robot: &Robot, owner: Owner) -> Isometry3<f64> {
         match owner {
             Owner::World => Isometry3::identity(),

@@ -18,7 +18,7 @@ pub struct Singular(pub usize);
 pub(super) struct Start<'a> {
     /// Positions of the joints.
     pub(super) q: &'a [f64],
-    /// The whole velocity, that of a floating base first.
+    /// The whole velocity, a floating base's first.
     pub(super) v: &'a [f64],
     /// Length of the step \[s\].
     pub(super) h: f64,
@@ -40,10 +40,10 @@ pub(super) struct ImplicitSolver {
     pub(super) impulse: Vec<f64>,
 }
 
-/// Largest number of sweeps of the relaxation, which takes over when the active set cycles.
+/// Largest number of sweeps of the relaxation, the fallback for a cycling active set.
 const SWEEPS: usize = 200;
 
-/// Guesses of the modes before the relaxation takes over. Nearly always the first is confirmed.
+/// Attempts of the active set before the relaxation. The first guess is nearly always confirmed.
 pub(super) const GUESSES: usize = 24;
 
 impl ImplicitSolver {
@@ -75,8 +75,8 @@ impl ImplicitSolver {
         fits
     }
 
-    /// Begins a step: the laws of all joints, those of a step of the midpoint rule where `middle` has the
-    /// positions there.
+    /// Begins a step: computes the laws of all joints, by the midpoint rule if `middle` has the positions
+    /// there.
     pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),
@@ -101,8 +101,8 @@ impl ImplicitSolver {
         }
     }
 
-    /// True where the end velocity `x`, with the external impulses, confirms the modes; otherwise they become
-    /// those that it points to.
+    /// Returns `true` if the end velocity `x`, with the external impulses, confirms the modes; otherwise
+    /// updates the modes to match it.
     pub(super) fn confirm(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {
         // A velocity that a mode fixes stays exact.
         for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x.iter_mut()) {
@@ -113,7 +113,7 @@ impl ImplicitSolver {
         let mut settled = true;
         for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
             let (constant, slope) = laws.force(mode);
-            // What holds a velocity counts only where one is held.
+            // A held velocity counts only where one is held.
             let missing = if laws.fixed(mode).is_some() {
                 let outside = start.bias[i] - self.impulse[i] / start.h;
                 inertial(start, x, i) / start.h + outside - (constant - slope * x[i])
@@ -147,7 +147,7 @@ impl ImplicitSolver {
             self.system[(i, i)] += start.h * slope;
             x[i] = start.h * (constant - start.bias[i]);
         }
-        // Column by column, which is how the matrix lies in memory.
+        // Column by column, the memory order of the matrix.
         for (column, v) in start.mass.as_slice().chunks_exact(start.v.len()).zip(start.v) {
             for (x, entry) in x.iter_mut().zip(column) {
                 *x += entry * v;

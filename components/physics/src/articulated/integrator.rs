@@ -12,9 +12,8 @@ use crate::{Integrator, JointCommand};
 
 /// A joint-space integrator: it moves a robot that touches nothing by one integration step at a time.
 ///
-/// Semi-implicit Euler by default, of first order, in the independent coordinates: mimic joints are exact,
-/// since they have no coordinate of their own. A floating base comes first. The end velocity `v+` of a step
-/// of length h solves
+/// Semi-implicit Euler by default, of first order, in the independent coordinates: mimic joints, which have
+/// no coordinate, are exact. A floating base comes first. The end velocity `v+` of a step of length h solves
 ///
 /// ```text
 /// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
@@ -23,30 +22,31 @@ use crate::{Integrator, JointCommand};
 ///
 /// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and
 /// inelastic limit stops. A floating base moves on a straight line and turns about a fixed axis during the
-/// step; its velocity is taken in axes that stand still meanwhile, so that its rotation alone changes no
+/// step; its velocity is expressed in axes that are fixed meanwhile, so that its rotation alone changes no
 /// velocity.
 ///
 /// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists
 /// and is unique for any gains (a strictly convex problem). An active set finds it: a joint's drive is linear
 /// or saturated, its friction sticks or slips, its stop holds or not; the linear system of the current modes
-/// is solved until its solution confirms the modes. The modes of the last step are the first guess and nearly
-/// always right.
+/// is solved until its solution confirms the modes. The modes of the last step are the initial guess and
+/// nearly always right.
 ///
-/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves as one with Kd + h
+/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves like one with Kd + h
 /// Kp. A drive without damping therefore comes to rest.
 ///
-/// [`Integrator::Midpoint`] is of second order. It takes the inertia and the bias in the middle of the step,
-/// the latter at the mean of the velocities before and after:
+/// [`Integrator::Midpoint`] is of second order. It evaluates the inertia and the bias in the middle of the
+/// step, the latter at the mean of the velocities before and after:
 ///
 /// ```text
 /// q_m = q + h/2 v
-/// M(q_m) (v+ - v) / h + C(q_m, v_m) v_m + g(q_m) = tau(q + h v+, v+) - D v+ + friction(v+)      v_m = (v + v+) / 2
+/// M(q_m) (v+ - v) / h + C(q_m, v_m) v_m + g(q_m) = tau(q + h v+, v+) - D v+ + friction(v+)
+/// v_m = (v + v+) / 2
 /// q+ = q_m + h/2 v+
 /// ```
 ///
 /// with `v_m` from a first solution of the same step. Drives act at the end of the step as before, so that
-/// gains of any size are stable; what they, damping and friction do is of first order. A joint that may meet
-/// its stop takes Euler's method in that step.
+/// gains of any size are stable; the effects of drives, damping and friction are of first order. A joint that
+/// may reach its stop uses Euler's method in that step.
 ///
 /// Nothing allocates after [`new`](Self::new).
 ///
@@ -80,8 +80,8 @@ pub struct JointSpaceIntegrator {
     solver: ImplicitSolver,
     /// The method of [`advance`](Self::advance).
     method: Integrator,
-    /// The present step is one of the midpoint rule: it has these positions in its middle, and starts with
-    /// these velocities, those of a base in its axes there.
+    /// The present step uses the midpoint rule, with these positions in its middle and these initial
+    /// velocities; a base's are in its axes there.
     midway: bool,
     q_middle: Vec<f64>,
     v_middle: Vec<f64>,
@@ -134,7 +134,7 @@ impl JointSpaceIntegrator {
         self.bounds.iter_mut().zip(joints).for_each(|(bounds, joint)| *bounds = limits(joint));
     }
 
-    /// Sets the lowest and the highest effort of the drive of a joint in the steps to come.
+    /// Sets the lowest and the highest effort of a joint's drive for the following steps.
     pub(super) fn set_bounds(&mut self, joint: usize, bounds: [f64; 2]) {
         self.bounds[joint] = bounds;
     }
@@ -149,7 +149,7 @@ impl JointSpaceIntegrator {
         self.solver.modes()
     }
 
-    /// Goes back to earlier modes; `false` where they are those of another robot.
+    /// Restores earlier modes; returns `false` if they belong to another robot.
     pub(crate) fn set_modes(&mut self, modes: &[Mode]) -> bool {
         self.solver.set_modes(modes)
     }
@@ -208,8 +208,8 @@ impl JointSpaceIntegrator {
         self.solver.begin((&self.joints, commands, &self.bounds), &start, None);
     }
 
-    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias is
-    /// that of the step.
+    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias of the
+    /// step is computed.
     fn begin_midway(
         &mut self,
         model: &Model,
@@ -241,7 +241,7 @@ impl JointSpaceIntegrator {
         [self.q_middle, self.v_middle, self.v_mean] = taken;
     }
 
-    /// True where no joint may come to a stop in the next step.
+    /// Returns `true` if no joint can reach a stop in the next step.
     fn is_far_from_stops(&self, model: &Model, (q, v): (&[f64], &[f64]), h: f64) -> bool {
         let states = model.joints_of_q(q).iter().zip(model.joints_of_v(v));
         self.joints.iter().zip(states).all(|(joint, (q, v))| {
@@ -270,8 +270,7 @@ impl JointSpaceIntegrator {
             *bias -= force;
         }
         if model.base().floating {
-            // In axes that stand still the base's velocity does not turn with it: remove the term of the
-            // turning axes.
+            // In fixed axes the base's velocity does not turn with it: remove the term of the turning axes.
             let turning = Vector3::from_column_slice(&v[3..6]).cross(&Vector3::from_column_slice(&v[..3]));
             for (row, bias) in self.bias.iter_mut().enumerate() {
                 *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();
@@ -356,8 +355,8 @@ fn limits(joint: &JointProperties) -> [f64; 2] {
     [-limit, limit]
 }
 
-/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is turned from its axes at the start
-/// into those at the end.
+/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is rotated from its initial axes
+/// into its final ones.
 fn integrate_position(model: &Model, q: &mut [f64], x: &mut [f64], h: f64) {
     let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
     for (q, x) in q[offset..].iter_mut().zip(&x[base..]) {

@@ -44,7 +44,7 @@ pub(crate) enum Stop {
     Upper,
 }
 
-/// One joint's laws as functions of its end velocity.
+/// Laws of one joint as functions of its end velocity.
 #[derive(Clone, Debug)]
 pub(crate) struct Laws {
     /// Drive effort before clamping: `drive_0 - drive_slope * v+`.
@@ -56,7 +56,7 @@ pub(crate) struct Laws {
     /// Velocities beyond which the drive brakes.
     min_velocity: f64,
     max_velocity: f64,
-    /// Fall of its highest effort beyond those velocities.
+    /// Slope of its highest effort beyond those velocities.
     braking_slope: f64,
     /// Force of the joint's spring at no velocity, and how it and the damping fall with the velocity.
     spring: f64,
@@ -71,8 +71,8 @@ pub(crate) struct Laws {
 /// a blow.
 const RECOVERY_RATE: f64 = 20.0;
 
-/// The velocity at which a joint arrives at a stop at this distance within `h` exactly; where it is beyond,
-/// that at which it may come back.
+/// Velocity at which a joint arrives at a stop at this distance exactly within `h`; beyond the stop, its
+/// largest return velocity.
 fn reach(distance: f64, beyond: bool, h: f64) -> f64 {
     if beyond { distance * RECOVERY_RATE } else { distance / h }
 }
@@ -94,8 +94,8 @@ impl Laws {
         fastest: f64::INFINITY,
     };
 
-    /// The laws in a step of `h` from position `q`. The drive's effort lies within `low` and `high`, which
-    /// are those of the joint or, in this step, narrower.
+    /// The laws in a step of `h` from position `q`. The drive's effort is limited to `low` and `high`: the
+    /// joint's limits or, in this step, narrower ones.
     pub(crate) fn new(
         joint: &JointProperties,
         command: &JointCommand,
@@ -133,8 +133,8 @@ impl Laws {
     }
 
     /// The laws in a step of the midpoint rule from position `q` over `middle`, from where the end velocity
-    /// leads on: stops are those of its second half, and a spring acts with the mean of its forces at both
-    /// ends, which keeps its energy.
+    /// applies. Stops act in its second half. A spring acts with the mean of its forces at both ends, which
+    /// conserves its energy.
     pub(super) fn midway(self, joint: &JointProperties, [q, middle]: [f64; 2], h: f64) -> Self {
         Self {
             spring: joint.stiffness * (joint.rest - 0.5 * (q + middle)),
@@ -182,14 +182,14 @@ impl Laws {
         }
     }
 
-    /// True if the drive's effort is below what its command alone would give.
+    /// Returns `true` if the drive's effort is below its command's.
     pub(crate) fn is_saturated(&self, x: f64) -> bool {
         let raw = self.drive_0 - self.drive_slope * x;
         raw > self.highest(x) || raw < self.lowest(x)
     }
 
-    /// The branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and
-    /// backwards lies the branch of braking: to jump over it would make the iteration cycle.
+    /// The branch of the drive at end velocity `x`, found in `mode`. The braking branch is between full
+    /// effort forwards and backwards: skipping it would make the iteration cycle.
     pub(crate) fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {
@@ -227,7 +227,7 @@ impl Laws {
         }
     }
 
-    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
+    /// Force on the joint in `mode` as `constant - slope * x`, without stops and sticking.
     pub(super) fn force(&self, mode: &Mode) -> (f64, f64) {
         let (drive, slope) = self.drive_force(mode.drive);
         let friction = match mode.friction {
@@ -293,7 +293,7 @@ impl Laws {
                 Drive::Low => full(self.low),
                 _ => linear,
             };
-            // Beyond a velocity limit the drive gives the least of its branches.
+            // Beyond a velocity limit the drive applies the minimum of its branches.
             let slowing = |effort: f64| {
                 (h * (effort + push) - rest) / (inertia + h * (self.braking_slope + self.damping))
             };

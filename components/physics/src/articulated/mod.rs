@@ -63,14 +63,16 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// Each integration step of length h finds the end velocity `v+` of
 ///
 /// ```text
-/// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+) + J' lambda / h
+/// M(q) (v+ - v) / h + C(q, v) v + g(q)
+///     = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+) + J' lambda / h
 /// q+ = q + h v+
 /// ```
 ///
 /// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
 /// ([`JointSpaceIntegrator`] has the other terms). Several articulations and the free objects of the world
-/// are part of the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of
-/// first order in h; what touches nothing may take the [midpoint rule](crate::Integrator::Midpoint) instead.
+/// are part of the same problem; parts without a common contact are solved separately. The method is
+/// semi-implicit Euler, of first order in h; bodies without contacts can use the [midpoint
+/// rule](crate::Integrator::Midpoint) instead.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders
 /// and the outermost points of meshes, each against the surface of the other collider. Where these miss a
@@ -78,11 +80,10 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// the corners of the patch that their faces share, or where two edges cross.
 ///
 /// Torques against spinning about the normal of a contact and against rolling about its tangents are part of
-/// the same problem, each at most its coefficient times the normal force. The surface of a conveyor takes
-/// along what it touches. The drag of the air on free objects is that at the end of the step.
+/// the same problem, each at most its coefficient times the normal force. The surface of a conveyor carries
+/// along what touches it. The drag of the air on free objects is evaluated at the end of the step.
 ///
-/// Objects that have stood still for half a second sleep, and with them all that they touch, until something
-/// reaches them.
+/// Objects at rest for half a second sleep, with everything they touch, until something reaches them.
 ///
 /// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each
 /// integration step the velocity of the base is corrected by the momentum that the integration lost.
@@ -90,7 +91,7 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// Nothing allocates after the simulation has been built.
 pub struct Articulated {
     options: Options,
-    /// One per articulation.
+    /// One entry per articulation.
     parts: Vec<Part>,
     scene: ContactScene,
     rays: Rays,
@@ -326,7 +327,7 @@ impl Engine for Articulated {
 }
 
 impl Articulated {
-    /// Places all colliders as the robots stand, and the objects in their next state.
+    /// Updates the poses of all colliders: robots in their present state, objects in their next one.
     fn place_colliders(&mut self, robot: &Robot) {
         for (of, base) in self.bases.iter_mut().enumerate() {
             *base = robot.base_pose(of);
@@ -334,10 +335,10 @@ impl Articulated {
         self.scene.set_poses(|of| &robot.articulations[of].kinematics, &self.bases);
     }
 
-    /// Places all colliders as robots and objects stand in their next state.
+    /// Updates the poses of all colliders: robots and objects in their next state.
     fn place_next(&mut self, robot: &Robot) {
         let parts = &self.parts;
-        // An articulation that has not been stepped yet stands as it did at the start of the step.
+        // An articulation that has not been stepped yet is in its state at the start of the step.
         let of = |of: usize| {
             if parts[of].h > 0.0 { &parts[of].kinematics } else { &robot.articulations[of].kinematics }
         };
@@ -347,8 +348,8 @@ impl Articulated {
 
 impl Simulation<Articulated> {
     /// Moves a floating base up or down until the robot stands on the ground plane or the terrain, or on the
-    /// plane z = 0 without one, and stops it; of several, all. A robot without collision shapes stays where
-    /// it is.
+    /// plane z = 0 without one, and stops it; with several robots, all of them. A robot without collision
+    /// shapes stays in place.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }
@@ -370,7 +371,7 @@ impl Simulation<Articulated> {
         }
     }
 
-    /// Sum of the contact forces on the robot, those between links of robots excepted, during the last
+    /// Sum of the contact forces on the robot, without forces between links of robots, during the last
     /// integration step \[N\], world axes.
     pub fn contact_force(&self) -> Vector3<f64> {
         self.engine.scene.force_on_robot()

@@ -1,5 +1,4 @@
-//! Links that are too close to one another, and links and objects inside something, as all stands at the
-//! start.
+//! Links that are too close to one another, and links and objects inside something, at the start.
 
 use super::Articulated;
 use crate::BuildWarning;

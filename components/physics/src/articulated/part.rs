@@ -14,7 +14,7 @@ use crate::{BuildError, Integrator};
 pub(super) struct Part {
     pub(super) integrator: JointSpaceIntegrator,
     pub(super) dynamics: Dynamics,
-    /// Of the next state, between integration steps of one step.
+    /// Next state, between integration steps of one step.
     pub(super) kinematics: Kinematics,
     /// Generalized force of the rotors (nv).
     pub(super) rotor_force: Vec<f64>,
@@ -29,7 +29,7 @@ pub(super) struct Part {
     pub(super) settled: bool,
     /// Length of the next integration step \[s\]; zero where its step is over.
     pub(super) h: f64,
-    /// Joints whose effort was cut in the step, and those at a limit at its end.
+    /// Joints whose effort was limited in the step, and joints at a limit at its end.
     pub(super) saturated: usize,
     pub(super) at_limit: usize,
     /// The method of steps in which nothing touches it.

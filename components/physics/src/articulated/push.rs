@@ -43,7 +43,7 @@ impl Simulation<Articulated> {
 }
 
 impl Part {
-    /// Adds the generalized force of a wrench at a point of a link to that of the next step.
+    /// Adds the generalized force of a wrench at a point of a link to the next step.
     pub(super) fn add_wrench(
         &mut self,
         own: &Articulation,

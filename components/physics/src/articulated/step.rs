@@ -58,8 +58,8 @@ impl Articulated {
         Ok(report)
     }
 
-    /// One integration step of the next state. Robots and objects have been placed; before the `first` step
-    /// the next state is the current one.
+    /// One integration step of the next state. The poses of robots and objects are set; before the `first`
+    /// step the next state equals the current one.
     fn integrate(
         &mut self,
         robot: &mut Robot,

@@ -16,12 +16,12 @@ const BLOCKS: usize = 4;
 /// Many simulations of robots of one kind, stepped together on several threads.
 ///
 /// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the
-/// other. Each world computes what it would compute alone, bit for bit, on any number of threads. The threads
+/// other. Each world's result is bit-identical to a separate simulation on any number of threads. The threads
 /// live as long as the batch: between two calls they spin for some tens of microseconds, then sleep.
 ///
 /// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all
-/// worlds, each with data `W` of its own ([`with_data`](Self::with_data)): command, step, observe, reward,
-/// reset and randomise in one pass, on the thread that steps the world.
+/// worlds, each with its own data `W` ([`with_data`](Self::with_data)): command, step, observe, reward, reset
+/// and randomise in one pass, on the thread that steps the world.
 ///
 /// # Example
 ///
@@ -54,7 +54,7 @@ pub struct Batch<E, W = ()> {
     commands: Vec<JointCommand>,
     positions: Vec<f64>,
     velocities: Vec<f64>,
-    /// Numbers of an observation of one world, and what writes them.
+    /// Numbers of an observation of one world, and the function that writes them.
     observed: usize,
     observe: Observe<E>,
     observations: Vec<f64>,
@@ -119,7 +119,7 @@ impl<E: Engine + Send> Batch<E> {
 }
 
 impl<E: Engine + Send, W: Send> Batch<E, W> {
-    /// Replaces the data of all worlds by what `make` returns for the index of each, such as a history of
+    /// Replaces the data of all worlds by the results of `make` for the index of each, such as a history of
     /// observations, random numbers or a reward.
     #[must_use]
     pub fn with_data<T: Send>(self, make: impl FnMut(usize) -> T) -> Batch<E, T> {
@@ -219,7 +219,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         &self.velocities[world * self.nv..][..self.nv]
     }
 
-    /// [Observations](Self::observing) of all worlds, one after the other; none where nothing is observed.
+    /// [Observations](Self::observing) of all worlds, one after the other; empty if nothing is observed.
     pub fn observations(&self) -> &[f64] {
         &self.observations
     }
@@ -250,8 +250,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     /// Calls `visit` once for every world with its index, simulation and data, on all threads, and returns
     /// when all calls have returned. States and observations are read after each visit.
     ///
-    /// What a visit does must depend on its arguments alone; then the result is equal bit for bit on any
-    /// number of threads. The commands of the batch are not used: a visit sets those of the simulation.
+    /// A visit must depend only on its arguments; then the result is bit-identical on any number of threads.
+    /// The commands of the batch are not used: a visit sets the simulation's commands.
     ///
     /// ```
     /// use std::path::Path;
@@ -307,8 +307,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
             .collect();
         let threads = self.workers.threads();
         self.workers.run(&|thread| {
-            // Each thread begins with worlds of its own, which its caches hold, and ends with those that are
-            // left.
+            // Each thread starts with its own worlds, which are in its caches, and then takes remaining ones.
             let start = thread * blocks.len() / threads;
             for (claimed, block) in blocks[start..].iter().chain(&blocks[..start]) {
                 if !claimed.swap(true, Ordering::Relaxed) {

@@ -12,7 +12,7 @@ use std::thread::{self, JoinHandle, Thread};
 /// batch.
 const SPINS: usize = 10_000;
 
-/// Threads beside the caller's, each of which runs a part of every job.
+/// Threads in addition to the caller's, each of which runs a part of every job.
 pub(super) struct Workers {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -30,7 +30,7 @@ struct Shared {
     panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
 
-/// What all threads run, and the thread that waits for them.
+/// The job of all threads, and the thread that waits for them.
 #[derive(Clone)]
 struct Job {
     work: *const (dyn Fn(usize) + Sync),

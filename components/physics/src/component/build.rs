@@ -32,7 +32,7 @@ pub(super) struct BuiltRobot {
     pub(super) loaded: Loaded,
     /// The articulation that it is, or is part of.
     pub(super) articulation: usize,
-    /// Its drives among those of the simulation.
+    /// Its drives within the simulation's.
     pub(super) drives: Range<usize>,
 }
 
@@ -123,8 +123,8 @@ fn one<E: PhysicsEngine>(
     Ok(Built { simulation, robots: vec![robot], on_ground, doubts: Vec::new() })
 }
 
-/// Several robots. Each that moves freely is an articulation, and those with fixed bases are one together:
-/// their trees stand side by side in the world.
+/// Several robots. Each floating-base robot is an articulation; all fixed-base robots form one articulation
+/// with parallel trees.
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robots: &[RobotReference],
@@ -141,7 +141,7 @@ fn several<E: PhysicsEngine>(
     let loaded = robots.iter().map(|robot| Placing::load(config, robot)).collect::<Result<Vec<_>, _>>()?;
     let floats = |index: usize| loaded[index].loaded.model.base().floating;
     let fixed: Vec<usize> = (0..loaded.len()).filter(|index| !floats(*index)).collect();
-    // The one of the fixed robots stands where the first of them does.
+    // The model of the fixed robots is at the place of the first one.
     let groups: Vec<Vec<usize>> = (0..loaded.len())
         .filter(|index| floats(*index) || fixed.first() == Some(index))
         .map(|index| if floats(index) { vec![index] } else { fixed.clone() })
@@ -202,15 +202,15 @@ fn set_actuators(
     Ok(())
 }
 
-/// An engine with a component kind of its own.
+/// An engine with its own component kind.
 pub trait PhysicsEngine: Engine + Send + 'static {
     /// Name of the kind.
     const KIND: &'static str;
-    /// One line on the kind.
+    /// One-line summary of the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component; of the articulations `anywhere` the configuration does
-    /// not say where the floating base starts.
+    /// Prepares a new simulation for its component; for articulations in `anywhere` the configuration does
+    /// not define the start of the floating base.
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]);
 }
 
@@ -240,7 +240,7 @@ impl PhysicsEngine for Mujoco {
         if anywhere.is_empty() {
             return;
         }
-        // The same shapes stand on the same ground.
+        // The same shapes on the same ground.
         let (world, options) = (simulation.world.clone(), *simulation.options());
         let robots = simulation.articulations().iter().map(|own| RobotSetup::from(own.model().clone()));
         let (robots, q) = (robots.collect::<Vec<_>>(), simulation.configuration().to_vec());

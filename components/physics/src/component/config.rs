@@ -15,8 +15,7 @@ use super::pushes::PushConfig;
 use crate::randomise::RandomiseConfig;
 use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 
-/// Configuration of the physics kinds: where robots start, what is around them, and the settings of the
-/// engine.
+/// Configuration of the physics kinds: start of robots, their surroundings, and the settings of the engine.
 ///
 /// ```toml
 /// solver = { contact_iterations = 4 }
@@ -32,8 +31,8 @@ pub struct PhysicsConfig {
     /// Joint positions to start at, rad or m: one number for all joints, or one for each in their order.
     /// Instead of `pose`.
     pub position: Option<PerJoint>,
-    /// True: the root link moves freely; false: it is fixed to the world. Without it: as the robot's profile
-    /// and file say. `physics.rapier` simulates fixed bases only.
+    /// True: the root link moves freely; false: it is fixed to the world. Default: from the robot's profile
+    /// and file. `physics.rapier` simulates fixed bases only.
     pub floating: Option<bool>,
     /// Start of a floating base. Without it: where the profile has it in the pose, or standing on the ground.
     pub base: Option<BaseStart>,
@@ -48,25 +47,25 @@ pub struct PhysicsConfig {
     /// Actuators of single joints by their names, in place of `actuator`. With several robots a name is
     /// `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
-    /// Connections of links and objects besides the joints of the robots, made as all stands at the start:
+    /// Connections of links and objects besides the joints of the robots, in their initial relative poses:
     /// they close loops. With several robots a link is `ROBOT/LINK`.
     pub connections: Vec<Connection>,
-    /// Springs in joints by their names, in place of those of an MJCF file. With several robots a name is
+    /// Springs in joints by joint name, replacing the MJCF file's. With several robots a name is
     /// `ROBOT/JOINT`.
     pub springs: BTreeMap<String, SpringConfig>,
-    /// Surfaces of single links by their names, in place of those of `solver` and of the profile. With
-    /// several robots a name is `ROBOT/LINK`.
+    /// Surfaces of single links by name, replacing `solver`'s and the profile's. With several robots a name
+    /// is `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
-    /// Ranges of physical properties, drawn anew at the start of every episode. Default: nothing is drawn.
+    /// Ranges of physical properties, drawn at the start of every episode. Default: nothing is drawn.
     pub randomise: RandomiseConfig,
     /// Settings of the engine.
     pub solver: Options,
-    /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and
-    /// are applied as they come; that component's actuator checks them. Default false.
+    /// True: the commands come from drives simulated by another component, such as `can.drive_sim`, and are
+    /// applied unchecked; the actuator of those drives checks them. Default false.
     pub plant: bool,
 }
 
-/// The surface of a link. What is left out is as with the other links.
+/// The surface of a link. Missing values are the same as of the other links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceConfig {
@@ -75,11 +74,10 @@ pub struct SurfaceConfig {
     pub friction: Option<f64>,
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     pub friction_combine: Option<FrictionCombine>,
-    /// Share of the approach speed kept after an impact, 0 to 1. That of a contact is the mean of both
-    /// surfaces'.
+    /// Share of the approach speed kept after an impact, 0 to 1. A contact has the mean of both surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
-    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     pub soft: Option<Softness>,
     /// Friction along a direction of the link that differs from that across it.
     pub grain: Option<Grain>,
@@ -128,8 +126,8 @@ impl PhysicsConfig {
         }
     }
 
-    /// Start pose of a floating base, where the configuration, the profile or the SRDF gives one.
-    /// `placed` where the graph says where the robot stands: the model then begins there.
+    /// Start pose of a floating base, if the configuration, the profile or the SRDF defines one. With
+    /// `placed` the graph defines the robot's pose, and the model starts there.
     pub(super) fn base_start(
         &self,
         robot: &Loaded,
@@ -167,7 +165,7 @@ impl PhysicsConfig {
         Ok(named.map(BasePose::isometry).or_else(of_srdf))
     }
 
-    /// Gives single links of these robots surfaces of their own.
+    /// Sets the surfaces of single links of these robots.
     pub(super) fn set_surfaces(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
         for (link, surface) in &self.surfaces {
             let SurfaceConfig { friction, friction_combine, restitution, soft, grain } = surface;
@@ -220,7 +218,7 @@ impl PhysicsConfig {
         Ok(())
     }
 
-    /// Connects what is to be connected, as all stands.
+    /// Makes the configured connections at the present poses.
     pub(super) fn connect(&self, simulation: &mut impl Simulator) -> Result<(), ConfigError> {
         for (index, connection) in self.connections.iter().enumerate() {
             let refused = |error: crate::ConnectError| {

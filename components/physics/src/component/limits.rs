@@ -1,4 +1,4 @@
-//! The limits of the drives, as the command gate takes them from the robot.
+//! Limits of the drives for the command gate, from the robot.
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;
@@ -6,9 +6,9 @@ use motorium_robots::{Loaded, ProfileError};
 
 /// Limits and gains of every drive of a robot: the joints of its model, then its rotors, called `names`.
 ///
-/// Position, velocity and effort limits are those of the model, acceleration limits, those of the effort's
-/// rate of change and the gains of the safe states those of the profile. A robot without gains is given full
-/// effort at a twentieth of a radian (or metre), and a tenth of that per second.
+/// Position, velocity and effort limits come from the model; acceleration limits, effort rate limits and the
+/// gains of the safe states from the profile. Without gains, a joint has full effort at a twentieth of a
+/// radian (or metre), and a tenth of that gain as damping.
 pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLimits>, ConfigError> {
     let model = &robot.model;
     let profile = robot.profile.as_ref();
@@ -19,7 +19,7 @@ pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLim
     let gains = profile.and_then(|profile| profile.gains(model).ok());
     let joint = |(i, name): (usize, &String)| {
         if i >= model.joint_count() {
-            // A rotor holds nothing in place; its thrust has limits of its own.
+            // A rotor holds nothing in place; its thrust has separate limits.
             return JointLimits::new(name);
         }
         let effort = model.effort_limit()[i].abs();

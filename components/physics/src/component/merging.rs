@@ -40,7 +40,7 @@ struct Group {
     farthest: Vector3<f64>,
 }
 
-/// Room for the groups of a message of up to so many entries.
+/// Room for the groups of a message of this many entries.
 pub(super) struct Merger {
     groups: Vec<Group>,
     most: usize,
@@ -51,8 +51,8 @@ impl Merger {
         Self { groups: Vec::with_capacity(most), most }
     }
 
-    /// Passes the entries for the points that `visit` passes on to `write`. Returns the number of points that
-    /// have no entry of their own: they are merged, or left out where there are more links than room.
+    /// Passes the entries of the points of `visit` to `write`. Returns the number of points without an entry:
+    /// they are merged, or dropped if there are more links than room.
     pub(super) fn fill(&mut self, visit: &mut Visit<'_>, write: &mut dyn FnMut(&Entry)) -> u64 {
         let mut points = 0;
         visit(&mut |_| points += 1);
@@ -84,8 +84,8 @@ impl Merger {
         (points - written) as u64
     }
 
-    /// Shares the entries out to links, or to pairs of links and other bodies. False where some group has
-    /// fewer than the two entries that merged points need, or none.
+    /// Distributes the entries over links, or over pairs of links and other bodies. Returns `false` if some
+    /// group has fewer than the two entries that merged points need, or none.
     fn share(&mut self, visit: &mut Visit<'_>, pairs: bool) -> bool {
         let Self { groups, most } = self;
         groups.clear();
@@ -99,7 +99,7 @@ impl Merger {
                 whole = false;
             }
         });
-        // One entry each, then a second, then the rest in order.
+        // First one entry each, then a second, then the rest in order.
         let mut left = *most - groups.len();
         for most in [2, usize::MAX] {
             for group in &mut *groups {
@@ -134,7 +134,7 @@ impl Group {
         self.link == entry.link && self.other.is_none_or(|other| other == entry.other)
     }
 
-    /// Points with an entry of their own.
+    /// Points with a separate entry.
     fn own(&self) -> usize {
         if self.points <= self.entries { self.points } else { self.entries.saturating_sub(2) }
     }

@@ -35,21 +35,21 @@ use truth::Truth;
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 
 /// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations
-/// inside rapier are counted apart.
+/// inside rapier are counted separately.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
 
 /// `physics.mujoco`: a simulation by the [`Mujoco`] engine, for robots with a fixed or a floating base, where
 /// MuJoCo's library is installed.
 pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
-/// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its
-/// base state, too. Or several robots in one world, each with ports and a command gate of its own.
+/// A simulated robot that follows joint commands and publishes its joint state and, with a floating base, its
+/// base state; or several robots in one world, each with separate ports and a separate command gate.
 ///
 /// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time
-/// since the last step, and publishes the state at its end. When steps were skipped the simulation makes up
-/// for up to four of them, so that the robot does not stand still while its clock goes on.
+/// since the last step, and publishes the state at its end. After skipped steps the simulation catches up by
+/// at most four, so that the robot moves while its clock continues.
 ///
-/// After a crash the robot goes on from its last published state, the objects from the start.
+/// After a crash the robot continues from its last published state, objects from their start.
 pub struct PhysicsComponent<E> {
     robots: Vec<Actuated>,
     truth: Truth,
@@ -94,7 +94,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             declare.warn(doubt);
         }
         Pushes::new(&config.pushes, simulation.articulations())?;
-        // Links that are always close are how the robot is built: nothing that its user could mend.
+        // Links that are always close are part of the robot's design: the user cannot change that.
         let mut warnings = simulation.warnings().to_vec();
         warnings.retain(|warning| !matches!(warning, BuildWarning::SelfCollisionOff { .. }));
         for warning in BuildWarning::summarise(&warnings) {
@@ -248,7 +248,7 @@ impl Totals {
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"physics.articulated"));
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as required by `Kind::of`.
 #[inline(never)]
 pub fn kinds() -> [Kind; 3] {
     [Kind::of::<ArticulatedPhysics>(), Kind::of::<MujocoPhysics>(), Kind::of::<RapierPhysics>()]

@@ -1,4 +1,4 @@
-//! Several robots of one component: each loaded and placed, and those with fixed bases joined.
+//! Several robots of one component: loaded and placed, with the fixed-base robots joined.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use super::build::load;
 use super::config::{self, PhysicsConfig};
 use crate::{RobotSetup, RotorDrive};
 
-/// One of several robots, where it starts.
+/// One of several robots, with its start.
 pub(super) struct Placing {
     pub(super) loaded: Loaded,
     setup: RobotSetup,
@@ -18,7 +18,7 @@ pub(super) struct Placing {
     prefix: String,
     /// Its start (nq).
     pub(super) q: Vec<f64>,
-    /// Nothing says where its floating base starts: on the ground.
+    /// The start of its floating base is undefined: on the ground.
     pub(super) anywhere: bool,
 }
 
@@ -47,7 +47,7 @@ impl Placing {
         self.loaded.model.joint_count() + self.setup.rotors.len()
     }
 
-    /// Its setup as an articulation of its own.
+    /// Its setup as a separate articulation.
     pub(super) fn alone(&self) -> RobotSetup {
         let rotors = self
             .setup
@@ -86,7 +86,7 @@ impl Placing {
     }
 }
 
-/// Robots with fixed bases as one articulation: each stands where the graph has it.
+/// Fixed-base robots as one articulation, each at its pose in the graph.
 pub(super) fn together(robots: &[&Placing]) -> Result<RobotSetup, ConfigError> {
     let mut rules = Srdf::default();
     for robot in robots {

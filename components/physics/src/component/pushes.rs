@@ -33,7 +33,7 @@ pub struct PushConfig {
     /// The force in world axes, N. Default: none.
     #[serde(default)]
     pub force: [f64; 3],
-    /// A torque besides it, in world axes, N m. Default: none.
+    /// Additional torque in world axes, N m. Default: none.
     #[serde(default)]
     pub torque: [f64; 3],
 }

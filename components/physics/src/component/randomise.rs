@@ -17,18 +17,18 @@ use crate::{Connection, Properties, ResetError, Simulation, Simulator};
 /// Episodes whose draws are in the report: the newest.
 const REPORTED: usize = 64;
 
-/// Draws the properties of each episode, applies them, and tells them.
+/// Draws the properties of each episode, applies and publishes them.
 pub(super) struct Randomiser {
     draws: Draws,
     /// Articulations whose floating base is put on the ground.
     on_ground: Vec<usize>,
-    /// One for each robot.
+    /// One entry for each robot.
     outputs: Vec<Output<Message>>,
     /// The draws of the newest episodes, the present one last.
     episodes: VecDeque<Draw>,
     /// The present draw has not been published.
     pending: bool,
-    /// Time after which it is drawn anew within an episode \[ns\].
+    /// Time after which it is drawn again within an episode \[ns\].
     every_ns: Option<u64>,
     /// Per drive of the simulation: factors of its gain and of its strength.
     drives: Vec<[f64; 2]>,
@@ -47,8 +47,7 @@ struct Draw {
 /// The name of the port.
 const PORT: &str = "randomisation";
 
-/// Checks the ranges and declares the outputs: nothing where nothing is drawn. `connections` are those
-/// besides the world's.
+/// Checks the ranges and declares the outputs, if anything is drawn. `connections` excludes the world's.
 pub(super) fn declare<E: PhysicsEngine>(
     (config, connections): (&RandomiseConfig, &[Connection]),
     built: &Built<E>,
@@ -164,7 +163,7 @@ impl Randomiser {
         }))
     }
 
-    /// Starts an episode with what its seed draws, at rest.
+    /// Starts an episode with the values drawn from its seed, at rest.
     pub(super) fn start<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,
@@ -180,7 +179,7 @@ impl Randomiser {
         if start.lifts.iter().any(|lift| *lift != 0.0) {
             let mut q = simulation.configuration().to_vec();
             for (own, lift) in simulation.articulations().iter().zip(&start.lifts) {
-                // One that is fixed has no height of its own.
+                // A fixed base has no height of its own.
                 if own.model().base().floating {
                     q[own.q().start + 2] += lift;
                 }
@@ -191,8 +190,8 @@ impl Randomiser {
         Ok(())
     }
 
-    /// Draws anew what may change within an episode, when it is time: with memory of its own, which is
-    /// counted apart.
+    /// Draws the properties that may change within an episode again when they are due; allocates memory that
+    /// is counted separately.
     pub(super) fn follow<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,
@@ -217,7 +216,7 @@ impl Randomiser {
     /// Keeps a draw, and hands its factors to the drives.
     fn note<E: PhysicsEngine>(&mut self, simulation: &Simulation<E>, draw: Draw, factors: &[Vec<[f64; 2]>]) {
         for (own, factors) in simulation.articulations().iter().zip(factors) {
-            // Rotors come after joints, and have none.
+            // Rotors follow the joints, and have none.
             let first = own.drives().start;
             self.drives[first..first + factors.len()].copy_from_slice(factors);
         }

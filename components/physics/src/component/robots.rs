@@ -20,18 +20,18 @@ pub(super) struct Actuated {
     /// Its name in the graph, where there are several.
     name: Option<String>,
     articulation: usize,
-    /// Its drives among those of the simulation.
+    /// Its drives within the simulation's.
     drives: Range<usize>,
     command: Input<state::JointCommand>,
     state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
-    /// `None` where the commands are those of simulated drives, which are checked elsewhere.
+    /// `None` if the commands come from simulated drives, which are checked elsewhere.
     gate: Option<CommandGate>,
     /// Steps in the safe state.
     pub(super) safe: u64,
-    /// Steps on the way back from it.
+    /// Steps resuming from it.
     pub(super) resuming: u64,
-    /// It has rotors, which no safe state lets hold it in the air.
+    /// It has rotors, which no safe state keeps in the air.
     has_rotors: bool,
     /// Position of the base at the start \[m\].
     start: [f64; 3],
@@ -40,12 +40,11 @@ pub(super) struct Actuated {
     highest: f64,
 }
 
-/// The efforts against gravity that safe states reckon with: those of the robots as their files have them,
-/// whatever is drawn.
+/// Gravity efforts for safe states, computed from the robots' files regardless of drawn properties.
 pub(super) struct SafeStates {
     models: Vec<Model>,
     gravity: Vector3<f64>,
-    /// One for each model.
+    /// One entry for each model.
     dynamics: Vec<Dynamics>,
     efforts: Vec<Vec<f64>>,
 }
@@ -176,7 +175,7 @@ impl Actuated {
         Ok(())
     }
 
-    /// Starts an episode with the simulation as it stands.
+    /// Starts an episode with the present state of the simulation.
     pub(super) fn reset<E: Engine>(&mut self, simulation: &Simulation<E>) {
         if let Some(gate) = &mut self.gate {
             gate.reset();
@@ -223,7 +222,7 @@ pub(super) fn position<E: Engine>(simulation: &Simulation<E>, articulation: usiz
     simulation.base_pose_of(articulation).translation.vector.into()
 }
 
-/// The names of the joints of one of several robots, without that of the robot in front of them.
+/// The joint names of one of several robots, without the robot's prefix.
 fn own_names(names: &[String], robot: &str) -> Vec<String> {
     let own = |name: &String| name.strip_prefix(robot)?.strip_prefix('/').map(str::to_string);
     names.iter().map(|name| own(name).unwrap_or_else(|| name.clone())).collect()
@@ -251,7 +250,7 @@ fn apply_as_given(
     }
 }
 
-/// A command as a drive of other gain and strength takes it.
+/// Scales a command to a drive with other gain and strength.
 fn scaled(command: JointCommand, factors: Option<&[[f64; 2]]>, index: usize) -> JointCommand {
     let Some([gain, strength]) = factors.map(|factors| factors[index]) else { return command };
     JointCommand {

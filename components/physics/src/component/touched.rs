@@ -1,4 +1,4 @@
-//! What touches a robot: contact points, and their impulses since the start of an episode.
+//! Contacts of a robot: contact points, and their impulses since the start of an episode.
 
 use std::collections::BTreeMap;
 
@@ -25,8 +25,8 @@ const OTHER_ROBOT: u32 = 65_535;
 /// `other` of a contact with the link of index 0 of the same robot.
 const FIRST_LINK: u32 = 65_536;
 
-/// A push: the link by its articulation and its index there, point in the axes of the link, arm from it and
-/// force in those of the world.
+/// A push: the link by its articulation and its index there, the point in the axes of the link, lever arm and
+/// force in world axes.
 pub(super) type Push = ((usize, FrameId), Point3<f64>, Vector3<f64>, Vector3<f64>);
 
 /// The contacts of one robot.
@@ -52,7 +52,7 @@ struct Cut {
     impulses: u64,
 }
 
-/// The links of a robot among those of its articulation.
+/// The links of a robot within its articulation.
 #[derive(Clone, Copy)]
 struct Place {
     articulation: usize,
@@ -63,7 +63,7 @@ struct Place {
 }
 
 impl Place {
-    /// Index of a link among those of the robot.
+    /// Index of a link within the robot.
     fn index(&self, (articulation, link): (usize, FrameId)) -> Option<u32> {
         let index = (link.index() as u32).checked_sub(self.first)?;
         (articulation == self.articulation && index < self.count).then_some(index)
@@ -95,7 +95,7 @@ impl Touched {
         })
     }
 
-    /// Adds up what contacts and pushes did in a step of `dt` \[s\].
+    /// Adds the impulses of contacts and pushes in a step of `dt` \[s\].
     pub(super) fn accumulate<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
@@ -124,8 +124,8 @@ impl Touched {
         self.cut = Cut::default();
     }
 
-    /// Publishes the contact points and the sums; `names` are those of the objects, sorted. Where the message
-    /// has no room for all points, some of a link are [merged](Merger).
+    /// Publishes the contact points and the sums; `names` are the objects' names, sorted. If the message has
+    /// no room for all points, points of a link are [merged](Merger).
     pub(super) fn publish<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
@@ -179,7 +179,7 @@ impl Touched {
         Ok(())
     }
 
-    /// Contact points without an entry of their own, and impulses left out of messages, in this episode.
+    /// Contact points without a separate entry, and impulses left out of messages, in this episode.
     pub(super) fn left_out(&self) -> u64 {
         self.cut.contacts + self.cut.impulses
     }
@@ -242,7 +242,7 @@ fn add(
     0
 }
 
-/// The number that stands with a name in a sorted list.
+/// Returns the number stored with a name in a sorted list.
 fn find(sorted: &[(String, u32)], name: &str) -> Option<u32> {
     let place = sorted.binary_search_by(|(other, _)| other.as_str().cmp(name)).ok()?;
     Some(sorted[place].1)

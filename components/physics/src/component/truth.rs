@@ -13,12 +13,12 @@ use crate::{Engine, Simulation, Simulator, World};
 /// The outputs of the truth that is no joint state and no base state. An output that is not wired costs
 /// nothing.
 pub(super) struct Truth {
-    /// One for each robot.
+    /// One entry for each robot.
     robots: Vec<Touched>,
     objects: Option<Output<ObjectPoses>>,
     /// Names of the objects, sorted, with their indices in the world.
     names: Vec<(String, u32)>,
-    /// One for each object that is published.
+    /// One entry for each published object.
     ids: Vec<crate::ObjectId>,
 }
 
@@ -58,7 +58,7 @@ impl Truth {
         })
     }
 
-    /// Adds up what contacts and pushes did in a step of `dt` \[s\].
+    /// Adds the impulses of contacts and pushes in a step of `dt` \[s\].
     pub(super) fn accumulate<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,

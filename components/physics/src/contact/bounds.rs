@@ -9,17 +9,17 @@ use super::objects::FreeBody;
 /// Margin within which contact points are found at least \[m\].
 pub(super) const FORESIGHT: f64 = 0.002;
 
-/// Share of the way at the present speed that is added to it.
+/// Reserve added to a distance travelled, as a share of the present speed.
 const HASTE: f64 = 1.5;
 
 /// Motion of a collider.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
-    /// Farthest distance of a point from its origin \[m\]; zero for what never moves.
+    /// Farthest distance of a point from its origin \[m\]; zero for fixed colliders.
     reach: f64,
     /// Pose when it was followed last; `None` at the start.
     last: Option<(Matrix3<f64>, Vector3<f64>)>,
-    /// Bound of the way that any of its points has moved, in the world and as seen from the robot's base
+    /// Bound of the distance travelled by any of its points, in the world and relative to the robot's base
     /// \[m\].
     way: [f64; 2],
     /// Bound of the speed of any of its points \[m/s\], likewise.
@@ -40,13 +40,13 @@ struct BaseMotion {
 
 /// Motions of all colliders.
 ///
-/// A pair that was measured at some distance stays at least that far apart, less the ways of both: until
-/// these have used it up it need not be measured again. Within a floating robot ways are those seen from its
-/// base, so that flight and fall use up nothing.
+/// A pair that was measured at some distance stays at least that far apart, less the distances travelled by
+/// both: until these have used it up it need not be measured again. Within a floating robot the distances are
+/// relative to its base, so that flight and fall use up nothing.
 #[derive(Clone, Debug)]
 pub(super) struct Motions {
     colliders: Vec<Motion>,
-    /// One per articulation that floats.
+    /// One entry per floating articulation.
     bases: Vec<Option<BaseMotion>>,
     /// Per articulation: it floats.
     floating: Vec<bool>,
@@ -75,7 +75,7 @@ impl Motions {
         }
     }
 
-    /// Starts anew: nothing has moved.
+    /// Restarts: nothing has moved.
     pub(super) fn forget(&mut self) {
         for motion in &mut self.colliders {
             (motion.last, motion.way, motion.speed) = (None, [0.0; 2], [0.0; 2]);
@@ -83,8 +83,8 @@ impl Motions {
         self.bases.fill(None);
     }
 
-    /// Follows all colliders to where `places` has them now, moving as the `kinematics` of articulations and
-    /// `objects` say.
+    /// Updates all colliders to their present poses in `places`, with the motion of the `kinematics` of
+    /// articulations and of `objects`.
     pub(super) fn follow<'a>(
         &mut self,
         colliders: &[Collider],
@@ -151,8 +151,8 @@ impl Motions {
         self.colliders[index].speed[0]
     }
 
-    /// The longest way of a collider since `start` \[m\], and the highest speed now \[m/s\], of the `parts`
-    /// that count.
+    /// Longest distance travelled by a collider since `start` \[m\], and the highest speed now \[m/s\], of
+    /// the relevant `parts`.
     pub(super) fn most_since(&self, start: &[[f64; 2]], parts: [bool; 2]) -> (f64, f64) {
         let mut most = (0.0_f64, 0.0_f64);
         for part in (0..2).filter(|part| parts[*part]) {
@@ -164,14 +164,14 @@ impl Motions {
         most
     }
 
-    /// Copies the ways of all colliders, in the world and as seen from their robot's base.
+    /// Copies the distances travelled by all colliders, in the world and relative to their robot's base.
     pub(super) fn copy_ways(&self, ways: &mut [[f64; 2]]) {
         for (way, motion) in ways.iter_mut().zip(&self.colliders) {
             *way = motion.way;
         }
     }
 
-    /// Sum of the ways of two colliders \[m\] and of their speeds \[m/s\].
+    /// Sum of the distances travelled by two colliders \[m\] and of their speeds \[m/s\].
     pub(super) fn of_pair(&self, part: usize, first: usize, second: usize) -> (f64, f64) {
         let (first, second) = (&self.colliders[first], &self.colliders[second]);
         (first.way[part] + second.way[part], first.speed[part] + second.speed[part])

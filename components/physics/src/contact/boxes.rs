@@ -25,7 +25,8 @@ struct Corner {
     at: Vector3<f64>,
     /// The same number for the same corner, or the same crossing of an edge and a side.
     id: u32,
-    /// The edge to the next corner: 0 to 3 those of the face, 4 to 7 the sides that it was clipped against.
+    /// The edge to the next corner: 0 to 3 are edges of the face, 4 to 7 the sides that it was clipped
+    /// against.
     edge: u32,
 }
 
@@ -52,7 +53,7 @@ pub(super) fn collide(
     mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
 ) -> f64 {
     let (ra, rb) = (pose_a.rotation.matrix(), pose_b.rotation.matrix());
-    // Of the second box, in the frame of the first.
+    // The second box, in the frame of the first.
     let turn = ra.tr_mul(rb);
     let offset = ra.tr_mul(&(pose_b.translation.vector - pose_a.translation.vector));
     let (separation, axis) = separate(a, b, &turn, &offset);
@@ -196,8 +197,8 @@ fn clip(
             if (from <= 0.0) != (to <= 0.0) && kept < CORNERS {
                 let share = ((from + WITHIN) / (from - to)).clamp(0.0, 1.0);
                 let at = here.at + (there.at - here.at) * share;
-                // Where the edge leaves, the side is the next edge. The numbers are above those of whole
-                // corners.
+                // Where the edge leaves, the side is the next edge. The numbers are above the numbers of
+                // whole corners.
                 let edge = if from <= 0.0 { 4 + side as u32 } else { here.edge };
                 next[kept] = Corner { at, id: 32 | here.edge << 2 | side as u32, edge };
                 kept += 1;
@@ -263,7 +264,7 @@ mod tests {
 
     #[test]
     fn crossing_edges_touch_at_one_point() {
-        // Both stand on an edge: the upper one along y, the lower one along x.
+        // Both touch with an edge: the upper one along y, the lower one along x.
         let high = pose([0.03, 0.02, 0.1 * 2.0_f64.sqrt() - 1e-3], [0.0, core::f64::consts::FRAC_PI_4, 0.0]);
         let low = pose([0.0; 3], [core::f64::consts::FRAC_PI_4, 0.0, 0.0]);
         let (least, found) = points(([0.05; 3], high), ([0.05; 3], low));
@@ -302,8 +303,8 @@ mod tests {
             }
             assert!(least <= distance + 1e-9, "{index}: {least} m, {distance} m");
             for (_, point, normal, depth) in found {
-                // Each point is halfway between the surfaces: half the distance along the normal lies on the
-                // second.
+                // Each point is halfway between the surfaces: the second is at half the distance along the
+                // normal.
                 let on_second = second.inverse_transform_point(&(point - normal * (0.5 * depth)));
                 let beyond = on_second.coords.abs() - Vector3::from(half.1);
                 assert!(beyond.max() < 1.1 * WITHIN, "{index}: {beyond}");

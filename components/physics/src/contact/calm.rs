@@ -9,28 +9,27 @@ use super::near_pairs::{NearPairs, SKIN};
 use super::parties::Least;
 use crate::robot::Articulation;
 
-/// Detections without a look ahead after one that has saved none.
+/// Detections without prediction after one that has saved none.
 const PAUSE: u32 = 16;
 
-/// Bounds of the ways of all colliders of robots since the pairs were looked at last, by the changes of the
-/// joints.
+/// Bounds of the distances travelled by all colliders of robots since the last check of the pairs, by the
+/// changes of the joints.
 ///
-/// A joint that turns moves what it carries by no more than its angle times the distance from its origin,
-/// which is no longer than the way along the links between. While the joints between two colliders have not
-/// used up their distance, nothing touches, and no pose of a collider need be known.
+/// A rotating joint moves the parts it carries by at most its angle times their distance from its origin,
+/// which is at most the length of the links between. While the joints between two colliders have not used up
+/// their distance, nothing touches, and no pose of a collider is needed.
 #[derive(Clone, Debug)]
 pub(super) struct Calm {
     trees: Vec<Tree>,
-    /// Per collider; `None` for what stands in the world.
+    /// One entry per collider; `None` for one fixed in the world.
     places: Vec<Option<Place>>,
     watched: Vec<Watched>,
-    /// The way of the fastest collider from the time at which near pairs were listed to that of the last look
-    /// \[m\].
+    /// Distance travelled by the fastest collider from the listing of near pairs to the last check \[m\].
     way: f64,
     /// Distance within which contact points are found at least \[m\].
     least: f64,
     known: bool,
-    /// Steps since the last look, and detections until the next.
+    /// Steps since the last check, and detections until the next.
     steps: u32,
     wait: u32,
 }
@@ -41,7 +40,7 @@ struct Tree {
     floating: bool,
     /// The base, then the bodies.
     links: Vec<Link>,
-    /// Configuration at the last look.
+    /// Configuration at the last check.
     q: Vec<f64>,
     /// Motion of the base in the world, and of all relative to it.
     base: Bound,
@@ -54,11 +53,11 @@ struct Link {
     column: usize,
     multiplier: f64,
     prismatic: bool,
-    /// Distance of its origin from that of its parent at the last look \[m\].
+    /// Distance of its origin from its parent's at the last check \[m\].
     length: f64,
 }
 
-/// Bounds of the motion of a link: changes since the last look, and rates now.
+/// Bounds of the motion of a link: changes since the last check, and present rates.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bound {
     /// Angle \[rad\] and its rate \[rad/s\].
@@ -89,7 +88,7 @@ struct Watched {
 }
 
 impl Calm {
-    /// For these articulations, and so many pairs of their colliders and others.
+    /// For these articulations, and this number of pairs of their colliders and others.
     pub(super) fn new(colliders: &[Collider], articulations: &[Articulation], pairs: usize) -> Self {
         let place = |collider: &Collider| {
             let (tree, link) = match collider.owner {
@@ -112,7 +111,7 @@ impl Calm {
         }
     }
 
-    /// Nothing is known until the next look.
+    /// Invalidates everything until the next check.
     pub(super) fn forget(&mut self) {
         (self.known, self.steps, self.wait) = (false, 0, 0);
     }
@@ -151,8 +150,8 @@ impl Calm {
         }
     }
 
-    /// True where nothing can touch in a step of `h` \[s\] from this state of all articulations. `parts` are
-    /// those of [`Motions`] that count.
+    /// Returns `true` if nothing can touch in a step of `h` \[s\] from this state of all articulations.
+    /// `parts` are the relevant parts of [`Motions`].
     pub(super) fn holds(
         &mut self,
         articulations: &[Articulation],
@@ -176,7 +175,7 @@ impl Calm {
                 (way, speed) = (way.max(moved), speed.max(rate));
             }
         }
-        // Of the pairs that are not listed none may have come near.
+        // No unlisted pair can have come near.
         let far = 2.0 * (self.way + way) + margin(h, 2.0 * speed).max(self.least) < SKIN;
         let holds = far
             && self.watched.iter().all(|watched| {
@@ -264,8 +263,8 @@ impl Tree {
         }
     }
 
-    /// Bound of the way of any point of a collider \[m\] and of its speed \[m/s\] relative to a link that
-    /// carries it, or in the world.
+    /// Bound of the distance travelled by any point of a collider \[m\] and of its speed \[m/s\] relative to
+    /// a link that carries it, or in the world.
     #[inline]
     fn motion(&self, place: &Place, carrier: Option<usize>) -> [f64; 2] {
         let bound = &self.bounds[place.link];

@@ -26,7 +26,7 @@ pub(crate) enum Owner {
     Base(usize),
     /// A body of an articulation.
     Body(usize, usize),
-    /// An object that moves, by its index among those.
+    /// A moving object, by its index among the moving objects.
     Object(usize),
 }
 
@@ -45,7 +45,7 @@ impl Owner {
     }
 }
 
-/// One end of a connection: a link, a movable object, or an object that is fixed in the world.
+/// One end of a connection: a link, a movable object, or a fixed object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Member {
     pub(crate) owner: Owner,
@@ -60,19 +60,19 @@ pub(crate) struct Collider {
     pub(crate) name: String,
     pub(crate) owner: Owner,
     pub(crate) shape: ConvexShape,
-    /// Frame of the shape in that of its owner. Objects that move are owners in the frame of their principal
-    /// axes of inertia.
+    /// Frame of the shape relative to its owner. Moving objects use the frame of their principal axes of
+    /// inertia.
     pub(crate) placement: Isometry3<f64>,
     /// Index of the object that it is, of one that is fixed.
     pub(crate) fixed: Option<usize>,
-    /// Of a part of a mesh or a compound: index of its object in the world, and its frame in that of the
+    /// For a part of a mesh or a compound: index of its object in the world, and its frame relative to the
     /// object.
     pub(crate) part: Option<(usize, Isometry3<f64>)>,
     /// The triangles by which it touches, about the origin of its shape, which is their box.
     pub(crate) surface: Option<Arc<TriangleSurface>>,
     /// Planes of the faces of the hull of an object: outward normal, and height along it \[m\].
     pub(crate) faces: Vec<(Vector3<f64>, f64)>,
-    /// The same of any hull, for edges of meshes; none where no mesh touches by its triangles.
+    /// The same for any hull, for edges of meshes; empty if no mesh touches by its triangles.
     pub(crate) sides: Vec<(Vector3<f64>, f64)>,
     pub(crate) friction: f64,
     pub(crate) friction_combine: Option<FrictionCombine>,
@@ -116,17 +116,16 @@ impl ColliderGrain {
     }
 }
 
-/// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them
-/// that may touch.
+/// All colliders (robots first, then objects, then the ground or the terrain), and the pairs that may touch.
 pub(crate) struct Colliders {
     pub(crate) colliders: Vec<Collider>,
     /// Index of the first collider of the first object of the world.
     pub(crate) first_object: usize,
     /// The colliders of each object of the world.
     pub(crate) objects: Vec<Range<usize>>,
-    /// The collision model they come from: the same indices and pairs. The terrain is no part of it.
+    /// The underlying collision model, with the same indices and pairs. It excludes the terrain.
     pub(crate) model: CollisionModel,
-    /// The surface of the terrain, which is the last collider; its shape there stands for it.
+    /// The surface of the terrain, which is the last collider; its shape there is a placeholder.
     pub(crate) terrain: Option<Arc<HeightField>>,
     /// The description that it was made from.
     pub(super) described: Option<Terrain>,
@@ -235,7 +234,7 @@ impl Colliders {
                     matches!(object.shape, ObjectShape::Mesh(_) | ObjectShape::Compound(_))
                 });
                 let part = parted.map(|(of, object)| (of, object.pose().inv_mul(&model.placement(index))));
-                // A direction given in the axes of the object, turned into those of its part.
+                // A direction given in the axes of the object, converted to the axes of its part.
                 let turned = |direction: Vector3<f64>| match parted {
                     Some((_, Object { shape: ObjectShape::Compound(_), .. })) => {
                         part.map_or(direction, |(_, frame)| frame.rotation.inverse() * direction)
@@ -281,8 +280,8 @@ impl Colliders {
                 collider.sides = sides(&collider.shape);
             }
         }
-        // Colliders of one owner, and two that never move, need no check. Links that touch nothing of their
-        // own robot touch nothing of another either, as in one model of both.
+        // Colliders of one owner, and two fixed ones, need no check. Links excluded within their own robot
+        // are also excluded with the same links of another, as in one model of both.
         let silent = |index: usize| {
             let rules = model.robot(index).map(|of| &setups[of].collision_rules.disabled_links);
             rules.is_some_and(|links| links.iter().any(|link| link == model.link(index)))
@@ -319,8 +318,7 @@ impl Colliders {
         Self { colliders, first_object, objects, model, terrain: field.map(Arc::new), described }
     }
 
-    /// The object of the world that a collider belongs to, and its frame in that of the object where this is
-    /// another.
+    /// The object of the world that a collider belongs to, and its frame relative to the object if different.
     pub(crate) fn object_of(&self, collider: usize) -> Option<(usize, Option<&Isometry3<f64>>)> {
         let last = self.objects.last()?.end;
         if !(self.first_object..last).contains(&collider) {
@@ -335,8 +333,8 @@ impl Colliders {
         pair.iter().all(|&index| index < self.first_object)
     }
 
-    /// Excludes pairs of links that are too close as the robot stands, with a warning each, and warns of
-    /// links inside something else. True if there was any such pair.
+    /// Excludes pairs of links that are too close at the start, with a warning each, and warns of links
+    /// inside something else. Returns `true` if there was any such pair.
     pub(crate) fn exclude_close(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) -> bool {
         let mut distances = Collisions::new(&self.model);
         for (index, own) in robot.articulations.iter().enumerate() {
@@ -386,7 +384,7 @@ fn surface_of(object: &Object) -> Option<Arc<TriangleSurface>> {
     mesh.body().ok()?.surface.clone()
 }
 
-/// A grain in the axes of a link, in those of the solid of this index on it.
+/// Converts a grain from the axes of a link to the axes of its solid with this index.
 fn of_link(setup: &RobotSetup, model: &CollisionModel, index: usize, grain: &Grain) -> (Vector3<f64>, f64) {
     let link = setup.model.frame(model.link(index)).ok();
     let placement =

@@ -4,8 +4,8 @@
 use super::newton::Newton;
 use super::site::Couple;
 
-/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique where a rigid
-/// robot stands on more points than determine them.
+/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique for a rigid robot
+/// on redundant contact points.
 pub(super) const COMPLIANCE: f64 = 1e-6;
 
 /// Largest number of sweeps over all contact points.
@@ -14,8 +14,7 @@ const SWEEPS: usize = 200;
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
 const SETTLED: f64 = 1e-8;
 
-/// A sweep that changes more than this multiple of the one before the Newton step shows that the step led
-/// astray.
+/// A change in a sweep above this multiple of the change before the Newton step shows that the step diverged.
 const ASTRAY: f64 = 1.0;
 
 /// The contact problem of a step:
@@ -26,14 +25,14 @@ const ASTRAY: f64 = 1.0;
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
-/// A sweep solves one contact point after the other (block Gauss-Seidel): it finds which points are open,
-/// stick or slip within a few rounds, and then converges slowly where points are redundant, as under a flat
-/// sole. A Newton step solves the equations of these modes for all points at once. What a step finds is kept
-/// when the next sweep hardly changes it; either way the solution is one that a sweep confirms.
+/// A sweep solves one contact point after the other (block Gauss-Seidel): it finds the open, sticking and
+/// slipping points within a few rounds, and then converges slowly if points are redundant, as under a flat
+/// sole. A Newton step solves the equations of these modes for all points at once. Its result is kept if the
+/// next sweep hardly changes it; either way a sweep confirms the solution.
 ///
-/// Torques against rolling and spinning are blocks of their own, of three rows each: `w` is an angular
-/// velocity there, and their bounds grow with the normal impulse of their contact point. Newton steps leave
-/// them to the sweeps. Blocks that hold both ways have no bounds, and are part of every Newton step.
+/// Torques against rolling and spinning are separate blocks of three rows: `w` is an angular velocity there,
+/// and their bounds grow with the normal impulse of their contact point. Newton steps leave them to the
+/// sweeps. Bilateral blocks have no bounds, and are part of every Newton step.
 #[derive(Clone, Debug)]
 pub(crate) struct ConeSolver {
     /// Three times the number of contact points.
@@ -45,11 +44,11 @@ pub(crate) struct ConeSolver {
     /// Per contact point.
     pub(super) target: Vec<f64>,
     pub(super) friction: Vec<f64>,
-    /// Speed of approach per impulse of surfaces that give way.
+    /// Approach speed per impulse of compliant surfaces.
     pub(super) soft: Vec<f64>,
     /// No impulse moves the point.
     pub(super) immovable: Vec<bool>,
-    /// Of blocks that stand for the torques at a contact point. They follow all contact points.
+    /// Torque blocks of contact points, which follow all contact points.
     pub(super) couples: Vec<Option<Couple>>,
     answers: Vec<PointAnswer>,
     /// The points that an impulse at each point moves, itself included, ascending, one list after the other.
@@ -81,7 +80,7 @@ impl ConeSolver {
         }
     }
 
-    /// The impulses `lambda` of `points` contact points, from those they are now.
+    /// The impulses `lambda` of `points` contact points, starting from their present values.
     pub(super) fn solve(&mut self, points: usize) {
         self.rows = 3 * points;
         let rows = self.rows;
@@ -109,7 +108,7 @@ impl ConeSolver {
             };
         }
         self.find_coupled();
-        // Sweeps before the next Newton step; they double whenever one leads astray.
+        // Sweeps before the next Newton step; doubled whenever one diverges.
         let (mut patience, mut wait) = (1, 1);
         let mut sweeps = 0;
         while sweeps < SWEEPS {
@@ -139,7 +138,7 @@ impl ConeSolver {
         }
     }
 
-    /// The points that each point moves: in a pile of objects few, between those of one robot all.
+    /// The points that each point moves: few in a pile of objects, all of one robot.
     fn find_coupled(&mut self) {
         let (rows, points) = (self.rows, self.rows / 3);
         self.coupled.clear();
@@ -210,7 +209,7 @@ impl ConeSolver {
     }
 }
 
-/// The block of W of one contact point, and what follows from it alone: its answer to impulses.
+/// The block of W of one contact point, and its derived response to impulses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PointAnswer {
     /// Compliance along the normal, and the inverse of the entry there, compliance included.
@@ -218,7 +217,7 @@ pub(super) struct PointAnswer {
     inverse: f64,
     /// Entries between the normal and the tangents.
     coupling: [f64; 2],
-    /// Inverse of the block of the tangents: its diagonal and the entry beside it.
+    /// Inverse of the tangent block: its diagonal and off-diagonal entry.
     tangents: [f64; 3],
     /// Inverse of the largest eigenvalue of that block.
     slip: f64,
@@ -227,7 +226,7 @@ pub(super) struct PointAnswer {
 }
 
 impl PointAnswer {
-    /// Of a point whose impulse is not looked for.
+    /// For a point whose impulse is not solved for.
     pub(super) const NONE: Self = Self {
         compliance: 0.0,
         inverse: 0.0,
@@ -237,14 +236,14 @@ impl PointAnswer {
         diagonal: [0.0; 3],
     };
 
-    /// Of the block of W of the point itself, whose surfaces give way by `soft` per impulse.
+    /// From the block of W of the point, whose surfaces yield by `soft` per impulse.
     pub(super) fn new(own: &[[f64; 3]; 3], soft: f64) -> Self {
         // Along a tangent that the joints hold, one of them may be zero.
         let [normal, tangents] = [own[0][0], own[1][1].max(own[2][2])].map(|entry| COMPLIANCE * entry);
         Self::with_compliance(own, [normal + soft, tangents])
     }
 
-    /// Of the block of W of the torques at a contact point, whose joints may hold it about any of the axes.
+    /// From the block of W of the torques at a contact point, whose joints may hold it about any of the axes.
     pub(super) fn couple(own: &[[f64; 3]; 3]) -> Self {
         let soft = COMPLIANCE * own[0][0].max(own[1][1]).max(own[2][2]);
         Self::with_compliance(own, [soft; 2])
@@ -311,7 +310,7 @@ impl PointAnswer {
             [old[0] - (first * slip[0] - beside * slip[1]), old[1] - (second * slip[1] - beside * slip[0])];
         let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
         if squared(&tangent) > bound * bound {
-            // It slips: a projected step along the slip, whose fixed point opposes it.
+            // Slipping: a projected step along the slip, whose fixed point opposes it.
             tangent = [old[0] - slip[0] * self.slip, old[1] - slip[1] * self.slip];
             let size = squared(&tangent);
             if size > bound * bound {

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::cone::ConeSolver;
 
-/// Numbers that look random, from -1 to 1.
+/// Pseudo-random numbers from -1 to 1.
 struct Numbers(u64);
 
 impl Numbers {
@@ -21,8 +21,8 @@ struct Solved {
     points: usize,
 }
 
-/// `bodies` flat soles of 1 kg fall and slide onto the ground, each with as many points at random places, and
-/// coupled by what carries them.
+/// `bodies` flat soles of 1 kg fall and slide onto the ground, each with the same number of random points,
+/// coupled by their carrier.
 fn soles(points: usize, bodies: usize, friction: f64, numbers: &mut Numbers) -> Solved {
     let (rows, freedoms) = (3 * points, 6 * bodies);
     let mut jacobian = DMatrix::zeros(rows, freedoms);

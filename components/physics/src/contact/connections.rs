@@ -1,4 +1,4 @@
-//! Connections: contact points that hold both ways.
+//! Connections: bilateral contact points.
 
 use motorium_robots::Kinematics;
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -12,22 +12,21 @@ use crate::ConnectionKind;
 /// Part of the keys of connections.
 const CONNECTION: u64 = 1 << 61;
 
-/// Share of an error that is taken back in a step, and no faster than this \[m/s, rad/s\].
+/// Share of an error corrected in a step, and the largest correction speed \[m/s, rad/s\].
 const SHARE: f64 = 0.2;
 const FASTEST: (f64, f64) = (0.5, 5.0);
 
-/// A contact point that holds both ways: what it holds, and how far that has drifted.
+/// A bilateral contact point: its kind, and its drift.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Held {
-    /// It holds the orientation, not the place.
+    /// Holds the orientation, not the position.
     pub(super) turning: bool,
-    /// Of the first part relative to the second, world axes \[m or rad\].
+    /// First part relative to the second, world axes \[m or rad\].
     error: Vector3<f64>,
 }
 
 impl Held {
-    /// The velocity of the first part relative to the second that takes back the error, in a step of `h`
-    /// \[s\].
+    /// Velocity of the first part relative to the second that corrects the error, in a step of `h` \[s\].
     pub(super) fn velocity(&self, h: f64) -> Vector3<f64> {
         let velocity = self.error * (-SHARE / h);
         let most = if self.turning { FASTEST.1 } else { FASTEST.0 };
@@ -39,10 +38,10 @@ impl Held {
 #[derive(Clone, Debug)]
 pub(crate) struct Joined {
     pub(crate) members: [Member; 2],
-    /// The frame that they share, as it lies in each.
+    /// The frame that they share, in the axes of each.
     pub(crate) frames: [Isometry3<f64>; 2],
     pub(crate) kind: ConnectionKind,
-    /// It stays when the simulation is reset.
+    /// Survives a reset of the simulation.
     pub(crate) lasting: bool,
     /// Indices of the [sums](super::sums::ImpulseSums) that the impulse on each is added to.
     sums: [Option<usize>; 2],
@@ -78,14 +77,14 @@ impl Connections {
         self.points.reserve(self.most());
     }
 
-    /// Removes the connections between these two parts; `false` if they have none.
+    /// Removes the connections between these two parts; `false` if there are none.
     pub(crate) fn remove(&mut self, parts: [Member; 2]) -> bool {
         let before = self.all.len();
         self.all.retain(|joined| !joins(joined, parts));
         before > self.all.len()
     }
 
-    /// Removes those that do not last.
+    /// Removes temporary connections.
     pub(crate) fn reset(&mut self) {
         self.all.retain(|joined| joined.lasting);
     }
@@ -110,7 +109,7 @@ impl Connections {
         self.all.iter().any(|joined| joins(joined, parts))
     }
 
-    /// Finds the points as everything stands.
+    /// Computes the points at the present poses.
     pub(super) fn update_points<'a>(
         &mut self,
         (kinematics, bases): (impl Fn(usize) -> &'a Kinematics, &[Isometry3<f64>]),
@@ -130,7 +129,7 @@ impl Connections {
             let mut add = |turning: bool, error: Vector3<f64>| {
                 self.points.push(ContactPoint {
                     key: CONNECTION | joined.number << 1 | u64::from(turning),
-                    // A part may have none: see `sums`.
+                    // A part may be missing: see `sums`.
                     colliders: (usize::MAX, usize::MAX),
                     owners: (joined.members[0].owner, joined.members[1].owner),
                     point,

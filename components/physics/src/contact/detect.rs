@@ -37,11 +37,11 @@ pub(crate) struct ContactPoint {
     /// Bound of the speed of the surfaces relative to one another \[m/s\].
     pub(crate) speed: f64,
     pub(crate) law: SurfaceLaw,
-    /// It holds both ways: a connection of two parts, which is no contact.
+    /// Bilateral: a connection of two parts instead of a contact.
     pub(crate) held: Option<Held>,
     /// Length of the integration step in which its impulse acts \[s\].
     pub(crate) h: f64,
-    /// Neither side moves: the point, and its force, are those of an earlier integration step.
+    /// Neither side moves: the point and its force are from an earlier integration step.
     pub(crate) kept: bool,
 }
 
@@ -52,43 +52,43 @@ pub(super) struct Pair {
     pub(super) index: usize,
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Origins farther apart than this are not near one another \[m\]; infinite for a half-space.
+    /// Distance of the origins beyond which the pair is not near \[m\]; infinite for a half-space.
     pub(super) reach: f64,
     pub(super) half_space: bool,
-    /// What meets in it.
+    /// The two colliders.
     pub(super) parties: Parties,
     /// Which part of the motions counts.
     pub(super) part: usize,
-    /// The pair needs no measurement until the ways of both have come this near \[m\].
+    /// Remaining distance without a measurement, to be used up by both \[m\].
     pub(super) until: f64,
 }
 
-/// The part of the step that a collider takes in the next integration step.
+/// Share of the step of a collider in the next integration step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     Moves,
-    /// It is part of the world, or asleep.
+    /// Fixed in the world, or asleep.
     Rests,
     /// Its step is over.
     Done,
 }
 
-/// Length of the integration step of a contact point until it takes part in one \[s\]: any but zero, by which
-/// no force divides.
+/// Placeholder length of the integration step of an inactive contact point \[s\]: nonzero, because forces
+/// divide by it.
 pub(super) const UNKNOWN: f64 = 1.0;
 
 /// Error of a measured distance \[m\].
 pub(super) const ROUNDING: f64 = 1e-6;
 
-/// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
+/// A workspace for contact detection. Nothing allocates after [`new`](Self::new).
 ///
-/// The points of a pair are those of [`narrow`]. Pairs that cannot have come near since they were measured
-/// last are passed over ([`Motions`]), most of them without a look at each ([`NearPairs`]).
+/// [`narrow`] computes the points of a pair. Pairs that cannot have come near since their last measurement
+/// are skipped ([`Motions`]), most of them without a separate check ([`NearPairs`]).
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     near: NearPairs,
     points: Vec<ContactPoint>,
-    /// Those of the last detection.
+    /// Points of the last detection.
     earlier: Vec<ContactPoint>,
     /// Per collider.
     moving: Vec<Motion>,
@@ -166,7 +166,7 @@ impl Detector {
         self.most
     }
 
-    /// Sets the part of the step that each collider takes in the next integration step.
+    /// Sets the share of the step of each collider in the next integration step.
     pub(crate) fn set_moving(&mut self, colliders: &[Collider], of: impl Fn(Owner) -> Motion) {
         for (moving, collider) in self.moving.iter_mut().zip(colliders) {
             *moving = of(collider.owner);
@@ -236,14 +236,14 @@ impl Detector {
         self.distances.set_pose(collider, &pose);
         self.near.forget();
         self.calm.forget();
-        // The world stands still, but for this: its way is not followed.
+        // The world is fixed except for this: its motion is not tracked.
         for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
             pair.until = f64::NEG_INFINITY;
         }
     }
 
-    /// Places the colliders of each articulation as its `kinematics` stands, its base as in `bases`, and
-    /// those of `objects`.
+    /// Sets the poses of the colliders of each articulation from its `kinematics` and its base in `bases`,
+    /// and of the `objects`.
     pub(crate) fn set_poses<'a>(
         &mut self,
         Colliders { colliders, model, .. }: &Colliders,
@@ -301,15 +301,14 @@ impl Detector {
         self.points.extend(connections.points(moves));
     }
 
-    /// Makes room for so many points of connections.
+    /// Reserves room for this many connection points.
     pub(crate) fn make_room(&mut self, points: usize) {
         self.points.reserve(self.most + points);
         self.earlier.reserve(self.most + points);
     }
 
-    /// Finds all contact points closer than the `least` distance of their parties \[m\], and those that may
-    /// touch within `h` \[s\]. Between colliders that do not move in this integration step they are those
-    /// found last.
+    /// Finds all contact points closer than the `least` distance of their parties \[m\], and points that may
+    /// touch within `h` \[s\]. Colliders that do not move in this integration step keep their last points.
     pub(crate) fn detect(
         &mut self,
         all: &Colliders,
@@ -381,7 +380,7 @@ impl Detector {
     }
 }
 
-/// Adds a contact point; where there is no room it takes the place of the shallowest.
+/// Adds a contact point; without room it replaces the shallowest.
 fn keep((points, most): (&mut Vec<ContactPoint>, usize), point: ContactPoint) {
     if points.len() < most {
         points.push(point);

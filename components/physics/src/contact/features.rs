@@ -19,13 +19,13 @@ const EDGE_BAND: f64 = 1e-3;
 
 /// The contact geometry of a convex shape.
 pub(crate) trait ContactGeometry {
-    /// Signed distance of `point` from the surface \[m\], negative inside, and the outward normal there. A
-    /// hull has none.
+    /// Signed distance of `point` from the surface \[m\], negative inside, and the outward normal there.
+    /// `None` for a hull.
     fn surface(&self, point: &Vector3<f64>) -> Option<(f64, Vector3<f64>)>;
 
-    /// [`surface`](Self::surface) for a point of a body that lies in the direction `reference` (a unit
-    /// vector, outward). Within a millimetre of the edge of a box, `reference` decides which face the point
-    /// touches: of two boxes on one ground the lower edges meet exactly, and rounding must not decide.
+    /// [`surface`](Self::surface) for a point of a body in the direction `reference` (a unit vector,
+    /// outward). Within a millimetre of the edge of a box, `reference` selects the face that the point
+    /// touches: the lower edges of two boxes on one ground coincide exactly, and rounding must not decide.
     fn surface_towards(&self, point: &Vector3<f64>, reference: &Vector3<f64>) -> Option<(f64, Vector3<f64>)>;
 
     /// True where the [features](Self::features) differ by the direction.

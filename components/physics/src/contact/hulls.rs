@@ -1,4 +1,4 @@
-//! Faces of convex colliders: what points and edges of others meet.
+//! Faces of convex colliders, which points and edges of others touch.
 
 use motorium_robots::ConvexShape;
 use nalgebra::Vector3;
@@ -9,14 +9,14 @@ use super::features::ContactGeometry;
 /// Closer than this to an edge of a hull, a point may belong to either face \[m\].
 const EDGE_BAND: f64 = 1e-3;
 
-/// A point that stands over a face lies this far outside of the others at most \[m\].
+/// Largest distance outside of the other faces at which a point is over a face \[m\].
 const BESIDE: f64 = 1e-5;
 
 /// Planes of a box or of a cylinder with eight sides.
 pub(super) const SIDES: usize = 10;
 
 impl Collider {
-    /// The outward normal of the face that a point beyond the surface lies in front of most.
+    /// Outward normal of the face most in front of which a point beyond the surface is.
     pub(super) fn away(&self, point: &Vector3<f64>) -> Option<Vector3<f64>> {
         if self.faces.is_empty() {
             return self.shape.surface(point).map(|(_, away)| away);
@@ -25,7 +25,7 @@ impl Collider {
         self.faces.iter().max_by(|a, b| height(a).total_cmp(&height(b))).map(|(normal, _)| *normal)
     }
 
-    /// [`ContactGeometry::surface_towards`], also of a hull whose faces are known: there `None` for a point
+    /// [`ContactGeometry::surface_towards`], also for a hull with known faces: there `None` for a point
     /// beside all faces.
     pub(super) fn surface_towards(
         &self,
@@ -51,8 +51,8 @@ impl Collider {
 pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
 
 impl<'a> Faces<'a> {
-    /// Those of a box, a hull beside meshes that touch by their triangles, or a prism around a cylinder that
-    /// is turned towards the segment between `ends`; of other shapes none.
+    /// Planes of a box, of a hull next to meshes that touch by their triangles, or of a prism around a
+    /// cylinder that is turned towards the segment between `ends`; other shapes have none.
     pub(super) fn from_collider(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],

@@ -2,8 +2,8 @@
 
 use core::ops::Range;
 
-/// Contact points by islands. Two points are of one island where a chain of points and moving bodies joins
-/// them: what the points of one island press on moves nothing in another.
+/// Contact points by islands. Two points belong to one island if a chain of points and moving bodies joins
+/// them: impulses in one island move nothing in another.
 ///
 /// Bodies are numbered: articulations first, then free objects.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ impl Islands {
         }
     }
 
-    /// Makes room for so many contact points.
+    /// Reserves room for this many contact points.
     pub(super) fn make_room(&mut self, most: usize) {
         self.order.reserve(most);
         self.ends.reserve(most);

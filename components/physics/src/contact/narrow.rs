@@ -12,8 +12,8 @@ use super::features::{ContactGeometry, Feature};
 use super::patch;
 use super::surfaces;
 
-/// The nearest points of a pair are a contact point of their own when they are nearer than all features by
-/// this \[m\].
+/// The nearest points of a pair are a separate contact point if they are nearer than all features by this
+/// distance \[m\].
 const MISSED: f64 = 1e-4;
 
 /// Number of the nearest points among the features of a pair.

@@ -1,4 +1,4 @@
-//! The pairs of colliders that may come near one another soon.
+//! Pairs of colliders that may come near one another soon.
 
 use motorium_robots::Collisions;
 
@@ -8,8 +8,8 @@ use super::detect::{Pair, ROUNDING};
 /// Pairs within this of their margin are listed \[m\].
 pub(super) const SKIN: f64 = 0.08;
 
-/// A list of the pairs that may need a measurement (a Verlet list): it holds until the fastest collider could
-/// have brought any other pair near, so that of many pairs few are looked at in a step.
+/// A list of the pairs that may need a measurement (a Verlet list). It is valid until the fastest collider
+/// could have brought any other pair near, so a step checks few of many pairs.
 #[derive(Clone, Debug)]
 pub(super) struct NearPairs {
     list: Vec<u32>,
@@ -21,7 +21,7 @@ pub(super) struct NearPairs {
 }
 
 impl NearPairs {
-    /// For these pairs of so many colliders.
+    /// For these pairs of this many colliders.
     pub(super) fn new(pairs: &[Pair], colliders: usize) -> Self {
         let parts = [0, 1].map(|part| pairs.iter().any(|pair| pair.part == part));
         Self { list: Vec::with_capacity(pairs.len()), start: vec![[0.0; 2]; colliders], made: false, parts }
@@ -32,12 +32,12 @@ impl NearPairs {
         self.parts
     }
 
-    /// The longest way of a collider since the list was made \[m\].
+    /// Longest distance travelled by a collider since the list was made \[m\].
     pub(super) fn way(&self, motions: &Motions) -> f64 {
         motions.most_since(&self.start, self.parts).0
     }
 
-    /// Has the list made anew.
+    /// Invalidates the list.
     pub(super) fn forget(&mut self) {
         self.made = false;
     }
@@ -47,7 +47,7 @@ impl NearPairs {
         &self.list
     }
 
-    /// Makes the list anew if it may have to hold others, for a step of `h` \[s\] and distances up to `least`
+    /// Rebuilds the list if it may be missing pairs, for a step of `h` \[s\] and distances up to `least`
     /// \[m\].
     pub(super) fn update(
         &mut self,

@@ -35,7 +35,7 @@ enum Mode {
     Stick,
     /// Direction and speed of the slip.
     Slip([f64; 2], f64),
-    /// A connection: as a point that sticks, whichever way it is pulled.
+    /// A connection: like a point that sticks in every direction.
     Held,
 }
 
@@ -93,7 +93,8 @@ impl ConeSolver {
         true
     }
 
-    /// Takes the Newton step, onto the cones, within which the equations of the modes may not stay.
+    /// Applies the Newton step, projected onto the cones, which the solution of the modes' equations may
+    /// leave.
     fn apply_step(&mut self) {
         let Newton { unknowns, modes, step, .. } = &mut self.newton;
         let mut next = 0;
@@ -215,7 +216,7 @@ impl ConeSolver {
     }
 }
 
-/// Copies those entries of a row of W that belong to the unknowns.
+/// Copies the entries of a row of W that belong to the unknowns.
 fn choose(row: &[f64], unknowns: &[usize], into: &mut [f64]) {
     if unknowns.len() == row.len() {
         into.copy_from_slice(row);
@@ -263,8 +264,8 @@ fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
     substitute(system, right)
 }
 
-/// Solves a dense system with a symmetric positive definite matrix, as that of W where nothing slips, in
-/// place: of the rows the part from the diagonal on. `false` where it is not positive definite.
+/// Solves a dense system with a symmetric positive definite matrix in place, such as W where nothing slips.
+/// Uses each row from the diagonal on. Returns `false` if the matrix is not positive definite.
 fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
     let n = right.len();
     for k in 0..n {

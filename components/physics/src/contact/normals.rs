@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 
-/// Directions that are told apart.
+/// Distinguished directions.
 const MOST: usize = 8;
 
 /// Directions that differ by less are one: the cosine of a degree.

@@ -24,9 +24,9 @@ pub(crate) struct FreeBody {
     inertia: Vector3<f64>,
     /// Time for which it has hardly moved \[s\].
     still: f64,
-    /// It stands still and is left out of every computation until something wakes it.
+    /// At rest, and left out of every computation until something wakes it.
     pub(crate) asleep: bool,
-    /// It touches nothing in the present step, and takes the midpoint rule.
+    /// Without contacts in the present step, which uses the midpoint rule.
     free: bool,
     /// The frame of its principal axes at its centre of mass, whose pose this is, in the object; `None` where
     /// that is the object's own.
@@ -99,8 +99,8 @@ impl FreeBody {
         }
     }
 
-    /// The whole motion of `h` \[s\] under gravity and in the air by the midpoint rule: the way is that at
-    /// the mean velocity, and the rotation keeps energy and the length of the angular momentum.
+    /// The whole motion of `h` \[s\] under gravity and drag by the midpoint rule: the displacement uses the
+    /// mean velocity, and the rotation conserves energy and the length of the angular momentum.
     fn fly(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
         let before = self.linear;
         self.linear = air.slowed((self.drag, self.mass), before + gravity * h, h);
@@ -147,9 +147,9 @@ pub(crate) struct Objects {
     /// Gravity of the last step \[m/s2\]; NaN before the first.
     pub(crate) gravity: Vector3<f64>,
     air: Air,
-    /// The method of those that touch nothing.
+    /// Integration method of objects without contacts.
     pub(crate) method: Integrator,
-    /// Per object of the world: its index among those that move.
+    /// Per object of the world: its index among the moving objects.
     pub(crate) movable: Vec<Option<usize>>,
 }
 
@@ -187,7 +187,7 @@ impl Objects {
         self.before.copy_from_slice(&self.next);
     }
 
-    /// Finds those that touch nothing, of which `points` has no contact point.
+    /// Finds the objects without contacts in `points`.
     pub(crate) fn find_free(&mut self, points: &[ContactPoint]) {
         if self.method == Integrator::Euler {
             return;
@@ -209,7 +209,7 @@ impl Objects {
         }
     }
 
-    /// True where this one of the next state sleeps; false for none.
+    /// Returns `true` if this object sleeps in the next state; `false` for none.
     pub(crate) fn is_asleep(&self, index: Option<usize>) -> bool {
         index.is_some_and(|index| self.next[index].asleep)
     }

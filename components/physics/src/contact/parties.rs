@@ -1,4 +1,5 @@
-//! The parties of a contact: what robots may hold is followed in shorter steps than what they stand on.
+//! Parties of a contact: anything a robot may hold is integrated in shorter steps than the ground it stands
+//! on.
 
 use super::colliders::Owner;
 use super::detect::ContactPoint;
@@ -33,16 +34,17 @@ impl ContactPoint {
     }
 }
 
-/// Distances within which contact points are found, whether they may touch in a step or not \[m\].
+/// Distances within which contact points are found regardless of the motion \[m\].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Least {
-    /// Of robots, with themselves and the world.
+    /// For robots, with themselves and the world.
     pub(crate) robots: f64,
-    /// Of robots with objects that move and with one another.
+    /// For robots with moving objects and with one another.
     pub(crate) grasps: f64,
 }
 
-/// Closer than this to what a robot may hold, contacts decide the length of its integration steps \[m\].
+/// Distance from a holdable object below which contacts decide the length of a robot's integration steps
+/// \[m\].
 pub(super) const NEAR: f64 = 0.010;
 
 impl Least {

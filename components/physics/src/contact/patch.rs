@@ -208,7 +208,7 @@ fn box_face(half: &Vector3<f64>, axis: usize, sign: f64) -> Part {
     face
 }
 
-/// The end of a cylinder. The corner on its rim that is deepest is one of its corners, unless it lies flat.
+/// The end of a cylinder. The deepest point of its rim is one of its corners, unless it lies flat.
 fn disc(radius: f64, half_length: f64, towards: &Vector3<f64>) -> Part {
     let end = towards.z.signum();
     let mut face = Part { disc: true, ..Part::new(0.0, Some(Vector3::new(0.0, 0.0, end))) };
@@ -259,9 +259,8 @@ fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Pa
     Some(part)
 }
 
-/// Clips a part by the sides of a face with this outward normal, and passes what is nearer than `margin`
-/// \[m\] to `found`. False, and nothing
-/// is passed, where fewer than two points are left.
+/// Clips a part by the sides of a face with this outward normal, and passes points nearer than `margin` \[m\]
+/// to `found`. Returns `false` and passes nothing if fewer than two points remain.
 fn clip(
     face: &Part,
     outward: &Vector3<f64>,
@@ -323,10 +322,9 @@ fn clip(
     true
 }
 
-/// Four corners that bear nearly the same moments as all: the deepest, and those that span the largest area
-/// with it. A corner takes the
-/// place of an earlier one only where it is better by more than rounding, so the choice is the same from step
-/// to step.
+/// Four corners that bear nearly the same moments as all: the deepest, and the ones that span the largest
+/// area with it. A corner replaces an earlier one only if it is better by more than rounding, so the choice
+/// is the same from step to step.
 fn spread(corners: &[Corner], outward: &Vector3<f64>, gap: impl Fn(&Corner) -> f64) -> [usize; KEPT] {
     let best = |value: &dyn Fn(&Corner) -> f64, least: f64| {
         let mut best = (0, value(&corners[0]));
@@ -347,8 +345,8 @@ fn spread(corners: &[Corner], outward: &Vector3<f64>, gap: impl Fn(&Corner) -> f
     [first, second, third, fourth]
 }
 
-/// Passes the ends of the part that two parallel lines share to `found`. False, and nothing is passed, where
-/// they share none.
+/// Passes the ends of the common part of two parallel lines to `found`. Returns `false` and passes nothing
+/// without a common part.
 fn parallel(
     one: &Part,
     other: &Part,
@@ -377,7 +375,7 @@ fn parallel(
         (here, there)
     });
     let gaps = points.map(|(here, there)| (here - there).norm() - one.radius - other.radius);
-    // Lines without a radius, and those that have passed one another, have no direction between them.
+    // Lines without a radius, and crossed ones, have no direction between them.
     if gaps[0].min(gaps[1]) > distance + SEPARATION || one.radius + other.radius < 1e-6 {
         return false;
     }

@@ -44,7 +44,7 @@ pub(crate) struct SceneState {
     objects: Vec<FreeBody>,
     /// Gravity of the last integration step \[m/s2\].
     gravity: Vector3<f64>,
-    /// Of the objects that do not move.
+    /// For fixed objects.
     placements: Vec<Isometry3<f64>>,
     connections: (Vec<Joined>, u64),
 }
@@ -90,14 +90,14 @@ impl ContactScene {
         self.colliders.set_terrain(terrain)
     }
 
-    /// Takes pairs of colliders out of the detection. The poses must be [set](Self::set_poses) anew.
+    /// Excludes pairs of colliders from the detection. The poses must be [set](Self::set_poses) again.
     pub(crate) fn exclude(&mut self, robot: &Robot, pairs: &[[usize; 2]]) {
         self.colliders.exclude(pairs);
         self.detector = Detector::new(&self.colliders, &robot.articulations);
     }
 
-    /// Places each articulation as its `kinematics` stands, its base as in `bases`, and the objects in their
-    /// next state.
+    /// Sets the poses of each articulation from its `kinematics` and its base in `bases`, and of the objects
+    /// in their next state.
     pub(crate) fn set_poses<'a>(
         &mut self,
         kinematics: impl Fn(usize) -> &'a Kinematics,
@@ -107,9 +107,9 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to
-    /// an object or to another robot that they take the integration steps of contacts, with all that they may
-    /// touch. Returns the larger number of integration steps of those there are, `far` from contacts or near.
+    /// Begins a step of `dt` \[s\] at the present poses: finds the contact points, and the robots so near to
+    /// an object or to another robot that they use the integration steps of contacts, with everything they
+    /// may touch. Returns the larger number of integration steps in use, `far` from contacts or near.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
@@ -127,7 +127,7 @@ impl ContactScene {
     /// Sets the lengths of the integration step with this number, the first being 0.
     pub(crate) fn set_lengths(&mut self, step: usize, dt: f64, [far, near]: [usize; 2]) {
         for (body, length) in self.lengths.iter_mut().enumerate() {
-            // An object may wake in any of the steps: it takes the short ones, where there are some.
+            // An object may wake in any of the steps: it uses the short ones, if there are any.
             let asleep = self.objects.is_asleep(body.checked_sub(self.articulations));
             let steps = if self.near[body] || asleep { near.min(self.steps) } else { far };
             *length = if step < steps { dt / steps as f64 } else { 0.0 };
@@ -185,8 +185,8 @@ impl ContactScene {
         impulses.prepare(detector.points(), v, (&objects.before, &objects.next), slopes);
     }
 
-    /// Adds the impulses of this integration step to `sums`; those on what sleeps, once in a step of `dt`
-    /// \[s\], in the first.
+    /// Adds the impulses of this integration step to `sums`; impulses on sleeping objects once in a step of
+    /// `dt` \[s\], in the first.
     pub(crate) fn add_impulses(&self, first: bool, dt: f64, sums: &mut ImpulseSums) {
         let share = |point: &ContactPoint| match point.kept {
             false => 1.0,
@@ -216,8 +216,8 @@ impl ContactScene {
         }
     }
 
-    /// Ends an integration step: the objects move by their velocities with the impulses. Those of an island
-    /// in which nothing has moved for half a second sleep.
+    /// Ends an integration step: the objects move by their velocities with the impulses. An island in which
+    /// nothing has moved for half a second sleeps.
     pub(crate) fn finish(&mut self) {
         let Self { detector, impulses, objects, lengths, articulations, .. } = self;
         impulses.push_objects(&mut objects.next);
@@ -239,8 +239,8 @@ impl ContactScene {
         self.detector.above_terrain(&self.colliders, articulation)
     }
 
-    /// The contact points of robots within `least` \[m\] and those of anything that may touch within `h`
-    /// \[s\], as all was placed last. Those of the last step are dropped.
+    /// Finds the contact points of robots within `least` \[m\], and of anything that may touch within `h`
+    /// \[s\], at the current poses. Discards the points of the last step.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
         let least = Least { robots: least, grasps: least };
         self.detector.detect(&self.colliders, &self.connections, (h, least));
@@ -282,7 +282,7 @@ impl ContactScene {
         self.impulses.restore(&state.impulses);
     }
 
-    /// Placements of the colliders after those of the robot.
+    /// Poses of the colliders after the robot's.
     fn placements(&self) -> impl Iterator<Item = Isometry3<f64>> {
         self.colliders.colliders[self.colliders.first_object..].iter().map(|collider| collider.placement)
     }
@@ -311,7 +311,7 @@ impl ContactScene {
 
     /// Places object `index` of the world, at rest.
     pub(crate) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
-        // It may have been what others rest on.
+        // Others may have rested on it.
         self.objects.wake();
         match self.objects.movable[index] {
             Some(movable) => self.objects.now[movable].stop_at(*pose),

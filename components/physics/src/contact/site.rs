@@ -17,7 +17,7 @@ pub(super) struct Site {
     pub(super) axes: [Vector3<f64>; 3],
     /// Squares of their lengths.
     pub(super) squares: [f64; 3],
-    /// Of the two colliders; impulses act on the first, and backwards on the second.
+    /// The two colliders; impulses act on the first, and in the opposite direction on the second.
     pub(super) sides: [Side; 2],
     /// Velocity along the axes that the objects' fall alone gives, and that without impulses.
     pub(super) falling: [f64; 3],
@@ -32,11 +32,11 @@ pub(super) struct Site {
     pub(super) overlapping: bool,
     pub(super) recovery: f64,
     pub(super) friction: f64,
-    /// Speed of approach per impulse of a surface that gives way \[1/kg\].
+    /// Approach speed per impulse of a compliant surface \[1/kg\].
     pub(super) soft: f64,
     /// Velocity of the first surface relative to the second that conveyors give, along the axes.
     pub(super) conveyed: [f64; 3],
-    /// It stands for the torques at a contact point: impulses are moments, velocities angular.
+    /// Torques at a contact point: impulses are moments, velocities angular.
     pub(super) couple: Option<Couple>,
     /// No impulse moves the point.
     pub(super) immovable: bool,
@@ -47,7 +47,7 @@ pub(super) struct Site {
 /// The friction at a contact point against spinning about its normal and rolling about its tangents.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Couple {
-    /// It holds both ways without bounds: a connection.
+    /// Bilateral without bounds: a connection.
     pub(super) holds: bool,
     /// The contact point, whose normal impulse bounds the moments.
     pub(super) point: usize,
@@ -92,7 +92,7 @@ pub(super) struct Mobility {
     /// Both before a sweep, and their parts of the direction of the extrapolation.
     pub(super) before: [Vector3<f64>; 2],
     pub(super) along: [Vector3<f64>; 2],
-    /// It has been listed among the objects of its island.
+    /// Already listed among the objects of its island.
     pub(super) listed: bool,
 }
 
@@ -179,14 +179,14 @@ impl Site {
             squares,
             sides: [side(point.owners.0), side(point.owners.1)],
             friction: point.law.friction,
-            // What conveyors move across the surface is no motion of it.
+            // Tangential motion by conveyors is no motion of the surface.
             conveyed: [0.0, axes[1].dot(&point.law.conveyed), axes[2].dot(&point.law.conveyed)],
             immovable: false,
             ..Self::KEPT
         }
     }
 
-    /// A point that holds both ways, in a step of `h` \[s\]. Velocities follow.
+    /// A bilateral point, in a step of `h` \[s\]. Velocities follow.
     pub(super) fn held(point: &ContactPoint, held: &Held, h: f64, bodies: &[FreeBody]) -> Self {
         let side = |owner: Owner| match owner {
             Owner::World => Side::World,

@@ -38,7 +38,7 @@ impl ImpulseSums {
         self.sums.fill([Vector3::zeros(); 2]);
     }
 
-    /// Adds an impulse at a point on the first of two colliders, which pushes the second the other way.
+    /// Adds an impulse at a point on the first of two colliders, and its reaction on the second.
     pub(crate) fn add(&mut self, [first, second]: [usize; 2], point: &Point3<f64>, impulse: &Vector3<f64>) {
         self.add_to(first, point, impulse);
         self.add_to(second, point, &-impulse);
@@ -56,7 +56,7 @@ impl ImpulseSums {
         self.sums[collider][1] += moment;
     }
 
-    /// Adds a moment on the first of two colliders, which turns the second the other way.
+    /// Adds a moment on the first of two colliders, and its reaction on the second.
     pub(crate) fn add_moment(&mut self, [first, second]: [usize; 2], moment: &Vector3<f64>) {
         self.sums[first][1] += moment;
         self.sums[second][1] -= moment;

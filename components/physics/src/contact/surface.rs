@@ -16,7 +16,7 @@ pub(crate) struct SurfaceLaw {
     pub(crate) restitution: f64,
     /// Velocity of the first surface relative to the second that conveyors give, world axes \[m/s\].
     pub(crate) conveyed: Vector3<f64>,
-    /// The point gives way, in place of restitution.
+    /// Compliance of the point, instead of restitution.
     pub(crate) soft: Option<Softness>,
     /// Direction along which friction differs, world axes, and the friction along and across it relative to
     /// `friction`.
@@ -24,7 +24,7 @@ pub(crate) struct SurfaceLaw {
 }
 
 impl SurfaceLaw {
-    /// That of what is no surface.
+    /// The law of a part without a surface.
     pub(super) const NONE: Self = Self {
         friction: 0.0,
         torsional: 0.0,
@@ -52,7 +52,7 @@ impl SurfaceLaw {
         };
         let mut friction = combined(a.friction, b.friction);
         let mut grain = None;
-        // Of two that have a grain the first counts.
+        // If both have a grain the first counts.
         for (place, own) in [(1, b), (0, a)] {
             if let Some(ColliderGrain { direction, along, .. }) = own.grain {
                 let along =
@@ -85,7 +85,7 @@ impl SurfaceLaw {
     pub(super) fn axes(&self, normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let Some((direction, [along, across])) = self.grain else { return axes(normal) };
         let tangent = direction - normal * normal.dot(&direction);
-        // A surface square to its grain has none.
+        // A surface perpendicular to its grain has none.
         let Some(one) = tangent.try_normalize(1e-6) else { return axes(normal) };
         [*normal, one * along, normal.cross(&one) * across]
     }

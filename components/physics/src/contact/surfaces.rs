@@ -1,10 +1,10 @@
 //! Contact points of a convex collider with the triangles of a mesh.
 //!
-//! [Features](super::features) of the collider touch the triangles that they stand over; what is round
-//! touches an edge or a corner of the mesh where that is nearer than all triangles.
-//! [Edges](motorium_robots::SurfaceEdge) of the mesh that stick out touch faces and edges of the collider.
-//! Sides between triangles of one plane, and in valleys, are no edges, so that what slides over them feels
-//! the triangles alone. A triangle touches what has its centre in front of it.
+//! [Features](super::features) of the collider touch the triangles below them; a round feature touches an
+//! edge or a corner of the mesh if that is nearer than all triangles. Protruding
+//! [edges](motorium_robots::SurfaceEdge) of the mesh touch faces and edges of the collider. Sides between
+//! coplanar triangles, and in valleys, are no edges, so that a sliding body feels only the triangles. A
+//! triangle touches bodies whose centre is in front of it.
 
 use motorium_robots::{ConvexShape, SurfaceEdge, SurfaceTriangle, TriangleSurface};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
@@ -44,7 +44,7 @@ const SHARED: f64 = 5e-5;
 struct Touch {
     distance: f64,
     normal: Vector3<f64>,
-    /// It touches the face, neither side nor corner.
+    /// Touches the face, neither side nor corner.
     over: bool,
     /// Middle of the triangle.
     middle: Point3<f64>,
@@ -109,8 +109,8 @@ fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
 }
 
 impl Mover<'_> {
-    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal meet those points of
-    /// them that are deepest against it.
+    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal touch the deepest
+    /// points against that normal.
     fn rims(
         &self,
         surface: &TriangleSurface,
@@ -135,7 +135,7 @@ impl Mover<'_> {
         }
     }
 
-    /// A feature against the triangles that are taken.
+    /// A feature against the selected triangles.
     fn feature(
         &self,
         surface: &TriangleSurface,
@@ -168,7 +168,7 @@ impl Mover<'_> {
                 keep(&mut touches, touch);
             }
         });
-        // What is beyond the other side of a rail is behind this side of it, but not in it.
+        // A point beyond the other side of a rail is behind this side, but not inside the rail.
         if side.outside {
             let deepest = -2.0 * self.margin;
             touches.iter_mut().for_each(|slot| *slot = slot.filter(|touch| touch.distance > deepest));
@@ -185,7 +185,7 @@ impl Mover<'_> {
         }
     }
 
-    /// A triangle that a corner of the collider stands over.
+    /// A triangle below a corner of the collider.
     fn sharp(&self, triangle: &SurfaceTriangle, place: &Point3<f64>) -> Option<Touch> {
         let corner = triangle.corners[0];
         let distance = triangle.normal.dot(&(place - corner));
@@ -379,7 +379,7 @@ impl Side {
     fn look(&mut self, triangle: &SurfaceTriangle, place: &Point3<f64>) {
         let out = place - triangle.nearest(place);
         let (square, height) = (out.norm_squared(), triangle.normal.dot(&out));
-        // Of the triangles that meet in the nearest point, the one that faces it most decides.
+        // Of the triangles that meet in the nearest point, the one facing it most decides.
         let same = (square - self.nearest).abs() <= 1e-9 * square;
         if square < self.nearest && !same || same && height.abs() > self.height.abs() {
             (self.nearest, self.height, self.outside) = (square, height, height > 0.0);
@@ -392,8 +392,8 @@ fn middle(triangle: &SurfaceTriangle) -> Point3<f64> {
     Point3::from((a + b + c) / 3.0)
 }
 
-/// Keeps a triangle that is touched: of nearly the same normal the nearest, and of those of a ridge the
-/// nearest. In a valley all stay.
+/// Keeps a touched triangle: the nearest one of nearly equal normals, and the nearest one of a ridge. In a
+/// valley all are kept.
 fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
     let same = |other: &Touch| {
         let alike = other.normal.dot(&touch.normal) > ALIKE;

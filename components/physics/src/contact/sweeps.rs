@@ -15,8 +15,8 @@ pub(super) const FEW: usize = 10;
 const SETTLED: f64 = 1e-6;
 const SETTLED_SHARE: f64 = 1e-4;
 
-/// The change where another method follows, which finds more exactly what sweeps come near slowly, as in a
-/// tower \[m/s\].
+/// Change at which another method continues, which is more exact where sweeps converge slowly, as in a tower
+/// \[m/s\].
 const SETTLED_OF_FEW: f64 = 1e-7;
 
 /// Half solutions of the contact points on articulations.
@@ -55,7 +55,7 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// For up to so many contact points, `n` velocities of articulations, and so many objects.
+    /// For up to this many contact points, `n` velocities of articulations, and this many objects.
     pub(super) fn new(points: usize, n: usize, objects: usize) -> Self {
         Self {
             change: vec![0.0; 3 * points],
@@ -84,8 +84,8 @@ pub(super) struct Island<'a, P: Fn(usize) -> usize> {
 }
 
 impl<P: Fn(usize) -> usize> Island<'_, P> {
-    /// Finds the impulses, from those they are now, by up to [`SWEEPS`] sweeps, or a [`FEW`]. The velocities
-    /// of its objects are those without impulses; `sum` is zero. Returns whether the sweeps settled.
+    /// Finds the impulses, from their present values, by up to [`SWEEPS`] sweeps, or a [`FEW`]. The
+    /// velocities of its objects exclude impulses; `sum` is zero. Returns whether the sweeps converged.
     pub(super) fn solve(&mut self, few: bool) -> bool {
         self.room.objects.clear();
         for place in self.places.clone() {
@@ -120,7 +120,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
             self.begin_sweep();
             let (mut change, mut largest, mut squared) = (0.0_f64, 0.0_f64, 0.0);
             for step in 0..self.places.len() {
-                // To and fro, so that impulses run through a pile both ways.
+                // Alternating directions, so that impulses propagate through a pile both ways.
                 let place =
                     if sweep % 2 == 0 { self.places.start + step } else { self.places.end - 1 - step };
                 let index = (self.point)(place);
@@ -145,7 +145,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
             }
             let share = squared / before;
             before = squared;
-            // Changes that grow show that the direction led astray.
+            // Growing changes mean that the direction diverged.
             self.extrapolate(if share < 1.0 { share } else { 0.0 });
         }
         false
@@ -161,8 +161,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         room.before.copy_from_slice(sum);
     }
 
-    /// Goes on along `share` of the last direction, and adds the last change to it. Velocities are linear in
-    /// the impulses: they go along their own parts of the direction.
+    /// Continues along `share` of the last direction, and adds the last change to it. Velocities are linear
+    /// in the impulses and follow their own parts of the direction.
     fn extrapolate(&mut self, share: f64) {
         let Self { room, bodies, sum, lambda, places, point, .. } = self;
         let last = |direction: f64| if share > 0.0 { share * direction } else { 0.0 };

@@ -1,9 +1,8 @@
 //! Contact points with the terrain.
 //!
-//! A round feature touches the faces that its centre stands over, and the edges and corners to which it is
-//! nearer than to the faces around them; a sharp one the face below it. Where a box, a cylinder, a capsule or
-//! the hull of an object lies across a peak, the peak touches it. Edges between faces of one plane are no
-//! edges.
+//! A round feature touches the faces below its centre, and the edges and corners nearer to it than the faces
+//! around them; a sharp one touches the face below it. Where a box, a cylinder, a capsule or the hull of an
+//! object lies across a peak, the peak touches it. Edges between coplanar faces are no edges.
 
 use motorium_robots::{Collisions, ConvexShape, HeightField};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
@@ -21,7 +20,8 @@ const FACES: usize = 4;
 /// Faces whose normals differ by less touch as one: the cosine of 18 degrees.
 const ALIKE: f64 = 0.95;
 
-/// A feature whose direction from the surface differs less from the normal of a face stands over it.
+/// Difference of the direction from the surface and the normal of a face below which a feature is over the
+/// face.
 const OVER: f64 = 1e-9;
 
 /// Triangles near a round feature of which all edges are looked at. Of more, the nearest edge counts.
@@ -42,8 +42,8 @@ struct Touch {
     normal: Vector3<f64>,
 }
 
-/// Passes the contact points of all colliders that move with the terrain to `found`; `margin` \[m\] is that
-/// of a speed \[m/s\].
+/// Passes the contact points of all moving colliders with the terrain to `found`; `margin` returns the margin
+/// \[m\] of a speed \[m/s\].
 pub(super) fn detect(
     (all, moving): (&Colliders, &[Motion]),
     distances: &Collisions,
@@ -122,9 +122,9 @@ pub(super) fn detect(
 /// True of the normals of faces that a feature is for.
 type Takes<'a> = dyn Fn(&Vector3<f64>) -> bool + 'a;
 
-/// Passes the features of a collider that may touch to `visit`, and which normals of faces each is for: rims
+/// Passes the features of a collider that may touch to `visit`, with the face normals that each is for: rims
 /// of a cylinder and corners of a dense hull touch faces of each normal where they are deepest against it.
-/// `reach` \[m\] is how far from the collider's origin faces count.
+/// Faces count up to `reach` \[m\] from the collider's origin.
 fn features(
     field: &HeightField,
     (collider, pose): (&Collider, &IsometryMatrix3<f64>),
@@ -153,7 +153,7 @@ fn towards(pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
     pose.rotation.inverse_transform_vector(&-Vector3::z())
 }
 
-/// Points at which a feature touches the terrain, or comes nearer to it than `margin` \[m\].
+/// Points at which a feature touches the terrain, or is nearer to it than `margin` \[m\].
 fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -> [Option<Touch>; FACES] {
     let mut touches = [None; FACES];
     let above = place.z - field.height(place.x, place.y);
@@ -186,7 +186,7 @@ fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -
 struct Near {
     touch: Touch,
     at: Point3<f64>,
-    /// The feature stands over the triangle.
+    /// The feature is over the triangle.
     over: bool,
 }
 
@@ -214,8 +214,8 @@ impl Beside {
         }
     }
 
-    /// Passes the edges and corners that the feature touches to `visit`: those to which it is nearer than to
-    /// all else around them.
+    /// Passes the edges and corners touched by the feature to `visit`: the ones nearer to it than everything
+    /// around them.
     fn visit_edges(&self, field: &HeightField, visit: &mut dyn FnMut(Touch)) {
         if self.count > MOST_NEAR {
             // There is no room for all: the nearest alone.
@@ -272,7 +272,7 @@ pub(super) fn clearance(all: &Colliders, articulation: usize, distances: &Collis
         collider.shape.features(&against, &mut |Feature { point, radius, .. }| {
             let place = pose * Point3::from(point);
             let (height, normal) = (field.height(place.x, place.y), field.normal(place.x, place.y));
-            // the plane of the face below touches a sphere beside its lowest point
+            // the plane of the face below touches a sphere next to its lowest point
             least = least.min(place.z - height - radius / normal.z);
         });
     }

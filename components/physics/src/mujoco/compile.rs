@@ -19,7 +19,7 @@ pub(super) struct Places {
 
 pub(super) struct ArticulationPlaces {
     pub(super) base: Option<(usize, usize)>,
-    /// One per body of the model.
+    /// One entry per body of the model.
     pub(super) joints: Vec<(usize, usize)>,
     pub(super) coordinates: Vec<Coordinate>,
     /// Body of each independent joint.
@@ -28,9 +28,9 @@ pub(super) struct ArticulationPlaces {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ObjectPlace {
-    /// It moves freely.
+    /// Moves freely.
     Free(usize, usize),
-    /// It stands where it is placed.
+    /// Fixed where it is placed.
     Placed(usize),
 }
 
@@ -60,8 +60,7 @@ impl Mujoco {
             for index in 0..model.bodies().len() {
                 let name = mjcf::body_joint(of, index);
                 let (place, dof) = joint(&native, name.clone())?;
-                // The structures lie where they are thought to: what has been written into the model is found
-                // there.
+                // Checks the layout: values written into the model are found at their offsets.
                 let armature = mjcf::armature(robot, (of, index));
                 if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != armature {
                     return Err(lost(format!("armature of {name}")));

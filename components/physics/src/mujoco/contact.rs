@@ -1,9 +1,8 @@
-//! The contact points of a step, and the law of MuJoCo's contacts for surfaces that keep a share of their
-//! speed.
+//! Contact points of a step, and the law of MuJoCo's contacts for surfaces with restitution.
 //!
-//! A contact of MuJoCo is a spring with a damper that never pulls. A body that meets it with speed v leaves
-//! with e v, where e depends on the damping ratio alone: the closed form is that of a linear spring and
-//! damper until its force is zero.
+//! A contact of MuJoCo is a spring with a damper that never pulls. A body that hits it with speed v leaves
+//! with e v, where e depends only on the damping ratio: the closed form of a linear spring and damper until
+//! its force is zero.
 
 use nalgebra::{Point3, Vector3};
 
@@ -37,7 +36,7 @@ impl Seen {
     }
 }
 
-/// Fastest time constant of a contact \[s\]; MuJoCo takes no less than two integration steps.
+/// Fastest time constant of a contact \[s\]; MuJoCo allows no less than two integration steps.
 const TIME_CONSTANT: f64 = 0.002;
 
 /// Damping ratio of a surface without restitution.
@@ -59,7 +58,7 @@ fn damping_ratio(restitution: f64) -> f64 {
     if rebound(high) >= restitution {
         return high;
     }
-    // It falls with the ratio: halve the interval down to rounding.
+    // It decreases with the ratio: halve the interval down to rounding.
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if rebound(middle) > restitution {

@@ -1,7 +1,7 @@
-//! Layout in memory of the structures of MuJoCo 3.17.0, as far as they are used: offsets in bytes on a system
-//! whose pointers have 64 bits. A test compares them with the headers that come with the library.
+//! Memory layout of the used structures of MuJoCo 3.17.0: offsets in bytes on a system with 64-bit pointers.
+//! A test compares them with the headers of the library.
 
-/// The version whose layout this is, as `mj_version` says it.
+/// Version of this layout, as reported by `mj_version`.
 pub(super) const VERSION: core::ffi::c_int = 3_017_000;
 
 /// Defines constants for offsets of fields, and a table of all of them.
@@ -64,7 +64,7 @@ pub(super) struct Contact {
     pub(super) geometries: [i32; 2],
     _flexible: [i32; 6],
     _excluded: i32,
-    /// First row of constraints, negative where it makes none.
+    /// First row of constraints, negative without constraints.
     pub(super) row: i32,
 }
 

@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 use super::layout::VERSION;
 
-/// Environment variable with the path of the library, or of the folder it lies in.
+/// Environment variable with the path of the library, or of its folder.
 pub(super) const VARIABLE: &str = "MOTORIUM_MUJOCO";
 
 /// File name of the library.
@@ -19,7 +19,7 @@ pub(super) const FILE: &str = "libmujoco.so.3.17.0";
 /// An error of loading MuJoCo's library.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LibraryError {
-    /// It is nowhere.
+    /// Not found.
     #[error(
         "MuJoCo's library `{}` was not found; install it by `pip install mujoco==3.17.0` into the Python of your \
          path, or set {} to the library or its folder",
@@ -36,7 +36,7 @@ pub enum LibraryError {
         /// Value of the variable.
         path: PathBuf,
     },
-    /// It cannot be loaded.
+    /// Cannot be loaded.
     #[error("MuJoCo's library `{}` cannot be loaded: {reason}", path.display())]
     Unusable {
         /// The library.
@@ -53,7 +53,7 @@ pub enum LibraryError {
     Version {
         /// The library.
         path: PathBuf,
-        /// Version it says it is.
+        /// Reported version.
         found: String,
     },
 }
@@ -94,14 +94,14 @@ impl Library {
     fn load(path: &Path) -> Result<Self, LibraryError> {
         let unusable = |reason: String| LibraryError::Unusable { path: path.to_owned(), reason };
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|error| unusable(error.to_string()))?;
-        // SAFETY: the name ends with a zero byte; the library's initialisers are those of any program that
-        // links it.
+        // SAFETY: the name ends with a zero byte; the library's initialisers are safe to run, as in any
+        // program that links it.
         let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
             return Err(unusable(last_error()));
         }
         let symbol = |name: &'static CStr| {
-            // SAFETY: the handle is that of a library which is never closed.
+            // SAFETY: the handle belongs to a library that is never closed.
             let address = unsafe { libc::dlsym(handle, name.as_ptr()) };
             if address.is_null() { Err(unusable(last_error())) } else { Ok(address) }
         };
@@ -112,12 +112,12 @@ impl Library {
         /// A function of this type must be there.
         unsafe fn function<F: Copy>(address: *mut c_void) -> F {
             const { assert!(size_of::<F>() == size_of::<*mut c_void>(), "a pointer to a function") };
-            // SAFETY: the caller says what is there, and both are pointers.
+            // SAFETY: the caller guarantees the symbol, and both are pointers.
             unsafe { core::mem::transmute_copy(&address) }
         }
         // SAFETY: this is its type in every version.
         let version: unsafe extern "C" fn() -> c_int = unsafe { function(symbol(c"mj_version")?) };
-        // SAFETY: it takes nothing and returns a number, in every version.
+        // SAFETY: the function has no arguments and returns a number, in every version.
         let found = unsafe { version() };
         if found != VERSION {
             // Three digits for each part; older versions have one.
@@ -127,7 +127,7 @@ impl Library {
             };
             return Err(LibraryError::Version { path: path.to_owned(), found });
         }
-        // SAFETY: the types are those in the headers of this version.
+        // SAFETY: the types match the headers of this version.
         let library = unsafe {
             Self {
                 parse_xml_string: function(symbol(c"mj_parseXMLString")?),
@@ -159,8 +159,8 @@ impl Library {
     }
 }
 
-/// Takes a warning of MuJoCo, which would write a file into the working directory otherwise. What it warns of
-/// (states that are no numbers, room for contacts) is looked at after every step.
+/// Receives a warning of MuJoCo, which would otherwise write a file into the working directory. The causes
+/// (states that are not finite, full buffers of contacts) are checked after every step.
 extern "C" fn ignore(_: *const c_char) {}
 
 /// Takes an error after which MuJoCo cannot go on, and ends the process: a panic cannot leave this function.

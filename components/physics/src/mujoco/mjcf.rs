@@ -18,8 +18,8 @@ use crate::robot::Robot;
 /// Law of joint friction: with time constant and impedance at MuJoCo's bounds a joint sticks.
 const FRICTION: &str = r#"solreffriction="0.002 1" solimpfriction="0.9999 0.9999 0.001""#;
 
-/// Law of joint stops: a joint that meets one stops within two milliseconds, one beyond it comes back by a
-/// 20th of its distance a millisecond, without a blow.
+/// Law of joint stops: a joint that reaches one stops within two milliseconds; a joint beyond it returns by a
+/// 20th of its distance per millisecond, without an impact.
 const STOP: &str = r#"solreflimit="0.002 3.5" solimplimit="0.9999 0.9999 0.001""#;
 
 /// Law of mimic joints.
@@ -35,7 +35,7 @@ pub(super) const TIMESTEP: f64 = 0.00390625;
 /// Depth of the ground below the lowest point of a terrain \[m\].
 const BASE: f64 = 1.0;
 
-/// Height that MuJoCo is told of a terrain that is level \[m\].
+/// Height of a level terrain in MuJoCo's model \[m\].
 const LEVEL: f64 = 1e-3;
 
 /// Positions that no joint reaches \[rad or m\]: the other end of a range with one end.
@@ -46,7 +46,7 @@ pub(super) fn is_usable(shape: &ConvexShape) -> bool {
     !matches!(shape, ConvexShape::Hull { .. }) || rapier_shape(shape).is_some()
 }
 
-/// The text of the model. Pairs of colliders come from the collision model.
+/// The text of the model. The collision model defines the pairs of colliders.
 pub(super) fn write(robot: &Robot, world: &World, colliders: &Colliders) -> String {
     let mut text = String::new();
     // Writing to a text cannot fail.
@@ -210,7 +210,7 @@ impl Writer<'_> {
             let (lower, upper) = (joint.lower, joint.upper);
             if lower.is_finite() || upper.is_finite() {
                 let lower = lower.max(-NO_LIMIT);
-                // MuJoCo wants some room between the ends.
+                // MuJoCo requires a gap between the ends.
                 let upper = upper.min(NO_LIMIT).max(lower + 1e-9);
                 write!(self.text, r#" limited="true" range="{lower} {upper}" {STOP}"#)?;
             }
@@ -225,7 +225,7 @@ impl Writer<'_> {
         writeln!(self.text, r#"<inertial pos="{com}" mass="{mass}" fullinertia="{full}"/>"#)
     }
 
-    /// The objects: those with a mass move freely, the others stand where they are placed.
+    /// The objects: objects with a mass move freely, the others are fixed.
     fn objects(&mut self) -> std::fmt::Result {
         let world = self.world;
         for (index, object) in world.objects.iter().enumerate() {
@@ -316,7 +316,7 @@ pub(super) fn body_joint(of: usize, body: usize) -> String {
     format!("j{of}_{body}")
 }
 
-/// Inertia of drive and rotor on the joint of a body of an articulation, without what implicit drives add.
+/// Inertia of drive and rotor at a joint of a body of an articulation, without the implicit terms of drives.
 pub(super) fn armature(robot: &Robot, (of, body): (usize, usize)) -> f64 {
     let own = &robot.articulations[of];
     let joint = &own.model.bodies()[body].joint;

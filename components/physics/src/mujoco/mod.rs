@@ -1,9 +1,9 @@
 //! The MuJoCo engine: the library of DeepMind's MuJoCo, loaded at run time.
 //!
-//! The library is that of the Python package `mujoco`: nothing of it is needed to build motorium, and no
-//! program that does not use this engine loads it. It is [found and checked](library) once in a process; the
-//! [layout](layout) of its structures is that of one version. [MJCF](mjcf) is written from our model and
-//! world and [compiled](compile), [native] keeps what the library makes of it, and [step] moves it.
+//! The library comes from the Python package `mujoco`. Building motorium does not need it, and only programs
+//! that use this engine load it. It is [found and checked](library) once per process; the [layout](layout) of
+//! its structures belongs to one version. [MJCF](mjcf) is generated from our model and world and
+//! [compiled](compile), [native] holds the compiled model, and [step] advances it.
 
 mod compile;
 mod contact;
@@ -60,10 +60,10 @@ pub type MujocoSimulator = Simulation<Mujoco>;
 /// `MOTORIUM_MUJOCO` names the library or its folder instead.
 ///
 /// Semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver of contacts,
-/// joint stops, joint friction and mimic joints (Newton, elliptic cones) takes them for the inertia that they
-/// are. Effort limits hold in every step: a step in which a drive turns out to exceed its own is solved
-/// again. Contacts are MuJoCo's soft ones, as stiff as a step of a millisecond allows; their friction is the
-/// mean of both surfaces', and their damping is chosen so that a body comes back with the mean restitution.
+/// joint stops, joint friction and mimic joints (Newton, elliptic cones) includes them as inertia. Effort
+/// limits hold in every step: if a drive exceeds its limit, the step is solved again. Contacts are MuJoCo's
+/// soft ones, as stiff as a step of a millisecond allows; their friction is the mean of both surfaces', and
+/// their damping is chosen so that a body rebounds with the mean restitution.
 ///
 /// A terrain is MuJoCo's height field, which ends at the edge of its grid. Rays are cast by motorium itself,
 /// against the same shapes.
@@ -88,7 +88,7 @@ pub struct Mujoco {
     generalized: Vec<f64>,
     /// The same in MuJoCo's order.
     forces: Vec<f64>,
-    /// One per articulation.
+    /// One entry per articulation.
     jacobians: Vec<DMatrix<f64>>,
     sums: ImpulseSums,
     /// MuJoCo's state before a step, and before a try of an integration step.
@@ -96,8 +96,8 @@ pub struct Mujoco {
     motion: Vec<f64>,
 }
 
-/// Share of what the constraints of a joint would yield: MuJoCo's friction, stops and couplings of joints are
-/// soft, ours are not.
+/// Share of the default compliance of a joint's constraints: MuJoCo's friction, stops and couplings of joints
+/// are soft, ours are not.
 const YIELD: f64 = 1e-4;
 
 /// The state of a [`Mujoco`] engine that later steps depend on.
@@ -114,7 +114,7 @@ impl Mujoco {
     ///
     /// # Errors
     ///
-    /// [`LibraryError`], with what to install.
+    /// [`LibraryError`], with the package to install.
     pub fn find() -> Result<(), LibraryError> {
         Library::get().map(|_| ())
     }
@@ -315,7 +315,7 @@ impl Engine for Mujoco {
             }
             ObjectPlace::Placed(mocap) => self.native.set_mocap(mocap, p.into(), [r.w, r.i, r.j, r.k]),
         }
-        // Whatever it comes close to is found out in the next step.
+        // Anything it comes close to is detected in the next step.
         self.seen.near = true;
     }
 

@@ -13,7 +13,7 @@ use super::library::{Library, Opaque};
 pub(super) struct Parts(c_int);
 
 impl Parts {
-    /// Positions, velocities and the start of the solver: what a step changes.
+    /// Positions, velocities and the start of the solver: the state changed by a step.
     pub(super) const MOTION: Self = Self(1 << 1 | 1 << 2 | 1 << 5);
     /// All that the next step depends on: time, positions, velocities, activations, histories, the start of
     /// the solver, controls and forces, active constraints, mocap poses, the rest.
@@ -62,8 +62,8 @@ impl Native {
         let mut message = [0_u8; 1000];
         let model = {
             let length = message.len() as c_int;
-            // SAFETY: text and message are what the function takes: a text with a zero byte at its end, room
-            // of that length.
+            // SAFETY: text and message are as the function requires: a text with a zero byte at its end, a
+            // buffer of that length.
             let spec = unsafe {
                 (library.parse_xml_string)(
                     text.as_ptr(),
@@ -101,7 +101,7 @@ impl Native {
         }
         let mut native = Self { library, model, data, nq: 0, nv: 0, mocaps: 0 };
         let size = |native: &Self, offset| {
-            // SAFETY: the offset is that of a number of 64 bits in every model.
+            // SAFETY: every model has a number of 64 bits at this offset.
             unsafe { native.model.byte_add(offset).cast::<i64>().read() as usize }
         };
         native.nq = size(&native, layout::NQ);
@@ -138,7 +138,7 @@ impl Native {
         unsafe { array_mut(self.data, layout::QFRC_APPLIED, self.nv) }
     }
 
-    /// Position and quaternion w x y z of body `mocap` among those that are placed.
+    /// Position and quaternion w x y z of the placed body `mocap`.
     pub(super) fn mocap(&self, mocap: usize) -> ([f64; 3], [f64; 4]) {
         // SAFETY: the arrays have three and four entries for each of these bodies.
         let (positions, quaternions): (&[f64], &[f64]) = unsafe {
@@ -151,7 +151,7 @@ impl Native {
         (position, core::array::from_fn(|axis| quaternions[4 * mocap + axis]))
     }
 
-    /// Places body `mocap` among those that are placed.
+    /// Places body `mocap`.
     pub(super) fn set_mocap(&mut self, mocap: usize, position: [f64; 3], quaternion: [f64; 4]) {
         // SAFETY: as above, one after the other; nothing else has the data.
         unsafe {
@@ -162,7 +162,7 @@ impl Native {
         }
     }
 
-    /// Inertia on the diagonal of the mass matrix besides that of the bodies.
+    /// Inertia on the diagonal of the mass matrix in addition to the bodies'.
     pub(super) fn armature(&self, dof: usize) -> f64 {
         // SAFETY: `mjModel.dof_armature` has nv entries for the life of the model.
         unsafe { array::<f64>(self.model, layout::DOF_ARMATURE, self.nv)[dof] }
@@ -179,8 +179,8 @@ impl Native {
         }
     }
 
-    /// Hardens the constraints of a joint: friction, stops and couplings yield to forces by this share of
-    /// what they would.
+    /// Hardens the constraints of a joint: friction, stops and couplings yield to forces by this share of the
+    /// default.
     pub(super) fn harden(&mut self, dof: usize, share: f64) {
         // SAFETY: the array of the model has nv entries; nothing else has the model.
         unsafe { array_mut::<f64>(self.model, layout::DOF_INVERSE_WEIGHT, self.nv)[dof] *= share }
@@ -188,13 +188,14 @@ impl Native {
 
     /// Length of an integration step \[s\].
     pub(super) fn timestep(&self) -> f64 {
-        // SAFETY: the offset is that of a number in every model.
+        // SAFETY: every model has a number at this offset.
         unsafe { self.model.byte_add(layout::TIMESTEP).cast::<f64>().read() }
     }
 
     /// Sets length \[s\] and gravity \[m/s2\] of the coming integration steps.
     pub(super) fn set_options(&mut self, timestep: f64, gravity: [f64; 3]) {
-        // SAFETY: the offsets are those of a number and of three in every model; nothing else has the model.
+        // SAFETY: every model has a number, and three numbers, at these offsets; nothing else accesses the
+        // model.
         unsafe {
             self.model.byte_add(layout::TIMESTEP).cast::<f64>().write(timestep);
             self.model.byte_add(layout::GRAVITY).cast::<[f64; 3]>().write(gravity);
@@ -233,7 +234,7 @@ impl Native {
         unsafe { (self.library.set_state)(self.model, self.data, state.as_ptr(), parts.0) }
     }
 
-    /// The number of the thing of this name.
+    /// The number of the object with this name.
     pub(super) fn id(&self, kind: Kind, name: &str) -> Option<usize> {
         let name = CString::new(name).ok()?;
         // SAFETY: the model is alive, and the name ends with a zero byte.
@@ -251,7 +252,7 @@ impl Native {
         }
     }
 
-    /// Place of a body among those that are placed.
+    /// Index of a body among the placed ones.
     pub(super) fn mocap_of(&self, body: usize) -> Option<usize> {
         // SAFETY: the array has an entry for every body of the model.
         let id = unsafe {
@@ -263,7 +264,8 @@ impl Native {
 
     /// The contact points of the last step.
     pub(super) fn contacts(&self) -> &[layout::Contact] {
-        // SAFETY: the library keeps so many contacts at this place, until the next call that has the data.
+        // SAFETY: the library keeps this number of contacts at this address, until the next call with the
+        // data.
         unsafe {
             let count = self.data.byte_add(layout::CONTACT_COUNT).cast::<i32>().read() as usize;
             array(self.data, layout::CONTACTS, count)
@@ -273,14 +275,14 @@ impl Native {
     /// Force \[N\] and torque \[N m\] at a contact along the rows of its frame.
     pub(super) fn contact_force(&self, contact: usize) -> [f64; 6] {
         let mut force = [0.0; 6];
-        // SAFETY: six numbers are what the function writes, for a contact of the last step.
+        // SAFETY: the function writes six numbers, for a contact of the last step.
         unsafe { (self.library.contact_force)(self.model, self.data, contact as c_int, force.as_mut_ptr()) };
         force
     }
 
     /// True if contacts or constraints of a step had no room since the last [`reset`](Self::reset).
     pub(super) fn is_full(&self) -> bool {
-        // SAFETY: the warnings stand in the data itself, these two among them.
+        // SAFETY: the warnings are stored in the data itself, including these two.
         let warnings = unsafe { self.data.byte_add(layout::WARNINGS).cast::<layout::Warning>() };
         layout::FULL.iter().any(|place| {
             // SAFETY: as above.
@@ -295,7 +297,7 @@ impl Native {
 ///
 /// The field must point to `length` values, which nothing changes as long as the slice lives.
 unsafe fn array<'a, T>(structure: Opaque, offset: usize, length: usize) -> &'a [T] {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let first = structure.byte_add(offset).cast::<*const T>().read();
         if length == 0 { &[] } else { core::slice::from_raw_parts(first, length) }
@@ -308,7 +310,7 @@ unsafe fn array<'a, T>(structure: Opaque, offset: usize, length: usize) -> &'a [
 ///
 /// The field must point to `length` values, which nothing else reads or changes as long as the slice lives.
 unsafe fn array_mut<'a, T>(structure: Opaque, offset: usize, length: usize) -> &'a mut [T] {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let first = structure.byte_add(offset).cast::<*mut T>().read();
         if length == 0 { &mut [] } else { core::slice::from_raw_parts_mut(first, length) }

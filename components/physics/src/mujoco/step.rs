@@ -40,9 +40,10 @@ impl Mujoco {
 
     /// One integration step of `h` \[s\] of the next state.
     ///
-    /// A drive's effort `c - s v+` at the end velocity `v+` is the effort `c - s v` with an inertia of `h s`
-    /// more on the diagonal of the mass matrix: `(M + h s) (v+ - v) / h = c - s v - ...`. So MuJoCo's solver
-    /// of contacts, stops and friction sees the drive as it acts. Damping is treated in the same way.
+    /// A drive's effort `c - s v+` at the end velocity `v+` equals the effort `c - s v` with an additional
+    /// inertia of `h s` on the diagonal of the mass matrix: `(M + h s) (v+ - v) / h = c - s v - ...`. So
+    /// MuJoCo's solver of contacts, stops and friction sees the acting drive. Damping is treated in the same
+    /// way.
     fn integrate(&mut self, robot: &mut Robot, h: f64, report: &mut StepReport) {
         self.write_state(&robot.articulations, &robot.state);
         self.set_external(robot);
@@ -115,7 +116,7 @@ impl Mujoco {
         report.at_limit = at_limit;
     }
 
-    /// Generalized forces besides those of the drives, in MuJoCo's order: rotors, and what acts from outside.
+    /// Generalized forces without the drives', in MuJoCo's order: rotors and external forces.
     fn set_external(&mut self, robot: &mut Robot) {
         let Robot { articulations, commands, state, .. } = robot;
         self.forces.fill(0.0);

@@ -16,7 +16,7 @@ pub struct Interval(pub [f64; 2]);
 /// Ranges of physical properties, sampled at the start of every episode from its seed.
 ///
 /// Masses, damping, friction and efforts are factors of the robot's and the world's own values, restitution
-/// is absolute, starts are displacements. Each body, joint and object has a sample of its own.
+/// is absolute, starts are displacements. Each body, joint and object has a separate sample.
 ///
 /// ```toml
 /// mass     = [0.9, 1.1]
@@ -56,11 +56,11 @@ pub struct RandomiseConfig {
     pub terrain: TerrainIntervals,
     /// Objects of the world, by their names.
     pub objects: BTreeMap<String, ObjectIntervals>,
-    /// Of several robots, by their names: ranges in place of those above.
+    /// For several robots, by name: ranges that replace the ones above.
     pub robots: BTreeMap<String, RobotIntervals>,
 }
 
-/// Ranges of the properties of one of several robots, in place of those that all have.
+/// Ranges of the properties of one of several robots, replacing the common ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RobotIntervals {
@@ -82,7 +82,7 @@ pub struct RobotIntervals {
     pub actuator: ActuatorIntervals,
 }
 
-/// Ranges of the actuators of joints: factors of what the graph says of them.
+/// Ranges of the actuators of joints: factors of their values in the graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActuatorIntervals {
@@ -103,7 +103,7 @@ pub struct ActuatorIntervals {
 }
 
 impl ActuatorIntervals {
-    /// These intervals; where one is missing, that of `other`.
+    /// Returns these intervals, with missing ones from `other`.
     fn or(self, other: Self) -> Self {
         Self {
             gain: self.gain.or(other.gain),
@@ -116,7 +116,7 @@ impl ActuatorIntervals {
         }
     }
 
-    /// That of this name.
+    /// Returns the interval of this name.
     fn named(&self, key: &str) -> Option<Interval> {
         match key {
             "gain" => self.gain,
@@ -158,7 +158,7 @@ pub struct SurfaceIntervals {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TerrainIntervals {
-    /// Seed of what its layers draw: whole numbers from 0 to 1e15, both ends included.
+    /// Seed of its layers' random values: whole numbers from 0 to 1e15, both ends included.
     pub seed: Option<Interval>,
     /// Factor of all its heights, from 0 to 100.
     pub scale: Option<Interval>,
@@ -212,7 +212,7 @@ impl Allowed {
 }
 
 impl Interval {
-    /// Checks it against what is allowed. `key` is dotted, without `randomise`.
+    /// Checks it against the allowed range. `key` is dotted, without `randomise`.
     pub(super) fn check(self, key: &str, allowed: Allowed) -> Result<(), RangeError> {
         let Self([low, high]) = self;
         let (least, most, expected) = allowed.range();
@@ -230,13 +230,13 @@ impl Interval {
         Ok(())
     }
 
-    /// The whole number at a share from 0 to 1 of the way, each equally often.
+    /// The whole number at a share from 0 to 1 of the range, each equally often.
     pub(super) fn whole_at(self, share: f64) -> f64 {
         let Self([low, high]) = self;
         (low + (high + 1.0 - low) * share).floor().clamp(low, high)
     }
 
-    /// The value at a share from 0 to 1 of the way.
+    /// The value at a share from 0 to 1 of the range.
     pub(super) fn interpolate(self, share: f64) -> f64 {
         let Self([low, high]) = self;
         (low + (high - low) * share).clamp(low, high)
@@ -249,7 +249,7 @@ impl RandomiseConfig {
         *self == Self::default()
     }
 
-    /// The ranges of a robot, with the key that they stand below.
+    /// The ranges of a robot, with their parent key.
     pub(super) fn of_robot(&self, name: Option<&str>) -> RobotIntervals {
         let own = name.and_then(|name| self.robots.get(name)).copied().unwrap_or_default();
         RobotIntervals {

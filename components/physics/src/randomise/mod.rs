@@ -31,7 +31,7 @@ pub struct RangeError {
     pub key: String,
     /// The value found, and the values expected.
     pub message: String,
-    /// What to try, if there is any advice.
+    /// Advice, if any.
     pub advice: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! The quantities that are drawn: which there are, and what each changes.
+//! The random quantities, and the effect of each.
 
 use motorium_robots::{ActuatorSettings, Connection};
 
@@ -220,8 +220,7 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
     Ok(())
 }
 
-/// Refuses a drawn start of an object that is connected: the connection is made once, where all stands
-/// without a draw.
+/// Refuses a random start of a connected object: the connection is made once, at the nominal poses.
 pub(crate) fn check_ties<'c>(
     config: &RandomiseConfig,
     connections: impl Iterator<Item = &'c Connection>,

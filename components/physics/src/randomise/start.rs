@@ -37,8 +37,8 @@ pub struct Start {
     /// Vertical displacement of each articulation's floating base, applied after it is placed on the ground
     /// \[m\].
     pub lifts: Vec<f64>,
-    /// True if the posture, the place of a base or the terrain differs from the nominal one: a base that
-    /// stands on the ground must be placed again.
+    /// Returns `true` if the posture, the pose of a base or the terrain differs from the nominal one: a base
+    /// on the ground must then be placed again.
     pub moved: bool,
     /// Per articulation and joint: factors of the gains commanded to the drive and of its strength.
     pub drives: Vec<Vec<[f64; 2]>>,
@@ -47,7 +47,7 @@ pub struct Start {
 /// The part that each robot has in the model of its articulation.
 pub(super) fn shares(robots: &[RandomisedRobot]) -> Vec<Share> {
     let share = |(index, robot): (usize, &RandomisedRobot)| {
-        // Robots of one articulation stand in it in their order.
+        // Robots of one articulation are stored in their order.
         let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
         Share {
             articulation: robot.articulation,

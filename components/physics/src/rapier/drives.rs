@@ -43,7 +43,7 @@ impl Rapier {
             let c = &commands[i];
             let law = c.kp * (c.position - q_next[i]) + c.kd * (c.velocity - v_next[i]) + c.effort;
             let beyond = law.abs() > joint.effort_limit;
-            // A drive that was already at its limit applied what `command_drives` left in `tau_next`.
+            // A drive that was already at its limit applied the value left in `tau_next` by `command_drives`.
             let constant = self.overdriven[i];
             if !constant {
                 tau_next[i] = law;

@@ -7,10 +7,10 @@ use rapier3d_f64::dynamics::MassProperties;
 use super::convert;
 use crate::{BuildError, World};
 
-/// Rapier's unit of mass is a milligram: masses, inertias and forces are multiplied by this on the way in.
+/// Rapier's unit of mass is a milligram: masses, inertias and forces are multiplied by this factor.
 ///
-/// Rapier diagonalises inertias with absolute thresholds, below which it takes any axis for a principal one.
-/// In kilograms a gripper's finger (1e-6 kg m2) is below, and its inertia about the wrong axis comes out.
+/// Rapier diagonalises inertias with absolute thresholds, below which any axis counts as a principal one. In
+/// kilograms a gripper's finger (1e-6 kg m2) is below, and its inertia would be about the wrong axis.
 pub(super) const MILLIGRAMS: f64 = 1e6;
 
 /// Relative distance put between the principal moments. Rapier also picks arbitrary axes when two are equal.
@@ -37,9 +37,8 @@ pub(super) fn mass_properties(mass: f64, com: &Vector3<f64>, rotational: &Matrix
     )
 }
 
-/// Largest mass that rapier holds up \[kg\], with a factor of two to spare. It takes the inverse of a larger
-/// one, in milligrams, for zero: the body would fall through
-/// everything.
+/// Largest mass supported by rapier \[kg\], with a factor of two to spare. The inverse of a larger mass, in
+/// milligrams, counts as zero: the body would fall through everything.
 const MOST: f64 = 2.0e4;
 
 /// Refuses robots and objects that rapier would let fall.

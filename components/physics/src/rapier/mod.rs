@@ -40,13 +40,13 @@ pub type RapierSimulator = Simulation<Rapier>;
 
 /// The rapier engine.
 ///
-/// It takes [`Options::contact_iterations`] integration steps in every step, each with one sweep of rapier's
-/// contact solver; it cannot tell steps near a contact from others, so `substeps` must be 1.
+/// Every step has [`Options::contact_iterations`] integration steps, each with one sweep of rapier's contact
+/// solver. The engine cannot distinguish steps near a contact, so `substeps` must be 1.
 ///
-/// A robot with a floating base is refused. The robot's base stands at the origin of the world. Continuous
-/// collision detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier knows no effort
-/// limits: a drive is taken to be saturated when it would be without contacts or when the last step pushed it
-/// beyond its limit, so an impact may exceed the limit for one step.
+/// A robot with a floating base is refused. The robot's base is at the origin of the world. Continuous
+/// collision detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier has no effort
+/// limits: a drive counts as saturated if it would be without contacts, or if the last step exceeded its
+/// limit, so an impact may exceed the limit for one step.
 pub struct Rapier {
     options: Options,
     colliders: Colliders,
@@ -160,7 +160,7 @@ impl Engine for Rapier {
     ) {
         let robot = robot.first();
         let Some(body) = robot.model.frames()[link.index()].body else { return };
-        // Rapier places the links, and knows their centres of mass, in its first step only.
+        // Rapier computes the poses of the links and their centres of mass only in its first step.
         let com = robot.kinematics.body_pose(body) * Point3::from(robot.model.bodies()[body].inertia.com);
         let arm = robot.kinematics.pose(&robot.model, link) * point - com;
         let [force, torque] = wrench;
@@ -265,8 +265,8 @@ impl Rapier {
 }
 
 impl Simulation<Rapier> {
-    /// Has every call of rapier's pipeline made inside `enclose`, which must make it: to count its
-    /// allocations apart, for one.
+    /// Runs every call of rapier's pipeline inside `enclose`, which must call it, for example to count its
+    /// allocations separately.
     pub fn enclose_rapier(&mut self, enclose: Enclose) {
         self.engine.scene.set_enclosure(enclose);
     }

@@ -15,7 +15,7 @@ use crate::joint::JointProperties;
 
 /// The robot as rapier's multibody: handles of its parts.
 pub(super) struct Multibody {
-    /// One per body of the model.
+    /// One entry per body of the model.
     pub(super) links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
     /// Displacement of every coordinate, in rapier's order.
@@ -31,7 +31,7 @@ pub(super) enum DriveAction {
     Constant(f64),
 }
 
-/// Stiffness of the spring that stands in for a constant effort \[Nm/rad or N/m\]: over a millisecond at 10
+/// Stiffness of the spring that represents a constant effort \[Nm/rad or N/m\]: over a millisecond at 10
 /// rad/s the effort changes by a hundred-millionth.
 const CONSTANT: f64 = 1e-6;
 
@@ -224,7 +224,7 @@ fn joint(body: &Body) -> GenericJoint {
     rapier
 }
 
-/// The shortest rotation that takes x onto `axis`.
+/// The shortest rotation from x to `axis`.
 fn onto(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     motorium_robots::lie::so3::least_rotation(&Vector3::x_axis(), axis)
 }

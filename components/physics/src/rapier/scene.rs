@@ -19,7 +19,7 @@ use crate::air::Air;
 use crate::contact::Collider;
 use crate::{Contact, World};
 
-/// A function that runs the call it is given, such as one that counts its allocations apart.
+/// A function that runs a given call, such as one that counts its allocations separately.
 pub type Enclose = fn(&mut dyn FnMut());
 
 /// Rapier's rule for the friction of a collider. Rapier orders its rules as [`FrictionCombine`] does.
@@ -132,8 +132,7 @@ impl Scene {
                     }
                     None => RigidBodyBuilder::fixed(),
                 };
-                // A sleeping object would wake a step late, and falling asleep is one more thing to happen in
-                // a step.
+                // A sleeping object would wake a step late, and falling asleep is another event in a step.
                 bodies.insert(
                     builder
                         .pose(convert::pose(&object.pose()))
@@ -189,7 +188,7 @@ impl Scene {
         }
     }
 
-    /// One step of `dt` \[s\] of everything that is enabled.
+    /// One step of `dt` \[s\] of everything enabled.
     pub(super) fn step(&mut self, dt: f64, gravity: &Vector3<f64>, pairs: &PairTable) {
         self.parameters.dt = dt;
         self.set_drag(dt, gravity);
@@ -214,7 +213,7 @@ impl Scene {
         });
     }
 
-    /// The forces of the air during the next step of `dt` \[s\], in place of those of the last.
+    /// Sets the forces of the air during the next step of `dt` \[s\].
     fn set_drag(&mut self, dt: f64, gravity: &Vector3<f64>) {
         for (handle, drag) in self.objects.iter().zip(&self.drags) {
             let Some(drag) = *drag else { continue };
@@ -264,7 +263,7 @@ impl Scene {
     /// Places an object and stops it.
     pub(super) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         let body = &mut self.bodies[self.objects[index]];
-        // Rapier takes a body out of the simulation when its state stops being a number.
+        // Rapier removes a body from the simulation when its state becomes NaN.
         body.set_enabled(true);
         body.set_position(convert::pose(pose), true);
         body.set_linvel(Vector::ZERO, true);
@@ -295,8 +294,8 @@ impl Scene {
                 continue;
             };
             for manifold in pair.manifolds() {
-                // Of a manifold with more points the solver takes four, and the impulses of the others are
-                // those of the step that took them last.
+                // Of a manifold with more points the solver uses four; the others keep the impulses of the
+                // step that last used them.
                 for solved in &manifold.data.solver_contacts {
                     let index = (solved.contact_id[0] & !NEW_CONTACT_BIT) as usize;
                     let Some(point) = manifold.points.get(index) else { continue };

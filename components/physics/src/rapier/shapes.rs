@@ -12,7 +12,7 @@ use rapier3d_f64::prelude::SolverFlags;
 use super::convert;
 use crate::contact::Collider;
 
-/// The shape and its frame in that of `shape`; `None` for a hull without volume.
+/// Returns the shape and its frame relative to `shape`; `None` for a hull without volume.
 pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
     let upright = match shape {
         ConvexShape::Sphere { radius } => SharedShape::ball(*radius),
@@ -24,7 +24,7 @@ pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry
         }
         ConvexShape::HalfSpace => SharedShape::halfspace(Vector::Z),
         ConvexShape::Cylinder { radius, half_length } => {
-            // Rapier's cylinders stand along y.
+            // Rapier's cylinders are along y.
             let shape = SharedShape::cylinder(*half_length, *radius);
             return Some((shape, Isometry3::rotation(Vector3::x() * FRAC_PI_2)));
         }
@@ -63,7 +63,7 @@ impl PairTable {
     }
 }
 
-/// Rapier asks about every pair whose bounding boxes overlap. The user data of a collider is its index.
+/// Filter for every pair with overlapping bounding boxes. The user data of a collider is its index.
 impl PhysicsHooks for PairTable {
     fn filter_contact_pair(&self, context: &PairFilterContext<'_>) -> Option<SolverFlags> {
         let index = |handle: ColliderHandle| context.colliders[handle].user_data as usize;

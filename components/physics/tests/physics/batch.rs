@@ -1,4 +1,4 @@
-//! Batches: each world computes what it would compute alone.
+//! Batches: each world's result equals a separate simulation.
 
 use motorium_physics::{Batch, Simulator};
 

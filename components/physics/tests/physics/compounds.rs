@@ -15,7 +15,7 @@ fn part(shape: ObjectShape, position: [f64; 3], mass: Option<f64>) -> CompoundPa
     CompoundPart { shape, position, rpy: [0.0; 3], mass }
 }
 
-/// A block of 0.2 x 0.16 x 0.1 m of two halves, one of which lies on its side.
+/// A block of 0.2 x 0.16 x 0.1 m of two halves, one of which is on its side.
 fn halves() -> Object {
     let left = part(ObjectShape::Box { size: [0.1, 0.16, 0.1] }, [-0.05, 0.0, 0.0], None);
     let right = CompoundPart {

@@ -40,8 +40,8 @@ fn club() -> Object {
     object("club", shape, None, [0.5, -0.25, 0.2])
 }
 
-/// A Panda beside a table with a stack of two cubes, a ball above a tray of convex parts, a can, a rock that
-/// is a mesh, and a club of two balls.
+/// A Panda next to a table with a stack of two cubes, a ball above a tray of convex parts, a can, a mesh
+/// rock, and a club of two balls.
 fn scene(engine: Engine) -> Box<dyn Simulator> {
     let cube =
         |name: &str, z: f64| object(name, ObjectShape::Box { size: [0.05; 3] }, Some(0.2), [0.5, 0.2, z]);
@@ -64,7 +64,7 @@ fn scene(engine: Engine) -> Box<dyn Simulator> {
     panda::at_home(engine, world, Options::default())
 }
 
-/// Swings the arm for so many steps; every bit of state on the way.
+/// Swings the arm for this number of steps; returns every bit of state on the way.
 fn swing(simulation: &mut dyn Simulator, from: u32, steps: u32) -> Vec<u64> {
     let mut bits = Vec::new();
     let commands = panda::hold(&panda::home());

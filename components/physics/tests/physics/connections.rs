@@ -150,8 +150,8 @@ fn connected_bodies_keep_momentum_in_flight() {
         let mut bricks = with_bricks([0.0; 3]);
         let parts = ["one", "two"].map(str::to_owned);
         bricks.connect(&Connection { parts, kind, point: [0.125, 0.0, 0.0] }).unwrap();
-        // Turned out of their rest by their own weight for a moment, about a corner of nothing: gravity on
-        // both gives no spin, so the momentum is that of the fall.
+        // Gravity acts on both for a moment, away from any contact: it causes no spin, so the momentum equals
+        // the fall's.
         bricks.set_gravity(Vector3::new(0.3, 0.0, 1.0));
         (0..200).for_each(|_| _ = bricks.step(1e-3).unwrap());
         bricks.set_gravity(Vector3::zeros());

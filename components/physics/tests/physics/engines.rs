@@ -21,8 +21,8 @@ pub(crate) fn engines() -> impl Iterator<Item = Engine> {
     [Engine::Articulated, Engine::Rapier].into_iter().chain(has_mujoco().then_some(Engine::Mujoco))
 }
 
-/// True if MuJoCo's library is here. Where it is not, that is said once, past the capture of the test's
-/// output.
+/// Returns `true` if MuJoCo's library is installed. Otherwise prints that once, bypassing the capture of the
+/// test's output.
 pub(crate) fn has_mujoco() -> bool {
     static SAID: Once = Once::new();
     let found = Mujoco::find();

@@ -1,5 +1,5 @@
-//! Scenes at the edges of what users build: tiny and heavy objects, large ratios of masses, tall stacks, thin
-//! plates and walls, fast balls, fast spins, and objects that start inside one another.
+//! Scenes at the limits of practical use: tiny and heavy objects, large mass ratios, tall stacks, thin plates
+//! and walls, fast balls, fast spins, and objects that start inside one another.
 
 use motorium_physics::{Ground, Object, ObjectShape, Simulator, World};
 use motorium_robots::CompoundPart;

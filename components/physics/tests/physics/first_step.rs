@@ -1,9 +1,9 @@
 //! The first step from a state against Pinocchio's forward dynamics: the engine integrates the right
 //! equations.
 //!
-//! The catalogue's Panda always; the Panda and UR5 of the PyPI package `example-robot-data` where they are on
-//! this machine: URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it)
-//! or in the `python3` of the path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` beside the repository.
+//! The catalogue's Panda always; the Panda and UR5 of the PyPI package `example-robot-data` if installed:
+//! URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it) or in the
+//! `python3` of the path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` next to the repository.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -111,7 +111,7 @@ fn ideal(urdf: &str, mimic: MimicMode) -> Model {
     parse_urdf(&unlimited(&text), None, mimic, &PackagePath::default()).unwrap().model
 }
 
-/// Every effort limit becomes one nobody meets.
+/// Every effort limit becomes unreachable.
 fn unlimited(urdf: &str) -> String {
     let mut text = String::new();
     let mut rest = urdf;

@@ -1,5 +1,5 @@
-//! Every robot of the catalogue whose base floats runs: put on the ground it stands or rests there, without a
-//! heap allocation, and without drives it falls and comes to rest.
+//! Every floating-base robot of the catalogue: on the ground it stands or rests without a heap allocation,
+//! and without drives it falls and comes to rest.
 
 use std::path::Path;
 

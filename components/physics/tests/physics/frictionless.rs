@@ -1,4 +1,4 @@
-//! Frictions of two surfaces combine as they say, on every engine: against the slide of a block.
+//! Frictions of two surfaces combine by their rules, on every engine: compared with the slide of a block.
 
 use motorium_physics::{
     ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RobotSetup, Simulator, World,

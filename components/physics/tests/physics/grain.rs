@@ -40,7 +40,7 @@ fn slide(objects: Vec<Object>, ground: Ground, direction: [f64; 2], sideways: f6
     [place.x, place.y]
 }
 
-/// A ground without friction of its own: a contact has half of the plank's.
+/// A frictionless ground: a contact has half of the plank's friction.
 fn smooth() -> Ground {
     Ground { friction: 0.0, friction_combine: Some(FrictionCombine::Mean), ..Ground::default() }
 }

@@ -15,7 +15,7 @@ fn object(name: &str, shape: ObjectShape, position: [f64; 3], rpy: [f64; 3]) -> 
     Object { name: name.to_owned(), shape, position, rpy, ..Object::default() }
 }
 
-/// Contact points of an upper body that lies on a lower one, along x and y \[m\]. All are at `height` \[m\].
+/// Contact points of an upper body on a lower one, along x and y \[m\]. All are at `height` \[m\].
 fn points(upper: Object, lower: Object, height: f64) -> Vec<[f64; 2]> {
     let upper = Object { mass: Some(0.2), ..upper };
     let world = World { objects: vec![lower, upper], ..World::default() };
@@ -85,7 +85,7 @@ fn flat_bars_touch_narrow_rails_at_the_corners_of_the_patch() {
         ("box", object("bar", ObjectShape::Box { size: [0.3, 0.04, 0.04] }, position, [0.0, 0.0, yaw])),
         ("hull", Object { position, rpy: [0.0, 0.0, yaw], ..mesh("bar", bar(), MeshCollision::Hull) }),
     ];
-    // The sides of the bar cross those of the rail.
+    // The sides of the bar cross the sides of the rail.
     let side = |x: f64, sign: f64| [x, x * yaw.tan() + sign * 0.02 / yaw.cos()];
     let corners = [side(0.01, 1.0), side(0.01, -1.0), side(-0.01, 1.0), side(-0.01, -1.0)];
     for (bar, upper) in uppers {

@@ -25,7 +25,8 @@ fn roller(x: f64, height: f64) -> Object {
     }
 }
 
-/// Way down a slope in a second from rest, and the largest distance from the plane, that of its radius apart.
+/// Distance travelled down a slope in a second from rest, and the largest distance from the plane in excess
+/// of its radius.
 fn roll(simulation: &mut dyn Simulator) -> (f64, f64) {
     let start = pose(simulation, "roller").translation.vector;
     let normal = Vector3::new(SLOPE.sin(), 0.0, SLOPE.cos());
@@ -122,7 +123,7 @@ fn inconsistent_triangles_are_refused_by_object_name() {
     of(MeshCollision::Hull).check(std::iter::empty()).unwrap();
 }
 
-/// A floor whose height along x is that of the points (x, z), from y = -1 to 1.
+/// A floor through the points (x, z), from y = -1 to 1.
 fn profile(points: &[[f64; 2]]) -> TriangleMesh {
     let corner = |[x, z]: &[f64; 2]| [Vector3::new(*x, -1.0, *z), Vector3::new(*x, 1.0, *z)];
     let points: Vec<Vector3<f64>> = points.iter().flat_map(corner).collect();

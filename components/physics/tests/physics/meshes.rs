@@ -1,5 +1,4 @@
-//! Objects in the shape of meshes: as boxes and planes of the same shape on every engine, and what is not
-//! convex.
+//! Mesh objects: the same as boxes and planes of the same shape on every engine, and non-convex ones.
 
 use motorium_physics::{Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, MeshShape, Model, TriangleMesh, load};

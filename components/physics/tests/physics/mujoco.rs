@@ -1,7 +1,7 @@
 //! The MuJoCo engine against ours: the same motion where nothing touches, the same rest and the same slip
 //! where something does.
 //!
-//! Every test here says when it is not run: MuJoCo's library is no part of the repository.
+//! Every test here reports when it is skipped: MuJoCo's library is no part of the repository.
 
 use std::path::Path;
 use std::process::Command;
@@ -19,7 +19,7 @@ use crate::{legged, panda};
 const DT: f64 = 1e-3;
 const BOTH: [Engine; 2] = [Engine::Articulated, Engine::Mujoco];
 
-/// One integration step a step, nothing of the robot touches itself.
+/// One integration step per step, without self-collision.
 fn plain_options() -> Options {
     Options { contact_iterations: 1, self_collision: false, ..Options::default() }
 }
@@ -142,7 +142,7 @@ fn the_first_step_of_a_floating_robot_is_that_of_ours() {
     }
 }
 
-/// A robot of the catalogue on the ground, held at home by its gains, after so many milliseconds.
+/// A robot of the catalogue on the ground, held at home by its gains, after this number of milliseconds.
 fn settled(name: &str, milliseconds: usize) -> (MujocoSimulator, ArticulatedSimulator) {
     let robot = load(name, Path::new(".")).unwrap();
     let mut ours = legged::held(name);

@@ -59,7 +59,7 @@ pub(crate) fn bodies() -> Vec<Body> {
     ]
 }
 
-/// What a body is put on, its highest faces or lines level at z = 0.
+/// Support of a body, its highest faces or lines level at z = 0.
 struct Support {
     name: String,
     objects: Vec<Object>,

@@ -12,7 +12,7 @@ pub(crate) fn loaded() -> Loaded {
     load("panda", Path::new(".")).unwrap()
 }
 
-/// Home, and the gains of each joint: read once, since tests ask for them in every step.
+/// Home, and the gains of each joint: read once, since tests use them in every step.
 static HOME_AND_GAINS: LazyLock<(Vec<f64>, Vec<[f64; 2]>)> = LazyLock::new(|| {
     let panda = loaded();
     let profile = panda.profile.unwrap();

@@ -29,7 +29,7 @@ fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
 
-/// Largest motion of an object from 0.5 s on, in so many seconds, and its speed at the end.
+/// Largest motion of an object from 0.5 s on, in this number of seconds, and its speed at the end.
 fn drift(simulation: &mut dyn Simulator, name: &str, seconds: f64) -> (f64, f64, f64) {
     let id = simulation.object(name).unwrap();
     let mut start = simulation.object_pose(id);

@@ -16,7 +16,7 @@ pub(crate) fn cube(name: &str, position: [f64; 3]) -> Object {
     }
 }
 
-/// Objects on a ground, beside a pendulum that hangs far away.
+/// Objects on a ground, next to a pendulum far away.
 pub(crate) fn scene(objects: Vec<Object>) -> ArticulatedSimulator {
     let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
     let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0));
@@ -73,7 +73,7 @@ fn a_wall_of_many_contacts_stands_on_the_ground() {
     }
 }
 
-/// A box that drops on a ground, beside a pendulum that hangs `above` it \[m\], after half a second.
+/// A box that drops on a ground, next to a pendulum `above` it \[m\], after half a second.
 fn dropped(contact_iterations: usize, above: f64) -> [u64; 3] {
     let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
     let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 1.1 + above));

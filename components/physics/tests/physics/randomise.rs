@@ -1,4 +1,4 @@
-//! Properties that change between resets, and those that are drawn for each episode.
+//! Properties that change between resets, and randomised ones.
 
 use std::path::{Path, PathBuf};
 
@@ -60,7 +60,7 @@ fn motion(simulator: &mut dyn Simulator) -> Vec<u64> {
     found
 }
 
-/// The properties of a simulation that was built with them.
+/// The properties of a simulation built with them.
 fn built(model: &Model) -> (RobotSetup, World, Engine) {
     let options = Engine { friction: 0.8 * 0.7, ..Engine::default() };
     (RobotSetup::from(heavy(model)), world(0.7), options)

@@ -199,7 +199,7 @@ actuator = { gain = [0.5, 1.5] }
         assert_eq!(later["start"], drawn[0]["start"]);
         within(&later["gravity"], 0.5, 1.5);
     }
-    // The first part is that of a run without draws in time.
+    // The first part equals a run without draws in time.
     let once = run_of("quadruped", &config.replace("every   = \"30 ms\"", ""), "seed = 3");
     assert_eq!(episodes(&once)[0]["gravity"], drawn[0]["gravity"]);
     let refused = check(text("rrbot", config, "").replace("physics.articulated", "physics.rapier"));

@@ -1,6 +1,6 @@
 //! Every robot of the PyPI package `example-robot-data` holds its pose or stands for 2 s, with collision
-//! shapes, by the gains of its first profile alone. Skipped, with the reason, where the package is not on
-//! this machine.
+//! shapes, by the gains of its first profile alone. Skipped, with the reason, if the package is not
+//! installed.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -18,9 +18,9 @@ use nalgebra::{DVector, Vector3};
 use crate::first_step::robots;
 use crate::legged::grounded;
 
-/// Robots that stand on the ground, by the beginnings of their paths: those on four legs, and bipeds whose
-/// makers' posture balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile
-/// bases without a floating joint, flying arms, and humanoids that nobody balances here.
+/// Robots that stand on the ground, by the prefixes of their paths: quadrupeds, and bipeds whose makers'
+/// posture balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile bases
+/// without a floating joint, flying arms, and humanoids without a balance controller here.
 const STANDING: [&str; 15] = [
     "a1_",
     "anymal_",
@@ -117,8 +117,7 @@ fn trial(file: &Path, name: &str) -> Result<String, String> {
         return Err(format!("{joints} joints, at most {MAX_JOINTS} fit"));
     }
     let source = if bare { "visuals" } else { "shapes" };
-    // Links without an inertia of their own need that of the rotors of their drives, which URDF files do not
-    // have.
+    // Links without inertia need the rotor inertia of their drives, which URDF files lack.
     let held = held(&robot, 0.0).or_else(|first| {
         let more = held(&robot, ARMATURE).map_err(|second| {
             if second == first { first } else { format!("{first}; with an armature {second}") }
@@ -182,7 +181,7 @@ fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
     if worst.0 < bound && stands { Ok(words) } else { Err(words) }
 }
 
-/// A posture that the robot's makers name, or that of the profile; within the limits.
+/// A posture named by the robot's makers, or the profile's; within the limits.
 fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
     let model = &robot.model;
     let named = ["standing", "half_sitting", "homing_nominal", "default", "home", "neutral"];
@@ -200,8 +199,8 @@ fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
 /// profile, which minds the feet in the air; and its damping, as a time \[s\].
 const STIFF: [f64; 2] = [0.02, 0.02];
 
-/// Holds the posture: a robot that is fixed to the world by the gains of its first profile and its weight by
-/// feed-forward, one that stands by stiff drives.
+/// Holds the posture: a fixed-base robot by the gains of its first profile and its weight by feed-forward, a
+/// standing one by stiff drives.
 fn hold(simulation: &mut ArticulatedSimulator, profile: &Profile) {
     let model = simulation.model().clone();
     let (q, home) = (simulation.configuration().to_vec(), simulation.positions().to_vec());

@@ -33,8 +33,8 @@ fn two(apart: f64) -> ArticulatedSimulator {
     ArticulatedSimulator::new(RobotSetup::from(model), World::default(), &q, Options::default()).unwrap()
 }
 
-/// Commands that lead both arms along different ways, at `time` \[s\]; forward as far as `reach`, to the side
-/// as far as `sway` \[rad\].
+/// Commands that move both arms along different paths, at `time` \[s\]; forward up to `reach`, to the side up
+/// to `sway` \[rad\].
 fn commands(time: f64, reach: f64, sway: f64) -> [Vec<JointCommand>; 2] {
     [1.0, 0.7].map(|share| {
         let mut q = panda::home();

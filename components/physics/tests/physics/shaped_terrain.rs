@@ -20,7 +20,7 @@ fn ball(engine: Engine, world: World) -> Box<dyn Simulator> {
     engine.simulate(body("<sphere radius=\"0.1\"/>"), world, &START, Options::default())
 }
 
-/// All bits of the way of the ball down and along.
+/// All bits of the path of the ball down and along.
 fn way(simulation: &mut dyn Simulator) -> Vec<u64> {
     let mut bits = Vec::new();
     for _ in 0..600 {

@@ -1,5 +1,4 @@
-//! Objects that stand still sleep, bear what rests on them, and wake when something reaches them; and large
-//! piles.
+//! Objects at rest sleep, bear the objects on them, and wake when something reaches them; and large piles.
 
 use motorium_physics::{ArticulatedSimulator, Ground, Object, Options, Simulator, World};
 use motorium_robots::load;

@@ -1,4 +1,4 @@
-//! Surfaces that give way, against the closed forms of a spring with a damper.
+//! Compliant surfaces, compared with the closed forms of a spring with a damper.
 
 use motorium_physics::{
     ArticulatedSimulator, Ground, Object, ObjectShape, Options, RobotSetup, Simulator, Softness, World,

@@ -93,7 +93,7 @@ fn a_tumbling_rock_rests_on_one_of_its_faces() {
         assert!((height - half[face]).abs() < 1e-3, "{engine:?}: {height} m on face {face}");
         let (linear, angular) = simulation.object_velocity(id);
         assert!(linear.norm() < 5e-3 && angular.norm() < 0.2, "{engine:?}: {linear} m/s, {angular} rad/s");
-        // Rapier tells too high forces of hulls on a box.
+        // Rapier reports too high forces of hulls on a box.
         let most = if engine == Engine::Rapier { 0.5 } else { 0.05 };
         assert!((up - 0.3 * 9.81).abs() < most * 0.3 * 9.81, "{engine:?}: carried with {up} N");
     }

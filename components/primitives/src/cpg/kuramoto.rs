@@ -5,8 +5,8 @@ use nalgebra::DMatrix;
 use super::phases::{CoupledPhases, Influence};
 use super::{CpgError, finite, size};
 
-/// Kuramoto oscillators: `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)`, with `phi_ij = theta_j -
-/// theta_i`.
+/// Kuramoto oscillators: `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)`, with `phi_ij =
+/// theta_j - theta_i`.
 #[derive(Clone, Debug)]
 pub struct Kuramoto {
     phases: CoupledPhases,

@@ -1,11 +1,14 @@
 //! Central pattern generators: coupled oscillators that turn a few slow commands into rhythms.
 //!
-//! | model | state of a unit | equation |
-//! |---|---|---|
-//! | [`PhaseNetwork`] | phase, amplitude, offset | `phi_i' = 2 pi nu + sum_j a_j w_ij sin(phi_j - phi_i - phi_ij)`, amplitude and offset by critically damped springs, `y_i = o_i + a_i cos(phi_i)` (Ijspeert et al. 2007) |
-//! | [`HopfNetwork`] | x, y | `z' = gamma (mu - r^2) z + omega J z + coupling`, separate `omega` for swing and stance (Righetti and Ijspeert 2008) |
-//! | [`MatsuokaOscillator`] | membrane potential, fatigue | `tau_1 u' = -u - beta v - W y + c + s`, `tau_2 v' = -v + y`, `y = max(0, u)` (Matsuoka 1985) |
-//! | [`Kuramoto`] | phase | `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)` (Kuramoto 1975) |
+//! - [`PhaseNetwork`] (Ijspeert et al. 2007), with a phase, an amplitude and an offset per unit:
+//!   `phi_i' = 2 pi nu + sum_j a_j w_ij sin(phi_j - phi_i - phi_ij)`, amplitude and offset by critically
+//!   damped springs, `y_i = o_i + a_i cos(phi_i)`.
+//! - [`HopfNetwork`] (Righetti and Ijspeert 2008), with x and y per unit:
+//!   `z' = gamma (mu - r^2) z + omega J z + coupling`, with a separate `omega` for swing and stance.
+//! - [`MatsuokaOscillator`] (Matsuoka 1985), with a membrane potential and a fatigue per unit:
+//!   `tau_1 u' = -u - beta v - W y + c + s`, `tau_2 v' = -v + y`, `y = max(0, u)`.
+//! - [`Kuramoto`] (Kuramoto 1975), with a phase per unit:
+//!   `phi_i' = omega_i + sum_j k_ij sin(phi_j - phi_i - phi_ij)`.
 //!
 //! [`OscillatorNetwork`] builds a gait from any of the last three models, with one oscillator per leg and the
 //! same coupling for every model.

@@ -6,15 +6,17 @@
 //! with a phase shapes the path. With the duration `T`, the progress `p = t / T` and the phase in closed form
 //! `s = exp(-a_s p)`, the [variants](Variant) are (`K = D^2 / 4`, so that both roots are `-D / 2`):
 //!
-//! | variant | equation |
-//! |---|---|
-//! | [`Classic`](Variant::Classic) | `T^2 y'' = K (g - y) - D T y' + f`, with `f = s sum(psi_i w_i) / sum(psi_i)` |
-//! | [`GoalSafe`](Variant::GoalSafe) | `T^2 y'' = K (g - y) - D T y' - K (g - y0) s + K f`, with the same `f` |
-//! | [`QuinticGoal`](Variant::QuinticGoal) | `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`, with `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the quintic from the start state to rest at `g` |
-//! | [`FinalVelocity`](Variant::FinalVelocity) | as `QuinticGoal`, but `g(t)` passes `g` with a given velocity and continues with it |
+//! - [`Classic`](Variant::Classic): `T^2 y'' = K (g - y) - D T y' + f`, with
+//!   `f = s sum(psi_i w_i) / sum(psi_i)`.
+//! - [`GoalSafe`](Variant::GoalSafe): `T^2 y'' = K (g - y) - D T y' - K (g - y0) s + K f`, with the same `f`.
+//! - [`QuinticGoal`](Variant::QuinticGoal): `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`, with
+//!   `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the quintic
+//!   from the start state to rest at `g`.
+//! - [`FinalVelocity`](Variant::FinalVelocity): the same, but `g(t)` passes `g` with a given velocity and
+//!   continues with it.
 //!
-//! `f` may be scaled with the displacement ([`Scaling`]). By default it is not, so there is no division by `g -
-//! y0`.
+//! `f` may be scaled with the displacement ([`Scaling`]). By default it is not, so there is no division by
+//! `g - y0`.
 //!
 //! **Arrival.** Without forcing, `QuinticGoal` follows the minimum-jerk movement and is at the goal, at rest,
 //! exactly at `T`. `Classic` is off by `(1 + D/2) exp(-D/2)` of the displacement there, 5e-5 for `D = 25`;
@@ -32,11 +34,10 @@
 //! References: Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, *Dynamical movement primitives*, Neural
 //! Computation 25, 2013. Pastor, Hoffmann, Asfour, Schaal, *Learning and generalization of motor skills by
 //! learning from demonstration*, ICRA 2009. Muelling, Kober, Kroemer, Peters, *Learning to select and
-//! generalize striking movements in robot table tennis*, IJRR 32,
-//! 2013. Ude, Nemec, Petric, Morimoto, *Orientation in Cartesian space dynamic movement primitives*, ICRA 2014.
-//!       Koutras, Doulgeri, *A correct formulation for the orientation dynamic movement primitives*, CoRL 2019.
-//!       Ginesi, Sansonetto, Fiorini, *Overcoming some drawbacks of dynamic movement primitives*, Robotics
-//!       and Autonomous Systems 144, 2021.
+//! generalize striking movements in robot table tennis*, IJRR 32, 2013. Ude, Nemec, Petric, Morimoto,
+//! *Orientation in Cartesian space dynamic movement primitives*, ICRA 2014. Koutras, Doulgeri, *A correct
+//! formulation for the orientation dynamic movement primitives*, CoRL 2019. Ginesi, Sansonetto, Fiorini,
+//! *Overcoming some drawbacks of dynamic movement primitives*, Robotics and Autonomous Systems 144, 2021.
 
 mod coupling;
 mod demonstration;

@@ -88,7 +88,8 @@ pub struct Settings {
     pub scaling: Scaling,
     /// Number of kernels for each dimension, at least 2. Default 30.
     pub kernels: usize,
-    /// Damping `D` of the transformation system; its stiffness is `K = D^2 / 4`, critically damped. Default 25.
+    /// Damping `D` of the transformation system; its stiffness is `K = D^2 / 4`, critically damped. Default
+    /// 25.
     pub damping: f64,
     /// Decay `a_s` of the phase over one duration. Default `-ln 0.01 = 4.605`: 1 % of the phase remains at
     /// the end.

@@ -13,7 +13,7 @@ pub struct SingularInnovation;
 ///
 /// ```text
 /// predict:  x = F x + u         P = F P F' + Q
-/// update:   K = P H' S^-1       S = H P H' + R        x = x + K (z - H x)        P = (1 - K H) P (1 - K H)' + K R K'
+/// update:   K = P H' S^-1       S = H P H' + R     x = x + K (z - H x)   P = (1 - K H) P (1 - K H)' + K R K'
 /// ```
 ///
 /// Kalman 1960; the covariance in Joseph's form, which stays symmetric and positive by construction.

@@ -220,7 +220,7 @@ impl Bundle {
         Self { centre, radius: square.sqrt(), axis, cos, sin: (1.0 - cos * cos).max(0.0).sqrt() }
     }
 
-    /// Returns `false` if no ray hits the ball of radius `reach` (including that of the origins) at `away`
+    /// Returns `false` if no ray hits the ball of radius `reach` (including the origins' radius) at `away`
     /// from their centre.
     fn may_meet(&self, away: V3, reach: f64) -> bool {
         if self.cos <= 0.05 {

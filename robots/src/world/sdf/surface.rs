@@ -6,7 +6,7 @@ use roxmltree::Node;
 use super::{Reader, WorldFileError, child, is_true, problem};
 
 impl Reader<'_> {
-    /// Returns the mass of a moving link. Warns if its centre or inertia differ from those of its shape.
+    /// Returns the mass of a moving link. Warns if its centre or inertia differ from its shape's.
     pub(super) fn mass(
         &mut self,
         inertial: Node<'_, '_>,

@@ -1,9 +1,9 @@
 //! The dialogue with drives of CiA 402: service data first, one object a cycle, then process data with each
 //! synchronisation.
 //!
-//! The set-up stops process data, maps them, has the drive wait for the heartbeat of the adapter, which is
-//! its watchdog, and compares the rated torque with the table. Then the node is started, and the state
-//! machine led to enabled by the controlword.
+//! The set-up stops process data, maps them, sets the adapter's heartbeat as the drive's watchdog, and
+//! compares the rated torque with the table. Then the node is started, and the controlword moves the state
+//! machine to enabled.
 
 mod emergency;
 mod homing;
@@ -29,9 +29,9 @@ pub(in crate::adapter) struct Cia402 {
     watchdog_ms: u16,
     increments: f64,
     rated_torque: f64,
-    /// The largest current and the rated one, A; `None` for the limit that stands in the drive.
+    /// Largest and rated current, A; `None` for the drive's own limit.
     currents: Option<[f64; 2]>,
-    /// The objects of its homing, if it is homed by itself.
+    /// Objects of its homing, if it homes itself.
     homes: Option<HomingObjects>,
     homing: Stage,
     ranges: Ranges,
@@ -42,11 +42,11 @@ pub(in crate::adapter) struct Cia402 {
     cycle_ns: u64,
     /// Process data have been started.
     is_started: bool,
-    /// Cycles that are left of those in which its fault is reset.
+    /// Remaining cycles of the fault reset.
     clears: u8,
     state: DriveState,
     motion: Motion,
-    /// The statusword and the position of this cycle have come.
+    /// The statusword and the position of this cycle have arrived.
     has_position: bool,
     /// The position of this cycle, rad.
     read_position: f64,
@@ -54,13 +54,13 @@ pub(in crate::adapter) struct Cia402 {
     mode_reads: u8,
     /// The code of its last emergency message.
     emergency: u16,
-    /// Its heartbeat has come since its settings were written: from then on it is awaited.
+    /// Its heartbeat has arrived since its settings were written, and is monitored from then on.
     is_beating: bool,
 }
 
-/// Cycles for which the reset of a fault takes.
+/// Duration of a fault reset, in cycles.
 const CLEARS: u8 = 4;
-/// Settings after those of the mappings.
+/// Settings after the mappings.
 const WATCHDOG: u8 = Mapping::ALL.len() as u8 * Mapping::STEPS;
 const READ_WATCHDOG: u8 = WATCHDOG + 1;
 const MODE: u8 = WATCHDOG + 2;
@@ -132,7 +132,7 @@ impl Cia402 {
         SETTINGS + self.extras().count() as u8
     }
 
-    /// The settings that this drive has beside those of all.
+    /// Settings of this drive in addition to the common ones.
     fn extras(&self) -> impl Iterator<Item = Extra> {
         let limited = LIMITED.into_iter().filter(|_| self.currents.is_some());
         limited.chain(HOMED.into_iter().filter(|_| self.homes.is_some()))
@@ -229,7 +229,7 @@ impl Cia402 {
             Some(Extra::Homing(object @ Object::HOMING_VELOCITY)) => write(object, velocities[0]),
             Some(Extra::Homing(object @ Object::HOMING_CREEP_VELOCITY)) => write(object, velocities[1]),
             Some(Extra::Homing(object @ Object::HOMING_ACCELERATION)) => write(object, acceleration),
-            // it says zero at its mark: where that is stands in the table
+            // it reads zero at its mark, whose position is in the table
             Some(Extra::Homing(object)) => write(object, 0),
             Some(Extra::RatedCurrent) | None => Service::Read(Object::RATED_CURRENT),
         }
@@ -239,7 +239,7 @@ impl Cia402 {
     fn fixed_mapping(&self, setting: u8) -> Option<(u16, u32)> {
         let mapping = Mapping::ALL.get(usize::from(setting / Mapping::STEPS))?;
         match mapping.step(self.node, self.cyclic(), setting % Mapping::STEPS) {
-            // that the count is 0 while it is changed says nothing here
+            // the count of 0 during a change is expected here
             Service::Write(_, value) if value.number() == 0 => None,
             Service::Write(object, value) if object.is_mapping() && self.fixed.contains(mapping) => {
                 Some((object.index, value.number()))

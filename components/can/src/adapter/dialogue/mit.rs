@@ -14,7 +14,7 @@ const CHECKED: u8 = Register::CHECKED.len() as u8;
 pub(in crate::adapter) struct Mit {
     codec: Drive,
     watchdog_ns: u64,
-    /// The share of its full current at which a Damiao drive lets go; `None` for that in the drive.
+    /// Share of its full current at which a Damiao drive disables itself; `None` for the drive's own.
     share: Option<f64>,
     /// Its newest state; `None` before its first answer.
     motion: Option<Motion>,
@@ -26,7 +26,7 @@ impl Mit {
         Self { codec, watchdog_ns, share, motion: None, rounding: Rounding::default() }
     }
 
-    /// Damiao drives tell their settings, the others do not.
+    /// Only Damiao drives report their settings.
     pub(super) fn checks(&self) -> u8 {
         // the limit of the current is written, and read back
         let limit = if self.share.is_some() { 2 } else { 0 };

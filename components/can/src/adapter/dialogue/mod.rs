@@ -16,13 +16,13 @@ pub(super) use servo::Servo;
 /// The request of the adapter to a drive in a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Order {
-    /// To tell, or take, the setting with this number.
+    /// Read or write the setting with this number.
     Check(u8),
-    /// To let go.
+    /// Disable.
     Disable,
     /// To answer, and nothing else: it reported a fault, which stays.
     Rest,
-    /// To look for its mark.
+    /// Search for its mark.
     Home,
     /// To begin to follow commands.
     Enable,
@@ -37,17 +37,17 @@ pub(super) enum Response {
     Feedback(Feedback),
     /// That a setting is as the table has it, or else how it differs.
     Setting(Option<WrongSetting>),
-    /// The state that it is in, beside its answers.
+    /// Its state, besides its answers.
     State(State),
-    /// That it is alive: a heartbeat beside its answers.
+    /// A sign of life: a heartbeat besides its answers.
     Alive,
     /// That a setting does not have its value yet: it is read again.
     Waiting,
-    /// An error that it reports in a message of its own, and whether it is still present.
+    /// An error reported in a separate message, and whether it is still present.
     Emergency { fault: Fault, is_present: bool },
-    /// That it has just started, and knows nothing of before.
+    /// It has just started without any settings.
     Restarted,
-    /// Something beside its answers.
+    /// A message besides its answers.
     Other,
 }
 
@@ -97,7 +97,7 @@ impl Dialogue {
         }
     }
 
-    /// True if it tells whether it follows commands.
+    /// Returns `true` if it reports whether it follows commands.
     pub(super) fn tells_its_state(&self) -> bool {
         match self {
             Self::Mit(drive) => drive.tells_its_state(),
@@ -106,7 +106,7 @@ impl Dialogue {
         }
     }
 
-    /// Time between two reports of a drive that reports by itself; `None` for one that answers.
+    /// Time between two reports of a drive that reports unasked; `None` for a drive that answers.
     pub(super) fn reports_every_ns(&self) -> Option<u64> {
         match self {
             Self::Odrive(drive) => Some(drive.every_ns),
@@ -147,7 +147,7 @@ impl Dialogue {
         }
     }
 
-    /// Begins anew, with the faults cleared of a drive that was lost or let go.
+    /// Restarts, and clears the faults of a drive that was lost or disabled.
     pub(super) fn restart(&mut self) {
         match self {
             Self::Mit(_) | Self::Servo(_) => {}
@@ -157,7 +157,7 @@ impl Dialogue {
         }
     }
 
-    /// Forgets what it has been told, as at the start: no fault is cleared.
+    /// Resets to the initial state without clearing faults.
     pub(super) fn forget(&mut self) {
         match self {
             Self::Mit(_) | Self::Servo(_) | Self::Moteus(_) => {}
@@ -166,17 +166,17 @@ impl Dialogue {
         }
     }
 
-    /// Begins to look for its mark.
+    /// Starts the search for its mark.
     pub(super) fn begin_homing(&mut self) {
         match self {
             Self::Odrive(drive) => drive.begin_homing(),
             Self::Cia402(drive) => drive.begin_homing(),
-            // they have no procedure of their own
+            // they have no homing procedure
             Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => {}
         }
     }
 
-    /// The result of its own homing, once it is over.
+    /// Result of its own homing, once complete.
     pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
         match self {
             Self::Odrive(drive) => drive.homing_result(),
@@ -196,7 +196,7 @@ impl Dialogue {
         }
     }
 
-    /// Writes the frames of a cycle. Those of servos are written for all of a line together.
+    /// Writes the frames of a cycle. All servos of a line share their frames.
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         match self {
             Self::Mit(drive) => drive.write(order, frames),
@@ -229,8 +229,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// Begins a cycle: a drive that does not follow yet is held nowhere, and stands wherever it has been
-    /// moved to.
+    /// Begins a cycle: a drive that does not follow yet is not held, and may have been moved.
     fn begin(&mut self, order: &Order) {
         if !matches!(order, Order::Follow(_)) {
             self.held = None;
@@ -247,8 +246,8 @@ impl Motion {
         }
     }
 
-    /// The velocity of a command at the newest state: that of the command, and towards its position as fast
-    /// as the loop of the drive would go there.
+    /// Velocity of a command at the newest state: the commanded velocity plus the velocity with which the
+    /// drive's loop would approach the commanded position.
     fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
         let towards =
             if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };

@@ -1,7 +1,7 @@
 //! The dialogue with moteus drives: a frame of registers to the drive, one back.
 //!
-//! Gains of commands are shares of those that stand in the drive; the watchdog goes with each command. Before
-//! it is enabled the drive tells from where it counts its position.
+//! Gains of commands are shares of the drive's own gains; each command carries the watchdog. Before it is
+//! enabled the drive reports the reference of its position.
 
 use super::{Order, Response};
 use crate::adapter::WrongSetting;
@@ -22,11 +22,11 @@ pub(in crate::adapter) struct Moteus {
     watchdog: f64,
     /// The least from which its position has to be counted.
     reference: Home,
-    /// Cycles that are left of those in which its fault is cleared.
+    /// Remaining cycles of the fault reset.
     clears: u8,
 }
 
-/// Cycles for which clearing a fault takes.
+/// Duration of a fault reset, in cycles.
 const CLEARS: u8 = 4;
 
 impl Moteus {

@@ -1,8 +1,8 @@
 //! The dialogue with ODrives: commands as often as the adapter likes, encoder estimates and heartbeats as
 //! often as the drive does.
 //!
-//! State and errors stand in the heartbeat alone, so that a drive counts as enabled a tenth of a second after
-//! it is. Its errors are cleared when the adapter is resumed, and never else.
+//! Only the heartbeat carries state and errors, so a drive counts as enabled a tenth of a second after it is.
+//! Its errors are only cleared when the adapter is resumed.
 
 use super::{Motion, Order, Response};
 use crate::adapter::HomingFault;
@@ -11,15 +11,15 @@ use crate::mit::{Command, Fault, Feedback, Ranges, State};
 use crate::odrive::{AxisState, ControlMode as Quantity, InputMode, Instruction, Node, Report};
 use crate::table::{ControlMode, HomingProcedure, Table};
 
-/// Cycles after which a drive that has not followed is asked again.
+/// Cycles after which a drive that does not follow is requested again.
 const REQUEST_AGAIN_AFTER: u16 = 1000;
 /// Cycles after which it is enabled: its modes, limits and first setpoint have been sent.
 const ENABLED_IN: u16 = 3;
-/// Cycles for which clearing the errors takes.
+/// Duration of clearing the errors, in cycles.
 const CLEARS: u8 = 4;
-/// Cycles after which it is asked for its homing: its limits have been sent.
+/// Cycles after which its homing is requested: its limits have been sent.
 const HOMES_IN: u16 = 2;
-/// Heartbeats after which a procedure that was never seen under way has not begun.
+/// Heartbeats after which a procedure that was never running counts as not started.
 const SEEN_WITHIN: u8 = 5;
 /// Reports of the position after the end of a homing until one counts from the mark: the first one may have
 /// waited for the bus since before.
@@ -35,11 +35,11 @@ pub(in crate::adapter) struct Odrive {
     pub(super) mode: ControlMode,
     pub(super) every_ns: u64,
     ranges: Ranges,
-    /// A; `None` for the limits that stand in the drive.
+    /// A; `None` for the drive's own limits.
     current_limit: Option<f64>,
-    /// Cycles since it has been asked to follow.
+    /// Cycles since it was requested to follow.
     begun: u16,
-    /// Cycles that are left of those in which its errors are cleared.
+    /// Remaining cycles of clearing its errors.
     clears: u8,
     state: State,
     motion: Motion,
@@ -56,15 +56,15 @@ pub(in crate::adapter) struct Odrive {
 /// The progress of a homing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Homing {
-    /// None is under way.
+    /// None is running.
     None,
-    /// Its limits are sent, for so many cycles.
+    /// Its limits are being sent, for this many cycles.
     Preparing(u16),
-    /// It has been asked for, so many heartbeats ago, and been seen under way or not.
+    /// Requested, this many heartbeats ago, and seen running or not.
     Asked { heartbeats: u8, was_seen: bool },
-    /// It is over, and so many reports of its position have come since.
+    /// Complete, with this many reports of its position since.
     Ended { result: Result<(), HomingFault>, reports: u8 },
-    /// It is over, and what it has reported since counts from its mark.
+    /// Complete, with reports since then relative to its mark.
     Over(Result<(), HomingFault>),
 }
 
@@ -133,7 +133,7 @@ impl Odrive {
         }
     }
 
-    /// Takes what a heartbeat says about its homing.
+    /// Processes the homing state of a heartbeat.
     fn follow_homing(&mut self, state: AxisState, result: u8) {
         let Homing::Asked { heartbeats, was_seen } = &mut self.homing else { return };
         *heartbeats = heartbeats.saturating_add(1);
@@ -142,7 +142,7 @@ impl Odrive {
                 *was_seen = true;
                 return;
             }
-            // by itself it goes on to idle, or to following
+            // it then enters idle or closed loop automatically
             (false, true) if result == 0 => Ok(()),
             (false, true) => Err(HomingFault::Drive),
             (false, false) if *heartbeats >= SEEN_WITHIN => Err(HomingFault::NotBegun),
@@ -181,7 +181,7 @@ impl Odrive {
             },
             // its watchdog is fed, and its setpoint is where it is, before it follows
             (Order::Enable, ENABLED_IN) => {
-                // what it told before it was asked does not count
+                // reports from before the request do not count
                 self.state = State::Disabled;
                 Instruction::SetState(AxisState::ClosedLoop)
             }
@@ -237,7 +237,7 @@ impl Odrive {
                 self.state = match (error, state) {
                     (0, AxisState::ClosedLoop) => State::Enabled,
                     (0, _) => State::Disabled,
-                    // told before they were cleared
+                    // reported before they were cleared
                     _ if self.clears > 0 => State::Disabled,
                     (error, _) if error & WATCHDOG_EXPIRED != 0 => State::Fault(Fault::CommunicationLost),
                     (error, _) => State::Fault(Fault::Other(error)),

@@ -1,5 +1,5 @@
-//! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one asks
-//! all of them, and they answer one after the other.
+//! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one
+//! queries all of them, and they answer one after the other.
 
 mod line;
 
@@ -78,7 +78,7 @@ impl Maker {
         }
     }
 
-    /// The registers that are asked for: the settings, one after the other, and the state at last.
+    /// The queried registers: the settings, one after the other, then the state.
     fn asked(self) -> &'static [Registers] {
         match self {
             Self::Feetech => &[
@@ -99,7 +99,7 @@ impl Maker {
         }
     }
 
-    /// The setting in the registers that are asked for at this place; `None` for the state.
+    /// The setting in the queried registers at this index; `None` for the state.
     fn setting(self, block: usize) -> Option<Setting> {
         let settings: &[Setting] = match self {
             Self::Feetech => &[Setting::Mode, Setting::Goals, Setting::HomingOffset, Setting::CurrentLimit],
@@ -114,7 +114,7 @@ impl Maker {
         settings.get(block).copied()
     }
 
-    /// The highest position, that of the last step of a turn.
+    /// The highest position: the last step of a turn.
     fn highest(self) -> f64 {
         match self {
             Self::Feetech => feetech::position(feetech::TURN as u16 - 1),
@@ -143,13 +143,12 @@ impl Servo {
         }
     }
 
-    /// Operating mode, limits of goals, and what else is in the table.
+    /// Operating mode, limits of goals, and optional settings of the table.
     pub(super) fn checks(&self) -> u8 {
         self.blocks().count() as u8 - 1
     }
 
-    /// The places among the registers of its maker of those that it is asked for: of its settings, and of its
-    /// state at last.
+    /// Indices of its queried registers in its maker's list: the settings, then the state.
     fn blocks(&self) -> impl Iterator<Item = usize> {
         let is_asked = |block: &usize| match self.maker.setting(*block) {
             Some(Setting::HomingOffset) => self.homing_offset.is_some(),
@@ -159,7 +158,7 @@ impl Servo {
         (0..self.maker.asked().len()).filter(is_asked)
     }
 
-    /// The place of the registers that are asked for with an order.
+    /// Index of the registers queried with an order.
     fn block(&self, order: &Order) -> usize {
         let state = self.maker.asked().len() - 1;
         match order {
@@ -168,7 +167,7 @@ impl Servo {
         }
     }
 
-    /// A Dynamixel does not tell whether its torque is on, a Feetech does.
+    /// A Feetech reports whether its torque is on, a Dynamixel does not.
     pub(super) fn tells_its_state(&self) -> bool {
         self.maker == Maker::Feetech
     }
@@ -182,7 +181,7 @@ impl Servo {
         (self.watchdog_ns / dynamixel::WATCHDOG_UNIT_NS) as u8
     }
 
-    /// Writes what an order needs: the index of the registers among those of the maker, and the bytes.
+    /// Writes the index of an order's registers in the maker's list, and the bytes.
     fn write(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8])) {
         self.motion.begin(order);
         let goal = match order {
@@ -328,7 +327,7 @@ impl Servo {
                 Feedback {
                     position: told.position,
                     velocity: told.velocity,
-                    // the register is that of the current, or of the load
+                    // the register of the current, or of the load
                     torque: f64::from(told.load) * self.torque_per_unit.unwrap_or(1e-3 * most),
                     temperature: Some(told.temperature),
                     voltage: Some(told.voltage),

@@ -1,30 +1,30 @@
 //! The homing of a joint at its mechanical stop.
 //!
-//! It is led there with the effort that it may stand there with: it comes to rest, moves off the stop, and
-//! comes to rest a second time at the same place. A joint that does not move off again is jammed, or its
-//! brake is closed; one that finds two places has met something that gave way. Where its weight alone stops
-//! it, it comes to rest at the same place just as well, and sinks back as soon as its effort is halved.
+//! The joint is moved there with the effort that it may exert against the stop: it stops, backs off, and
+//! stops a second time at the same place. A joint that does not back off is jammed, or its brake is closed;
+//! two different places mean an obstacle that yielded. A joint stopped only by its weight also stops at the
+//! same place, but sinks back as soon as its effort is halved.
 
 use super::HomingFault;
 use crate::table::HomingEntry;
 
 /// Time over which motion is judged, ns.
 const WINDOW_NS: u64 = 200_000_000;
-/// Windows in a row without motion after which it stands.
+/// Consecutive windows without motion after which it counts as stationary.
 const STILL_WINDOWS: u32 = 2;
-/// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster
+/// Share of the commanded velocity below which a joint counts as not moving. A heavy joint accelerates faster
 /// than that.
 pub(crate) const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which it runs away.
 pub(crate) const RUNAWAY: f64 = 5.0;
-/// Largest difference of the two places of a stop, as a share of the way between.
+/// Largest difference of the two places of a stop, as a share of the back-off distance.
 const REPEATS_WITHIN: f64 = 0.4;
 /// Share of the effort with which it has to stay where it came to rest.
 pub(crate) const EASED: f64 = 0.5;
-/// Largest way by which it gives then, as a share of that at the commanded velocity in a window.
+/// Largest yield of the stop, as a share of the distance travelled at the commanded velocity in a window.
 const GIVES_WITHIN: f64 = 0.2;
 
-/// The stage of a homing at a stop; positions are those of the joint but for its offset.
+/// Stage of a homing at a stop; positions are the joint's without its offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
     /// To the stop.
@@ -33,7 +33,7 @@ enum Stage {
     BackOff(f64),
     /// To the stop again, which was found at this position.
     ApproachAgain(f64),
-    /// Against it with half of the effort, from this position. What its weight alone has stopped sinks back.
+    /// Pressing with half of the effort, from this position. A joint stopped only by its weight sinks back.
     Ease(f64),
     /// Away from it for good.
     Leave(f64),
@@ -43,7 +43,7 @@ enum Stage {
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Stop {
     velocity: f64,
-    /// Velocity gain with which it stands against the stop with the effort that it may.
+    /// Velocity gain with which it presses against the stop with the allowed effort.
     kd: f64,
     /// Position of the joint at the stop.
     pub(in crate::adapter) position: f64,
@@ -59,11 +59,11 @@ pub(in crate::adapter) struct Stop {
 /// The outcome of one cycle of a homing at a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::adapter) enum Outcome {
-    /// It goes on.
+    /// It continues.
     Moving,
     /// The stop was found at this position, and the joint has moved off it.
     Found(f64),
-    /// It failed.
+    /// Failed.
     Failed(HomingFault),
 }
 
@@ -106,8 +106,8 @@ impl Stop {
         }
     }
 
-    /// The velocity to command to a joint that has this one, and the gain with which it is followed: with no
-    /// more than its effort.
+    /// Velocity to command at this joint velocity, and the gain with which it is followed, limited to the
+    /// allowed effort.
     pub(super) fn command(&self, measured: f64) -> (f64, f64) {
         let most = self.velocity.abs();
         let share = if matches!(self.stage, Stage::Ease(_)) { EASED } else { 1.0 };

@@ -56,7 +56,7 @@ impl Offer {
     /// Offers a bus of these rates; a line of serial servos carries packets as they are.
     ///
     /// # Errors
-    /// The place is taken, or the kernel refuses.
+    /// The address is in use, or the kernel refuses.
     pub fn open(place: Place<'_>, rates: Rates, is_fd: bool, is_servo_line: bool) -> io::Result<Self> {
         Ok(match place {
             Place::Socket(name) => Self::Socket(UnixOffer::open(name)?),
@@ -66,8 +66,8 @@ impl Offer {
         })
     }
 
-    /// Takes frames that programs hand over, each with the time at which they did; how many. What is not
-    /// taken stays with them, as far as the kernel has room.
+    /// Receives frames from programs, each with its time, and returns their number. Others remain in the
+    /// programs' buffers, as far as the kernel has room.
     pub fn receive(&mut self, frames: &mut [Received]) -> usize {
         match self {
             Self::Socket(offer) => offer.receive(frames),
@@ -95,13 +95,13 @@ impl Offer {
     pub fn set_link_down(&mut self, is_down: bool) {
         match self {
             Self::Socket(offer) if is_down => offer.down(),
-            // the report of the controller says that it is back
+            // the report of the controller announces its return
             Self::Socket(_) => {}
             Self::Terminal(offer) => offer.set_link_down(is_down),
         }
     }
 
-    /// Hands over what is to be received; frames that nobody took for want of room.
+    /// Delivers frames to programs; returns the number lost for lack of room.
     pub fn flush(&mut self) -> u64 {
         match self {
             Self::Socket(offer) => offer.flush(),

@@ -1,4 +1,4 @@
-//! A simulated bus over a pseudo-terminal: what an adapter with slcan, or a line of serial servos, would be.
+//! A simulated bus over a pseudo-terminal, like an slcan adapter or a line of serial servos.
 
 #![allow(unsafe_code)] // a pseudo-terminal is a few plain libc calls, and no crate of the project offers them
 
@@ -21,9 +21,9 @@ use crate::servo;
 const ROOM: usize = 8192;
 /// Longest time for which a step waits for the next line of a batch, and for all of them, ns.
 ///
-/// The driver of the kernel hands a line over once the one before has been read, by a worker of the kernel:
-/// who looks once a step takes one frame a step, whereas the microcontroller of an adapter reads as fast as
-/// lines come.
+/// A worker of the kernel's driver writes a line once the previous one has been read. A reader that polls
+/// once per step would get one frame per step, whereas the microcontroller of an adapter reads lines as fast
+/// as they arrive.
 const NEXT_LINE_NS: u64 = 60_000;
 pub(crate) const BATCH_NS: u64 = 250_000;
 
@@ -43,14 +43,14 @@ pub struct TerminalOffer {
 #[derive(Debug)]
 struct End {
     line: Terminal,
-    /// The other end, kept open: so programs may come and go.
+    /// The other end, kept open so that programs can connect and disconnect.
     _other: File,
 }
 
-/// The way in which frames are written.
+/// Encoding of the frames.
 #[derive(Debug)]
 enum Encoding {
-    /// Lines of slcan; whether the channel is open.
+    /// Lines of slcan, and whether the channel is open.
     Slcan(slcan::Reader, bool),
     /// Packets of servos as they are.
     Servos(servo::Reader),
@@ -64,8 +64,8 @@ impl Encoding {
 
 /// Opens a pseudo-terminal, and links `link` to it.
 fn plug_in(link: &PathBuf) -> io::Result<End> {
-    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that
-    // they are told.
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the stated
+    // length.
     let (master, path) = unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC);
         if master < 0 {
@@ -209,7 +209,7 @@ impl TerminalOffer {
     }
 }
 
-/// Adds what is to be written; false if there is no room for it.
+/// Appends output; `false` if there is no room for it.
 fn write(line: &mut Terminal, bytes: &[u8]) -> bool {
     let fits = bytes.len() <= line.room();
     if fits {
@@ -220,7 +220,7 @@ fn write(line: &mut Terminal, bytes: &[u8]) -> bool {
 
 impl Drop for TerminalOffer {
     fn drop(&mut self) {
-        // the link goes with the terminal, unless it is that of another one by now
+        // the link is removed with the terminal, unless it now belongs to another one
         let is_ours = self.end.as_ref().is_some_and(|end| {
             std::fs::read_link(&self.link).is_ok_and(|path| path.as_os_str() == end.line.path())
         });

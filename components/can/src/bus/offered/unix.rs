@@ -1,8 +1,8 @@
 //! A simulated bus over a unix socket, both ends of it.
 //!
-//! The socket has an abstract name with the number of the user, and both ends look whether the other one is
-//! that user: there is no file to be left behind. Programs on one bus share an interface, as they do on one
-//! of the kernel: each receives what the others send.
+//! The socket has an abstract name with the number of the user, and both ends check each other's user: no
+//! file is left behind. Programs on one bus share an interface, as on a kernel interface: each receives the
+//! others' frames.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -48,7 +48,7 @@ pub struct UnixOffer {
     unread: Box<[u8; RECORD * BATCH]>,
     /// Records of a message that are yet to be taken, from where to where, and the program that sent it.
     rest: (usize, usize),
-    /// Records that found no room, or nobody's.
+    /// Records lost for lack of room or of a receiver.
     lost: u64,
 }
 
@@ -88,7 +88,7 @@ impl UnixOffer {
         }
     }
 
-    /// Takes the next message of any program; false if there is none.
+    /// Receives the next message of any program; `false` if there is none.
     fn fill(&mut self) -> bool {
         let Self { programs, unread, rest, .. } = self;
         let mut index = 0;
@@ -99,7 +99,7 @@ impl UnixOffer {
                     *rest = (0, length / RECORD);
                     for other in programs.iter().enumerate().filter(|(other, _)| *other != index) {
                         let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
-                        // one that does not keep up misses what others send
+                        // a slow program misses frames of others
                         let _ = send(other.1, bytes, flags);
                     }
                     return true;
@@ -242,7 +242,7 @@ impl UnixBus {
         &self.name
     }
 
-    /// Its condition: as the simulated controller reports, and whether the program is there.
+    /// Its condition: as reported by the simulated controller, and whether the program is present.
     pub fn condition(&self) -> Condition {
         self.condition
     }
@@ -275,7 +275,7 @@ impl UnixBus {
         }
     }
 
-    /// Takes the next message; false if there is none.
+    /// Receives the next message; `false` if there is none.
     fn fill(&mut self) -> bool {
         match recv(&self.socket, &mut self.unread[..], RecvFlags::DONTWAIT) {
             Ok((length @ 1.., _)) => {
@@ -288,8 +288,7 @@ impl UnixBus {
         false
     }
 
-    /// The next frame or report on the bus, which no filter of a program leaves out; `None` if none has come
-    /// yet.
+    /// Returns the next frame or report on the bus, unaffected by filters; `None` if none has arrived yet.
     pub(crate) fn next(&mut self) -> Option<Traffic> {
         while self.condition != Condition::Gone {
             if self.rest.0 == self.rest.1 && !self.fill() {

@@ -40,7 +40,7 @@ impl Attached {
     /// the line.
     ///
     /// # Errors
-    /// There is no such line, the adapter does not know the bitrate, or the kernel has no such driver or
+    /// The line does not exist, the adapter does not support the bitrate, or the kernel has no such driver or
     /// refuses.
     pub fn open(path: &str, rate: u32) -> Result<Self, OpenError> {
         let refused = |error| OpenError::Refused(path.into(), error);

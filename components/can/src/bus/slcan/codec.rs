@@ -28,11 +28,11 @@ pub enum Line {
     Done,
     /// A command was refused.
     Refused,
-    /// A remote request, an answer to a question that is not asked here, or no line of the protocol.
+    /// A remote request, an answer to another request, or no line of the protocol.
     Other,
 }
 
-/// A frame as a line; how many bytes of `line` it has.
+/// Writes a frame as a line; returns the number of bytes of `line`.
 pub fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> usize {
     let (digits, id) = match frame.id {
         Id::Standard(id) => (3, u32::from(id)),
@@ -63,7 +63,7 @@ pub fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> usize {
     length
 }
 
-/// The lengths that the four bits of a length stand for.
+/// Lengths that the four bits of a length encode.
 const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
 fn code_of(length: usize) -> u32 {
@@ -105,7 +105,7 @@ impl Reader {
         self.end(byte).map(|line| line.map_or(Line::Other, read))
     }
 
-    /// The adapter's side: takes a byte; the request that it ends, if it ends one.
+    /// The adapter's side: processes a byte; returns the request that it completes, if any.
     pub fn push_request(&mut self, byte: u8) -> Option<Request> {
         self.end(byte).map(|line| line.map_or(Request::Other, request))
     }
@@ -189,7 +189,7 @@ pub enum Request {
     Bitrate(u32),
     /// To take this bitrate for the data of CAN FD frames.
     DataBitrate(u32),
-    /// To tell its version.
+    /// Request for its version.
     Version,
     /// Nothing: an empty line, with which a line that was begun is ended.
     Nothing,
@@ -218,7 +218,7 @@ fn request(line: &[u8]) -> Request {
     }
 }
 
-/// The adapter's side: a report as lines; how many bytes of `line` they have.
+/// The adapter's side: writes a report as lines; returns the number of bytes of `line`.
 pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
     let mut length = 0;
     let mut put = |bytes: &[u8]| {
@@ -268,7 +268,7 @@ fn state_report(state: u8, counters: &[u8]) -> Option<Report> {
     Some(Report { state: Some(state), counters: Some([counters[0]?, counters[1]?]), ..Report::default() })
 }
 
-/// `e1a`: so many causes, a letter each.
+/// `e1a`: the number of causes, then one letter each.
 fn error_report(causes: &[u8]) -> Option<Report> {
     let (count, causes) = causes.split_first()?;
     if usize::from(count.checked_sub(b'0')?) != causes.len() || causes.is_empty() {

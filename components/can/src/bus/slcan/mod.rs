@@ -46,7 +46,7 @@ pub struct SlcanBus {
 
 /// Frames of which the text goes to the line at once.
 const BATCH: usize = 32;
-/// Time within which an adapter refuses what it does not know.
+/// Time within which an adapter refuses an unknown request.
 const SETTLE: Duration = Duration::from_millis(50);
 
 /// The command that sets a bitrate; `None` for one that the protocol does not know.
@@ -85,7 +85,7 @@ fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
     Ok(file)
 }
 
-/// The lines that come within this time, until there are so many.
+/// Lines received within this time, up to a number.
 fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     let (until, mut reader, mut lines) = (Instant::now() + within, Reader::default(), Vec::new());
     let mut bytes = [0; 64];
@@ -100,11 +100,11 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
-/// The version that an adapter with slcan on a serial line tells; `None` if there is no such adapter, or it
-/// tells none.
+/// Returns the version of an slcan adapter on a serial line; `None` if there is no such adapter, or it
+/// reports no version.
 ///
 /// # Errors
-/// There is no such line, or it cannot be opened.
+/// The line does not exist, or cannot be opened.
 pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
     let mut file = terminal::open(path, libc::B1000000)?;
     file.write_all(b"\rV\r").map_err(|error| OpenError::Refused(path.into(), error))?;
@@ -116,7 +116,7 @@ pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
     }
-    // Frames of a bus on which there is traffic tell the adapter, too.
+    // Frames of a bus with traffic also identify the adapter.
     let lines = || text.split(|byte| matches!(byte, b'\r' | b'\n' | 0x07));
     let is_frame = |line: &&[u8]| {
         let mut reader = Reader::default();
@@ -133,7 +133,7 @@ impl SlcanBus {
     /// Opens the adapter on a serial line for a bus of these rates.
     ///
     /// # Errors
-    /// There is no such line, it cannot be opened, or the adapter does not know the bitrate.
+    /// The line does not exist, cannot be opened, or the adapter does not support the bitrate.
     pub fn open(path: &str, rates: Rates, is_fd: bool) -> Result<Self, OpenError> {
         Ok(Self {
             rates,
@@ -150,7 +150,7 @@ impl SlcanBus {
         self.line.path()
     }
 
-    /// Its condition: as the adapter reports, where it does, and whether it is there.
+    /// Its condition: as reported by the adapter, if at all, and whether it is present.
     pub fn condition(&self) -> Condition {
         self.line.condition
     }

@@ -14,10 +14,11 @@ use crate::frame::Frame;
 
 /// Frames of one system call.
 pub(super) const BATCH: usize = 32;
-/// Bytes of a classic frame on its way to the kernel; those of a CAN FD frame are 72.
+/// Bytes of a classic frame passed to the kernel; a CAN FD frame has 72.
 const CLASSIC: usize = size_of::<libc::can_frame>();
 
-/// Room for what comes with a frame: three times and a count, each behind a header, aligned as headers are.
+/// Buffer for the ancillary data of a frame: three times and a count, each behind a header, aligned as
+/// headers are.
 #[repr(C, align(8))]
 #[derive(Clone, Copy)]
 struct Control([u8; 128]);
@@ -28,9 +29,9 @@ pub(super) struct Arrival {
     pub(super) frame: canfd_frame,
     /// True for a CAN FD frame.
     pub(super) is_fd: bool,
-    /// Time at which the kernel received it, ns of the wall clock; 0 if it does not tell.
+    /// Time at which the kernel received it, ns of the wall clock; 0 if unknown.
     pub(super) wall_ns: u64,
-    /// Time at which the controller received it, ns of a clock of its own; 0 if it does not tell.
+    /// Time at which the controller received it, ns of the controller's clock; 0 if unknown.
     pub(super) hardware_ns: u64,
     /// Frames that the socket has had no room for so far.
     pub(super) overflows: Option<u32>,
@@ -57,7 +58,7 @@ impl Batch {
         }
     }
 
-    /// Points the headers at the buffers; `control` for those that receive.
+    /// Points the headers at the buffers, with `control` for receiving.
     fn point(&mut self, count: usize, length: impl Fn(usize) -> usize, control: bool) {
         for i in 0..count {
             self.vectors[i] =
@@ -74,7 +75,7 @@ impl Batch {
         }
     }
 
-    /// Hands up to [`BATCH`] frames over, in this order; how many were taken, none only with the reason.
+    /// Sends up to [`BATCH`] frames in this order and returns the number accepted; an error if none was.
     pub(super) fn send(&mut self, socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize> {
         let count = frames.len().min(BATCH);
         for (place, frame) in self.frames.iter_mut().zip(frames) {
@@ -90,7 +91,7 @@ impl Batch {
         usize::try_from(sent).map_err(|_| io::Error::last_os_error())
     }
 
-    /// Takes up to [`BATCH`] frames that are there; `WouldBlock` if none is.
+    /// Receives up to [`BATCH`] available frames; `WouldBlock` if there is none.
     pub(super) fn receive(&mut self, socket: BorrowedFd<'_>, most: usize) -> io::Result<usize> {
         let count = most.min(BATCH);
         self.point(count, |_| size_of::<canfd_frame>(), true);
@@ -118,8 +119,8 @@ impl Batch {
         let mut arrival =
             Arrival { frame: self.frames[index], is_fd, wall_ns: 0, hardware_ns: 0, overflows: None };
         let header = &self.headers[index].msg_hdr;
-        // SAFETY: the kernel has filled the room behind this header, and said in it how much of it; the
-        // macros stay within that. A part is read only as far as its own length says, and unaligned.
+        // SAFETY: the kernel has filled the buffer behind this header, and stored the used length in it; the
+        // macros stay within that. A part is read only up to its own length, and unaligned.
         unsafe {
             let mut part = libc::CMSG_FIRSTHDR(header);
             while let Some(found) = part.as_ref() {
@@ -152,7 +153,7 @@ pub(crate) struct Waiting {
 }
 
 impl Waiting {
-    /// A wait with room for so many sockets.
+    /// A wait for this many sockets.
     pub(crate) fn with_capacity(sockets: usize) -> Self {
         Self { sockets: Vec::with_capacity(sockets) }
     }
@@ -168,8 +169,8 @@ impl Waiting {
             tv_sec: (timeout_ns / 1_000_000_000) as _,
             tv_nsec: (timeout_ns % 1_000_000_000) as _,
         };
-        // SAFETY: the descriptors, as many as are said, and the time live throughout the call. An error means
-        // a signal: the caller looks at the clock anyway.
+        // SAFETY: the given number of descriptors and the time live throughout the call. An error means a
+        // signal: the caller checks the clock anyway.
         unsafe {
             libc::ppoll(
                 self.sockets.as_mut_ptr(),
@@ -185,7 +186,7 @@ impl Waiting {
 pub(super) fn take_error(socket: BorrowedFd<'_>) {
     let mut error = MaybeUninit::<c_int>::zeroed();
     let mut length = size_of::<c_int>() as libc::socklen_t;
-    // SAFETY: the place has the length that is said, and lives throughout the call.
+    // SAFETY: the buffer has the given length, and lives throughout the call.
     unsafe {
         libc::getsockopt(
             socket.as_raw_fd(),
@@ -199,7 +200,7 @@ pub(super) fn take_error(socket: BorrowedFd<'_>) {
 
 /// Sends one frame as it is, a classic one.
 pub(super) fn send_raw(socket: BorrowedFd<'_>, frame: &canfd_frame) -> io::Result<()> {
-    // SAFETY: a CAN FD frame begins like a classic one, of whose length so many bytes are read.
+    // SAFETY: a CAN FD frame begins like a classic one, of which only its length is read.
     let sent = unsafe { libc::write(socket.as_raw_fd(), core::ptr::from_ref(frame).cast(), CLASSIC) };
     if sent < 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
 }

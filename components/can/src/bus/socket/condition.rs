@@ -1,17 +1,16 @@
-//! The condition of a bus of the computer, and counts of what has happened on it.
+//! The condition of a bus of the computer, and counts of its events.
 
 use crate::bus::report::{ErrorState, Report};
 
 /// The condition of a bus, the best first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Condition {
-    /// It sends and receives.
+    /// Sends and receives.
     #[default]
     Active,
-    /// It sends and receives; its controller has counted many errors.
+    /// Sends and receives; its controller has counted many errors.
     Warning,
-    /// It sends and receives; its controller has counted so many errors that it reports none of them to
-    /// others.
+    /// Sends and receives; its controller has counted so many errors that it no longer signals them.
     Passive,
     /// Its controller has left the bus.
     Off,
@@ -51,12 +50,12 @@ impl From<ErrorState> for Condition {
     }
 }
 
-/// Counts of what has happened on a bus of the kernel since it was opened.
+/// Counts of events on a kernel bus since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SocketCounts {
     /// Reports of the controller.
     pub reports: u64,
-    /// Frames that nobody acknowledged.
+    /// Frames without an acknowledgement.
     pub unacknowledged: u64,
     /// Frames that were disturbed, of any node.
     pub disturbed: u64,
@@ -66,10 +65,9 @@ pub struct SocketCounts {
     pub queue_full: u64,
     /// Times that the interface went down or away.
     pub down: u64,
-    /// Frames that were received and lost for want of room: in the socket, or in the controller as it
-    /// reports.
+    /// Received frames lost for lack of room: in the socket, or in the controller as it reports.
     pub overflows: u64,
-    /// Remote requests, and what is no frame.
+    /// Remote requests and malformed frames.
     pub other: u64,
 }
 

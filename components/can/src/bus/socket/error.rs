@@ -5,31 +5,31 @@ use std::io;
 /// An interface that cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// The kernel knows no sockets of CAN.
+    /// The kernel does not support CAN sockets.
     #[error("this kernel has no CAN sockets: {0}")]
     NoCan(io::Error),
     /// There is no such interface.
     #[error("there is no CAN interface `{name}`: {}", there_is(.found))]
     Missing {
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// Those that there are.
         found: Vec<String>,
     },
-    /// It is down.
+    /// The interface is down.
     #[error("the CAN interface `{0}` is down")]
     Down(String),
-    /// It takes no CAN FD frames.
+    /// The interface does not support CAN FD frames.
     #[error("the CAN interface `{0}` takes classic frames only, and the bus has a data bitrate")]
     Classic(String),
-    /// It has another bitrate than the bus is said to have.
+    /// The bitrate differs from the table's.
     #[error("the CAN interface `{name}` has {found} bit/s, the bus {expected} bit/s")]
     Bitrate {
         /// Its name.
         name: String,
         /// Its bitrate.
         found: u32,
-        /// That of the bus.
+        /// Rate of the bus.
         expected: u32,
     },
     /// There is no such serial line.
@@ -41,20 +41,20 @@ pub enum OpenError {
     /// No program offers a simulated bus by this name.
     #[error("no program offers the simulated bus `unix:{0}`")]
     NotOffered(String),
-    /// An adapter on a serial line knows no such bitrate.
+    /// An adapter on a serial line does not support the bitrate.
     #[error("the adapter on `{name}` knows no {rate} bit/s")]
     NoBitrate {
         /// The serial line.
         name: String,
-        /// The bitrate asked for.
+        /// The requested bitrate.
         rate: u32,
     },
-    /// A serial line knows no such speed.
+    /// A serial line does not support the speed.
     #[error("the serial line `{name}` knows no speed of {speed} bit/s")]
     NoSpeed {
         /// The serial line.
         name: String,
-        /// The speed asked for.
+        /// The requested speed.
         speed: u32,
     },
     /// The kernel, or the adapter on a serial line, refused.

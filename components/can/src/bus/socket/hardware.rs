@@ -2,9 +2,8 @@
 
 /// The distance between two clocks, learnt from frames that both have stamped.
 ///
-/// The kernel stamps a frame later than the controller, by the time that the frame takes to it. The smallest
-/// distance seen is nearest to the truth; it is let go by the most that two clocks drift apart, so that it
-/// follows them.
+/// The kernel stamps a frame later than the controller, by its transfer time. The smallest difference seen is
+/// the best estimate; it is relaxed by the largest drift of two clocks, so that it follows them.
 ///
 /// ```
 /// use motorium_can::bus::socket::HardwareClock;
@@ -17,12 +16,12 @@
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HardwareClock {
-    /// Time of the computer less that of the controller, ns, and the time of the computer at which it was
-    /// true.
+    /// Time of the computer minus the time of the controller, ns, and the time of the computer at which it
+    /// was measured.
     distance: Option<(i64, u64)>,
 }
 
-/// The most that the two clocks drift apart, parts per million.
+/// Largest drift between the two clocks, parts per million.
 const DRIFT: u64 = 200;
 /// A distance that is this much off belongs to a controller that was started again, ns.
 const JUMP: i64 = 1_000_000_000;

@@ -17,19 +17,19 @@ pub struct Interface {
     pub kind: Option<String>,
     /// True if it is up.
     pub is_up: bool,
-    /// True if it takes CAN FD frames.
+    /// Returns `true` if it supports CAN FD frames.
     pub is_fd: bool,
     /// Frames that wait to be sent at most.
     pub queue: u32,
-    /// Bits per second of the arbitration; `None` for a virtual bus, and while none is set.
+    /// Bits per second of the arbitration; `None` for a virtual bus, and if not set.
     pub bitrate: Option<u32>,
     /// Bits per second of the data of CAN FD frames.
     pub data_bitrate: Option<u32>,
     /// State of its controller, where there is one.
     pub state: Option<ErrorState>,
-    /// Time after which a controller that has left the bus comes back by itself, ms; 0 for never.
+    /// Time after which a bus-off controller restarts automatically, ms; 0 for never.
     pub restart_ms: Option<u32>,
-    /// Errors counted as sender and as receiver, where the driver tells.
+    /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u16; 2]>,
 }
 
@@ -51,7 +51,7 @@ impl Interface {
         }
     }
 
-    /// The interface of this name; `None` if there is none.
+    /// Returns the interface of this name, if it exists.
     ///
     /// # Errors
     /// The kernel refused to list them.
@@ -175,7 +175,7 @@ fn link(body: &[u8]) -> Option<Interface> {
     Some(interface)
 }
 
-/// State of the controller, as its driver tells it.
+/// State of the controller, as reported by its driver.
 fn controller(data: &[u8], interface: &mut Interface) {
     let bitrate = |value| u32_at(value, 0).filter(|rate| *rate > 0);
     for (kind, value) in attributes(data) {
@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn the_kernel_lists_its_interfaces() {
-        // how many there are is the machine's affair
+        // the number depends on the machine
         for interface in Interface::all().unwrap() {
             assert!(!interface.name.is_empty());
         }

@@ -1,8 +1,8 @@
 //! Buses of the kernel: SocketCAN.
 //!
 //! A [`SocketBus`] sends and receives whole batches by one system call each, without waiting and without
-//! allocation. Frames come with the time at which the controller received them, where it tells, or else the
-//! kernel. What the controller reports about itself becomes the bus's [`Condition`] and is counted.
+//! allocation. Frames carry the receive time of the controller, if it reports one, or else of the kernel.
+//! Reports of the controller about itself are counted and determine the bus's [`Condition`].
 
 mod batch;
 mod condition;
@@ -61,7 +61,7 @@ impl SocketBus {
     /// Opens an interface that is up.
     ///
     /// # Errors
-    /// There is none of that name, it is down, or the kernel refuses.
+    /// The interface does not exist, is down, or the kernel refuses.
     pub fn open(name: &str) -> Result<Self, OpenError> {
         let interface = look_up(name)?;
         let socket = CanFdSocket::open(name).map_err(|error| match error.raw_os_error() {
@@ -85,11 +85,10 @@ impl SocketBus {
         Ok(bus)
     }
 
-    /// Opens an interface for a bus of these rates, and makes sure that it has them, as far as the kernel
-    /// tells.
+    /// Opens an interface for a bus of these rates, and checks them as far as the kernel reports them.
     ///
     /// # Errors
-    /// It cannot be opened, or has other rates.
+    /// The interface cannot be opened, or has other rates.
     pub fn open_with(name: &str, rates: &crate::Rates, is_fd: bool) -> Result<Self, OpenError> {
         let interface = look_up(name)?;
         if is_fd && !interface.is_fd {

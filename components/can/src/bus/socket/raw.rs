@@ -7,7 +7,7 @@ use crate::frame::{Form, Frame, Id};
 
 /// The data of a CAN FD frame went at the higher rate.
 const FAST: u8 = libc::CANFD_BRS as u8;
-/// It is a CAN FD frame, for sockets that know both.
+/// A CAN FD frame, for sockets that support both forms.
 const IS_FD: u8 = 0x04;
 
 /// A frame for the kernel.
@@ -55,11 +55,11 @@ pub(super) enum Delivered {
     Data(Frame),
     /// A report of the controller.
     Report(Report),
-    /// A remote request, or what no frame can be.
+    /// A remote request, or a malformed frame.
     Other,
 }
 
-/// Reads what the kernel delivers.
+/// Decodes a frame from the kernel.
 pub(super) fn of_kernel(raw: &canfd_frame, is_fd: bool) -> Delivered {
     if raw.can_id & CAN_ERR_FLAG != 0 {
         let mut data = [0; 8];

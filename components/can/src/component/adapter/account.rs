@@ -27,7 +27,7 @@ pub(super) struct BusAccount {
     pub(super) condition: Condition,
     /// The worst condition of the run.
     pub(super) worst: Condition,
-    /// Counts of what has happened on it.
+    /// Counts of its events.
     pub(super) events: SocketCounts,
 }
 
@@ -122,7 +122,7 @@ impl BusAccount {
         self.opened_ns = now_ns;
     }
 
-    /// The likely cause of what has gone wrong on it, and the next step; `None` if nothing has.
+    /// The likely cause of a problem on it, and the next step; `None` without a problem.
     pub(super) fn diagnosis(&self) -> Option<String> {
         let (condition, counts) = (self.condition, &self.events);
         let name = &self.name;

@@ -31,25 +31,25 @@ motorium::state_buffer! {
         pub age: [u32; 64],
         /// Flags of each drive: the constants of this type.
         pub flags: [u32; 64],
-        /// Temperature of each drive, degrees Celsius; 0 if it does not tell.
+        /// Temperature of each drive, degrees Celsius; 0 if not reported.
         pub temperature: [f64; 64],
     }
 }
 
 impl JointHealth {
-    /// It follows commands.
+    /// Follows commands.
     pub const ENABLED: u32 = 1;
-    /// It did not answer in this cycle.
+    /// No answer in this cycle.
     pub const MISSING: u32 = 2;
-    /// It did not answer for three cycles.
+    /// No answer for three cycles.
     pub const LOST: u32 = 4;
-    /// It reported a fault.
+    /// Reported a fault.
     pub const FAULT: u32 = 8;
     /// Its settings are still being read.
     pub const CHECKING: u32 = 16;
     /// Its joint is being homed.
     pub const HOMING: u32 = 32;
-    /// Its position is not that of the joint: it has to be homed first.
+    /// Its position is not the joint's yet: it must be homed first.
     pub const NOT_HOMED: u32 = 64;
 }
 
@@ -60,7 +60,7 @@ pub enum WhenTripped {
     /// They brake softly, with the velocity gain of the safe states.
     #[default]
     Damp,
-    /// They let go.
+    /// They are disabled.
     Disable,
 }
 
@@ -83,41 +83,41 @@ pub struct CanAdapterConfig {
     /// The drives, where no file has them.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table
-    /// serves on simulated buses and on real ones. Default none.
+    /// Interfaces of buses by name, replacing the drive table's, so that one table serves simulated and real
+    /// buses. Default none.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
     /// Reaction of the other drives when one is lost or reports a fault, until `motorium resume`: "damp" or
     /// "disable". Default "damp".
     #[serde(default)]
     pub when_tripped: WhenTripped,
-    /// True: drives whose watchdog is off are enabled, too. They go on by themselves when nobody commands
-    /// them any more. Default false.
+    /// True: drives without a watchdog are enabled, too. They continue when nobody commands them any more.
+    /// Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
-    /// True: no drive is enabled, and the joints are moved by hand and measured, as those of a leader arm.
-    /// The adapter is no actuator then: it has no input `joint_command`, and no safe state. Drives with a
-    /// `homing` are refused, as it needs torque. Default false.
+    /// True: no drive is enabled, and the joints are moved by hand and measured, as on a leader arm. The
+    /// adapter is then no actuator: it has no input `joint_command` and no safe state. Drives with a
+    /// `homing`, which needs torque, are refused. Default false.
     #[serde(default)]
     pub observe: bool,
     /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading
     /// farther out refuses all drives: a drive a turn away would be driven into its stop. At least 0. Default
     /// 0.05 of a joint that turns, 0.005 of one that slides.
     pub enable_margin: Option<f64>,
-    /// True: drives stay enabled at the end of a run, until their watchdogs let go. By default they are let
-    /// go after `settle`, in the last act of an orderly end, and a joint without a holding brake sinks from
-    /// there. Default false.
+    /// True: drives stay enabled at the end of a run, until their watchdogs act. By default they are disabled
+    /// after `settle`, as the last step of an orderly end, and a joint without a holding brake then sinks.
+    /// Default false.
     #[serde(default)]
     pub leave_enabled: bool,
     /// Longest time for which a step waits for the answers of drives on real buses. Default half a period.
     /// With `command_within` answers have until the next step, and are waited for only on serial lines.
     pub answer_within: Option<TimeSpan>,
-    /// Longest time for which a step waits for the command that is made of the state it has just published,
-    /// so that its frames go out at once. In lockstep no step waits. Default none: the command is sent in the
-    /// next cycle.
+    /// Longest wait of a step for the command computed from the state it has just published, so that its
+    /// frames are sent at once. In lockstep no step waits. Default none: the command is sent in the next
+    /// cycle.
     pub command_within: Option<TimeSpan>,
-    /// Acceleration of free fall in the world (m/s2), from which the safe states compute what holds the
-    /// robot. Default: that of the graph's `[world]`, or 9.81 downwards.
+    /// Acceleration of free fall in the world (m/s2), used by the safe states to hold the robot. Default:
+    /// from the graph's `[world]`, or 9.81 downwards.
     #[serde(default = "gravity")]
     pub gravity: [f64; 3],
 }
@@ -130,10 +130,11 @@ impl CanAdapterConfig {
         table.is_real().then(|| order.answers_have(cycle))
     }
 
-    /// The drive table: that of the file, which is relative to `folder`, or of the configuration itself.
+    /// Returns the drive table, from the file, which is relative to `folder`, or from the configuration
+    /// itself.
     ///
     /// # Errors
-    /// It cannot be read, or a value in it cannot be.
+    /// The table or one of its values cannot be read.
     pub fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
         self.source().table(folder)
     }
@@ -152,7 +153,7 @@ fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Refuses what an adapter that only listens cannot do.
+/// Refuses settings that an adapter with `observe` does not support.
 pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> Result<(), ConfigError> {
     if !config.observe {
         return Ok(());
@@ -217,7 +218,7 @@ pub(super) fn check_watchdogs(
     Ok(())
 }
 
-/// Refuses homings that fail at the stop, or may meet it too hard, and warns of those that may not succeed.
+/// Refuses homings that fail at the stop or may hit it too hard, and warns of those that may fail.
 pub(super) fn check_homing_loads(
     config: &CanAdapterConfig,
     equipped: &Equipped,
@@ -233,7 +234,7 @@ pub(super) fn check_homing_loads(
     Ok(())
 }
 
-/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may come too late for
+/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may be too late for
 /// this order of a step.
 pub(super) fn check_budget(
     bus: &str,

@@ -1,5 +1,4 @@
-//! The ways in which the adapter exchanges frames with its drives: topics for simulated buses, sockets for
-//! real ones.
+//! Exchange of frames between the adapter and its drives: topics for simulated buses, sockets for real ones.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -14,16 +13,16 @@ use crate::bus::{Bus, Received};
 use crate::component::{interfaces, wire};
 use crate::{Frame, RealBus, Table};
 
-/// Longest time for which drives are asked to let go at the end, ns: an ODrive says so in its next heartbeat.
+/// Longest time for disabling drives at the end, ns: an ODrive confirms it in its next heartbeat.
 const RELEASE_NS: u64 = 300_000_000;
 /// Time that each round of orders has for its answers, ns.
 const RELEASE_EVERY_NS: u64 = 5_000_000;
 /// Rounds after the first one.
 const RELEASES: u32 = 2;
 
-/// The way in which frames are exchanged.
+/// The exchange of frames.
 pub(super) enum Exchange {
-    /// The buses are simulated: frames go through topics, and answers come in a later step.
+    /// Simulated buses: frames pass through topics, and answers arrive in a later step.
     Topics(Box<Topics>),
     /// The buses are real: answers are waited for within the step.
     Sockets(Sockets),
@@ -38,7 +37,7 @@ impl Exchange {
         }
     }
 
-    /// Sends the batch of this cycle. What is not taken is not sent: the next cycle has newer commands.
+    /// Sends the batch of this cycle. Rejected frames are discarded: the next cycle has newer commands.
     pub(super) fn send(
         &mut self,
         tick: &Tick,
@@ -81,7 +80,7 @@ impl Topics {
                 let Some(bus) = buses.get_mut(frame.bus as usize) else { continue };
                 if let Some(news) = wire::news_of(frame) {
                     bus.apply(&news);
-                    // who cannot send cannot command: the drives let go by their watchdogs
+                    // without sending there are no commands: the watchdogs disable the drives
                     if !bus.condition.can_send() {
                         adapter.trip();
                     }
@@ -142,7 +141,7 @@ impl Sockets {
         Ok(Self { buses, inbox: vec![Received::default(); BATCH], waiting, clock, answer_within_ns })
     }
 
-    /// Adapts what the adapter expects to buses without bit times.
+    /// Adapts the expectations of the adapter to buses without bit times.
     pub(super) fn prepare(&self, adapter: &mut Adapter) {
         for (index, _) in self.buses.iter().enumerate().filter(|(_, bus)| bus.is_virtual()) {
             adapter.without_bit_times(index);
@@ -165,7 +164,7 @@ impl Sockets {
                 }
             }
             account.follow(bus);
-            // who cannot send cannot command: the drives let go by their watchdogs
+            // without sending there are no commands: the watchdogs disable the drives
             if !bus.condition().can_send() {
                 adapter.trip();
             }
@@ -183,8 +182,8 @@ impl Sockets {
         }
     }
 
-    /// Sends drives that are to let go their orders until each has answered that it is off, for at most
-    /// [`RELEASE_NS`]; whether all have.
+    /// Sends the order to disable until each drive has answered that it is off, for at most [`RELEASE_NS`];
+    /// returns whether all have.
     pub(super) fn release(
         &mut self,
         adapter: &mut Adapter,
@@ -192,7 +191,7 @@ impl Sockets {
         frames: &mut Vec<Frame>,
     ) -> bool {
         let until_ns = self.clock.now_ns() + RELEASE_NS;
-        // an answer to a frame from before says nothing: the orders are sent again after it
+        // an answer to an earlier frame is ignored: the orders are sent again after it
         for round in 0.. {
             self.send(adapter, accounts, frames);
             self.receive_for(adapter, accounts, RELEASE_EVERY_NS, |_| false);
@@ -204,7 +203,7 @@ impl Sockets {
         adapter.is_released()
     }
 
-    /// Receives until all that were asked have answered, or the time for it is over.
+    /// Receives until all queried drives have answered or the time is over.
     fn await_answers(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
         if let Some(within_ns) = self.answer_within_ns {
             self.receive_for(adapter, accounts, within_ns, Adapter::has_all_answers);

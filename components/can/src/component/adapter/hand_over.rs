@@ -1,4 +1,4 @@
-//! The time from the publication of a command to its frames on their way.
+//! The time from the publication of a command until its frames are sent.
 
 use motorium::state::Stamp;
 use motorium::telemetry::Histogram;
@@ -15,7 +15,7 @@ pub(super) struct HandOver {
 }
 
 impl HandOver {
-    /// The command that this cycle follows; `None` if it follows none.
+    /// The command that this cycle follows; `None` if there is none.
     pub(super) fn take(&mut self, stamp: Option<Stamp>) {
         self.published_ns = None;
         let Some(stamp) = stamp else { return };
@@ -60,7 +60,7 @@ mod tests {
     fn each_command_counts_once_until_its_first_frames() {
         let mut hand_over = HandOver::default();
         assert_eq!(hand_over.result(), None);
-        // the second is sent again in the cycle after, and the last cycle follows none
+        // the second is repeated in the next cycle, and the last cycle has none
         let cycles = [
             (command(1, 1_000), 3_000),
             (command(2, 10_000), 17_000),

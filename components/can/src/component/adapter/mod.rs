@@ -46,10 +46,10 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
-    /// Joints are being homed, or not known again yet: the gate begins anew when all are.
+    /// Some joints are being homed or have no known position; the gate restarts once all are known.
     awaits_homing: bool,
     leaves_enabled: bool,
-    /// Each drive has answered that it is off at the end; `None` if none was let go.
+    /// Each drive has answered at the end that it is off; `None` if none was disabled.
     is_released: Option<bool>,
 }
 
@@ -62,8 +62,8 @@ struct Weight {
 }
 
 impl Weight {
-    /// Those of each joint at these positions. None with a floating base: its drives do not tell how it lies,
-    /// nor on what it stands.
+    /// Gravity efforts of each joint at these positions; zero with a floating base, whose drives report
+    /// neither its orientation nor its contacts.
     fn efforts(&mut self, position: &[f64], effort: &mut [f64]) {
         let Self { model, dynamics, gravity } = self;
         match model.base().floating {
@@ -200,7 +200,7 @@ impl Component for CanAdapter {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Self { exchange, adapter, buses, .. } = self;
-        // with answers within the step these are late ones, and else those to the last step's batch
+        // with answers within the step these are late; otherwise they answer the last step's batch
         exchange.collect(adapter, buses);
         if !self.order.answers_within_step() {
             let waits = self.order.command_within;
@@ -244,8 +244,8 @@ impl Component for CanAdapter {
 }
 
 impl CanAdapter {
-    /// Ends the cycle of commands and answers, and publishes the state of the joints if it is known; whether
-    /// it is.
+    /// Ends the cycle of commands and answers, publishes the state of the joints if it is known, and returns
+    /// whether it is.
     fn end_cycle(&mut self, tick: &Tick) -> Result<bool, StepError> {
         // drives that are simulated end with the run, in the middle of a cycle too
         self.adapter.end_cycle(!tick.settling && !self.clock.is_settling());
@@ -283,7 +283,7 @@ impl CanAdapter {
             return;
         }
         if core::mem::take(&mut self.awaits_homing) {
-            // its safe state was that of positions that were not those of the joints
+            // its safe state was computed from positions that were not the joints'
             if let Some((_, gate)) = &mut self.drive {
                 gate.relocate();
             }
@@ -311,9 +311,9 @@ impl CanAdapter {
         apply(&mut self.adapter, gate);
     }
 
-    /// A step in which joints have yet to be homed, or some are held and others not known: no command is
-    /// judged. Joints under way let go while the run is stopped, and those that are held take the safe state
-    /// of the graph until it goes on.
+    /// A step in which some joints are not homed yet, or some are held and others unknown: no command is
+    /// checked. While the run is stopped, moving joints are disabled, and held joints enter the graph's safe
+    /// state.
     fn await_homing(&mut self, settling: bool) {
         let is_let_go = |link: &Link| link.is_homed() && link.phase() != Phase::Enabled;
         if self.adapter.links().iter().all(is_let_go) {

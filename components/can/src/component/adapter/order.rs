@@ -11,12 +11,12 @@ use crate::Table;
 ///
 /// | buses | `command_within` | a step |
 /// |---|---|---|
-/// | simulated over topics | with or without | reads the answers to the batch before, publishes, waits for the command, sends |
+/// | over topics | both | reads previous answers, publishes, waits for a command, sends |
 /// | real | without | sends the newest command, waits for the answers, publishes |
-/// | real | with | reads the answers to the batch before, publishes, waits for the command, sends |
+/// | real | with | reads previous answers, publishes, waits for a command, sends |
 ///
-/// Between a state that is measured and the command made of it that takes effect lies a cycle each time. What
-/// differs is the place of the pause in it: before the command is sent, or before the state is published.
+/// One cycle always passes between a measured state and the effect of the command computed from it. The
+/// orders differ in the position of the pause: before the command is sent, or before the state is published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct StepOrder {
     /// Longest time for which a step waits for answers after it has sent its batch; `None` if it does not.
@@ -28,8 +28,8 @@ pub(super) struct StepOrder {
 }
 
 impl StepOrder {
-    /// That of a configuration, for the buses of a table that are real ones or not; without a period times
-    /// are taken as they are.
+    /// Returns the order of a configuration, for real or simulated buses. Without a period, times are used
+    /// unchecked.
     pub(super) fn from_config(
         config: &CanAdapterConfig,
         table: &Table,
@@ -38,7 +38,7 @@ impl StepOrder {
     ) -> Result<Self, ConfigError> {
         let (answer, command) =
             (config.answer_within.map(Duration::from), config.command_within.map(Duration::from));
-        // a line that does not tell when a frame came has to be read when it comes
+        // a line without receive times must be read when a frame arrives
         let waits_for_answers = is_real && (command.is_none() || !table.tells_times());
         if answer.is_some() && !waits_for_answers {
             let (message, advice) = match is_real {
@@ -108,7 +108,7 @@ impl StepOrder {
         match self.answer_within {
             Some(within) => within,
             None if self.is_real => cycle.saturating_sub(self.command_within.unwrap_or_default()),
-            // in simulated time a step takes none
+            // in simulated time a step has no duration
             None => cycle,
         }
     }

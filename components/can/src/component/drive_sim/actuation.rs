@@ -1,5 +1,5 @@
-//! The inner loops of the drives, and what lies between the torque of a simulated drive and the effort on its
-//! joint.
+//! The inner loops of the drives, and the stages between the torque of a simulated drive and the effort on
+//! its joint.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ const BRAKE: f64 = 1e5;
 pub(super) struct Actuation {
     actuator: Actuator,
     delay: Delay<f64>,
-    /// The command at the motor of the step before, whose load physics tells now.
+    /// Command at the motor in the previous step, whose load physics reports now.
     command: Option<DriveCommand>,
 }
 
@@ -60,8 +60,8 @@ impl Actuation {
         Ok(Self { actuator, delay: Delay::new(settings.delay, 0.0), command: None })
     }
 
-    /// The motor after a step of `h` \[s\], of which physics tells where the joint is and which `effort`
-    /// acted on it.
+    /// Returns the motor after a step of `h` \[s\], given the joint's position and the `effort` on it from
+    /// physics.
     pub(super) fn motor(&mut self, joint: Motor, effort: f64, h: f64) -> Motor {
         self.actuator.begin(joint);
         if let Some(command) = self.command.take() {
@@ -70,7 +70,7 @@ impl Actuation {
         self.actuator.motor().unwrap_or(joint)
     }
 
-    /// The effort on the joint in the next step of `h` \[s\], in which the drive asks for `wanted`; a closed
+    /// Effort on the joint in the next step of `h` \[s\], in which the drive requests `wanted`; a closed
     /// brake damps the motor.
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);

@@ -1,17 +1,17 @@
-//! One simulated bus: its nodes, and the interface of the adapter on it.
+//! One simulated bus: its nodes, and the adapter's interface to it.
 
 use super::Axis;
 use crate::component::adapter::BATCH;
 use crate::{Condition, Frame, SimulatedBus, Table};
 
-/// One bus: node 0 is the adapter, those from 1 on are drives, then comes one that babbles, and one like a
+/// One bus: node 0 is the adapter, nodes from 1 on are drives, followed by a babbling node and a twin of a
 /// drive.
 pub(super) struct Channel {
     pub(super) bus: SimulatedBus,
     pub(super) babbler: usize,
     pub(super) twin: usize,
     pub(super) babbled_ns: u64,
-    /// Condition of the adapter's interface, as it was told last.
+    /// Last reported condition of the adapter's interface.
     pub(super) condition: Condition,
     pub(super) is_down: bool,
     pub(super) was_off: bool,
@@ -35,7 +35,7 @@ impl Channel {
         self.unsent = self.unsent.saturating_add(u8::from(!fits));
     }
 
-    /// Plugs a node in or out; one that comes back begins anew.
+    /// Plugs a node in or out; a returning node restarts.
     pub(super) fn connect(&mut self, node: usize, is_connected: bool) {
         match (self.connected[node], is_connected) {
             (true, false) => self.bus.switch_off(node),

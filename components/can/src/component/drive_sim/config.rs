@@ -32,8 +32,8 @@ pub struct DriveSimulationConfig {
     /// The drives, where no file has them.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table
-    /// serves on simulated buses and on real ones. Default none.
+    /// Interfaces of buses by name, replacing the drive table's, so that one table serves simulated and real
+    /// buses. Default none.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
     /// Time from the last bit of a command to the answer's place in the queue of the drive. Default 50 us.
@@ -49,12 +49,12 @@ pub struct DriveSimulationConfig {
     /// True: each joint has a holding brake that is open while its drive is enabled. Default true.
     #[serde(default = "yes")]
     pub brakes: bool,
-    /// What lies between the drives and the joints: lag, limits, elasticity. Default: nothing.
+    /// Stages between the drives and the joints: lag, limits, elasticity. Default: none.
     pub actuator: Option<ActuatorTable<TimeSpan>>,
     /// The same for single joints by their names, in place of `actuator`.
     #[serde(default)]
     pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
-    /// Drives that are set otherwise than the table says.
+    /// Drives with settings that differ from the table.
     #[serde(default)]
     pub set: Vec<SettingConfig>,
     /// Faults, each at its time.
@@ -62,7 +62,7 @@ pub struct DriveSimulationConfig {
     pub faults: Vec<FaultConfig>,
 }
 
-/// Settings of a drive that are not those of the table.
+/// Settings of a drive that differ from the table.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SettingConfig {

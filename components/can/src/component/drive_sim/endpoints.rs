@@ -19,7 +19,7 @@ pub(super) enum Endpoints {
     Offers(Offers),
 }
 
-/// Topics that lead to simulated buses.
+/// Topics of simulated buses.
 pub(super) struct Topics {
     sent: SliceInput<CanFrame>,
     received: SliceOutput<CanFrame>,
@@ -64,8 +64,8 @@ impl Endpoints {
             Self::Offers(all) => {
                 all.start_ns = start_ns;
                 for (offer, channel) in all.offers.iter_mut().zip(buses) {
-                    // a socket hands on all that comes, and the interface drops what it has no room for; a
-                    // terminal keeps it, as the line of an adapter does
+                    // a socket forwards everything, and the interface drops frames beyond its capacity; a
+                    // terminal keeps them, like the line of an adapter
                     let room = match offer {
                         Offer::Socket(_) => BATCH,
                         Offer::Terminal(_) => channel.room().min(BATCH),
@@ -101,13 +101,13 @@ impl Endpoints {
     pub(super) fn set_link_down(&mut self, bus: usize, is_down: bool, now_ns: u64) {
         match self {
             Self::Topics(topics) if is_down => topics.push(wire::down(bus, now_ns)),
-            // the report of the controller says that it is up again
+            // the report of the controller announces that it is up again
             Self::Topics(_) => {}
             Self::Offers(Offers { offers, .. }) => offers[bus].set_link_down(is_down),
         }
     }
 
-    /// Hands over what is to be received; frames for which there was no room.
+    /// Delivers received frames; returns the number for which there was no room.
     pub(super) fn publish(&mut self) -> Result<u64, StepError> {
         match self {
             Self::Topics(topics) => topics.publish(),
@@ -117,7 +117,7 @@ impl Endpoints {
 }
 
 impl Topics {
-    /// Adds to what the adapter receives; what its batch has no room for is lost, as with a full buffer.
+    /// Appends to the adapter's received frames; frames beyond its batch are lost, as with a full buffer.
     fn push(&mut self, frame: CanFrame) {
         if self.answers.len() < BATCH {
             self.answers.push(frame);

@@ -19,7 +19,7 @@ impl DriveNode {
     }
 }
 
-/// The injector of delays, losses and faults into the frames on their way from a drive to its bus.
+/// The injector of delays, losses and faults between a drive and its bus.
 pub(super) struct FaultInjector<'a> {
     pub(super) faults: &'a [Fault],
     pub(super) config: &'a DriveSimulationConfig,
@@ -71,14 +71,14 @@ impl FaultInjector<'_> {
 /// The node that sends an answer.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Sender {
-    /// That of a drive.
+    /// A drive of the table.
     Drive(usize),
     /// Another drive with the same number.
     Twin,
 }
 
 impl Sender {
-    /// The node that it is, where `twin` is that of the other drive.
+    /// Node number of the drive; `twin` is the other drive's.
     pub(super) fn node(self, twin: usize) -> usize {
         match self {
             Self::Drive(node) => node,
@@ -87,7 +87,7 @@ impl Sender {
     }
 }
 
-/// The answer of another drive with the same number, whose shaft stands elsewhere.
+/// The answer of another drive with the same number, from a different shaft position.
 fn elsewhere(mut answer: Frame) -> Frame {
     if let Some(position) = answer.data_mut().get_mut(1) {
         *position ^= 0x20;

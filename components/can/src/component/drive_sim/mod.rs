@@ -35,9 +35,9 @@ const BABBLE_NS: u64 = 50_000;
 
 /// A component that simulates the buses and drives of a robot.
 ///
-/// In each step it moves the buses on to the present, lets each drive receive frames and answer, runs the
-/// inner loops on the joint state that physics has just published, and publishes the efforts. Drives on an
-/// interface of the computer receive what it receives, and answer on it.
+/// Each step advances the buses to the present, lets each drive receive frames and answer, runs the inner
+/// loops on the latest joint state from physics, and publishes the efforts. Drives on an interface of the
+/// computer receive its frames, and answer on it.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
     lines: Lines,
@@ -69,14 +69,14 @@ struct Axis {
     node: usize,
     /// Its index in the table.
     entry: usize,
-    /// It had no power in the step before.
+    /// It had no power in the previous step.
     was_off: bool,
     /// Its controller has left the bus, or its cable is unplugged.
     is_cut_off: bool,
 }
 
 impl Axis {
-    /// True if it receives what goes over the bus.
+    /// Returns `true` if it receives the frames of the bus.
     fn is_on_bus(&self) -> bool {
         !self.was_off && !self.is_cut_off
     }
@@ -224,8 +224,8 @@ struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    /// All drives of a bus receive a frame; those that it is for answer: the node, its answer, and when that
-    /// is ready.
+    /// All drives of a bus receive a frame; addressed drives answer: the node, its answer, and the time when
+    /// it is ready.
     fn receive(
         &mut self,
         index: usize,
@@ -258,7 +258,7 @@ impl Drives<'_> {
         }
     }
 
-    /// Frames that the drives of a bus send by themselves until `now_ns`.
+    /// Frames that the drives of a bus send unasked until `now_ns`.
     fn report(&mut self, index: usize, now_ns: u64, answer_with: &mut dyn FnMut(Sender, Frame, u64)) {
         let Self { axes, faults, config, random, lost } = self;
         let mut injector = FaultInjector { faults, config, random, lost };

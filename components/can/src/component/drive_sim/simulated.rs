@@ -10,7 +10,7 @@ use crate::bus::simulated::Event;
 use crate::component::faults::FaultKind;
 use crate::{Condition, ErrorState, Form, Frame, Id, Report};
 
-/// Simulated buses, with what leads to them.
+/// Simulated buses, with their topics or addresses.
 pub(super) struct Simulated {
     endpoints: Endpoints,
     buses: Vec<Channel>,
@@ -21,7 +21,7 @@ impl Simulated {
         Self { endpoints, buses }
     }
 
-    /// Moves the buses on to the present, and publishes what the adapter receives.
+    /// Advances the buses to the present, and publishes the frames received by the adapter.
     pub(super) fn run(
         &mut self,
         drives: &mut Drives<'_>,
@@ -64,7 +64,7 @@ impl Simulated {
                 channel.bus.disturb(1);
             }
             if is_on(FaultKind::Babbling) {
-                // it goes on where it was, and never saves up
+                // it continues where it was, without accumulating time
                 channel.babbled_ns = channel.babbled_ns.max(now_ns.saturating_sub(1_000_000));
                 while channel.babbled_ns < now_ns {
                     let noise = Frame::classic(Id::Standard(0), &[0xff; 8]);
@@ -77,7 +77,7 @@ impl Simulated {
         }
     }
 
-    /// Moves a bus on to the present: drives receive what is delivered, and their answers are sent in turn.
+    /// Advances a bus to the present: drives receive delivered frames, and their answers are sent in turn.
     fn run_bus(&mut self, index: usize, now_ns: u64, drives: &mut Drives<'_>) {
         let Channel { bus, twin, .. } = &mut self.buses[index];
         drives.report(index, now_ns, &mut |sender, frame, ready_ns| {

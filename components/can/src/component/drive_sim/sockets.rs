@@ -14,7 +14,7 @@ use crate::{Condition, ErrorState, Frame, Id, RealBus, Report, Table};
 pub(super) struct Sockets {
     lines: Vec<Line>,
     inbox: Vec<Received>,
-    /// Answers whose time has not come: time, bus, frame.
+    /// Answers that are not due yet: time, bus, frame.
     pending: Vec<(u64, usize, Frame)>,
     clock: RunClock,
 }
@@ -87,7 +87,7 @@ impl Sockets {
                     counters: (state == ErrorState::Passive).then_some([136, 0]),
                     ..Report::default()
                 };
-                // an interface that is down has nobody to tell
+                // an interface that is down has no listener
                 if line.bus.inject(&report).is_ok() {
                     line.state = state;
                 }
@@ -105,8 +105,7 @@ impl Sockets {
         }
     }
 
-    /// Hands each frame that was received to the drives, and lets them report; what they answer is sent when
-    /// its time has come.
+    /// Passes each received frame to the drives, and lets them report; their answers are sent when due.
     pub(super) fn receive(&mut self, drives: &mut Drives<'_>, now_ns: u64) {
         let start_ns = self.clock.stamp_ns(0);
         let Self { lines, inbox, pending, .. } = self;
@@ -132,7 +131,7 @@ impl Sockets {
         drives.lost += lost;
     }
 
-    /// Sends the answers whose time has come. How many the interfaces did not take.
+    /// Sends the due answers; returns the number rejected by the interfaces.
     pub(super) fn send(&mut self, now_ns: u64) -> u64 {
         let Self { lines, pending, .. } = self;
         let mut lost = 0;

@@ -19,7 +19,7 @@ pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
     let home = robot.profile.as_ref().and_then(|profile| profile.configuration(model, &profile.home).ok());
     let q = home.map_or_else(|| model.neutral(), |home| home.as_slice().to_vec());
     Dynamics::new(model).crba(model, &q, &mut mass);
-    // of what moves when an effort acts on this joint alone
+    // inertia moved by an effort at this joint alone
     let inverse = mass.try_inverse()?;
     (0..joints).find_map(|i| {
         let entry = &table.drives[order[i]];

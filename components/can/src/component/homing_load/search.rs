@@ -8,17 +8,17 @@ pub(super) const ROUNDS: usize = 32;
 const GAIN: f64 = 1e-9;
 /// Places over a range at which a function without a known form is tried.
 const PLACES: usize = 9;
-/// Values of the function that one coordinate takes at most.
+/// Maximum number of evaluations of the function along one coordinate.
 pub(super) const VALUES: usize = 3 * PLACES;
-/// Steps further along the way of a round.
+/// Further steps in the direction of a round.
 pub(super) const FURTHER: usize = 8;
 
 /// The form of a function along one coordinate, the others held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Shape {
-    /// A sum of sines and cosines of the angle and of twice the angle: weights and inertias over a joint that
-    /// turns, for the places of what it carries are linear in both, weights are linear in these places, and
-    /// inertias quadratic.
+    /// A sum of sines and cosines of the angle and of twice the angle. It describes weights and inertias over
+    /// a rotating joint: the positions of the carried bodies are linear in both, weights are linear in these
+    /// positions, and inertias quadratic.
     Turning,
     /// A polynomial of the second degree: the same over a joint that slides.
     Sliding,
@@ -37,9 +37,9 @@ pub(super) struct Axis {
 
 /// The largest value of a function, sought from each of these positions.
 ///
-/// Each coordinate in turn is moved to where the function is largest along it, which of a known form is
-/// exact, until no coordinate alone gains anything, or after [`ROUNDS`]: so from each start a place is found
-/// from which every single joint leads down.
+/// Each coordinate in turn moves to the maximum of the function along it, which is exact for a known form,
+/// until no single coordinate gains anything, or after [`ROUNDS`]. So from each start the search ends where
+/// every single joint leads down.
 pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMut(&[f64]) -> f64) -> f64 {
     let mut most = f64::NEG_INFINITY;
     for mut at in starts {
@@ -59,9 +59,9 @@ pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMu
     most
 }
 
-/// Goes on in the direction of a round that came from `from`, ever further as long as the function grows:
-/// over a ridge on which all coordinates have to move together, a round alone makes small steps. Returns the
-/// value there.
+/// Continues in the direction of a round that started at `from`, with growing steps as long as the function
+/// grows, and returns the value there. Along a ridge, where all coordinates must move together, a single
+/// round makes only small steps.
 fn go_on(
     axes: &[Axis],
     from: &[f64],
@@ -169,7 +169,7 @@ impl Wave {
         let step = (upper - lower) / Self::STEPS as f64;
         let places = (0..=Self::STEPS).map(|k| lower + step * k as f64);
         let best = places.max_by(|a, b| self.evaluate(*a).total_cmp(&self.evaluate(*b))).unwrap_or(lower);
-        // thirds: beside the best place it has one top
+        // thirds: apart from the maximum it has one local maximum
         let (mut a, mut b) = ((best - step).max(lower), (best + step).min(upper));
         for _ in 0..60 {
             let (x, y) = (a + (b - a) / 3.0, b - (b - a) / 3.0);

@@ -9,8 +9,8 @@ use super::search::{self, Axis, Shape};
 use crate::HomingEntry;
 use crate::component::Equipped;
 
-/// Poses spread over the ranges from which a search starts, beside those at their ends, their middles and
-/// home.
+/// Number of poses, spread over the ranges, from which a search starts, in addition to the ends, the middles
+/// and home.
 const SPREAD: usize = 4;
 
 /// The places at which the other joints are.
@@ -18,7 +18,7 @@ const SPREAD: usize = 4;
 pub(super) enum Others {
     /// Home.
     AtHome,
-    /// Anywhere within their limits, but for those that have been homed before.
+    /// Anywhere within their limits, except joints homed before.
     Anywhere,
 }
 
@@ -47,13 +47,13 @@ pub(super) struct Weights<'a> {
     /// Direction to its stop.
     sign: f64,
     stop: f64,
-    /// Positions of all joints at home; of those that have been homed before, where they ended.
+    /// Positions of all joints at home; joints homed before are where they ended.
     home: Vec<f64>,
-    /// Range of each joint; of those that have been homed before no range.
+    /// Range of each joint; joints homed before have none.
     ranges: Vec<[f64; 2]>,
     /// The joints on whose positions its weight depends.
     related: Vec<usize>,
-    /// Those of them on which its inertia depends: they are carried by it.
+    /// The joints carried by it, on which its inertia depends.
     carried: Vec<usize>,
     /// Configuration, efforts and mass matrix that are worked on.
     q: Vec<f64>,
@@ -144,7 +144,7 @@ impl<'a> Weights<'a> {
         let Self { model, dynamics, gravity, joint, sign, q, efforts, .. } = self;
         let spring = model.joint(*joint).dynamics;
         let pull = spring.stiffness * (spring.rest - joints[*joint]);
-        // how a floating base lies is not known
+        // the orientation of a floating base is unknown
         let weight = match model.base().floating {
             true => 0.0,
             false => {
@@ -218,11 +218,11 @@ enum Of {
     Inertia,
 }
 
-/// The joints that the bodies carry that a joint moves; itself too. With `above` also those between the base
-/// and these bodies.
+/// The joints that the bodies moved by a joint carry, including itself. With `above` also the joints between
+/// the base and these bodies.
 fn related(model: &Model, joint: usize, above: bool) -> Vec<usize> {
     let bodies = model.bodies();
-    // parents stand before children
+    // parents precede children
     let (mut carried, mut related) = (vec![false; bodies.len()], vec![false; model.joint_count()]);
     for (i, body) in bodies.iter().enumerate() {
         let of = body.joint.coordinate.index();
@@ -278,7 +278,7 @@ mod tests {
                          node = 1\nwatchdog = \"20 ms\"\nranges = { position = 12.5, velocity = 30.0, torque = 8.0 }\n\
                          homing = { by = \"stop\", velocity = 0.1, effort = 0.4, position = 1.5 }\n";
 
-    /// A chain of so many joints, `j3` of which is homed.
+    /// A chain of this many joints, `j3` of which is homed.
     fn chain(count: usize, bend: fn(usize) -> f64) -> Equipped {
         let names: Vec<String> = (0..count).map(|i| format!("j{i}")).collect();
         let parents = std::iter::once("base").chain(names.iter().map(String::as_str));

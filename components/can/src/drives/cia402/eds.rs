@@ -37,7 +37,7 @@ pub struct Entry {
     high: Option<Number>,
 }
 
-/// A number of a data sheet, which may begin with that of the node.
+/// A number of a data sheet, which may be relative to the node's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Number {
     adds_node: bool,
@@ -94,7 +94,7 @@ fn integer(text: &str) -> Option<i64> {
     number.ok().map(|number| if negative { -number } else { number })
 }
 
-/// The object of a section, if it is that of one.
+/// The object described by a section, if any.
 fn object_of(section: &str) -> Option<(u16, u8)> {
     let lower = section.to_ascii_lowercase();
     let (index, subindex) = lower.split_once("sub").unwrap_or((&lower, "0"));
@@ -149,7 +149,7 @@ impl Eds {
         Ok(sheet)
     }
 
-    /// The name of the product; empty if it is not told.
+    /// Name of the product; empty if missing.
     pub fn product(&self) -> &str {
         &self.product
     }
@@ -169,7 +169,7 @@ impl Eds {
         self.entries.len()
     }
 
-    /// True if there are none, which no data sheet that was read has.
+    /// Returns `true` if there are no objects, which never holds for a parsed data sheet.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
@@ -206,7 +206,7 @@ impl Entry {
         matches!(self.access.as_str(), "rw" | "rww" | "rwr" | "wo")
     }
 
-    /// Its value for this node: that of the device, or else the default.
+    /// Its value for this node: the device's, or else the default.
     pub fn value(&self, node: u8) -> Option<i64> {
         self.value.map(|value| value.for_node(node))
     }

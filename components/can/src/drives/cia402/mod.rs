@@ -1,8 +1,8 @@
 //! CANopen, as far as drives of the profile CiA 402 need it: network management, heartbeat, synchronisation,
 //! expedited service data, process data in the cyclic modes.
 //!
-//! A drive goes through a state machine by `controlword` 0x6040 and tells its state in `statusword` 0x6041.
-//! Setpoints go out once per synchronisation, and take effect with it.
+//! `controlword` 0x6040 moves a drive through its state machine, and `statusword` 0x6041 reports its state.
+//! Setpoints are sent once per synchronisation, and take effect with it.
 
 pub mod eds;
 mod service;
@@ -39,11 +39,11 @@ pub enum NetworkCommand {
     ResetCommunication = 0x82,
 }
 
-/// The state of a node that its heartbeat tells.
+/// State of a node, as reported by its heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NetworkState {
-    /// It has just started.
+    /// Just started.
     BootUp = 0x00,
     /// Nothing but network management and heartbeat.
     Stopped = 0x04,
@@ -68,21 +68,21 @@ pub enum Mode {
 /// The state of a drive's state machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveState {
-    /// It starts.
+    /// Starting.
     NotReady,
-    /// It cannot be switched on yet.
+    /// Cannot be switched on yet.
     SwitchOnDisabled,
-    /// It may be switched on.
+    /// Can be switched on.
     ReadyToSwitchOn,
-    /// It has power.
+    /// Has power.
     SwitchedOn,
-    /// It follows setpoints.
+    /// Follows setpoints.
     Enabled,
-    /// It comes to rest.
+    /// Stopping.
     QuickStop,
-    /// It comes to rest because of a fault.
+    /// Stopping because of a fault.
     FaultReaction,
-    /// It lets go because of a fault.
+    /// Disabled because of a fault.
     Fault,
 }
 
@@ -105,7 +105,7 @@ impl DriveState {
         })
     }
 
-    /// The controlword of the next step towards enabled, or back to where that way begins.
+    /// The controlword of the next step towards enabled, or back to the beginning of that sequence.
     ///
     /// ```
     /// use motorium_can::cia402::DriveState;
@@ -128,7 +128,7 @@ impl DriveState {
 
 /// The controlword that resets a fault, at its rising edge.
 pub const FAULT_RESET: u16 = 0x80;
-/// The controlword that takes the power from the motor.
+/// The controlword that removes the power from the motor.
 pub const DISABLE_VOLTAGE: u16 = 0x00;
 
 /// The mode of operation in which a drive looks for its mark.
@@ -139,11 +139,11 @@ pub const HOMING_START: u16 = 1 << 4;
 /// The progress of a homing, in bits 10, 12 and 13 of the statusword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HomingStatus {
-    /// It is under way, or has not been started.
+    /// Running, or not started.
     Running,
-    /// The mark has been found, and the drive stands.
+    /// The mark has been found, and the drive is at rest.
     Attained,
-    /// It has failed.
+    /// Failed.
     Failed,
 }
 
@@ -200,7 +200,7 @@ pub fn sync() -> Frame {
     Frame::classic(Id::Standard(0x080), &[])
 }
 
-/// The frame of a heartbeat of the adapter, whose number is 127: the drives let go when it stays away.
+/// Heartbeat frame of the adapter, node 127: the drives disable themselves without it.
 pub fn adapter_heartbeat() -> Frame {
     Frame::classic(Id::Standard(0x700 | u16::from(ADAPTER)), &[NetworkState::Operational as u8])
 }
@@ -239,7 +239,7 @@ impl Node {
     /// The node's side: the command in a frame, if it is for this node or for all.
     ///
     /// # Errors
-    /// It is no such frame, for another node, or a command that there is not.
+    /// Another kind of frame, for another node, or with an unknown command.
     pub fn network_command(self, frame: &Frame) -> Result<NetworkCommand, DecodeError> {
         let [command, node] = *exactly(frame, Id::Standard(0x000))?;
         if node != 0 && node != self.0 {
@@ -264,7 +264,7 @@ impl Node {
     /// The state in a heartbeat.
     ///
     /// # Errors
-    /// It is no heartbeat of this node, or the state is unknown.
+    /// Not a heartbeat of this node, or an unknown state.
     pub fn heartbeat(self, frame: &Frame) -> Result<NetworkState, DecodeError> {
         match *exactly(frame, self.id(0x700))? {
             [0x00] => Ok(NetworkState::BootUp),
@@ -278,7 +278,7 @@ impl Node {
     /// The emergency message in a frame.
     ///
     /// # Errors
-    /// It is no emergency message of this node.
+    /// Not an emergency message of this node.
     pub fn emergency(self, frame: &Frame) -> Result<Emergency, DecodeError> {
         let [low, high, register, ..]: [u8; 8] = *exactly(frame, self.id(0x080))?;
         Ok(Emergency { code: u16::from_le_bytes([low, high]), register })
@@ -304,7 +304,7 @@ impl Node {
     /// The node's side: the setpoints in a frame.
     ///
     /// # Errors
-    /// It is no such frame of this node, or of another mode.
+    /// Not such a frame of this node, or of another mode.
     pub fn setpoint_of(self, mode: Mode, frame: &Frame) -> Result<Setpoint, DecodeError> {
         let word = |low, high| u16::from_le_bytes([low, high]);
         if mode == Mode::Torque {
@@ -333,7 +333,7 @@ impl Node {
     /// The process data in a frame.
     ///
     /// # Errors
-    /// It is no process data of this node, has another length, or a statusword without a state.
+    /// No process data of this node, another length, or a statusword without a state.
     pub fn process(self, frame: &Frame) -> Result<Process, DecodeError> {
         if frame.id == self.id(0x280) {
             let [a, b, c, d, t0, t1]: [u8; 6] = *exactly(frame, self.id(0x280))?;

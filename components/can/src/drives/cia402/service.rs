@@ -1,4 +1,4 @@
-//! Expedited service data: objects of up to four bytes, read and written in one frame each way.
+//! Expedited service data: objects of up to four bytes, read and written in one frame per direction.
 
 use super::{Mode, Node};
 use crate::frame::{DecodeError, Frame, exactly};
@@ -48,7 +48,7 @@ impl Object {
     /// The cyclic modes that the drive knows, a bit each.
     pub const SUPPORTED_MODES: Self = Self { index: 0x6502, subindex: 0 };
 
-    /// True for one that says which objects a frame of process data has.
+    /// Returns `true` if it defines the objects of a frame of process data.
     pub fn is_mapping(self) -> bool {
         matches!(self.index, 0x1600..=0x17ff | 0x1a00..=0x1bff)
     }
@@ -86,8 +86,8 @@ impl Mapping {
         }
     }
 
-    /// The service of a step on the way to this mapping, sent and taken with each synchronisation: the frame
-    /// is switched off, its objects are named, and it is switched on.
+    /// The service of a step towards this mapping, sent and received with each synchronisation: the frame is
+    /// disabled, its objects are written, and it is enabled.
     pub fn step(self, node: Node, mode: Mode, step: u8) -> Service {
         const OFF: u32 = 1 << 31;
         let (parameters, objects, id, mapped) = self.objects(mode);
@@ -106,7 +106,7 @@ impl Mapping {
     }
 }
 
-/// A service of up to four bytes, in one frame each way.
+/// A service of up to four bytes, in one frame per direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Service {
     /// Reads an object.
@@ -115,7 +115,7 @@ pub enum Service {
     Write(Object, Value),
 }
 
-/// The value of an object, the least significant byte first.
+/// The value of an object, little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Value {
     bytes: [u8; 4],
@@ -170,10 +170,10 @@ impl Node {
         Frame::classic(self.id(0x600), &[command, low, high, object.subindex, a, b, c, d])
     }
 
-    /// The node's side: the service that a frame asks for.
+    /// The node's side: the service requested by a frame.
     ///
     /// # Errors
-    /// It is no service of this node, not expedited, or reserved bits are set.
+    /// Not a service of this node, not expedited, or reserved bits are set.
     pub fn service_request(self, frame: &Frame) -> Result<Service, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id(0x600))?;
         let object = object(data);
@@ -199,7 +199,7 @@ impl Node {
     /// The answer to a service: of a reading the value.
     ///
     /// # Errors
-    /// It is no answer of this node, about another object, not expedited, or the node refused.
+    /// Not an answer of this node, about another object, not expedited, or the node refused.
     pub fn service_result(self, service: &Service, frame: &Frame) -> Result<Option<Value>, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id(0x580))?;
         let (Service::Read(asked) | Service::Write(asked, _)) = *service;

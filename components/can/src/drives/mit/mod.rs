@@ -4,7 +4,7 @@
 //! torque (12 bits each), most significant bit first; the drive answers every command with one frame.
 //! Enabling, disabling and setting the zero position are commands of seven bytes 0xFF and a code.
 //!
-//! Numbers are spread over [`Ranges`] that stand in the drive: a wrong range scales them silently.
+//! Numbers are mapped to [`Ranges`] stored in the drive: a wrong range scales them silently.
 
 mod ranges;
 mod state;
@@ -53,7 +53,7 @@ pub enum Instruction {
     Command(Command),
     /// The drive begins to follow commands.
     Enable,
-    /// The drive lets go.
+    /// The drive is disabled.
     Disable,
     /// The present position becomes zero.
     SetZero,
@@ -91,15 +91,15 @@ pub struct Feedback {
     pub velocity: f64,
     /// Torque, N m.
     pub torque: f64,
-    /// Temperature of the drive, degrees Celsius, if it tells.
+    /// Temperature of the drive, degrees Celsius, if reported.
     pub temperature: Option<f64>,
-    /// Supply voltage, V, if it tells.
+    /// Supply voltage, V, if reported.
     pub voltage: Option<f64>,
     /// Its state.
     pub state: State,
 }
 
-/// One drive as both ends of the bus know it: identifiers, ranges, form of its answer.
+/// One drive as both ends of the bus see it: identifiers, ranges, form of its answer.
 ///
 /// ```
 /// use motorium_can::{Id, mit};
@@ -126,7 +126,7 @@ pub struct Drive {
 const ENABLE: u8 = 0xfc;
 const DISABLE: u8 = 0xfd;
 const SET_ZERO: u8 = 0xfe;
-/// The supply voltage that the largest byte stands for, V.
+/// Supply voltage encoded by the largest byte, V.
 const VOLTAGE: Fields<1> = Range::from_zero(40.0).field(8);
 
 /// The data of the frame with this code.
@@ -173,13 +173,12 @@ impl Drive {
         Id::Standard(u16::from(self.node))
     }
 
-    /// The frame of a command. What lies outside the ranges is sent as their end.
+    /// Encodes a command as a frame. Values outside the ranges are sent as their end.
     // in place: a frame that is returned is copied, and the copy waits until its parts are stored
     #[inline(always)]
     pub fn command(&self, command: &Command) -> Frame {
         let packed = self.fields.pack(command);
-        // All fields at their highest would be the code for enabling, disabling or zeroing: the torque gives
-        // way.
+        // All fields at their maximum would encode enabling, disabling or zeroing: the torque is reduced.
         let is_code = packed >= u64::from_be_bytes(code(ENABLE));
         self.frame(if is_code { code(ENABLE - 1) } else { packed.to_be_bytes() })
     }
@@ -199,7 +198,7 @@ impl Drive {
         Frame::of_eight(self.id(), self.form, data)
     }
 
-    /// The drive's side: what a frame asks of it.
+    /// The drive's side: decodes the request of a frame.
     ///
     /// # Errors
     /// The frame is for another drive, has another length, or ends in a code that there is not.
@@ -217,7 +216,7 @@ impl Drive {
         Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
-    /// The drive's side: the frame of an answer. What its form has no field for is left out.
+    /// The drive's side: encodes an answer. Values without a field in its form are omitted.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
         let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);
         let [_, _, _, p1, p0, v1, v_t, t0] = motion.to_be_bytes();
@@ -247,11 +246,11 @@ impl Drive {
     /// The values of an answer.
     ///
     /// # Errors
-    /// The frame has another identifier or length, comes from another drive, or has a code that there is not.
+    /// The frame has another identifier or length, comes from another drive, or has an unknown code.
     // in place, as commands
     #[inline(always)]
     pub fn reply(&self, frame: &Frame) -> Result<Feedback, DecodeError> {
-        // the first byte the most significant, whether or not there are the last two
+        // most significant byte first, with or without the last two
         let packed = match self.reply {
             Reply::MiniCheetah => {
                 let [device, p1, p0, v1, v_t, t0] = *exactly::<6>(frame, self.reply_id)?;

@@ -25,11 +25,11 @@ pub struct Ranges {
 }
 
 impl Ranges {
-    /// Those of the published firmware of the mini cheetah's drives.
+    /// Ranges of the published firmware of the mini cheetah's drives.
     pub const MINI_CHEETAH: Self = Self::new(12.5, 65.0, 18.0);
-    /// Those of the CubeMars AK80-64.
+    /// Ranges of the CubeMars AK80-64.
     pub const AK80_64: Self = Self::new(12.5, 8.0, 144.0);
-    /// Those of the RobStride RS00.
+    /// Ranges of the RobStride RS00.
     pub const RS00: Self = Self::new(12.57, 33.0, 14.0);
 
     /// Ranges from the largest position, velocity and torque, with gains up to 500 N m/rad and 5 N m s/rad.
@@ -67,8 +67,7 @@ impl Ranges {
     }
 }
 
-/// The fields of a frame, with the factors of their [`Ranges`]: those of a command, of which an answer has
-/// three.
+/// The fields of a command frame, with the factors of their [`Ranges`]; an answer has three of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandFields(Fields<5>);
 

@@ -5,13 +5,13 @@ use crate::frame::DecodeError;
 /// The state that a drive reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It does not tell.
+    /// Not reported.
     Unknown,
-    /// It lets go.
+    /// Disabled.
     Disabled,
-    /// It follows commands.
+    /// Follows commands.
     Enabled,
-    /// It let go because of a fault.
+    /// Disabled because of a fault.
     Fault(Fault),
 }
 

@@ -1,8 +1,8 @@
 //! moteus: registers over CAN FD.
 //!
-//! A frame holds subframes: so many registers from this one on are written, or asked for, in one of four
-//! resolutions. Positions are in turns of the output. The drive lets go, and stays so, when it is not
-//! commanded for the time that the command itself names.
+//! A frame holds subframes: a number of registers from a first one on are written or read, in one of four
+//! resolutions. Positions are in turns of the output. Without a command for the time in the last command, the
+//! drive disables itself and stays disabled.
 
 mod registers;
 
@@ -19,35 +19,35 @@ use registers::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Mode {
-    /// It lets go.
+    /// Stopped.
     Stopped = 0,
-    /// It let go by a fault.
+    /// Stopped by a fault.
     Fault = 1,
-    /// It is about to follow commands.
+    /// About to follow commands.
     Enabling = 2,
-    /// It calibrates itself.
+    /// Calibrating.
     Calibrating = 3,
-    /// It has calibrated itself.
+    /// Calibrated.
     CalibrationComplete = 4,
-    /// It applies duty cycles.
+    /// Applying duty cycles.
     Pwm = 5,
-    /// It applies voltages.
+    /// Applying voltages.
     Voltage = 6,
-    /// It applies a voltage at a phase.
+    /// Applying a voltage at a phase.
     VoltageFoc = 7,
-    /// It applies voltages in the frame of the rotor.
+    /// Applying voltages in the frame of the rotor.
     VoltageDq = 8,
-    /// It controls currents.
+    /// Controlling currents.
     Current = 9,
-    /// It follows positions.
+    /// Following positions.
     Position = 10,
-    /// It was not commanded in time, and follows nothing until it is stopped.
+    /// Timed out without a command; follows nothing until it is stopped.
     Timeout = 11,
-    /// It holds the velocity at zero.
+    /// Holding zero velocity.
     ZeroVelocity = 12,
-    /// It stays within bounds.
+    /// Staying within bounds.
     StayWithin = 13,
-    /// It measures its inductance.
+    /// Measuring its inductance.
     MeasureInductance = 14,
     /// Its phases are shorted.
     Brake = 15,
@@ -83,7 +83,7 @@ pub enum Home {
     /// Zero of the encoder of the rotor: behind a gear there are as many such places as the rotor turns per
     /// turn of the output.
     Rotor = 1,
-    /// Zero of the output: by an encoder there, or because it has been told where it stands.
+    /// Zero of the output, by an encoder there or by an explicit position.
     Output = 2,
 }
 
@@ -110,14 +110,14 @@ pub struct Command {
     pub velocity: f64,
     /// Feed-forward torque, N m.
     pub torque: f64,
-    /// Share of the position gain that stands in the drive, 0 to 1.
+    /// Share of the drive's position gain, 0 to 1.
     pub kp_scale: f64,
     /// Share of its velocity gain, 0 to 1.
     pub kd_scale: f64,
-    /// Largest torque, N m; NaN for that of the drive.
+    /// Largest torque, N m; NaN for the drive's.
     pub max_torque: f64,
-    /// Time without a command after which it lets go, s; 0 for that of the drive (`servo.default_timeout_s`),
-    /// NaN for never.
+    /// Time without a command after which the drive disables itself, s; 0 for the drive's default
+    /// (`servo.default_timeout_s`), NaN for never.
     pub watchdog: f64,
 }
 
@@ -142,13 +142,13 @@ const TOLD: usize = (FAULT - MOTOR_TEMPERATURE + 1) as usize;
 /// A message to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// To let go, which also ends a fault or a time-out.
+    /// Stop, which also ends a fault or a time-out.
     Stop,
     /// To short its phases.
     Brake,
     /// To follow a position.
     Position(Command),
-    /// To tell its state, and go on.
+    /// Report the state and continue.
     Query,
 }
 
@@ -167,11 +167,11 @@ pub struct State {
     pub voltage: f64,
     /// Temperature of its board, degrees Celsius.
     pub temperature: f64,
-    /// Temperature of its motor, degrees Celsius, if it tells.
+    /// Temperature of its motor, degrees Celsius, if reported.
     pub motor_temperature: Option<f64>,
-    /// The place from which its position is counted, if it tells.
+    /// Reference of its position, if reported.
     pub home: Option<Home>,
-    /// Code of its fault, up to 127; 0 for none. From 96 on it is no fault, but the limit at which it is.
+    /// Fault code, up to 127; 0 for none. From 96 on it is no fault, but an active limit.
     pub fault: u8,
 }
 
@@ -197,7 +197,7 @@ impl Node {
         (1..127).contains(&node).then_some(Self(node))
     }
 
-    /// The identifier of messages to it, which ask for an answer.
+    /// Identifier of messages to it that request an answer.
     pub fn id(self) -> Id {
         Id::Extended(0x8000 | u32::from(self.0))
     }
@@ -208,8 +208,8 @@ impl Node {
         Id::standard(id).unwrap_or(Id::Extended(id.into()))
     }
 
-    /// The frame of a message, which asks for the state in the same resolution; temperatures, the place of
-    /// home, voltage and fault in 8 bits.
+    /// The frame of a message, which requests the state in the same resolution; temperatures, home reference,
+    /// voltage and fault in 8 bits.
     pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         let mode = match instruction {
@@ -295,12 +295,10 @@ impl Node {
         out.frame(self.reply_id())
     }
 
-    /// The values of an answer, whatever their resolutions; registers that were not asked for are passed
-    /// over.
+    /// The values of an answer, in any resolution; unrequested registers are skipped.
     ///
     /// # Errors
-    /// The frame comes from another drive, is cut off, is a refusal, lacks a value, or has one that there is
-    /// not.
+    /// The frame comes from another drive, is truncated, is a refusal, lacks a value, or has an invalid one.
     pub fn reply(self, frame: &Frame) -> Result<State, DecodeError> {
         if frame.id != self.reply_id() {
             return Err(DecodeError::Id { found: frame.id, expected: self.reply_id() });

@@ -1,4 +1,4 @@
-//! Subframes: registers as they stand in a frame.
+//! Subframes: registers within a frame.
 
 use crate::frame::{DecodeError, Form, Frame, Id};
 
@@ -137,7 +137,7 @@ impl Writer {
 
     pub(super) fn value(&mut self, value: f64, register: u32, resolution: Resolution) {
         let step = Quantity::from_register(register).unwrap_or(Quantity::Number).step(resolution);
-        // the smallest number says that there is none
+        // the smallest number means a missing value
         let whole = |most: f64| if value.is_nan() { -most - 1.0 } else { (value / step).clamp(-most, most) };
         match resolution {
             Resolution::Int8 => self.put(&(whole(127.0) as i8).to_le_bytes()),
@@ -155,7 +155,7 @@ impl Writer {
     }
 }
 
-/// A register of a frame: what is done with it, which one it is, its value where there is one.
+/// A register of a frame: the operation, its number, and its value if any.
 pub(super) type Register = (u8, u32, f64);
 
 /// Hands each register of a frame to `take`, in their order.
@@ -195,7 +195,7 @@ pub(super) fn registers(
         let first = u32::from(next(1)?[0]);
         read += 1;
         if first >= 0x80 || count == 0 {
-            // longer numbers of registers are none of those that are used here
+            // longer register numbers are not used here
             return Err(DecodeError::Field { field: "the register", found: first });
         }
         for register in (first..).take(count.into()) {

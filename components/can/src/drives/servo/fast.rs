@@ -1,25 +1,25 @@
-//! The one packet with which servos of protocol 2 answer a fast read together: the first one begins it, and
-//! each adds its share once it has heard that of the servo before.
+//! The common packet with which servos of protocol 2 answer a fast read: the first one begins it, and each
+//! adds its share after the previous servo's.
 
 use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
 use crate::frame::DecodeError;
 
 /// Bytes of the head of the packet.
 pub const FAST_HEAD: usize = 8;
-/// Bytes of a share beside its data: error, number and checksum.
+/// Bytes of a share in addition to its data: error, number and checksum.
 pub const FAST_AROUND: usize = 4;
 
 /// The turn of a servo in the common packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FastTurn {
-    /// It begins the packet of so many servos.
+    /// First in the packet of this many servos.
     First {
         /// Number of servos that answer.
         servos: usize,
     },
     /// Others have spoken before.
     After {
-        /// The sum of all that they said: [`fast_sum`].
+        /// Sum of all previous bytes: [`fast_sum`].
         sum: u16,
     },
 }
@@ -29,7 +29,8 @@ pub fn fast_sum(sum: u16, bytes: &[u8]) -> u16 {
     crc_from(sum, bytes)
 }
 
-/// The servo's side: writes its share of the common packet; how many bytes it has, `None` if it does not fit.
+/// The servo's side: writes its share of the common packet; returns the number of bytes, or `None` if it does
+/// not fit.
 ///
 /// ```
 /// use motorium_can::servo::{FastTurn, LONGEST, fast_sum, write_fast_status};
@@ -64,8 +65,7 @@ pub fn write_fast_status(
     Some(out.length)
 }
 
-/// A reader of common packets, share by share: those of the servos before one that is silent or damaged are
-/// read, too.
+/// A reader of common packets, share by share: shares before a silent servo or damaged bytes are read, too.
 ///
 /// ```
 /// use motorium_can::servo::FastReader;
@@ -97,7 +97,7 @@ impl Default for FastReader {
 }
 
 impl FastReader {
-    /// The next packet answers a question for so many bytes of each servo.
+    /// The next packet answers a request for this many bytes of each servo.
     pub fn expect(&mut self, count: u8) {
         (self.length, self.next, self.count) = (0, 0, count.into());
     }

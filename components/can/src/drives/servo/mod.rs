@@ -1,8 +1,7 @@
 //! Packets of serial servo buses: Feetech (STS and SCS) and Dynamixel protocol 1.0, Dynamixel protocol 2.0.
 //!
-//! A servo is a table of registers, which are read and written, of one servo or of many at once. All servos
-//! share one line and answer when they are asked. Packets of both protocols may come on the same line:
-//! [`Reader`] reads either.
+//! A servo is a table of registers, read and written for one servo or for many at once. All servos share one
+//! line and only answer requests. Packets of both protocols may share a line: [`Reader`] reads either.
 
 mod fast;
 mod packet;
@@ -30,7 +29,7 @@ pub enum Protocol {
 pub enum Instruction<'a> {
     /// To answer.
     Ping,
-    /// To tell `count` bytes from this register on.
+    /// Read `count` bytes starting at this register.
     Read {
         /// The first register.
         register: u16,
@@ -44,7 +43,7 @@ pub enum Instruction<'a> {
         /// The bytes.
         data: &'a [u8],
     },
-    /// To many servos at once, nobody answers: each takes its bytes from this register on.
+    /// Write to many servos at once, without an answer: each gets its bytes from this register on.
     WriteMany {
         /// The first register.
         register: u16,
@@ -62,8 +61,7 @@ pub enum Instruction<'a> {
         /// The numbers of the servos.
         servos: &'a [u8],
     },
-    /// The same, and they answer in one packet together: [`FastReader`]. Of protocol 2, where the firmware
-    /// knows it.
+    /// The same, answered in one common packet: [`FastReader`]. Of protocol 2, if the firmware supports it.
     FastReadMany {
         /// The first register.
         register: u16,
@@ -104,7 +102,7 @@ impl Writer<'_> {
     }
 }
 
-/// Writes a packet for a servo; how many bytes it has, `None` if it does not fit into one.
+/// Writes a packet for a servo; returns the number of bytes, or `None` if it does not fit.
 ///
 /// ```
 /// use motorium_can::servo::{Instruction, LONGEST, Protocol, write};
@@ -198,7 +196,7 @@ fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
             out.put(&[sum])?;
         }
         Protocol::Two => {
-            // what looks like the head of a packet gets a byte that keeps it apart
+            // bytes that look like a packet header get a stuffing byte
             let mut at = 7;
             while at + 3 <= out.length {
                 if out.bytes[at..at + 3] == [0xff, 0xff, 0xfd] {
@@ -246,13 +244,13 @@ pub struct Status<'a> {
     pub protocol: Protocol,
     /// Its number.
     pub servo: u8,
-    /// Flags of its errors; 0 for none.
+    /// Its error flags; 0 for none.
     pub error: u8,
-    /// The bytes that were asked for.
+    /// The requested bytes.
     pub data: &'a [u8],
 }
 
-/// A reader of answers, byte by byte. What is no answer is passed over.
+/// A reader of answers, byte by byte. Other bytes are skipped.
 #[derive(Clone, Debug)]
 pub struct Reader {
     bytes: [u8; LONGEST],
@@ -310,7 +308,7 @@ impl Reader {
         Some((protocol, whole))
     }
 
-    /// True if a packet may begin with what has come.
+    /// Returns `true` if these bytes can be the beginning of a packet.
     fn may_begin(&self) -> bool {
         match &self.bytes[..self.length] {
             [] | [0xff] | [0xff, 0xff] => true,

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::frame::DecodeError;
 
-/// The bytes of one packet, with room to take those out that keep data and heads apart.
+/// The bytes of one packet, with room to remove byte stuffing.
 ///
 /// ```
 /// use motorium_can::servo::Packet;
@@ -51,7 +51,7 @@ impl Packet {
     /// The answer in a packet.
     ///
     /// # Errors
-    /// It is no such packet, another one follows it, or its checksum is wrong.
+    /// Not such a packet, followed by another one, or a wrong checksum.
     pub fn status(&mut self, packet: &[u8]) -> Result<Status<'_>, DecodeError> {
         match self.take(packet)? {
             (Protocol::One, bytes) => one(bytes),
@@ -72,7 +72,7 @@ impl Packet {
     /// ```
     ///
     /// # Errors
-    /// It is no such packet, its checksum is wrong, or the instruction is not known here.
+    /// Not such a packet, a wrong checksum, or an unknown instruction.
     pub fn instruction(&mut self, packet: &[u8]) -> Result<(Protocol, u8, Instruction<'_>), DecodeError> {
         let (protocol, bytes) = self.take(packet)?;
         let (servo, code, data) = match protocol {
@@ -130,7 +130,7 @@ pub(super) fn checked(packet: &[u8]) -> Result<usize, DecodeError> {
     Ok(end)
 }
 
-/// Takes the bytes out that keep data and heads apart; where the data end then.
+/// Removes the byte stuffing; returns the end of the data.
 pub(super) fn unstuff(packet: &mut [u8], end: usize) -> usize {
     let (mut length, mut at) = (end, 7);
     while at + 4 <= length {

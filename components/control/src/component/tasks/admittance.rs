@@ -209,7 +209,7 @@ impl HeldAdmittance {
         self.sensed = state.kinematics.pose(state.model, self.sensor);
     }
 
-    /// The newest force and torque, in world axes about the origin of the frame; none from a sensor that fell
+    /// The newest force and torque, in world axes about the origin of the frame; zero if the sensor is
     /// silent.
     fn push(&mut self, timeout_ns: u64) -> (Vector3<f64>, Vector3<f64>) {
         let reading = self.wrench.latest().filter(|reading| reading.age_ns() <= timeout_ns);

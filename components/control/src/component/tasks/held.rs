@@ -154,7 +154,7 @@ impl<T: Task + Send + 'static, const N: usize> HeldTask for OnVelocities<T, N> {
     }
 }
 
-/// A task that asks the joints for velocities, in the form for the formulation of its controller.
+/// A task on joint velocities, in the formulation of its controller.
 pub(super) fn on_joints<T: JointVelocities + Send + 'static, const N: usize>(
     place: &TaskPlace<'_>,
     rate: Option<f64>,

@@ -11,7 +11,7 @@ use super::{
 use crate::component::{collision_limits::CollisionConfig, frame_limits::FrameLimitConfig};
 use crate::limits::RowLimit;
 
-/// A task of soft limits: they yield to tasks of smaller level numbers, and partially to those of their own
+/// A task of soft limits: they yield to tasks of smaller level numbers, and partially to tasks of the same
 /// level.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -94,7 +94,7 @@ impl TaskKind for LimitConfig {
     }
 }
 
-/// Limits that give way.
+/// Soft limits.
 struct SoftLimits {
     limits: Vec<Box<dyn RowLimit>>,
     weight: Ramped,

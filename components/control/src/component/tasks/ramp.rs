@@ -70,8 +70,8 @@ fn presence(weight: f64) -> f64 {
 }
 
 /// Mixture of solutions while weights fade. For presences `1 > a_1 > ... > a_n > 0`, the solution without the
-/// fading weights has the share `1 - a_1`. The solution with the weights of at least presence `a_1` has `a_1 -
-/// a_2`, and so on; the solution with all weights has `a_n`.
+/// fading weights has the share `1 - a_1`. The solution with the weights of at least presence `a_1` has
+/// `a_1 - a_2`, and so on; the solution with all weights has `a_n`.
 ///
 /// The mixture is continuous in all presences (the Lovasz extension of a set function). As a convex
 /// combination it satisfies every limit that all its solutions satisfy, and preserves the solution of higher

@@ -50,9 +50,9 @@ pub struct InverseDynamicsConfig {
     /// Default 0: torques alone; with `unknowns = "accelerations"` 1: positions and velocities, with the
     /// torques as a feed-forward.
     pub impedance: Option<f64>,
-    /// Time from the start for which the drives hold their positions by all of kp and kd besides the torques,
-    /// while their actuator comes out of its safe state; the gains then fall to `impedance` in half of that
-    /// time. Default 600 ms.
+    /// Initial time for which the drives hold their positions by full kp and kd in addition to the torques,
+    /// while their actuator leaves its safe state; the gains then fall to `impedance` in half of that time.
+    /// Default 600 ms.
     pub stiff_start: TimeSpan,
     /// Form of the friction of all contacts. Default "pyramid".
     pub friction_model: FrictionModel,
@@ -119,7 +119,7 @@ pub struct ContactConfig {
     /// Distance that the centre of pressure of a sole keeps from its edges, m, less than half of its shorter
     /// side. Default 0.
     pub margin: Option<f64>,
-    /// Limits of the total wrench of a sole. Default: only those of its points.
+    /// Limits of the total wrench of a sole. Default: only the limits of its points.
     pub wrench: Option<WrenchConfig>,
 }
 

@@ -46,7 +46,7 @@ pub struct WheelController {
     rate: Vec<f64>,
     /// Angles of the wheels and steering joints, with the sign convention of the base.
     angles: Vec<f64>,
-    /// `true` if the angles are those of the previous sample.
+    /// `true` if the angles have not changed since the previous sample.
     reckons: bool,
     turned: Vec<f64>,
     steered: Vec<f64>,

@@ -6,19 +6,19 @@ use nalgebra::{Matrix3xX, Vector2, Vector3};
 use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 
-/// The least height of the centre of mass above the contacts that is reckoned with \[m\].
+/// Minimum height of the centre of mass above the contacts \[m\]; lower values are replaced by it.
 const LOWEST: f64 = 0.05;
 
 /// Moves the capture point `k`, where the robot would have to step to come to rest, to a point `k*` \[m, axes
 /// of the world\], both on the ground:
 ///
 /// ```text
-/// h = height of the centre of mass above the active contacts (their mean)     m
-/// o = sqrt(|g| / h)                                                           1/s
-/// k = c + c' / o                                                              x and y of the centre of mass and its velocity
-/// A = J_com                                                                   its rows of x and y, on the accelerations
-/// b = o (k*' + gain (k* - k) - c') - J_com' v                                 so that k' = k*' + gain (k* - k)
-/// W = weight                                                                  1/(m/s2)
+/// h = height of the centre of mass above the active contacts (their mean)   m
+/// o = sqrt(|g| / h)                                                         1/s
+/// k = c + c' / o                                                            x and y of centre of mass
+/// A = J_com                                                                 rows x and y, on accelerations
+/// b = o (k*' + gain (k* - k) - c') - J_com' v                               so that k' = k*' + gain (k* - k)
+/// W = weight                                                                1/(m/s2)
 /// ```
 ///
 /// for a height that changes slowly (Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward

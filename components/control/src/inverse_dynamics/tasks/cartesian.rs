@@ -36,9 +36,9 @@ impl Default for CartesianWeights {
 /// `R*` of the target,
 ///
 /// ```text
-/// e = (p* - p, log(R* R'))                        m, rad
-/// A = J                                           Jacobian of the frame, world axes, 6 x nv, on the accelerations
-/// b = nu*' + kd (nu* - nu) + kp e - J' v          J' v: classical drift, the acceleration of the frame at a = 0
+/// e = (p* - p, log(R* R'))                   m, rad
+/// A = J                                      Jacobian of the frame, world axes, 6 x nv, on the accelerations
+/// b = nu*' + kd (nu* - nu) + kp e - J' v     J' v: classical drift, the acceleration of the frame at a = 0
 /// W = diag(p, p, p, o, o, o)
 /// ```
 ///

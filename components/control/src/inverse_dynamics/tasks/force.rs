@@ -59,8 +59,8 @@ impl AccelerationTask for ForceRegularisation {
 /// The force of one contact follows a target, in world axes \[N\]: the sum over its points.
 ///
 /// ```text
-/// A = (R R ... R)                                 R: axes of the contact, on the forces of its points, 3 x 3 points
-/// b = f*,   W = weight                            1/N
+/// A = (R R ... R)                          R: axes of the contact, on the forces of its points, 3 x 3 points
+/// b = f*,   W = weight                     1/N
 /// ```
 #[derive(Clone, Debug)]
 pub struct ContactForce {

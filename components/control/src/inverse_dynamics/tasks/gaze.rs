@@ -7,8 +7,8 @@ use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::least_turn;
 
-/// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every
-/// direction is right.
+/// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
+/// direction is undefined.
 const NEAREST: f64 = 1e-2;
 
 /// Points an axis `d` of a frame at a point `p*` \[m, world axes\]. Rotation about the axis is free.
@@ -17,11 +17,11 @@ const NEAREST: f64 = 1e-2;
 /// u'`, the velocity `w` of the point, and `v`, `o` the linear and the angular velocity of the frame,
 ///
 /// ```text
-/// e = the rotation vector that turns d onto u     rad
-/// s = P o + [u]x (v - w) / |r|                    rate at which the axis turns relative to the point; u' = u x s
-/// A = P J_o + [u]x J_v / |r|                      3 x nv, of rank 2, on the accelerations
-/// b = kp e - kd s - s'|(a = 0)                    kp e: no faster than the largest speed
-/// W = weight                                      1/(rad/s2)
+/// e = the rotation vector that turns d onto u   rad
+/// s = P o + [u]x (v - w) / |r|                  rate of the axis relative to the point; u' = u x s
+/// A = P J_o + [u]x J_v / |r|                    3 x nv, of rank 2, on the accelerations
+/// b = kp e - kd s - s'|(a = 0)                  kp e: no faster than the largest speed
+/// W = weight                                    1/(rad/s2)
 /// ```
 ///
 /// (the [gaze task](crate::tasks::GazeTask) of velocities, differentiated again). The point moves at a

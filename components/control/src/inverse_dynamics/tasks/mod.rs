@@ -75,8 +75,8 @@ impl Feedback {
         Self { kp: rate * rate, kd: 2.0 * rate }
     }
 
-    /// The acceleration for a vector error `e` and its rate `e'`, where the error is corrected at no more
-    /// than `max_speed`: `kd (clip(kp / kd e) + e')`.
+    /// Acceleration for a vector error `e` and its rate `e'`, with the correction speed limited to
+    /// `max_speed`: `kd (clip(kp / kd e) + e')`.
     pub fn acceleration(&self, error: &Vector3<f64>, rate: &Vector3<f64>, max_speed: f64) -> Vector3<f64> {
         let mut proportional = error * self.kp;
         let most = self.kd * max_speed;

@@ -33,8 +33,8 @@ pub struct MomentumRate {
 const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: Vector3::new(0.0, 0.0, 0.0) };
 
 impl MomentumRate {
-    /// A task for the angular momentum of `model`, which comes to rest at the rate `gain` \[1/s\], with
-    /// weight 1 \[1/Nm\].
+    /// A task that brings the angular momentum of `model` to rest at the rate `gain` \[1/s\], with weight 1
+    /// \[1/Nm\].
     pub fn angular(model: &Model, gain: f64) -> Self {
         Self {
             gain,

@@ -19,7 +19,8 @@ use crate::inverse_dynamics::{InverseDynamics, MotionState};
 /// b = kp e - kd s - s'|(a = 0)
 /// W = diag(p, p, p, o, o, o)
 ///
-/// s' = R_a' (v_b' - v_a' - w_a' x d - w_a x (w_a x d) - 2 w_a x (v_b - v_a - w_a x d), w_b' - w_a' - w_a x w_b)
+/// s' = R_a' (v_b' - v_a' - w_a' x d - w_a x (w_a x d) - 2 w_a x (v_b - v_a - w_a x d),
+///            w_b' - w_a' - w_a x w_b)
 /// ```
 ///
 /// (the [relative task](crate::tasks::RelativeTask) of velocities at the level of accelerations). The motion

@@ -8,9 +8,9 @@ use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 /// Torques of the drives are small:
 ///
 /// ```text
-/// A = (M_a, -J_a')                                the rows of the joints, on accelerations and contact forces
-/// b = -h_a                                        so that A x - b = tau
-/// W = weight diag(1 / tau_max)                    a torque as a share of its limit; of 1 Nm where there is no limit
+/// A = (M_a, -J_a')                         the rows of the joints, on accelerations and contact forces
+/// b = -h_a                                 so that A x - b = tau
+/// W = weight diag(1 / tau_max)             a torque as a share of its limit; of 1 Nm where there is no limit
 /// ```
 #[derive(Clone, Debug)]
 pub struct TorqueMinimum {

@@ -13,10 +13,10 @@ use crate::tasks::UnicycleSettings;
 /// of the joints,
 ///
 /// ```text
-/// s = (v_x, v_y, w_z)                             m/s, m/s, rad/s
-/// A = rows x, y of J_v and z of J_w               J: Jacobian of the frame in its own axes, on the accelerations
+/// s = (v_x, v_y, w_z)                         m/s, m/s, rad/s
+/// A = rows x, y of J_v and z of J_w           J: Jacobian of the frame in its own axes, on the accelerations
 /// b = rate ((forward, 0, yaw rate) - s) - ((v' - w x v)_x, (v' - w x v)_y, w'_z)
-/// W = diag(f, s, y)                               1/(m/s2), 1/(m/s2), 1/(rad/s2)
+/// W = diag(f, s, y)                           1/(m/s2), 1/(m/s2), 1/(rad/s2)
 /// ```
 ///
 /// (the [unicycle task](crate::tasks::UnicycleTask) of velocities: an error of the velocity decays at

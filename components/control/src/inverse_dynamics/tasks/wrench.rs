@@ -10,10 +10,10 @@ use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 /// world axes:
 ///
 /// ```text
-/// A = (   R        R    ... )                     R: axes of the contact, on the forces of its points, at the arms r_i
-///     ([r_1]x R [r_2]x R ...)                     6 x 3 points
-/// b = (f*, n*)                                    N, Nm: the wrench of the world on the robot
-/// W = diag(f, f, f, n, n, n)                      1/N, 1/Nm
+/// A = (   R        R    ... )           R: axes of the contact, on the forces of its points, at the arms r_i
+///     ([r_1]x R [r_2]x R ...)           6 x 3 points
+/// b = (f*, n*)                          N, Nm: the wrench of the world on the robot
+/// W = diag(f, f, f, n, n, n)            1/N, 1/Nm
 /// ```
 ///
 /// (PyRoboLearn's wrench task.) A point or a ball has only the torque of its lever arm.

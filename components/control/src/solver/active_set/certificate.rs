@@ -86,10 +86,10 @@ impl Run<'_> {
     }
 
     /// True if the constraint examined last is so nearly a combination of members that all of them hold
-    /// together only far beyond the first minimum. Members that contradict each other but for rounding would
-    /// drive `x` and the multipliers there, where neither has a digit left, and constraints would join and
-    /// leave without end. It then counts as a combination of members: one of them makes way, or the problem
-    /// is infeasible, which a second attempt decides where the condition of the Hessian is poor.
+    /// together only far beyond the first minimum. Members that contradict each other up to rounding would
+    /// drive `x` and the multipliers there, where neither has a significant digit left, and constraints would
+    /// join and leave forever. The constraint then counts as a combination of members: one of them leaves, or
+    /// the problem is infeasible, which a second attempt decides if the condition of the Hessian is poor.
     #[inline(always)]
     pub(super) fn is_out_of_reach<F: Arithmetic>(&mut self, excess: f64) -> bool {
         let work = &mut *self.work;

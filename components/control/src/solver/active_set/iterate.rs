@@ -118,7 +118,7 @@ impl Run<'_> {
         work.working.clear();
         work.is_member.fill(false);
         work.implied.clear();
-        // A zero row, such as that of a contact in the air, would end the bulk adoption.
+        // A zero row, such as a lifted contact's, would end the bulk adoption.
         for constraint in 0..self.work.is_member.len() {
             let held = if constraint < m { !self.is_empty(constraint) } else { self.is_fixed(constraint) };
             if held && self.work.working.len() < n {
@@ -358,7 +358,7 @@ impl Run<'_> {
                 work.is_member[violated.constraint] = true;
                 return Ok(());
             }
-            // As its multiplier grows by s, those of the members change by -r s, and nothing else does.
+            // As its multiplier grows by s, only the multipliers of the members change, by -r s.
             let working = &mut work.working;
             let largest =
                 working.projection[..working.members.len()].iter().fold(0.0_f64, |l, r| l.max(r.abs()));

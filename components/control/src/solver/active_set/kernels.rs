@@ -222,8 +222,8 @@ impl Lower {
         }
     }
 
-    /// Solves `L x = b` in place, from row `first` on, where the rows before are solved. What stands in `b`
-    /// beyond the size must be finite.
+    /// Solves `L x = b` in place, from row `first` on, with the previous rows solved. Entries of `b` beyond
+    /// the size must be finite.
     #[inline(always)]
     pub(super) fn solve<F: Arithmetic>(&self, b: &mut [f64], first: usize) {
         for i in first..self.size {

@@ -211,7 +211,7 @@ impl ActiveSetSolver {
     }
 
     /// Warm-starts the next solve with these rows and bounds and their multipliers, instead of the previous
-    /// ones. They affect the number of iterations but not the solution; use those of a similar problem.
+    /// ones. They affect the number of iterations but not the solution; use values of a similar problem.
     ///
     /// ```
     /// use motorium_control::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};

@@ -7,8 +7,8 @@ use super::kernels::{Arithmetic, add_scaled, largest};
 const REFINEMENTS: usize = 4;
 /// Share of the solution up to which a correction is the last.
 const CONVERGED: f64 = 1e-7;
-/// Residual, as a share of one and of the largest number of the solution, beyond which a minimum that
-/// refinement did not settle is none.
+/// Residual, as a share of one and of the largest number of the solution, above which an unrefined minimum is
+/// rejected.
 const EXACT: f64 = 1e-9;
 
 impl Run<'_> {
@@ -56,9 +56,8 @@ impl Run<'_> {
         work.working.residuals::<F>(&work.x, &mut work.residual, &mut work.gaps);
     }
 
-    /// True if the minimum and the multipliers, which refinement moved to the end, satisfy the members and
-    /// the conditions of the optimum. They do not where the Hessian is singular but for rounding: each
-    /// correction then leaves errors of its own.
+    /// True if the refined minimum and multipliers satisfy the members and the conditions of the optimum.
+    /// They do not if the Hessian is singular up to rounding: each correction then leaves new errors.
     #[inline(never)]
     pub(super) fn is_stationary<F: Arithmetic>(&mut self) -> bool {
         let n = self.problem.gradient.len();

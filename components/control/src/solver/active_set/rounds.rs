@@ -101,8 +101,8 @@ impl Run<'_> {
     /// Shifts a singular Hessian.
     ///
     /// # Errors
-    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it
-    /// is no factor's square.
+    /// Negative curvature beyond rounding: with [`ROUNDING`] of its largest entry on its diagonal it has no
+    /// Cholesky factor.
     #[inline(never)]
     pub(super) fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
         let before = self.work.shift;

@@ -72,7 +72,7 @@ impl Layout {
         self.variables
     }
 
-    /// Number of rows of equalities and inequalities, before those of the cones.
+    /// Number of rows of equalities and inequalities, before the rows of the cones.
     pub(super) fn linear_count(&self) -> usize {
         self.equalities + self.inequalities.len()
     }

@@ -27,8 +27,9 @@ pub struct ClarabelSettings {
     pub feasibility: f64,
     /// Largest number of iterations. Default 50.
     pub max_iterations: u32,
-    /// Iterative refinement of each linear solve, default true. It takes a third of the time of a small
-    /// problem, for residuals up to a thousand times smaller and safety where the Hessian is nearly singular.
+    /// Iterative refinement of each linear solve, default true. It uses a third of the time of a small
+    /// problem, for residuals up to a thousand times smaller and robustness if the Hessian is nearly
+    /// singular.
     pub refinement: bool,
 }
 
@@ -242,7 +243,7 @@ impl QpSolver for ClarabelSolver {
         self.solution.iterations
     }
 
-    // It begins each solve anew.
+    // Each solve starts without the previous solution.
     fn reset(&mut self) {}
 
     fn solve(&mut self) -> Result<&Solution, SolveError> {

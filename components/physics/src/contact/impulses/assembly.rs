@@ -29,7 +29,7 @@ impl Impulses {
             self.aim(index, diagonal);
             let site = &self.sites[index];
             self.cone.couples[local] = site.couple.map(|couple| Couple {
-                // Contact points come first, and in order.
+                // Contact points come first, in order.
                 point: places.clone().take_while(|place| self.islands.point(*place) < couple.point).count(),
                 ..couple
             });
@@ -46,8 +46,8 @@ impl Impulses {
         }
     }
 
-    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps where
-    /// `few`. Returns whether they settled.
+    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps if
+    /// `few`. Returns whether they converged.
     pub(super) fn solve_sparse(&mut self, places: Range<usize>, few: bool) -> bool {
         self.sum.fill(0.0);
         for place in places.clone() {
@@ -60,7 +60,7 @@ impl Impulses {
             } else {
                 PointAnswer::new(&own, site.soft)
             };
-            // That of the objects is in their own velocities.
+            // The objects' contribution is in their own velocities.
             for (free, falling) in site.free.iter_mut().zip(site.falling) {
                 *free -= falling;
             }
@@ -89,7 +89,7 @@ impl Impulses {
     /// three.
     fn aim(&mut self, index: usize, [mobility, one, other]: [f64; 3]) {
         let site = &mut self.sites[index];
-        // Only the two that meet count: what else is in the world has no part in their contact.
+        // Only the two colliding bodies count: others have no part in their contact.
         let articulations = site.articulations().map(|of| self.inverse_masses[of]);
         let objects = site.sides.iter().filter_map(|side| side.object());
         let inverse_mass: f64 =

@@ -9,7 +9,7 @@ use super::super::objects::FreeBody;
 use super::super::site::Site;
 use super::Impulses;
 
-/// Part of the key of the torques at a contact point, which is otherwise that of the point.
+/// Part of the key of the torques at a contact point, which otherwise equals the point's key.
 const COUPLE: u64 = 1 << 62;
 
 impl Impulses {

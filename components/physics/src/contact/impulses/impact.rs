@@ -1,12 +1,11 @@
 //! Impacts with friction: Newton's law of restitution, within the bounds of the energy.
 //!
-//! Newton's law sets the speed of rebound alone. Where friction turns a body in an impact off its centre of
-//! mass, this may demand more energy than the impact has absorbed. So the impulses of such an impact are
-//! those between a plastic impact, without restitution, and Newton's: as far towards Newton's as Stronge's
+//! Newton's law only sets the speed of rebound. Where friction turns a body in an impact off its centre of
+//! mass, this may require more energy than the impact has absorbed. The impulses of such an impact are
+//! therefore between a plastic impact, without restitution, and Newton's: as near to Newton's as Stronge's
 //! energetic law allows (W. J. Stronge, Impact Mechanics, 2000, chapter 3), by which the normal impulses of
-//! the rebound return at most the squared coefficient of restitution of the energy that they absorbed, and no
-//! farther than the kinetic energy does not rise. Friction cones are convex: both ends are in them, and all
-//! between.
+//! the rebound return at most the squared coefficient of restitution of the absorbed energy, and no further
+//! than the kinetic energy does not rise. Friction cones are convex: both ends are in them, and all between.
 
 use core::ops::Range;
 
@@ -28,7 +27,7 @@ pub(super) struct Impact {
 }
 
 impl Impact {
-    /// Makes room for so many points.
+    /// Reserves room for this many points.
     pub(super) fn make_room(&mut self, points: usize) {
         for numbers in self.newton.iter_mut().chain([&mut self.plastic]) {
             numbers.resize(3 * points, 0.0);
@@ -71,10 +70,10 @@ impl Impulses {
         self.impact = impact;
     }
 
-    /// The share of the way from the plastic impact, whose impulses are the present ones, to Newton's.
+    /// Interpolation share from the plastic impact, whose impulses are the present ones, to Newton's.
     fn rebound_share(&self, places: Range<usize>, impact: &Impact) -> f64 {
         let [newton, newton_velocity] = &impact.newton;
-        // Twice the energies: at the plastic impact; its slope and its curvature on the way.
+        // Twice the energies at the plastic impact, and their slope and curvature along the interpolation.
         let (mut start, mut slope, mut curve, mut size) = (0.0, 0.0, 0.0, 0.0);
         // Stronge's bound, of the squared share.
         let (mut allowed, mut returned) = (0.0, 0.0);

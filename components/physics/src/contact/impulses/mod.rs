@@ -45,25 +45,25 @@ const DENSE_FREE: usize = 12;
 /// For each contact point with normal n and relative velocity w of the surfaces at the end of the step
 ///
 /// ```text
-/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0      target = -distance / h, apart
+/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0     target = -distance / h, apart
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid.
-/// Overlap decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy
-/// than the two parties have at that speed: where joints hardly let a point move, recovery is slower. The
-/// impulses of the last step are the first guess. Surfaces that resist rolling or spinning add
-/// [torques](couples), each within a bound of its own that grows with `lambda_n`.
+/// Overlap decays at a rate (Baumgarte 1972). No target requires more than 0.5 m/s, nor more kinetic energy
+/// than the two bodies have at that speed: where joints hardly let a point move, recovery is slower. The
+/// impulses of the last step are the initial guess. Surfaces that resist rolling or spinning add
+/// [torques](couples), each within a separate bound that grows with `lambda_n`.
 ///
 /// Surfaces with restitution rebound by [Newton's law](impact), bounded by the energy.
 ///
-/// Where a surface gives way as a spring and a damper, the target and the compliance are those of the force
-/// at the end of the step.
+/// If a surface yields like a spring and a damper, the target and the compliance describe the force at the
+/// end of the step.
 ///
-/// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact
-/// points that no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix
-/// W, large ones [body by body](super::sweeps::Island), and those in between that rest, and do not settle so,
-/// over W after all. Nothing allocates after [`new`](Self::new).
+/// A consists of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact
+/// points that no chain of blocks joins form separate [islands](Islands): small ones are solved over their
+/// matrix W, large ones [body by body](super::sweeps::Island), and medium ones at rest that do not converge
+/// this way over W, too. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
     /// Number of velocities of all articulations, and the part of each.
@@ -116,12 +116,12 @@ pub(crate) struct ImpulseTarget<'a> {
 
 /// An articulation that contact impulses act on.
 pub(crate) trait MovedByImpulses {
-    /// Its end velocity and what maps impulses to it.
+    /// Its end velocity and its map from impulses.
     fn target(&mut self) -> ImpulseTarget<'_>;
 }
 
 impl Impulses {
-    /// For these articulations, so many free objects, and up to `most` contact points.
+    /// For these articulations, this many free objects, and up to `most` contact points.
     pub(crate) fn new(robot: &Robot, objects: usize, most: usize) -> Self {
         let articulations = &robot.articulations;
         let n = articulations.last().map_or(0, |last| last.v().end);
@@ -153,7 +153,7 @@ impl Impulses {
         impulses
     }
 
-    /// Makes room for so many contact points.
+    /// Reserves room for this many contact points.
     pub(crate) fn make_room(&mut self, most: usize) {
         let n = self.n;
         self.sites.reserve(most);
@@ -229,7 +229,7 @@ impl Impulses {
             self.bodies.extend(falling.iter().map(Mobility::new));
         }
         let n = self.n;
-        // Points come in nearly the same order in every step.
+        // Points have nearly the same order in every step.
         let mut expected = 0;
         for (index, point) in points.iter().enumerate() {
             let h = point.h;
@@ -272,8 +272,8 @@ impl Impulses {
             }
             now += site.speed(0, before);
             site.target = if let Some(Softness { stiffness, damping }) = point.law.soft {
-                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w.
-                // What is still apart has no damping.
+                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w. A
+                // separated point has no damping.
                 let gain = h * stiffness + if point.distance > 0.0 { 0.0 } else { damping };
                 site.soft = 1.0 / (h * gain);
                 -stiffness * point.distance / gain
@@ -292,7 +292,7 @@ impl Impulses {
         self.prepare_couples(points, falling, slopes);
     }
 
-    /// Gives the objects the velocities that the impulses lead to.
+    /// Sets the velocities of the objects that result from the impulses.
     pub(crate) fn push_objects(&self, bodies: &mut [FreeBody]) {
         for (index, site) in self.sites.iter().enumerate() {
             let impulse = site.vector(&self.lambda[3 * index..]);
@@ -361,7 +361,7 @@ impl Impulses {
     }
 }
 
-/// Inverse of a mass \[1/kg\], of none at all a great number.
+/// Inverse of a mass \[1/kg\]; a large number for zero.
 fn inverse(mass: f64) -> f64 {
     1.0 / mass.max(f64::MIN_POSITIVE)
 }

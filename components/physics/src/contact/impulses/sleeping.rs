@@ -1,4 +1,4 @@
-//! Islands that sleep, and what wakes them.
+//! Sleeping islands, and the events that wake them.
 
 use core::ops::Range;
 
@@ -17,8 +17,8 @@ impl Impulses {
         self.islands.find(of_points.chain(couples.map(|point| bodies_of(point, articulations))));
     }
 
-    /// Finds the bodies of islands in which a robot is nearer than `least` \[m\] to what it may hold, as
-    /// points were sorted last.
+    /// Finds the bodies of islands in which a robot is nearer than `least` \[m\] to a holdable object, by the
+    /// last sorting of points.
     pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
         self.pending.clear();
         self.pending.resize(self.islands.count(), false);
@@ -34,7 +34,7 @@ impl Impulses {
         }
     }
 
-    /// Sorts the points of an integration step by islands, and wakes the objects of those in which anything
+    /// Sorts the points of an integration step by islands, and wakes the objects of islands in which anything
     /// moves. `lengths` has the length of the step for each body, zero where it does not move.
     pub(crate) fn wake(&mut self, points: &mut [ContactPoint], objects: &mut [FreeBody], lengths: &[f64]) {
         let articulations = self.parts.len();
@@ -110,7 +110,7 @@ impl Impulses {
     }
 }
 
-/// Objects slower than this may come to rest \[m/s, rad/s\]: what sweeps leave over would move them.
+/// Speed below which objects may come to rest \[m/s, rad/s\]: the residual of sweeps would move them.
 const SLOW: [f64; 2] = [0.05, 0.5];
 
 /// The one or two bodies that move at a contact point: articulations first, then objects.

@@ -2,7 +2,7 @@
 
 use super::Impulses;
 
-/// The impulse at a contact point: what the same point begins with in the next step.
+/// The impulse at a contact point, the initial guess of the same point in the next step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Known {
     key: u64,
@@ -12,7 +12,7 @@ pub(crate) struct Known {
 }
 
 impl Impulses {
-    /// The impulses of the last step by the keys of their contact points: what the next begins with.
+    /// Impulses of the last step by the keys of their contact points: the initial guess of the next.
     pub(crate) fn save(&self) -> Vec<Known> {
         self.known().collect()
     }

@@ -17,8 +17,7 @@ impl ContactScene {
         });
     }
 
-    /// Connects two parts, each with the frame that they share as it lies in it; `links` are the indices of
-    /// the
+    /// Connects two parts, given the shared frame relative to each; `links` are the indices of the
     /// [sums](crate::contact::ImpulseSums::link) of the links among them.
     pub(crate) fn connect(
         &mut self,
@@ -32,10 +31,10 @@ impl ContactScene {
         self.objects.wake();
     }
 
-    /// Takes the connections of two parts away; `false` where there are none.
+    /// Removes the connections of two parts; `false` if there are none.
     pub(crate) fn disconnect(&mut self, members: [Member; 2]) -> bool {
         self.objects.wake();
-        // They may be near one another, and were not looked at.
+        // They may be near one another, and were not checked.
         self.detector.forget();
         self.connections.remove(members)
     }
@@ -47,8 +46,8 @@ impl ContactScene {
         self.impulses.make_room(contacts + held);
     }
 
-    /// The end of a connection that holds an object of the world, and the pose of the object in the frame of
-    /// its owner.
+    /// The end of a connection at an object of the world, and the pose of the object in the frame of its
+    /// owner.
     pub(crate) fn member_of_object(&self, index: usize) -> (Member, Isometry3<f64>) {
         match self.objects.movable[index] {
             Some(movable) => {

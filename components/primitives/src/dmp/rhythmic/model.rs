@@ -14,7 +14,8 @@ use crate::dmp::spring::CriticalSpring;
 pub struct RhythmicSettings {
     /// Number of kernels around the circle for each dimension, at least 3. Default 30.
     pub kernels: usize,
-    /// Damping `D` of the transformation system; its stiffness is `K = D^2 / 4`, critically damped. Default 25.
+    /// Damping `D` of the transformation system; its stiffness is `K = D^2 / 4`, critically damped. Default
+    /// 25.
     pub damping: f64,
     /// Width parameter `h` of the kernels. Default: the number of kernels.
     pub width: Option<f64>,

@@ -145,8 +145,8 @@ impl CameraConfig {
     }
 }
 
-/// `sensor.camera`: pictures in colour. A reading has the levels of each pixel as one number, red + 256 green +
-/// 65536 blue.
+/// `sensor.camera`: pictures in colour. A reading has the levels of each pixel as one number, red +
+/// 256 green + 65536 blue.
 pub struct Camera {
     renderer: Renderer,
     sensor: PixelSensor,

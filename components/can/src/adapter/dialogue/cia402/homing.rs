@@ -1,9 +1,9 @@
 //! The homing of a drive of CiA 402, by its mode 6.
 //!
-//! Its objects are written while the drive is checked. The mode is changed by service data beside the process
-//! data, while the drive is let go, and read back from the object that displays the one in force. Then the
-//! state machine is led to enabled, and bit 4 of the controlword starts the homing, whose progress stands in
-//! the statusword.
+//! Its objects are written while the drive is checked. The mode is changed by service data in parallel to the
+//! process data, while the drive is disabled, and read back from the object that displays the active one.
+//! Then the state machine is moved to enabled, and bit 4 of the controlword starts the homing, whose progress
+//! the statusword reports.
 
 use super::Cia402;
 use crate::adapter::HomingFault;
@@ -12,7 +12,7 @@ use crate::cia402::{
 };
 use crate::frame::{DecodeError, Frame};
 
-/// Cycles after which a service that was not answered is asked for again.
+/// Cycles after which an unanswered service is repeated.
 const ASK_AGAIN: u16 = 20;
 /// Cycles from the start to the first statusword that counts: it may show the homing before.
 const SETTLES: u16 = 8;
@@ -20,16 +20,16 @@ const SETTLES: u16 = 8;
 /// The stage of a homing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Stage {
-    /// None is under way.
+    /// None is running.
     #[default]
     None,
     /// This mode is written and read back; then homing begins, or it is over.
     Mode { mode: u8, is_written: bool, asked: u16 },
-    /// The drive is led to enabled.
+    /// The drive is being enabled.
     Enabling,
-    /// It looks for its mark, for so many cycles, and has been seen under way or not.
+    /// Searching for its mark, for this many cycles, and seen running or not.
     Running { cycles: u16, was_seen: bool },
-    /// It is over.
+    /// Complete.
     Over(Result<(), HomingFault>),
 }
 
@@ -51,7 +51,7 @@ impl Stage {
 }
 
 impl Cia402 {
-    /// The service that the stage asks for.
+    /// The service requested by the stage.
     fn homing_service(&self) -> Option<Service> {
         match self.homing {
             Stage::Mode { mode, is_written: false, .. } => {
@@ -62,7 +62,7 @@ impl Cia402 {
         }
     }
 
-    /// The controlword of a cycle of homing; a service goes out beside it.
+    /// The controlword of a cycle of homing; a service is sent in parallel.
     pub(super) fn home(&mut self, frames: &mut Vec<Frame>) -> u16 {
         if let Some(service) = self.homing_service()
             && let Stage::Mode { asked, .. } = &mut self.homing
@@ -75,7 +75,7 @@ impl Cia402 {
         }
         match (self.homing, self.state) {
             (Stage::Enabling, DriveState::Enabled) => {
-                // a method that takes the place where it stands is over at once
+                // a method that adopts the present position ends at once
                 let is_here = self.homes.is_some_and(|homes| matches!(homes.method, 35 | 37));
                 self.homing = Stage::Running { cycles: 0, was_seen: is_here };
                 0x0f | HOMING_START
@@ -124,7 +124,7 @@ impl Cia402 {
         match status {
             _ if cycles < SETTLES => {}
             HomingStatus::Running => {}
-            // that of the homing before
+            // from the previous homing
             HomingStatus::Attained if !was_seen => {}
             HomingStatus::Attained => self.homing = Stage::mode(self.cyclic() as u8),
             HomingStatus::Failed => self.homing = Stage::Over(Err(HomingFault::Drive)),
@@ -189,7 +189,7 @@ mod tests {
         let refused = drive
             .node
             .service_answer(&Service::Write(Object::MODE, Value::byte(HOMING_MODE)), Err(0x0609_0030));
-        // that of another object says nothing
+        // an answer about another object is ignored
         let other = drive.node.service_answer(&Service::Read(Object::RATED_TORQUE), Err(0x0602_0000));
         drive.take_homing_service(&other);
         assert_eq!(drive.homing.result(), None);

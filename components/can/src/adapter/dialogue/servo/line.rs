@@ -1,4 +1,4 @@
-//! The packets of a line: one writes the goals of all servos, one asks all of them.
+//! Packets of a line: one writes the goals of all servos, one queries all of them.
 
 use super::Servo;
 use crate::adapter::common_answer::CommonAnswer;
@@ -9,12 +9,13 @@ use crate::servo::{self, Instruction, LONGEST};
 
 /// Bytes of the longest packet that goes out.
 const PACKET: usize = 64;
-/// The most registers that are written, and the most that are asked for.
+/// Largest numbers of registers that are written and queried.
 const MOST: usize = 6;
 
 impl Servo {
-    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each has been
-    /// asked. They answer together where they can, unless one was silent: those behind it would be, too.
+    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each was
+    /// queried. They answer together if possible, unless one was silent, which would silence the following
+    /// ones.
     pub(in crate::adapter) fn write_line(
         links: &mut [Link],
         common: Option<&mut CommonAnswer>,
@@ -91,7 +92,7 @@ impl Packets<'_> {
     }
 }
 
-/// The same registers of many servos, in one packet or as many as it takes.
+/// The same registers of many servos, in as few packets as possible.
 struct Group {
     register: u16,
     each: u8,
@@ -99,8 +100,8 @@ struct Group {
     length: usize,
 }
 
-/// Bytes of a packet beside those of the servos, and those that keep data and heads apart: of protocol 2,
-/// which has more.
+/// Bytes of a packet in addition to the servos' data, including byte stuffing; for protocol 2, which has
+/// more.
 const AROUND: usize = 20;
 
 impl Group {
