@@ -50,7 +50,7 @@ pub enum OnTrip {
 /// Phase of one drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// The settings are being read, starting with this number.
+    /// The settings are being read; this is the number of the next one.
     Checking(u8),
     /// The drive is disabled and its settings are correct.
     Disabled,
