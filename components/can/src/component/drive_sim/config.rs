@@ -1,4 +1,4 @@
-//! The configuration of `can.drive_sim`.
+//! Configuration of `can.drive_sim`.
 
 use std::collections::BTreeMap;
 
@@ -26,17 +26,17 @@ use crate::{BusEntry, DriveEntry};
 pub struct DriveSimulationConfig {
     /// The drive table: the file that the adapter reads, too. Instead of `bus` and `drive`.
     pub drives: Option<String>,
-    /// The buses, where no file has them.
+    /// The buses, if there is no drive table file.
     #[serde(default)]
     pub bus: Vec<BusEntry>,
-    /// The drives, where no file has them.
+    /// The drives, if there is no drive table file.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table
-    /// serves on simulated buses and on real ones. Default none.
+    /// Interfaces of buses by name, replacing the drive table's, so that one table serves both simulated and
+    /// real buses. Default none.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
-    /// Time from the last bit of a command to the answer's place in the queue of the drive. Default 50 us.
+    /// Time from the last bit of a command until its answer is queued in the drive. Default 50 us.
     #[serde(default = "delay")]
     pub delay: TimeSpan,
     /// Largest random addition to `delay`. Default none.
@@ -49,12 +49,12 @@ pub struct DriveSimulationConfig {
     /// True: each joint has a holding brake that is open while its drive is enabled. Default true.
     #[serde(default = "yes")]
     pub brakes: bool,
-    /// What lies between the drives and the joints: lag, limits, elasticity. Default: nothing.
+    /// Stages between the drives and the joints: lag, limits, elasticity. Default: none.
     pub actuator: Option<ActuatorTable<TimeSpan>>,
-    /// The same for single joints by their names, in place of `actuator`.
+    /// The same for single joints by name, instead of `actuator`.
     #[serde(default)]
     pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
-    /// Drives that are set otherwise than the table says.
+    /// Drives with settings that differ from the table.
     #[serde(default)]
     pub set: Vec<SettingConfig>,
     /// Faults, each at its time.
@@ -62,7 +62,7 @@ pub struct DriveSimulationConfig {
     pub faults: Vec<FaultConfig>,
 }
 
-/// Settings of a drive that are not those of the table.
+/// Settings of a drive that differ from the table.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SettingConfig {
