@@ -1,13 +1,13 @@
 //! Drives on CAN buses.
 //!
-//! [`drives`] holds the protocols as pure codecs, [`bus`] the buses: the bits of frames and their times, a
-//! simulated one with arbitration and error states, those of the kernel ([`SocketBus`]), those behind serial
-//! adapters ([`SlcanBus`]), and lines of serial servos ([`ServoBus`]). A [`Table`] says which drive moves
-//! which joint; [`Adapter`] is the logic that commands them, [`AnySimulatedDrive`] their counterpart. All
-//! that is a plain library, usable without the runtime.
+//! [`drives`] holds the protocols as pure codecs. [`bus`] holds the buses: the bits and durations of frames,
+//! a simulated bus with arbitration and error states, kernel interfaces ([`SocketBus`]), serial adapters
+//! ([`SlcanBus`]), and lines of serial servos ([`ServoBus`]). A [`Table`] assigns drives to joints.
+//! [`Adapter`] is the logic that commands the drives, and [`AnySimulatedDrive`] is its counterpart. All of
+//! this is a plain library, usable without the runtime.
 //!
-//! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are the components of a graph;
-//! they alone know the runtime.
+//! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are graph components; only they
+//! depend on the runtime.
 
 pub mod adapter;
 pub mod bus;

@@ -11,9 +11,9 @@ use crate::Table;
 ///
 /// | buses | `command_within` | a step |
 /// |---|---|---|
-/// | simulated over topics | with or without | reads the previous answers, publishes, waits for the command, sends |
+/// | simulated over topics | either | reads previous answers, publishes, waits for the command, sends |
 /// | real | without | sends the newest command, waits for the answers, publishes |
-/// | real | with | reads the previous answers, publishes, waits for the command, sends |
+/// | real | with | reads previous answers, publishes, waits for the command, sends |
 ///
 /// In each case one cycle passes between a measured state and the effect of its command. The difference is
 /// the position of the pause: before the command is sent, or before the state is published.
