@@ -1,4 +1,4 @@
-//! Homing in drive tables and in servos: what cannot be is refused with words.
+//! Homing in drive tables and in servos: invalid entries are refused with an explanation.
 
 use motorium_can::Table;
 use motorium_can::adapter::WrongSetting;
