@@ -29,7 +29,7 @@ pub(super) struct StepOrder {
 
 impl StepOrder {
     /// Derives the order from a configuration; `is_real` says whether the buses of the table are real.
-    /// Without a period, times are not limited by it.
+    /// Without a period, configured times are not checked against it.
     pub(super) fn from_config(
         config: &CanAdapterConfig,
         table: &Table,

@@ -224,8 +224,8 @@ struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    /// Delivers a frame to all drives of a bus. Each addressed drive answers: `answer_with` receives the
-    /// node, its answer, and the time when the answer is ready.
+    /// Delivers a frame to all drives of a bus. Passes the answer of each addressed drive to `answer_with`,
+    /// with its node and the time when it is ready.
     fn receive(
         &mut self,
         index: usize,

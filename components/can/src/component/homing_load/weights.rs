@@ -48,7 +48,7 @@ pub(super) struct Weights<'a> {
     stop: f64,
     /// Home positions of all joints; for joints homed before, their final positions.
     home: Vec<f64>,
-    /// Range of each joint; empty for joints homed before.
+    /// Range of each joint; a single position for joints homed before.
     ranges: Vec<[f64; 2]>,
     /// Joints on whose positions the weight depends.
     related: Vec<usize>,
