@@ -20,8 +20,7 @@ impl DriveEntry {
     }
 
     /// Current limit in units of its register: a share of the full current for a Damiao drive, thousandths of
-    /// the stall current for a Feetech, units for a Dynamixel. Rounded down, so never more than the table's
-    /// limit.
+    /// the stall current for a Feetech, units for a Dynamixel. Never more than the table's limit.
     pub(crate) fn current_register(&self) -> Option<f64> {
         let limit = self.current_limit?;
         match self.protocol {

@@ -30,7 +30,7 @@ pub enum Fault {
     HotMotor,
     /// No command arrived within the watchdog time.
     CommunicationLost,
-    /// The torque was at its limit for too long.
+    /// The motor could not deliver the torque for too long.
     Overload,
     /// The encoder failed.
     Encoder,
