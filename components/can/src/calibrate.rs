@@ -1,4 +1,4 @@
-//! Offsets of drives, measured while the robot is held in a known pose.
+//! Drive offsets, measured while the robot is held in a known pose.
 
 use core::time::Duration;
 
@@ -8,78 +8,78 @@ use crate::cia402;
 use crate::frame::{Frame, Id};
 use crate::table::{Protocol, Table, TableError};
 
-/// The drive of a joint that stood in a known pose.
+/// Drive of a joint that was held in a known pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibrated {
-    /// The joint.
+    /// Joint.
     pub joint: String,
-    /// Its mean position by the offset of the table, rad or m.
+    /// Mean position with the offset of the table, rad or m.
     pub position: f64,
-    /// Offset at which the reading equals the pose, rad or m.
+    /// Offset with which the joint reads its position in the pose, rad or m.
     pub offset: f64,
-    /// The offset of the table, rad or m.
+    /// Offset of the table, rad or m.
     pub before: f64,
-    /// Difference of its largest and its smallest position, rad or m.
+    /// Difference between the largest and smallest position, rad or m.
     pub spread: f64,
-    /// Answers that were taken.
+    /// Number of answers used.
     pub answers: u64,
 }
 
-/// The reason why offsets were not measured.
+/// Reason why offsets were not measured.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// Robot and table do not fit together.
+    /// Robot and table do not match.
     #[error(transparent)]
     Table(#[from] TableError),
     /// Another program commands a drive.
     #[error("another program commands the drive of `{joint}`: end it, for this lets all drives go")]
     Commanded {
-        /// The joint of the drive.
+        /// Joint of the drive.
         joint: String,
     },
-    /// A drive's settings differ from the table, so its positions may be wrong.
+    /// A setting of the drive differs from the table, so its positions may be wrong.
     #[error("the drive of `{joint}`: {wrong}")]
     Setting {
-        /// The joint of the drive.
+        /// Joint of the drive.
         joint: String,
-        /// The setting.
+        /// Setting that differs.
         wrong: WrongSetting,
     },
     /// A drive did not answer.
     #[error("the drive of `{joint}` does not answer: has it power, is its number that of the table?")]
     Silent {
-        /// The joint of the drive.
+        /// Joint of the drive.
         joint: String,
     },
     /// A joint moved.
     #[error("`{joint}` moved by {spread:.3} while it was measured: hold it still")]
     Moved {
-        /// The joint.
+        /// Joint.
         joint: String,
-        /// Difference of its largest and its smallest position, rad or m.
+        /// Difference between its largest and smallest position, rad or m.
         spread: f64,
     },
 }
 
-/// Time to listen for another program that commands the drives.
+/// Time spent listening for another program that commands the drives.
 const LISTEN: Duration = Duration::from_millis(300);
-/// Time from one question to the next.
+/// Time from one query to the next.
 const CYCLE: Duration = Duration::from_millis(10);
-/// Cycles within which each drive must have answered: they are checked meanwhile.
+/// Cycles within which each drive must have answered, including the check of its settings.
 const ANSWER_TIMEOUT: u32 = 300;
-/// Largest difference of two positions of a joint at rest, rad or m.
+/// Largest position difference of a joint at rest, rad or m.
 const STILL: f64 = 0.05;
 
-/// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a
-/// position for each of `joints`. Homed joints are skipped, and no drive is enabled. `pass` lets time pass on
-/// `buses`, in the order of the table, and returns the time, ns.
+/// Measures the offsets of all drives for `time` while the robot is held at `pose` \[rad or m\], with one
+/// position for each of `joints`. Homed drives are left out, and no drive is enabled. `pass` lets time pass
+/// on `buses`, the buses of the table in their order, and returns the time, ns.
 ///
 /// # Errors
-/// Another program commands a drive, a drive's settings differ from the table, or a drive does not answer or
-/// moves.
+/// Returns an error if a drive is commanded by another program, has a setting that differs from the table,
+/// does not answer, or moves.
 ///
 /// # Panics
-/// If `pose` has not as many positions as there are `joints`, or there are fewer buses than in the table.
+/// Panics if `pose` and `joints` differ in length, or if there are fewer buses than in the table.
 pub fn calibrate<B: Bus>(
     table: &Table,
     (joints, pose): (&[String], &[f64]),
@@ -142,7 +142,7 @@ pub fn calibrate<B: Bus>(
             }
         }
     }
-    // the offset of a homed joint belongs to its mark, and its encoder starts at an arbitrary position
+    // the offset of a homed joint belongs to its mark, and its encoder has an arbitrary zero
     let is_measured = |(index, _): &(usize, &Taken)| !table.drives[order[*index]].is_homed();
     let result = taken.iter().enumerate().filter(is_measured).map(|(index, taken)| {
         let (joint, before) = (joints[index].clone(), table.transmission(order[index]).offset);
@@ -156,7 +156,7 @@ pub fn calibrate<B: Bus>(
     result.collect()
 }
 
-/// The positions of a joint.
+/// Positions of a joint.
 #[derive(Clone, Copy, Debug)]
 struct Taken {
     last_ns: Option<u64>,
@@ -173,7 +173,7 @@ impl Default for Taken {
 }
 
 impl Taken {
-    /// Takes a position, if it is one that was received since the last.
+    /// Adds a position if it was received after the previous one.
     fn take(&mut self, received_ns: Option<u64>, position: f64) {
         if self.last_ns != received_ns {
             self.last_ns = received_ns;
@@ -183,7 +183,7 @@ impl Taken {
     }
 }
 
-/// The joint of the drive on this bus that a frame of another program commands.
+/// Joint of the drive on this bus that a frame of another program commands.
 fn commanded(table: &Table, bus: usize, frame: &Frame) -> Option<String> {
     let mut drives = table.drives.iter().enumerate().filter(|(_, drive)| table.bus_of(drive) == Some(bus));
     let found = drives.find(|(index, drive)| match (table.drive(*index), drive.protocol, frame.id) {
@@ -193,7 +193,7 @@ fn commanded(table: &Table, bus: usize, frame: &Frame) -> Option<String> {
         }
         (_, Protocol::Odrive, _) => {
             let node = crate::odrive::Node::new(drive.node);
-            // drive reports use other commands
+            // reports of a drive use other command codes
             node.is_some_and(|node| node.instruction(frame).is_ok())
         }
         (_, Protocol::Moteus, Id::Standard(id)) => id & 0xff == u16::from(drive.node),

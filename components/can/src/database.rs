@@ -7,7 +7,7 @@ use can_dbc::{ByteOrder, Dbc, MessageId, MultiplexIndicator, SignalExtendedValue
 
 use crate::{Frame, Id};
 
-/// A database of the messages on a bus, read from a DBC file.
+/// Database of the messages on a bus, read from a DBC file.
 ///
 /// ```
 /// use motorium_can::{Database, Frame, Id};
@@ -28,34 +28,34 @@ use crate::{Frame, Id};
 #[derive(Clone, Debug)]
 pub struct Database {
     messages: BTreeMap<(bool, u32), Message>,
-    /// Bits of the identifiers that count.
+    /// Significant bits of the identifiers.
     mask: u32,
 }
 
-/// A database that cannot be read.
+/// Error of reading a database.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DatabaseError {
-    /// Not a DBC file.
+    /// The text is not a DBC file.
     #[error("it is no DBC file: {0}")]
     Syntax(String),
-    /// A signal that cannot be.
+    /// A signal is invalid.
     #[error("the signal `{signal}` of the message `{message}`: {cause}")]
     Signal {
         /// Name of the message.
         message: String,
         /// Name of the signal.
         signal: String,
-        /// The reason.
+        /// Reason.
         cause: String,
     },
-    /// Two messages with one identifier.
+    /// Two messages have the same identifier.
     #[error("the messages `{first}` and `{second}` have the same identifier{}", under(*.mask))]
     Twice {
-        /// Name of the one.
+        /// Name of the first message.
         first: String,
-        /// Name of the other.
+        /// Name of the second message.
         second: String,
-        /// The bits of the identifiers that count.
+        /// Significant bits of the identifiers.
         mask: u32,
     },
 }
@@ -66,14 +66,14 @@ fn under(mask: u32) -> String {
 
 const ALL: u32 = 0x1fff_ffff;
 
-/// A message as the database describes it.
+/// Message as described in the database.
 #[derive(Clone, Debug)]
 struct Message {
     name: String,
     signals: Vec<Signal>,
 }
 
-/// A signal as the database describes it.
+/// Signal as described in the database.
 #[derive(Clone, Debug)]
 struct Signal {
     name: String,
@@ -85,11 +85,11 @@ struct Signal {
     factor: f64,
     offset: f64,
     labels: Vec<(i64, String)>,
-    /// The signal is present while this signal has one of these values.
+    /// The signal is present while this multiplexer has one of these values.
     switch: Option<(usize, Vec<RangeInclusive<u64>>)>,
 }
 
-/// The meaning of a signal's bits.
+/// Interpretation of a signal's bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Form {
     Unsigned,
@@ -98,34 +98,34 @@ enum Form {
     Double,
 }
 
-/// A frame in the words of a database.
+/// Frame decoded with a database.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded<'a> {
     /// Name of the message.
     pub name: &'a str,
-    /// Returns its signals, in the order of the database, without signals beyond the frame's length and
-    /// absent multiplexed signals.
+    /// Signals, in the order of the database. Signals beyond the end of the frame and inactive multiplexed
+    /// signals are left out.
     pub signals: Vec<SignalValue<'a>>,
 }
 
-/// The value of a signal.
+/// Value of a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SignalValue<'a> {
     /// Name of the signal.
     pub name: &'a str,
-    /// Its value, scaled.
+    /// Scaled value.
     pub value: f64,
-    /// The same where it is a whole number, with all of its digits: 64 bits have more than `value` resolves.
+    /// Exact value if it is an integer; 64 bits exceed the resolution of `value`.
     pub whole: Option<i128>,
-    /// Significant digits of a value that is not whole.
+    /// Significant digits of a value that is not an integer.
     digits: usize,
-    /// Its unit; empty if missing.
+    /// Unit; empty if the database has none.
     pub unit: &'a str,
-    /// The name of the value, if the database has one.
+    /// Name of the value, if the database has one.
     pub label: Option<&'a str>,
 }
 
-/// A number with at most this many significant digits.
+/// Rounds a number to at most this number of significant digits.
 fn rounded(value: f64, digits: usize) -> f64 {
     format!("{value:.0$e}", digits - 1).parse().unwrap_or(value)
 }
@@ -158,13 +158,13 @@ impl Database {
     /// Reads a DBC file.
     ///
     /// # Errors
-    /// The text is no database, a signal does not fit into its message, or two messages have the same
-    /// identifier.
+    /// Returns an error if the text is not a database, if a signal does not fit into its message, or if two
+    /// messages have the same identifier.
     pub fn parse(text: &str) -> Result<Self, DatabaseError> {
         let file = Dbc::try_from(text).map_err(|error| DatabaseError::Syntax(error.to_string()))?;
         let mut read = Self { messages: BTreeMap::new(), mask: ALL };
         for message in &file.messages {
-            // a place where tools keep signals that belong to no message
+            // placeholder message in which tools keep signals without a message
             if message.name == "VECTOR__INDEPENDENT_SIG_MSG" {
                 continue;
             }
@@ -186,11 +186,11 @@ impl Database {
         }
     }
 
-    /// The same messages, of which only these bits of the identifiers count: a database of node 0 describes
-    /// all nodes then.
+    /// Restricts the significant bits of the identifiers to `mask`, so that a database of node 0 describes
+    /// all nodes.
     ///
     /// # Errors
-    /// Two messages differ in the other bits only.
+    /// Returns an error if two messages differ only in the other bits.
     pub fn with_mask(self, mask: u32) -> Result<Self, DatabaseError> {
         let mut masked = Self { messages: BTreeMap::new(), mask };
         for ((extended, id), message) in self.messages {
@@ -199,17 +199,17 @@ impl Database {
         Ok(masked)
     }
 
-    /// Number of its messages.
+    /// Number of messages.
     pub fn len(&self) -> usize {
         self.messages.len()
     }
 
-    /// True if it has no message.
+    /// Returns `true` if the database has no messages.
     pub fn is_empty(&self) -> bool {
         self.messages.is_empty()
     }
 
-    /// A frame in its words; `None` for one that it does not know.
+    /// Decodes a frame. Returns `None` for an unknown message.
     pub fn decode(&self, frame: &Frame) -> Option<Decoded<'_>> {
         let (extended, id) = match frame.id {
             Id::Standard(id) => (false, u32::from(id)),
@@ -236,7 +236,7 @@ fn key(id: MessageId) -> (bool, u32) {
     }
 }
 
-/// The signals of a message, or the one that cannot be and why.
+/// Returns the signals of a message, or the name of the first invalid signal and the reason.
 fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (String, String)> {
     let place = |name: &str| message.signals.iter().position(|signal| signal.name == name);
     let is_switch = |signal: &can_dbc::Signal| {
@@ -305,16 +305,16 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
 }
 
 impl Signal {
-    /// Bits from the first one of the data to its last one, in the order in which they are sent.
+    /// Number of bits from the beginning of the data to the end of the signal, in transmission order.
     fn end(&self) -> usize {
         match self.order {
             ByteOrder::LittleEndian => self.start.saturating_add(self.bits),
-            // it begins with its most significant bit, and goes down in each byte
+            // a big-endian signal begins with its most significant bit and continues downwards in each byte
             ByteOrder::BigEndian => (self.start / 8 * 8 + 7 - self.start % 8).saturating_add(self.bits),
         }
     }
 
-    /// Its bits; `None` if the data is too short for them.
+    /// Returns the raw bits; `None` if the data is too short.
     fn raw(&self, data: &[u8]) -> Option<u64> {
         if self.end() > 8 * data.len() {
             return None;
@@ -351,7 +351,7 @@ impl Signal {
             name: &self.name,
             value: number * self.factor + self.offset,
             whole: scaled.map(|number| number * self.factor as i128 + self.offset as i128),
-            // 32-bit floating-point numbers resolve eight digits, 64 bits fifteen
+            // 32-bit floating-point numbers resolve eight digits, 64-bit ones fifteen
             digits: if self.form == Form::Single { 8 } else { 15 },
             unit: &self.unit,
             label: label.map(|(_, label)| label.as_str()),

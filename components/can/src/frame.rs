@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// The identifier of a frame: the lower of two wins the bus.
+/// Identifier of a frame: the lower of two identifiers wins arbitration.
 ///
 /// ```
 /// use motorium_can::Id;
@@ -20,19 +20,19 @@ pub enum Id {
 }
 
 impl Id {
-    /// An identifier of 11 bits; `None` for a larger number.
+    /// Creates an 11-bit identifier; `None` for a larger number.
     pub fn standard(id: u16) -> Option<Self> {
         (id < 1 << 11).then_some(Self::Standard(id))
     }
 
-    /// An identifier of 29 bits; `None` for a larger number.
+    /// Creates a 29-bit identifier; `None` for a larger number.
     pub fn extended(id: u32) -> Option<Self> {
         (id < 1 << 29).then_some(Self::Extended(id))
     }
 
-    /// Bits of the arbitration field in the order of transmission, without the remote bit: of two frames that
-    /// start together the one with the smaller number is sent. A standard identifier wins over an extended
-    /// one with the same first 11 bits.
+    /// Bits of the arbitration field in transmission order, without the remote bit. Of two frames that begin
+    /// together, the one with the smaller number is sent. A standard identifier wins over an extended one
+    /// with the same first 11 bits.
     pub fn arbitration(self) -> u32 {
         match self {
             Self::Standard(id) => u32::from(id) << 21,
@@ -51,22 +51,22 @@ impl fmt::Display for Id {
     }
 }
 
-/// The form of a frame on the wire.
+/// Form of a frame on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Form {
     /// Classic CAN: up to 8 bytes.
     #[default]
     Classic,
-    /// CAN FD: up to 64 bytes, all at the rate of the arbitration.
+    /// CAN FD: up to 64 bytes, all at the arbitration rate.
     Fd,
-    /// CAN FD with its data at the higher rate.
+    /// CAN FD with its data at the data rate.
     FdFast,
-    /// A packet of a serial line, such as a servo's: up to 64 bytes, including header and checksum.
+    /// Packet of a serial line, such as a servo packet: up to 64 bytes, with header and checksum.
     Packet,
 }
 
 impl Form {
-    /// Bytes of the longest frame.
+    /// Largest number of data bytes.
     pub fn capacity(self) -> usize {
         match self {
             Self::Classic => 8,
@@ -75,7 +75,7 @@ impl Form {
     }
 }
 
-/// A data frame of a CAN or CAN FD bus, or a packet of a serial line.
+/// Data frame of a CAN or CAN FD bus, or a packet of a serial line.
 ///
 /// ```
 /// use motorium_can::{Form, Frame, Id};
@@ -85,24 +85,24 @@ impl Form {
 /// ```
 #[derive(Clone, Copy)]
 pub struct Frame {
-    /// Its identifier.
+    /// Identifier.
     pub id: Id,
-    /// Its form.
+    /// Form.
     pub form: Form,
     length: u8,
     data: [u8; 64],
 }
 
 impl Frame {
-    /// A frame of classic CAN.
+    /// Creates a classic CAN frame.
     ///
     /// # Panics
-    /// If the data has more than 8 bytes.
+    /// Panics if the data has more than 8 bytes.
     pub fn classic(id: Id, data: &[u8]) -> Self {
         Self::new(id, Form::Classic, data).expect("at most 8 bytes")
     }
 
-    /// A frame of eight bytes, which every form can have.
+    /// Creates a frame of eight bytes, a length supported by every form.
     #[inline]
     pub(crate) fn of_eight(id: Id, form: Form, eight: [u8; 8]) -> Self {
         let mut data = [0; 64];
@@ -110,13 +110,13 @@ impl Frame {
         Self { id, form, length: 8, data }
     }
 
-    /// A packet of a serial line, of the device with this number; `None` beyond 64 bytes.
+    /// Creates a packet of a serial line for the device with this number; `None` beyond 64 bytes.
     pub fn packet(device: u8, bytes: &[u8]) -> Option<Self> {
         Self::new(Id::Standard(device.into()), Form::Packet, bytes)
     }
 
-    /// Creates a frame of any form; `None` if it cannot have this length. CAN FD supports 0 to 8, 12, 16, 20,
-    /// 24, 32, 48 and 64 bytes.
+    /// Creates a frame of any form; `None` if the form does not support the number of bytes. CAN FD supports
+    /// 0 to 8, 12, 16, 20, 24, 32, 48 and 64.
     pub fn new(id: Id, form: Form, data: &[u8]) -> Option<Self> {
         let length = data.len();
         let is_length =
@@ -129,27 +129,27 @@ impl Frame {
         Some(frame)
     }
 
-    /// The same data in another form.
+    /// Changes the form, keeping the data.
     #[must_use]
     pub fn in_form(self, form: Form) -> Self {
         debug_assert!(usize::from(self.length) <= form.capacity());
         Self { form, ..self }
     }
 
-    /// The bytes in use.
+    /// Data bytes.
     #[inline]
     pub fn data(&self) -> &[u8] {
         &self.data[..usize::from(self.length).min(64)]
     }
 
-    /// The bytes in use, to be changed.
+    /// Mutable data bytes.
     pub fn data_mut(&mut self) -> &mut [u8] {
         &mut self.data[..usize::from(self.length).min(64)]
     }
 }
 
 impl Default for Frame {
-    /// An empty frame with the identifier that loses against all others of 11 bits.
+    /// Empty frame with the identifier of the lowest priority among all 11-bit identifiers.
     fn default() -> Self {
         Self { id: Id::Standard(0x7ff), form: Form::Classic, length: 0, data: [0; 64] }
     }
@@ -170,7 +170,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// A frame that cannot be decoded.
+/// Error of decoding a frame.
 ///
 /// ```
 /// use motorium_can::{DecodeError, Frame, Id, mit};
@@ -181,67 +181,67 @@ impl fmt::Debug for Frame {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum DecodeError {
-    /// Addressed to another node.
+    /// The frame has another identifier.
     #[error("a frame with the identifier {found}, expected {expected}")]
     Id {
-        /// The identifier found.
+        /// Identifier found.
         found: Id,
-        /// Identifier of the frame.
+        /// Identifier expected.
         expected: Id,
     },
-    /// Sent by another device with the same identifier.
+    /// The frame comes from another device with the same identifier.
     #[error("a frame of device {found}, expected {expected}")]
     Device {
-        /// The device named in the data.
+        /// Device named in the data.
         found: u8,
-        /// The device that was to answer.
+        /// Device expected.
         expected: u8,
     },
-    /// Unexpected length.
+    /// The frame has the wrong length for its kind.
     #[error("{found} bytes, expected {expected}")]
     Length {
         /// Bytes found.
         found: usize,
-        /// Bytes that a frame of this kind has.
+        /// Bytes of a frame of this kind.
         expected: usize,
     },
-    /// A field has a value that the protocol does not know, or a reserved bit is set.
+    /// A field has a value that the protocol does not define, or a reserved bit is set.
     #[error("{field} is 0x{found:X}, which the protocol does not know")]
     Field {
-        /// The field.
+        /// Field.
         field: &'static str,
-        /// Its value.
+        /// Value of the field.
         found: u32,
     },
     /// A number is not finite.
     #[error("{field} is not finite")]
     NotFinite {
-        /// The field.
+        /// Field.
         field: &'static str,
     },
     /// A number is beyond anything that the device can have measured.
     #[error("{field} cannot be: it is beyond what the device can have reached")]
     Implausible {
-        /// The field.
+        /// Field.
         field: &'static str,
     },
-    /// Answers something that was not requested.
+    /// The frame answers a different request.
     #[error("an answer about 0x{found:X}, asked was 0x{expected:X}")]
     Answer {
-        /// The register or object that it is about.
+        /// Register or object in the answer.
         found: u32,
-        /// Requested register or object.
+        /// Register or object requested.
         expected: u32,
     },
     /// The device refused the request.
     #[error("the device refused: code 0x{code:08X}")]
     Refused {
-        /// The device's code.
+        /// Code of the device.
         code: u32,
     },
 }
 
-/// The data of a frame of exactly `N` bytes and this identifier.
+/// Data of a frame with exactly `N` bytes and this identifier.
 #[inline]
 pub(crate) fn exactly<const N: usize>(frame: &Frame, expected: Id) -> Result<&[u8; N], DecodeError> {
     if frame.id != expected {
@@ -251,7 +251,7 @@ pub(crate) fn exactly<const N: usize>(frame: &Frame, expected: Id) -> Result<&[u
     frame.data().try_into().map_err(|_| DecodeError::Length { found, expected: N })
 }
 
-/// A finite number of four bytes, little-endian.
+/// Decodes a finite little-endian number of four bytes.
 pub(crate) fn finite(bytes: [u8; 4], field: &'static str) -> Result<f64, DecodeError> {
     let value = f32::from_le_bytes(bytes);
     if value.is_finite() { Ok(f64::from(value)) } else { Err(DecodeError::NotFinite { field }) }

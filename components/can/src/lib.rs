@@ -1,13 +1,13 @@
 //! Drives on CAN buses.
 //!
-//! [`drives`] contains the protocols as pure codecs. [`bus`] contains the buses: the bits and times of
-//! frames, a simulated bus with arbitration and error states, kernel interfaces ([`SocketBus`]), serial
-//! adapters ([`SlcanBus`]) and lines of serial servos ([`ServoBus`]). A [`Table`] assigns drives to joints;
-//! [`Adapter`] is the logic that commands them, and [`AnySimulatedDrive`] their counterpart. This part is a
-//! library, usable without the runtime.
+//! [`drives`] holds the protocols as pure codecs. [`bus`] holds the buses: the bits and durations of frames,
+//! a simulated bus with arbitration and error states, kernel interfaces ([`SocketBus`]), serial adapters
+//! ([`SlcanBus`]), and lines of serial servos ([`ServoBus`]). A [`Table`] assigns drives to joints.
+//! [`Adapter`] is the logic that commands the drives, and [`AnySimulatedDrive`] is its counterpart. All of
+//! this is a plain library, usable without the runtime.
 //!
-//! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are the components of a graph;
-//! only they depend on the runtime.
+//! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are graph components; only they
+//! depend on the runtime.
 
 pub mod adapter;
 pub mod bus;

@@ -1,4 +1,4 @@
-//! The devices on a bus: who answers, by which protocol, with which settings.
+//! Scan of the devices on a bus: IDs, protocols and settings.
 
 mod answers;
 
@@ -10,47 +10,47 @@ use crate::frame::{Form, Frame, Id};
 use crate::moteus::{self, Home, Mode, Resolution};
 use answers::{damiao, heartbeat, moteus};
 
-/// A device that was found on a bus.
+/// Device found on a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
-    /// Its number on the bus.
+    /// ID on the bus.
     pub node: u8,
-    /// Kind of the drive.
+    /// Kind of the device.
     pub kind: DeviceKind,
 }
 
-/// The kind of a device.
+/// Kind of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceKind {
-    /// A Damiao drive, which reports its settings.
+    /// Damiao drive with readable settings.
     Damiao {
-        /// The identifier of its answers.
+        /// Identifier of its answers.
         master: u16,
-        /// Its watchdog, ns, 0 for off; `None` if not reported.
+        /// Watchdog, ns, 0 for off; `None` if not read.
         watchdog_ns: Option<u64>,
-        /// The ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each that was
-        /// not reported.
+        /// Ends of its ranges: position (rad), velocity (rad/s), torque (N m); `None` for each one that was
+        /// not read.
         ranges: [Option<f64>; 3],
     },
-    /// An ODrive: its heartbeat, with the state and the errors of its axis.
+    /// ODrive, found by the axis state and errors in its heartbeat.
     Odrive {
         /// State of the axis: 1 idle, 8 closed loop.
         state: u8,
         /// Errors of the axis.
         errors: u32,
     },
-    /// A CANopen node: its heartbeat, with its state.
+    /// CANopen node, found by the state in its heartbeat.
     CanOpen {
         /// State: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
         state: u8,
     },
-    /// A moteus, which reports its state.
+    /// moteus, which reports its state.
     Moteus {
-        /// Its mode.
+        /// Mode.
         mode: Mode,
-        /// The reference of its position, if reported.
+        /// Position reference, if it is reported.
         home: Option<Home>,
-        /// Code of its fault.
+        /// Fault code.
         fault: u8,
     },
 }
@@ -58,29 +58,29 @@ pub enum DeviceKind {
 /// Drives found on a bus.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// The devices, by their numbers.
+    /// Devices, by ID.
     pub devices: Vec<Device>,
-    /// Identifiers of frames of unknown devices, and their number.
+    /// Identifiers and counts of frames that belong to none of the devices.
     pub others: Vec<(Id, u64)>,
-    /// The search for drives that speak CAN FD.
+    /// Search for CAN FD drives.
     pub fd: FdSearch,
-    /// A classic frame was received: its sender may not support CAN FD.
+    /// A classic CAN frame was received; its sender may not support CAN FD.
     has_classic: bool,
 }
 
-/// The outcome of a search for drives that speak CAN FD.
+/// Outcome of a search for CAN FD drives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FdSearch {
     /// Not requested.
     #[default]
     NotWanted,
-    /// Each number was queried.
+    /// Every ID was queried.
     Complete,
-    /// No CAN FD frame was sent: a device on the bus sends classic frames and may not support others.
+    /// No CAN FD frame was sent: a device on the bus sends classic frames and may not support CAN FD.
     Classic,
-    /// The bus reported an error after this many numbers had been queried; the search stopped.
+    /// The search stopped because the bus reported an error.
     Disturbed {
-        /// Number of queried numbers.
+        /// Number of IDs queried before the error.
         asked: u8,
     },
 }
@@ -88,10 +88,11 @@ pub enum FdSearch {
 /// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for
 /// the heartbeats of ODrives and CANopen nodes. `pass` lets time pass.
 ///
-/// With `has_errors`, which returns whether the bus has reported an error since it was opened, the registers
-/// of moteus are read afterwards, by CAN FD frames. A classic-only node disturbs such frames, and the
-/// controller repeats them until it leaves the bus. None is therefore sent once a classic frame or an error
-/// has been received. A silent classic node goes unnoticed: use this only if every node supports CAN FD.
+/// With `has_errors`, which returns `true` if the bus has reported an error since it was opened, the
+/// registers of moteus drives are then read with CAN FD frames. A classic-only node disturbs such frames, and
+/// the controller repeats them until it is bus-off. So none is sent after a classic frame or an error has
+/// been received, and the search stops at the first error. A silent classic node remains undetected: request
+/// this only if every node supports CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;
@@ -135,7 +136,7 @@ pub fn scan<B: Bus>(
     found
 }
 
-/// Reads the registers of moteus.
+/// Reads the registers of moteus drives.
 fn search_fd<B: Bus>(
     bus: &mut B,
     found: &mut Found,
@@ -197,8 +198,7 @@ impl Found {
                 None => self.devices.push(device),
             }
         } else {
-            // commands of another program occasionally look like heartbeats; an ODrive always sends
-            // heartbeats
+            // other programs' commands occasionally look like heartbeats; an ODrive's always are
             self.devices.retain(|device| {
                 !(matches!(device.kind, DeviceKind::Odrive { .. })
                     && frame.id == Id::Standard(u16::from(device.node) << 5 | 1))
@@ -210,14 +210,14 @@ impl Found {
         }
     }
 
-    /// True if frames with this identifier have been something else than a heartbeat.
+    /// Returns `true` if frames with this identifier have been anything but heartbeats.
     fn is_other(&self, id: Id) -> bool {
         self.others.iter().any(|(other, _)| *other == id)
     }
 }
 
 impl DeviceKind {
-    /// Adopts the other one's reported values.
+    /// Adds the settings found in `other`.
     fn complete(&mut self, other: Self) {
         let (
             Self::Damiao { watchdog_ns, ranges, .. },
@@ -239,14 +239,15 @@ mod tests {
     use crate::mit::Ranges;
     use crate::{AnySimulatedDrive, Overrides, Rates, SimulatedBus, SimulatedDrive, Table, mit};
 
-    /// A bus with one Damiao drive, a moteus, an ODrive and a CANopen node that beat, and a stranger.
+    /// Bus with a Damiao drive, a moteus, an ODrive and a CANopen node that send heartbeats, and an unknown
+    /// device.
     struct Desk {
         bus: SimulatedBus,
         drive: SimulatedDrive,
         moteus: AnySimulatedDrive,
-        /// All but the moteus are there, which send classic frames.
+        /// All devices that send classic frames are present: all but the moteus.
         has_classic: bool,
-        /// Frames of CAN FD that were sent.
+        /// Number of CAN FD frames sent.
         fd_frames: u32,
         /// Number of CAN FD frames after which the bus reports an error.
         errors_from: u32,
@@ -292,7 +293,7 @@ mod tests {
     fn foreign_commands_are_not_odrive_heartbeats() {
         let (drive, mut found) =
             (mit::Drive::damiao(1, 0x11, Ranges::new(12.5, 30.0, 10.0)), Found::default());
-        // the low byte of the gain covers all states of an axis, the low byte of the torque all flags
+        // the low byte of the gain covers all states of an axis, and the torque's covers all flags
         for step in 0..20_000_u32 {
             let kp = f64::from(step % 500);
             let (velocity, torque) = (f64::from(step % 60) - 30.0, f64::from(step % 19) - 9.0);
@@ -304,14 +305,14 @@ mod tests {
         assert_eq!(found.others, [(Id::Standard(1), 20_000)], "each of them, whatever it looked like");
     }
 
-    /// A moteus with the number 9, which counts from its output.
+    /// moteus with ID 9, with the output as its position reference.
     fn moteus() -> AnySimulatedDrive {
         let table = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\ndata_bitrate = 5_000_000\n[[drive]]\njoint = \"hip\"\nbus = \"can0\"\n\
                      protocol = \"moteus\"\nnode = 9\nwatchdog = \"20 ms\"\nranges = { position = 12.5, velocity = 30.0, torque = 8.0 }\n";
         AnySimulatedDrive::new(&Table::parse(table).unwrap(), 0, Overrides::default())
     }
 
-    /// A desk with the drives that beat, or without.
+    /// Desk with or without the drives that send heartbeats.
     fn desk(has_beats: bool) -> Desk {
         let codec = mit::Drive::damiao(4, 0x14, Ranges::new(12.5, 30.0, 10.0));
         let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };

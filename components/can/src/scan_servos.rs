@@ -1,4 +1,4 @@
-//! The servos on a serial line: who answers, at which speed, by which protocol.
+//! Scan of the servos on a serial line: numbers, speeds and protocols.
 
 use core::time::Duration;
 
@@ -6,29 +6,29 @@ use crate::bus::{Bus, Received};
 use crate::frame::Frame;
 use crate::servo::{EVERYBODY, Instruction, LONGEST, Packet, Protocol, write};
 
-/// A servo that answers on a serial line.
+/// Servo that answers on a serial line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoFound {
-    /// Its number.
+    /// Number of the servo.
     pub number: u8,
-    /// The protocol that it speaks.
+    /// Protocol of the servo.
     pub protocol: Protocol,
-    /// Model number and firmware version, as reported by servos of protocol 2.
+    /// Model number and firmware version, which protocol 2.0 servos report.
     pub model: Option<(u16, u8)>,
-    /// Flags of its errors.
+    /// Error flags.
     pub error: u8,
 }
 
-/// Speeds at which servos are searched, bit/s, factory defaults first.
+/// Speeds at which servos are searched, bit/s; factory defaults come first.
 pub const SPEEDS: [u32; 8] = [1_000_000, 57_600, 115_200, 500_000, 2_000_000, 3_000_000, 4_000_000, 9_600];
 
-/// Time for the answers of all servos of protocol 2 to one packet.
+/// Time for the answers of all protocol 2.0 servos to one packet.
 const ALL: Duration = Duration::from_millis(300);
 /// Time for the answer of one servo.
 const ONE: Duration = Duration::from_millis(3);
 
-/// Finds the servos on a line at its present speed by polling each number up to `last`, which changes
-/// nothing. `pass` lets time pass.
+/// Finds the servos on a line at the speed with which it was opened, by pinging each number up to `last`,
+/// which changes nothing. `pass` lets time pass.
 ///
 /// ```no_run
 /// use motorium_can::{SERVO_SPEEDS, ServoBus, scan_servos};
@@ -54,7 +54,7 @@ pub fn scan_servos<B: Bus>(
         pass(line, time);
         take(line, &mut found);
     };
-    // all of protocol 2 answer one packet, one after the other
+    // all protocol 2.0 servos answer one packet, one after the other
     ask(Protocol::Two, EVERYBODY, ALL);
     for number in 0..=last.min(EVERYBODY - 1) {
         ask(Protocol::One, number, ONE);
@@ -70,7 +70,7 @@ fn take(line: &mut impl Bus, found: &mut Vec<ServoFound>) {
         let count = line.receive(&mut inbox);
         for received in &inbox[..count] {
             let mut packet = Packet::default();
-            // lines that echo their input return the requests, which are no answers
+            // lines with an echo return the requests, which are not answers
             if let Ok(status) = packet.status(received.frame.data()) {
                 let model = match (status.protocol, status.data) {
                     (Protocol::Two, [low, high, firmware]) => {
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::{AnySimulatedDrive, Overrides, Rates, SimulatedBus, Table};
 
-    /// A line with servos.
+    /// Line with servos.
     struct Line {
         bus: SimulatedBus,
         servos: Vec<AnySimulatedDrive>,

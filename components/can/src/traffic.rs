@@ -1,4 +1,4 @@
-//! The traffic of buses as people read, write and keep it: lines in the format of `candump -L`.
+//! Bus traffic in a readable form: lines in the format of `candump -L`.
 
 mod foreign;
 mod listener;
@@ -14,7 +14,7 @@ use crate::bus::time::monotonic_ns;
 use crate::{Form, Frame, Id, Received, Report};
 pub use listener::{Listener, Sender};
 
-/// One line of traffic: time, interface and frame.
+/// One line of traffic: time, interface, and frame.
 ///
 /// ```
 /// use motorium_can::{Id, Record};
@@ -32,25 +32,25 @@ pub use listener::{Listener, Sender};
 #[derive(Clone, Debug)]
 pub struct Record(CanDumpRecord);
 
-/// A line that is no record.
+/// Error of parsing a line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{found:?} is no frame: {message}")]
 pub struct RecordError {
-    /// The line.
+    /// Line.
     pub found: String,
-    /// The reason.
+    /// Reason.
     pub message: String,
 }
 
 impl RecordError {
-    /// Advice on how to write one.
+    /// Advice on the correct format.
     pub const ADVICE: &'static str = "write `123#0102` (classic), `123##10102` (CAN FD, its data at the higher rate), `00000123#01` (29 bits), or `123#R`";
 }
 
 impl FromStr for Record {
     type Err = RecordError;
 
-    /// Reads a line of `candump -L`.
+    /// Parses a line of `candump -L`.
     fn from_str(line: &str) -> Result<Self, RecordError> {
         let refuse = |message: String| RecordError { found: line.to_string(), message };
         match Reader::from_reader(line.as_bytes()).next_record() {
@@ -61,7 +61,7 @@ impl FromStr for Record {
     }
 }
 
-/// Returns the mistake in the text of a frame, if it is a common one.
+/// Identifies a common mistake in the text of a frame.
 fn mistake(frame: &str) -> Option<String> {
     let Some((id, data)) = frame.split_once('#') else {
         return Some("there is no `#` between identifier and data".into());
@@ -84,7 +84,7 @@ fn mistake(frame: &str) -> Option<String> {
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
         return Some(format!("`{letter}` in the data is no hexadecimal digit"));
     }
-    // dots may separate the bytes
+    // dots may separate bytes
     let digits = bytes.chars().filter(|letter| *letter != '.').count();
     if digits > 2 * most {
         let count = digits.div_ceil(2);
@@ -94,10 +94,10 @@ fn mistake(frame: &str) -> Option<String> {
 }
 
 impl Record {
-    /// Parses a frame such as `123#0102` for an interface. Dots may separate the bytes of its data.
+    /// Parses a frame, such as `123#0102`, for an interface. Dots may separate the data bytes.
     ///
     /// # Errors
-    /// Not a frame.
+    /// Returns an error if the text is not a frame.
     pub fn of_frame(frame: &str, interface: &str) -> Result<Self, RecordError> {
         let plain = match frame.split_once('#') {
             Some((id, data)) => format!("{id}#{}", data.replace('.', "")),
@@ -110,7 +110,7 @@ impl Record {
         })
     }
 
-    /// A frame of a simulated bus; `None` for a packet of servos.
+    /// Converts a frame of a simulated bus; `None` for a servo packet.
     fn of_simulated(name: &str, received: &Received) -> Option<Self> {
         let Received { frame, time_ns } = received;
         let mut text = match frame.id {
@@ -129,7 +129,7 @@ impl Record {
         Some(record)
     }
 
-    /// A report of the controller of a simulated bus, at present.
+    /// Converts a report of a simulated bus's controller, with the present time.
     fn of_report(name: &str, report: &Report) -> Option<Self> {
         let (classes, data) = report.encode();
         let mut text = format!("{:08X}#", libc::CAN_ERR_FLAG | classes & libc::CAN_ERR_MASK);
@@ -139,17 +139,17 @@ impl Record {
         Some(record)
     }
 
-    /// Time, us since 1970, or since whatever the log counts from.
+    /// Time, us since 1970, or since the epoch of the log.
     pub fn time_us(&self) -> u64 {
         self.0.t_us
     }
 
-    /// The interface.
+    /// Interface.
     pub fn interface(&self) -> &str {
         &self.0.device
     }
 
-    /// The data frame, if it is one.
+    /// Data frame, if the record holds one.
     pub fn frame(&self) -> Option<Frame> {
         let form = match &self.0.frame {
             CanAnyFrame::Normal(_) => Form::Classic,
@@ -163,7 +163,7 @@ impl Record {
         Frame::new(id, form, self.0.frame.data())
     }
 
-    /// The report of a controller, if it is one.
+    /// Controller report, if the record holds one.
     pub fn report(&self) -> Option<Report> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => {
@@ -176,7 +176,7 @@ impl Record {
         }
     }
 
-    /// The report of a controller in words, if it is one.
+    /// Description of the controller report, if the record holds one.
     pub fn error(&self) -> Option<String> {
         match &self.0.frame {
             CanAnyFrame::Error(error) => Some(error.into_error().to_string().to_lowercase()),
@@ -191,7 +191,7 @@ impl fmt::Display for Record {
     }
 }
 
-/// A time on the monotonic clock, us since 1970.
+/// Converts a time on the monotonic clock to us since 1970.
 fn since_1970_of_ns(time_ns: u64) -> u64 {
     let ago_ns = monotonic_ns().saturating_sub(time_ns);
     since_1970_us(SystemTime::now()).saturating_sub(ago_ns / 1000)

@@ -1,9 +1,9 @@
-//! The answers of a drive, sorted into the cycles.
+//! Assignment of a drive's answers to the cycles.
 
 use super::{Link, Phase};
 
 impl Link {
-    /// Returns `true` if the answer of this cycle has arrived or, for a drive that reports unasked, if no
+    /// Returns `true` if the answer of this cycle has arrived or, for a drive that reports unsolicited, if no
     /// report is overdue. A drive with an overdue heartbeat counts as missing, whatever else it sends.
     pub(super) fn has_answered(&self) -> bool {
         match (self.dialogue.reports_every_ns(), self.received_ns) {
@@ -15,11 +15,12 @@ impl Link {
         }
     }
 
-    /// Sorts an answer that was received at `time_ns` into the cycles, and counts it; false for one that is
-    /// not to be taken.
+    /// Assigns an answer received at `time_ns` to a cycle and counts it. Returns `false` if the answer must
+    /// be discarded.
     ///
-    /// Answers carry no number. An answer too early for this cycle's frame belongs to an earlier one, and so
-    /// does the first of two in a cycle after a missing answer.
+    /// Answers carry no sequence number. An answer that arrives before this cycle's frame can have been
+    /// answered belongs to an earlier cycle. So does the first of two answers in a cycle that follows a cycle
+    /// without one.
     pub(super) fn sort(&mut self, time_ns: u64) -> bool {
         if self.dialogue.reports_every_ns().is_some() {
             self.answered = true;
@@ -40,15 +41,15 @@ impl Link {
         true
     }
 
-    /// Ends the cycle in which it was left out, if it was: an answer proves that it is a cycle behind;
-    /// without one the answer that it owes is lost. True for the former.
+    /// Ends the cycle in which the drive was left out, if any. An answer in that cycle proves that the drive
+    /// is a cycle behind, and the function returns `true`. Without an answer, the owed one counts as lost.
     pub(super) fn end_probe(&mut self) -> bool {
         if !core::mem::take(&mut self.is_probed) {
             return false;
         }
         (self.owed, self.is_behind) = (0, self.answered);
         if self.is_behind {
-            // the answer before was as late, and its cycle without one
+            // the previous answer was just as late, and its cycle had none
             self.counts.late += 2;
             self.counts.missing += 1;
             self.answered = false;
@@ -56,8 +57,8 @@ impl Link {
         self.is_behind
     }
 
-    /// Skips the drive in the next cycle if its answers may be a cycle late: one is missing, so later ones
-    /// may answer earlier frames.
+    /// Leaves the drive out of the next cycle if its answers may be a cycle late: one answer is missing, so
+    /// all later ones may belong to the preceding frames.
     pub(super) fn probe(&mut self) {
         let answers = self.dialogue.reports_every_ns().is_none();
         self.is_probed = answers && self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;

@@ -1,12 +1,12 @@
-//! The common answer of the servos of a line to a fast read: their shares become answers of each.
+//! Common answer of the servos on a line to a fast read, split into one answer per servo.
 
 use crate::frame::{DecodeError, Form, Frame, Id};
 use crate::servo::{EVERYBODY, FastReader, LONGEST, write_status};
 
-/// Consecutive unanswered fast reads after which the servos count as not supporting them.
+/// Consecutive fast reads without any answer after which the servos are assumed not to support them.
 const GIVEN_UP_AFTER: u32 = 3;
 
-/// The common answers on a line whose servos answer together.
+/// Common answers on a line whose servos answer together.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CommonAnswer {
     reader: FastReader,
@@ -15,12 +15,12 @@ pub(super) struct CommonAnswer {
 }
 
 impl CommonAnswer {
-    /// True for a frame that may be a part of one.
+    /// Returns `true` if the frame may be part of a common answer.
     pub(super) fn is_part(frame: &Frame) -> bool {
         frame.form == Form::Packet && frame.id == Id::Standard(EVERYBODY.into())
     }
 
-    /// Begins a cycle; with common answers, each servo returns this many bytes.
+    /// Begins a cycle. Returns `true` if the servos should answer together, each with `count` bytes.
     pub(super) fn ask(&mut self, count: u8) -> bool {
         self.unanswered += u32::from(core::mem::take(&mut self.is_expected));
         if self.unanswered >= GIVEN_UP_AFTER {
@@ -31,12 +31,12 @@ impl CommonAnswer {
         true
     }
 
-    /// Takes a part of it.
+    /// Appends a part of the common answer.
     pub(super) fn push(&mut self, frame: &Frame) {
         self.reader.push(frame.data());
     }
 
-    /// The next answer in it, as the servo would give it alone.
+    /// Returns the next answer in it, in the form that the servo would send alone.
     pub(super) fn next(&mut self) -> Option<Result<Frame, DecodeError>> {
         let share = match self.reader.next()? {
             Ok(share) => share,

@@ -1,28 +1,28 @@
-//! The counts of one drive.
+//! Per-drive counters.
 
-/// Counts of one drive.
+/// Counters of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Frames that were not answered before its first answer: it was waited for.
+    /// Unanswered frames before the first answer, while the adapter waits for the drive.
     pub awaited: u64,
-    /// Frames since then that were not answered before the next one was sent.
+    /// Frames after the first answer that were not answered before the next one was sent.
     pub missing: u64,
-    /// Answers to an earlier frame than the last.
+    /// Answers to a frame before the latest one.
     pub late: u64,
-    /// Answers beyond the first to one frame.
+    /// Additional answers to a frame that has already been answered.
     pub duplicate: u64,
-    /// Frames of it that could not be decoded.
+    /// Frames from the drive that could not be decoded.
     pub refused: u64,
-    /// Frames with a position or velocity that the joint cannot have: they are refused, too.
+    /// Frames with a position or velocity that the joint cannot have; also counted in `refused`.
     pub implausible: u64,
     /// Emergency messages with an error code.
     pub emergencies: u64,
-    /// Commands of which a field lay beyond its range.
+    /// Commands with a field beyond its range.
     pub clamped: u64,
-    /// Times that it was lost.
+    /// Number of times that the drive was lost.
     pub lost: u64,
-    /// The cycle in which it was lost last, from 1.
+    /// Cycle in which the drive was last lost, from 1.
     pub lost_in: Option<u64>,
-    /// Times that it reported a fault.
+    /// Number of times that the drive reported a fault.
     pub faults: u64,
 }

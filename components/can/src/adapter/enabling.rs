@@ -1,28 +1,29 @@
-//! The conditions under which drives are enabled, and their end.
+//! Conditions for enabling drives, and the release at the end.
 
 use super::{Adapter, Link, Phase, WrongSetting};
 
 impl Adapter {
-    /// The same, with the lowest and highest position of each joint, and the distance beyond them (rad or m)
-    /// at which its drive is still enabled. Default: any position.
+    /// Sets the lowest and highest position of each joint, and the distance beyond them (rad or m) at which
+    /// its drive is still enabled. Default: any position.
     #[must_use]
     pub fn with_limits(mut self, limits: &[([f64; 2], f64)]) -> Self {
         self.links.iter_mut().zip(limits).for_each(|(link, limits)| link.limits = *limits);
         self
     }
 
-    /// Lets all drives go, for the rest of the run.
+    /// Disables all drives for the rest of the run.
     pub fn release(&mut self) {
         self.links.iter_mut().for_each(|link| (link.is_released, link.is_off) = (true, false));
     }
 
-    /// Returns `true` if each drive has answered that it is off since they were disabled.
+    /// Returns `true` if each drive has confirmed since the release that it is off.
     pub fn is_released(&self) -> bool {
         self.links.iter().all(|link| link.is_released && link.is_off)
     }
 
-    /// Refuses to enable drives of which one reads a position outside of its joint's range. Once they have
-    /// followed commands the others stay as they are: it trips. True if one does.
+    /// Refuses to enable the drives while one reads a position outside of its joint's range, and returns
+    /// `true` in that case. If the drives have already followed commands, the adapter trips instead and the
+    /// others keep their state.
     pub(super) fn refuse_out_of_range(&mut self) -> bool {
         let disabled = |link: &Link| if link.phase == Phase::Disabled { link.out_of_range() } else { None };
         let found = self.links.iter().enumerate();
@@ -36,7 +37,7 @@ impl Adapter {
         true
     }
 
-    /// The drive that was not enabled again, as its joint was outside of its range.
+    /// Drive that was not enabled again because its joint was outside of its range.
     pub fn out_of_range(&self) -> Option<(usize, WrongSetting)> {
         self.out_of_range
     }

@@ -1,7 +1,7 @@
-//! Homing of joints whose position is unknown at power-up.
+//! Homing of joints whose position is unknown after power-up.
 //!
-//! A drive with a homing procedure runs it and reads zero at its mark. Any other joint is moved slowly into
-//! its mechanical stop by the adapter.
+//! A drive with its own homing procedure executes it, and reads zero at its mark. The adapter moves any other
+//! joint slowly against its mechanical stop.
 
 mod stop;
 
@@ -11,63 +11,63 @@ use crate::table::{HomingBy, HomingEntry};
 pub(crate) use stop::{EASED, RUNAWAY, STILL};
 use stop::{Outcome, Stop};
 
-/// The reason why a joint was not homed.
+/// Reason why a joint was not homed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum HomingFault {
-    /// Its time was over.
+    /// The timeout expired.
     #[error(
         "the mark was not found in time: does its switch work, is the way there free, is `timeout` long enough?"
     )]
     TimedOut,
-    /// The drive reported that it failed.
+    /// The drive reported a failure.
     #[error("the drive says that homing failed: is its switch stuck, or its method that of another switch?")]
     Drive,
-    /// The drive ended it before it was seen to begin.
+    /// The drive ended the homing before it was seen running.
     #[error("the drive ended it before it had begun: is homing set up in it?")]
     NotBegun,
-    /// The drive disabled itself meanwhile.
+    /// The drive disabled itself during the homing.
     #[error("the drive let go while it was homed")]
     LetGo,
-    /// The drive does not take an object of its homing.
+    /// The drive refused a homing object.
     #[error("the drive refuses an object of its homing: code 0x{0:08X}")]
     Refused(u32),
     /// The joint did not move off its stop.
     #[error("it does not move off the stop again: is it jammed, or its brake closed?")]
     Jammed,
-    /// The joint came to rest at two places.
+    /// The joint came to rest at two different positions.
     #[error("its stop lies at two places, {0:.4} apart: is something soft in its way?")]
     Ambiguous(f64),
-    /// The joint sank back at half of its effort.
+    /// The joint moved back when it was held at the stop with half of its effort.
     #[error(
         "with half of `effort` it does not stay where it came to rest: was it no stop, but its weight that stopped it?"
     )]
     Balanced,
-    /// The joint moved much faster than it was commanded.
+    /// The joint moved much faster than commanded.
     #[error("it moves {0:.1} times as fast as it is commanded: does its load pull it?")]
     Runaway(f64),
 }
 
-/// The progress of a homing.
+/// Progress of a homing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HomingState {
-    /// Its position is not known.
+    /// The position is unknown.
     Waiting,
-    /// Being homed.
+    /// Homing is running.
     Running,
-    /// Its position is known.
+    /// The position is known.
     Homed,
-    /// Not homed.
+    /// Homing failed.
     Failed(HomingFault),
 }
 
-/// The homing of one joint.
+/// Homing of one joint.
 #[derive(Clone, Debug)]
 pub(super) struct Homing {
     pub(super) order: u8,
     pub(super) state: HomingState,
     timeout_ns: u64,
     elapsed_ns: u64,
-    /// By the adapter; `None` by the drive.
+    /// Homing at a stop by the adapter; `None` for homing by the drive.
     pub(super) stop: Option<Stop>,
 }
 
@@ -82,7 +82,7 @@ impl Homing {
         }
     }
 
-    /// Begins it.
+    /// Starts the homing.
     pub(super) fn begin(&mut self) {
         (self.state, self.elapsed_ns) = (HomingState::Running, 0);
         if let Some(stop) = &mut self.stop {
@@ -90,12 +90,12 @@ impl Homing {
         }
     }
 
-    /// Forgets the position, if it was known or about to be.
+    /// Discards the position, whether known or being determined.
     pub(super) fn forget(&mut self) {
         self.state = HomingState::Waiting;
     }
 
-    /// Lets a cycle pass; true if its time is over.
+    /// Advances the time by a cycle. Returns `true` if the timeout has expired.
     pub(super) fn pass(&mut self, cycle_ns: u64) -> bool {
         self.elapsed_ns += cycle_ns;
         self.elapsed_ns > self.timeout_ns
@@ -103,8 +103,9 @@ impl Homing {
 }
 
 impl Adapter {
-    /// Enables homing, as by default, or interrupts it: moving joints are disabled at once and restart when
-    /// homing is enabled again. Joints held meanwhile follow [`set`](Self::set) until then.
+    /// Allows homing to continue (the default), or stops it. Stopping disables the joints in progress
+    /// immediately, and their homing restarts when it is allowed again. Meanwhile, held joints follow
+    /// [`set`](Self::set).
     pub fn allow_homing(&mut self, is_allowed: bool) {
         let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
         if !is_allowed {
@@ -114,12 +115,12 @@ impl Adapter {
         }
     }
 
-    /// True while homing may go on.
+    /// Returns `true` while homing is allowed.
     pub fn allows_homing(&self) -> bool {
         self.is_homing_allowed
     }
 
-    /// True if some joint has yet to be homed.
+    /// Returns `true` if some joint still has to be homed.
     pub fn awaits_homing(&self) -> bool {
         !self.links.iter().all(Link::is_homed)
     }
@@ -137,7 +138,7 @@ impl Adapter {
             }
         }
         if self.tripped {
-            // they are disabled because of another drive
+            // these joints are disabled because of another one
             self.links.iter_mut().for_each(Link::interrupt_homing);
             return;
         }
@@ -166,17 +167,17 @@ impl Adapter {
 }
 
 impl Link {
-    /// Returns `true` if its position is the joint's: it needs no homing, or is homed.
+    /// Returns `true` if the drive's reading is the joint's position: it needs no homing, or has been homed.
     pub fn is_homed(&self) -> bool {
         self.homing.as_ref().is_none_or(|homing| homing.state == HomingState::Homed)
     }
 
-    /// Progress of its homing; `None` if it needs none.
+    /// Progress of the homing; `None` if the joint needs none.
     pub fn homing(&self) -> Option<HomingState> {
         self.homing.as_ref().map(|homing| homing.state)
     }
 
-    /// Discards its reference: its position is no longer the joint's.
+    /// Discards the homing: the drive's reading is no longer the joint's position.
     pub(super) fn forget_homing(&mut self) {
         if let Some(homing) = &mut self.homing
             && !matches!(homing.state, HomingState::Failed(_))
@@ -185,14 +186,15 @@ impl Link {
         }
     }
 
-    /// Disables it during its homing, which can restart later.
+    /// Disables the drive in the middle of its homing, which restarts later.
     fn interrupt_homing(&mut self) {
         if self.phase == Phase::Homing {
             self.end_homing(HomingState::Waiting);
         }
     }
 
-    /// Notes that a trip disables it, if it does: the drive has not disabled itself, and keeps its homing.
+    /// Records that a trip disables the drive, if it does: the drive has not disabled itself, and its homing
+    /// stays valid.
     pub(super) fn let_go(&mut self, on_trip: OnTrip) {
         self.interrupt_homing();
         let lets_go = self.phase == Phase::Enabled && on_trip == OnTrip::Disable;
@@ -201,7 +203,7 @@ impl Link {
         }
     }
 
-    /// Ends its homing and disables it.
+    /// Ends the homing and disables the drive.
     pub(super) fn end_homing(&mut self, state: HomingState) {
         if self.phase == Phase::Homing {
             (self.phase, self.fresh) = (Phase::Disabled, false);
@@ -211,7 +213,7 @@ impl Link {
         }
     }
 
-    /// The order of a cycle of its homing.
+    /// Order of a homing cycle.
     pub(super) fn homing_order(&self) -> Order {
         match self.homing.as_ref().map(|homing| &homing.stop) {
             Some(Some(stop)) if stop.is_enabled => {
@@ -223,7 +225,7 @@ impl Link {
         }
     }
 
-    /// Advances its homing by a cycle; returns the result once it is over.
+    /// Advances the homing by a cycle. Returns the result once it has finished.
     fn advance_homing(&mut self, cycle_ns: u64) -> Option<Result<(), HomingFault>> {
         let Self { homing: Some(homing), phase: Phase::Homing, dialogue, gear, .. } = self else {
             return None;
@@ -238,7 +240,7 @@ impl Link {
             return None;
         };
         if stop.is_enabled && self.silent == 0 {
-            // whatever the offset is: a zero would do as well
+            // the offset cancels out: any constant would do
             match stop.step(self.position - gear.offset, cycle_ns) {
                 Outcome::Moving => {}
                 Outcome::Failed(fault) => return Some(Err(fault)),
@@ -256,7 +258,7 @@ impl Link {
         homing.pass(cycle_ns).then_some(Err(HomingFault::TimedOut))
     }
 
-    /// Holds the joint where it is, with the gains of the safe states, until it is commanded.
+    /// Holds the joint at its position with the gains of the safe states until it is commanded.
     pub(super) fn hold(&mut self) {
         let Self { position, stiffness: kp, damping: kd, .. } = *self;
         self.setpoint = Setpoint { position, kp, kd, ..Setpoint::default() };

@@ -1,4 +1,4 @@
-//! One drive as seen by the adapter.
+//! One drive from the adapter's point of view.
 
 use super::dialogue::{Dialogue, Order, Response};
 use super::homing::{Homing, HomingFault, HomingState};
@@ -8,7 +8,7 @@ use crate::frame::{DecodeError, Frame};
 use crate::mit::{self, Ranges, State};
 use crate::table::{Table, Transmission};
 
-/// One drive as seen by the adapter.
+/// One drive from the adapter's point of view.
 #[derive(Clone, Debug)]
 pub struct Link {
     pub(super) dialogue: Dialogue,
@@ -16,35 +16,38 @@ pub struct Link {
     pub(super) gear: Transmission,
     pub(super) bus: usize,
     pub(super) phase: Phase,
-    /// Damping of its joint when the adapter has tripped.
+    /// Damping of the joint after the adapter has tripped.
     pub(super) damping: f64,
-    /// Position gain of its joint while it is held before its first command.
+    /// Position gain of the joint while it is held before its first command.
     pub(super) stiffness: f64,
     pub(super) homing: Option<Homing>,
     pub(super) setpoint: Setpoint,
-    /// Lowest and highest position of its joint, and the distance beyond them at which it is still enabled.
+    /// Lowest and highest position of the joint, and the distance beyond them at which the drive is still
+    /// enabled.
     pub(super) limits: ([f64; 2], f64),
-    /// Time of the newest message with its state, ns, where its answers are without; of the newest heartbeat.
+    /// Receive time, ns, of the newest heartbeat, or of the newest state message of a drive whose answers
+    /// lack the state.
     pub(super) state_ns: Option<u64>,
-    /// Its latest answer reports that it is off.
+    /// The newest answer reports that the drive is off.
     pub(super) is_off: bool,
-    /// Disabled for the rest of the run.
+    /// The drive is disabled for the rest of the run.
     pub(super) is_released: bool,
-    /// Number of frames on its bus in this cycle up to its request; `None` if it has none.
+    /// Number of frames on the bus in this cycle after which the drive has been queried; `None` if it is not
+    /// queried.
     pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
     pub(super) answered: bool,
-    /// It has answered at least once.
+    /// The drive has answered at least once.
     pub(super) is_found: bool,
-    /// Unanswered frames of past cycles: an answer may still arrive.
+    /// Unanswered frames of past cycles; their answers may still arrive.
     pub(super) owed: u32,
-    /// Skipped in this cycle: its answers belong to an earlier frame.
+    /// The drive is left out of this cycle; any answer from it belongs to an earlier frame.
     pub(super) is_probed: bool,
-    /// Each of its answers is a cycle late.
+    /// Every answer of the drive comes a cycle late.
     pub(super) is_behind: bool,
     pub(super) fresh: bool,
     pub(super) sent_ns: u64,
-    /// Shortest time from sending to the end of an answer, ns.
+    /// Shortest time from sending a frame to the end of its answer, ns.
     pub(super) soonest_ns: u64,
     pub(super) received_ns: Option<u64>,
     pub(super) position: f64,
@@ -57,7 +60,8 @@ pub struct Link {
 }
 
 impl Link {
-    /// The link to a drive of a table, with the damping of its joint when the adapter has tripped.
+    /// Creates the link to drive `index` of a table. `damping` applies to its joint after the adapter has
+    /// tripped.
     pub(super) fn new(table: &Table, index: usize, damping: f64) -> Self {
         let (dialogue, entry) = (Dialogue::new(table, index), &table.drives[index]);
         let bus = table.bus_of(entry).unwrap_or(0);
@@ -98,56 +102,56 @@ impl Link {
         link
     }
 
-    /// The bus that it is on.
+    /// Index of the drive's bus.
     pub fn bus(&self) -> usize {
         self.bus
     }
 
-    /// Its phase.
+    /// Phase of the drive.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Joint position (rad or m), velocity and effort of its newest answer.
+    /// Joint position (rad or m), velocity and effort of the newest answer.
     pub fn state(&self) -> (f64, f64, f64) {
         (self.position, self.velocity, self.effort)
     }
 
-    /// Its temperature, degrees Celsius, if reported.
+    /// Temperature, degrees Celsius, if the drive reports it.
     pub fn temperature(&self) -> Option<f64> {
         self.temperature
     }
 
-    /// The fault that it reported last.
+    /// Fault that the drive reported last.
     pub fn fault(&self) -> Option<mit::Fault> {
         self.fault
     }
 
-    /// True once it has answered.
+    /// Returns `true` once the drive has answered.
     pub fn is_found(&self) -> bool {
         self.is_found
     }
 
-    /// Cycles without an answer.
+    /// Number of cycles without an answer.
     pub fn silent(&self) -> u32 {
         self.silent
     }
 
-    /// Time of its newest state, ns.
+    /// Time of the newest state, ns.
     pub fn received_ns(&self) -> Option<u64> {
         self.received_ns
     }
 
-    /// Its counts.
+    /// Counters of the drive.
     pub fn counts(&self) -> &Counts {
         &self.counts
     }
 
-    /// First phase: drives with readable settings are checked.
+    /// Sets the first phase: drives with readable settings are checked.
     pub(super) fn start(&mut self) {
         self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
-        // a drive without status reports may have lost its power meanwhile
+        // a drive that does not report its state may have lost its power meanwhile
         if let Some(homing) = &mut self.homing
             && !(homing.state == HomingState::Homed && self.dialogue.tells_its_state())
         {
@@ -156,20 +160,21 @@ impl Link {
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
     }
 
-    /// Restarts with a disabled drive that has lost its settings, or may have: they are checked again.
+    /// Restarts with a disabled drive that has lost its configuration, or may have: its settings are checked
+    /// again.
     pub(super) fn begin_anew(&mut self) {
         if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
             self.dialogue.forget();
             self.start();
-            // its last position does not determine the present one
+            // its last position says nothing about its present one
             self.received_ns = None;
         }
     }
 
-    /// Takes a frame of it that was received at `time_ns`.
+    /// Processes a frame from the drive, received at `time_ns`.
     ///
     /// # Errors
-    /// Cannot be decoded.
+    /// Returns an error if the frame cannot be decoded.
     pub(super) fn take(&mut self, frame: &Frame, time_ns: u64) -> Result<Taken, DecodeError> {
         let checking = match self.phase {
             Phase::Checking(setting) => Some(setting),
@@ -179,7 +184,7 @@ impl Link {
         self.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
         Ok(match response {
             Response::Setting(wrong) => {
-                // it names the request: no earlier answer is pending
+                // the frame names its request, so no earlier answers are outstanding
                 (self.answered, self.owed) = (true, 0);
                 if let (None, Some(setting)) = (wrong, checking) {
                     let next = setting + 1;
@@ -231,13 +236,13 @@ impl Link {
         })
     }
 
-    /// Enters that it was lost in this cycle.
+    /// Records that the drive was lost in this cycle.
     pub(super) fn lose(&mut self, cycle: u64) {
         self.counts.lost += 1;
         self.counts.lost_in = Some(cycle);
     }
 
-    /// The order of this cycle.
+    /// Order of this cycle.
     pub(super) fn order(&self, trip: Option<OnTrip>) -> Order {
         if self.is_released {
             return Order::Disable;
@@ -269,7 +274,7 @@ impl Link {
         })
     }
 
-    /// Records a command with a field beyond its range.
+    /// Counts a command with a field beyond its range.
     pub(super) fn count_clamped(&mut self, order: &Order) {
         let Order::Follow(command) = order else { return };
         let r = &self.ranges;
@@ -284,13 +289,13 @@ impl Link {
         self.counts.clamped += u64::from(is_clamped);
     }
 
-    /// Returns `true` while the adapter moves it to its stop.
+    /// Returns `true` while the adapter moves the joint to its stop.
     fn is_led(&self) -> bool {
         self.homing.as_ref().and_then(|homing| homing.stop.as_ref()).is_some_and(|stop| stop.is_enabled)
     }
 
-    /// Records an unexpected restart; returns whether that trips the adapter, which it does unless the drive
-    /// is disabled.
+    /// Records that the drive has restarted. Returns `true` if this trips the adapter: it does unless the
+    /// drive is disabled.
     fn follow_restart(&mut self) -> bool {
         let lets_go = matches!(self.phase, Phase::Homing | Phase::Enabling | Phase::Enabled);
         if self.phase == Phase::Homing {
@@ -303,7 +308,7 @@ impl Link {
         lets_go
     }
 
-    /// Processes a reported state; returns whether that trips the adapter.
+    /// Processes a reported state. Returns `true` if it trips the adapter.
     pub(super) fn follow(&mut self, state: State) -> bool {
         match (state, self.phase) {
             (State::Fault(fault), phase) => {
@@ -332,7 +337,7 @@ impl Link {
                 self.counts.faults += 1;
                 true
             }
-            // It was disabled without an order: its power was cut, or its watchdog acted unseen.
+            // The drive disabled itself: its power was cut, or its watchdog tripped unnoticed.
             (State::Disabled, Phase::Enabled) if !self.is_released => {
                 self.forget_homing();
                 self.phase = Phase::Fault;
@@ -344,14 +349,14 @@ impl Link {
     }
 }
 
-/// The consequences of a frame.
+/// Consequences of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taken {
     /// The adapter trips.
     pub(super) trips: bool,
-    /// It has lost its settings.
+    /// The drive has restarted and lost its configuration.
     pub(super) has_restarted: bool,
-    /// A setting that differs from the table.
+    /// Setting that differs from the table.
     pub(super) wrong: Option<WrongSetting>,
 }
 

@@ -1,14 +1,14 @@
-//! The adapter as pure logic: one cycle of commands and answers after the other, without ports, clocks and
-//! processes.
+//! The adapter as pure logic: it runs cycles of commands and answers, without ports, clocks or processes.
 //!
-//! In each cycle every drive receives one frame and answers with one. A drive is checked first (a Damiao
-//! drive reports its ranges and its watchdog), then queried while it is disabled, then enabled together with
-//! all others, then commanded. A drive that stays silent for three cycles, reports a fault or disables itself
-//! trips the adapter: from then on all drives are damped or disabled until [`Adapter::resume`].
+//! In each cycle every drive receives one frame and answers with one. A drive is first checked (a Damiao
+//! drive reports its ranges and its watchdog), then polled for its state while disabled. Then it is enabled
+//! together with all others, and follows commands. The adapter trips if a drive is silent for three cycles,
+//! reports a fault or disables itself. From then on all drives are damped or disabled until
+//! [`Adapter::resume`].
 //!
-//! Answers carry no number, so an answer exactly a cycle late looks like one in time. A drive that has missed
-//! a cycle and answers again is therefore skipped for one cycle. An answer in that cycle proves it to be a
-//! cycle behind, and it counts as lost; without one a single answer was lost, and the drive continues.
+//! Answers carry no sequence number, and an answer exactly one cycle late looks like one in time. So a drive
+//! that has missed a cycle and answers again is left out of one cycle. If it answers nevertheless, it is a
+//! cycle behind and counts as lost. If not, only one answer was lost, and the drive continues.
 
 mod answers;
 mod common_answer;
@@ -36,35 +36,35 @@ pub use setting::WrongSetting;
 /// Cycles of silence after which a drive counts as lost.
 pub const LOST_AFTER: u32 = 3;
 
-/// The reaction of the other drives when one is lost or reports a fault.
+/// Reaction of the other drives when one is lost or reports a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnTrip {
-    /// Brake softly: no position gain, the velocity gain of the safe states. Position-controlled drives hold
-    /// their position.
+    /// The drives brake softly: no position gain, and the velocity gain of the safe states. Drives commanded
+    /// by position hold their present position.
     #[default]
     Damp,
-    /// Disable.
+    /// The drives are disabled.
     Disable,
 }
 
-/// The phase of one drive.
+/// Phase of one drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Its settings are being read, this one next.
+    /// The settings are being read; this is the number of the next one.
     Checking(u8),
-    /// Disabled, with correct settings.
+    /// The drive is disabled and its settings are correct.
     Disabled,
-    /// Its joint is moved to the mark from which its position is known.
+    /// The joint moves to the mark that determines its position.
     Homing,
-    /// Enabling was requested.
+    /// The drive has been ordered to follow commands.
     Enabling,
-    /// Follows commands.
+    /// The drive follows commands.
     Enabled,
-    /// Disabled itself because of a fault.
+    /// The drive disabled itself because of a fault.
     Fault,
 }
 
-/// The command of a joint, in its own units.
+/// Command of a joint, in joint units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// Position, rad or m.
@@ -79,11 +79,11 @@ pub struct Setpoint {
     pub kd: f64,
 }
 
-/// The adapter of the drives of one robot.
+/// Adapter of the drives of one robot.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     links: Vec<Link>,
-    /// For each bus; `None` if drives answer one by one.
+    /// Per bus; `None` where drives answer one by one.
     common: Vec<Option<CommonAnswer>>,
     on_trip: OnTrip,
     tripped: bool,
@@ -95,13 +95,13 @@ pub struct Adapter {
     stray: u64,
     enabled_in: Option<u64>,
     wrong: Option<(usize, WrongSetting)>,
-    /// The drive that was not enabled again, as its joint was outside of its range.
+    /// Drive that was not enabled again because its joint was outside of its range.
     out_of_range: Option<(usize, WrongSetting)>,
 }
 
 impl Adapter {
-    /// An adapter for the drives of a table, in this order, with the damping of each joint when it has
-    /// tripped.
+    /// Creates an adapter for the drives of a table, in this order. `damping` applies to each joint after a
+    /// trip.
     pub fn new(table: &Table, order: &[usize], damping: &[f64], on_trip: OnTrip) -> Self {
         let links =
             order.iter().zip(damping).map(|(index, damping)| Link::new(table, *index, *damping)).collect();
@@ -122,56 +122,56 @@ impl Adapter {
         }
     }
 
-    /// The same, but no drive is ever enabled: drives are checked and report their positions.
+    /// Makes the adapter an observer: drives are checked and report their positions, but are never enabled.
     #[must_use]
     pub fn observer(self) -> Self {
         Self { is_observer: true, ..self }
     }
 
-    /// Also sets the position gain of each joint while it is held, between its homing and its first command.
-    /// Default: none, the joint is damped.
+    /// Sets the position gain of each joint while it is held between its homing and its first command.
+    /// Default 0: the joint is damped.
     #[must_use]
     pub fn with_stiffness(mut self, stiffness: &[f64]) -> Self {
         self.links.iter_mut().zip(stiffness).for_each(|(link, stiffness)| link.stiffness = *stiffness);
         self
     }
 
-    /// The drives, in the order of the joints.
+    /// Drives, in the order of the joints.
     pub fn links(&self) -> &[Link] {
         &self.links
     }
 
-    /// Cycles so far.
+    /// Number of cycles so far.
     pub fn cycles(&self) -> u64 {
         self.cycles
     }
 
-    /// The cycle in which all drives followed commands for the first time.
+    /// Cycle in which all drives followed commands for the first time.
     pub fn enabled_in(&self) -> Option<u64> {
         self.enabled_in
     }
 
-    /// Frames of devices that are not in the table.
+    /// Number of frames from devices that are not in the table.
     pub fn stray(&self) -> u64 {
         self.stray
     }
 
-    /// True from a trip until it is resumed.
+    /// Returns `true` from a trip until the adapter is resumed.
     pub fn has_tripped(&self) -> bool {
         self.tripped
     }
 
-    /// The first drive with a setting that differs from the table.
+    /// First drive with a setting that differs from the table.
     pub fn wrong_setting(&self) -> Option<(usize, WrongSetting)> {
         self.wrong
     }
 
-    /// Trips it for a reason of the caller, such as a bus that was left.
+    /// Trips the adapter for an external reason, such as the controller leaving a bus.
     pub fn trip(&mut self) {
         self.tripped |= !self.is_observer;
     }
 
-    /// Takes a frame that was received on a bus.
+    /// Processes a frame received on a bus.
     pub fn take(&mut self, bus: usize, received: &Received) {
         let Received { frame, time_ns } = received;
         if CommonAnswer::is_part(frame)
@@ -189,7 +189,7 @@ impl Adapter {
         self.take_one(bus, received);
     }
 
-    /// Takes a frame of one drive.
+    /// Processes a frame of one drive.
     fn take_one(&mut self, bus: usize, received: &Received) {
         let Received { frame, time_ns } = received;
         let mut refused = None;
@@ -218,19 +218,19 @@ impl Adapter {
         }
     }
 
-    /// Ends the cycle: drives without an answer to their request count as missing. `counts` is `false` if
-    /// nobody can answer any more.
+    /// Ends the cycle. Drives that were queried and have not answered are missing. Pass `false` for `counts`
+    /// when no drive can answer any more.
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
         for link in &mut self.links {
             let is_missing = link.asked && !link.has_answered() && counts;
-            // one that has never answered, such as before its power is on, is waited for
+            // a drive that has never answered, such as before power-up, is waited for
             let is_lost = is_missing && link.is_found;
             link.counts.awaited += u64::from(is_missing && !link.is_found);
             link.counts.missing += u64::from(is_lost);
             let answers = link.dialogue.reports_every_ns().is_none();
             link.owed = link.owed.saturating_add(u32::from(is_lost && answers));
-            // partly checked servos are polled in turn
+            // while some servos of a line are checked, they are queried in turns
             let is_due = link.asked || !matches!(link.dialogue, Dialogue::Servo(_));
             if is_due && !link.is_probed {
                 link.silent = if is_missing { link.silent + 1 } else { 0 };
@@ -244,7 +244,7 @@ impl Adapter {
             }
             if link.silent >= LOST_AFTER {
                 link.forget_homing();
-                // once it has tripped a person decides, and all are checked again
+                // after a trip the operator decides, and all drives are checked again
                 if !self.tripped {
                     link.begin_anew();
                 }
@@ -275,15 +275,15 @@ impl Adapter {
         !self.links.iter().any(waits)
     }
 
-    /// Expects answers on this bus at any time after their commands: frames pass it without bit times.
+    /// Accepts answers on this bus at any time after their commands: the bus has no bit times.
     pub fn without_bit_times(&mut self, bus: usize) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             link.soonest_ns = 0;
         }
     }
 
-    /// Sets the time of a cycle, over which some drives interpolate, and from which the time of a homing
-    /// follows. Default 1 ms.
+    /// Sets the length of a cycle, used for the interpolation in some drives and for the homing timeouts.
+    /// Default 1 ms.
     pub fn set_cycle(&mut self, cycle_ns: u64) {
         self.cycle_ns = cycle_ns;
         for link in &mut self.links {
@@ -298,7 +298,7 @@ impl Adapter {
         self.is_known() && self.links.iter().all(|link| link.silent < LOST_AFTER)
     }
 
-    /// Returns `true` if every drive has answered and its position is its joint's.
+    /// Returns `true` if every drive has answered and reads its joint's position.
     pub fn is_known(&self) -> bool {
         self.links.iter().all(|link| link.received_ns.is_some() && link.is_homed())
     }
@@ -313,13 +313,13 @@ impl Adapter {
         self.links[joint].setpoint = setpoint;
     }
 
-    /// Writes the frames of this cycle for one bus into `frames`; the caller reports the number of sent
-    /// frames by [`sent`](Self::sent).
+    /// Writes the frames of this cycle for one bus into `frames`. The caller reports the number of accepted
+    /// frames with [`sent`](Self::sent).
     pub fn write(&mut self, bus: usize, frames: &mut Vec<Frame>) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             if link.end_probe() {
-                // without an answer to these three: that before, the one that was believed to be, and the one
-                // left out
+                // three answers are missing: the previous one, the one mistaken for an answer in time, and
+                // the one of the cycle that was left out
                 link.silent = LOST_AFTER;
                 link.lose(self.cycles);
                 self.tripped = true;
@@ -341,7 +341,7 @@ impl Adapter {
             let order = link.order(trip);
             link.count_clamped(&order);
             is_line |= matches!(link.dialogue, Dialogue::Servo(_));
-            // service data are always answered
+            // answers to service data come independently of the synchronisation
             let waits = matches!(link.dialogue, Dialogue::Cia402(_)) && !matches!(order, Order::Check(_));
             is_synchronised |= waits;
             link.dialogue.write(&order, frames);
@@ -360,12 +360,12 @@ impl Adapter {
         }
     }
 
-    /// Notes that the first `count` frames of a bus were sent at `now_ns`. Answers that came between two
+    /// Records that the first `count` frames of a bus were sent at `now_ns`. Answers that arrive between two
     /// cycles are late.
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
         let was_asked = |link: &&mut Link| link.bus == bus && link.asked_by.is_some_and(|by| by <= count);
         for link in self.links.iter_mut().filter(was_asked) {
-            // frames received since the last cycle ended answer an earlier frame
+            // answers received since the end of the last cycle belong to an earlier frame
             let answers = link.dialogue.reports_every_ns().is_none();
             link.counts.late += u64::from(link.answered && answers);
             link.owed = link.owed.saturating_sub(u32::from(link.answered));
@@ -373,18 +373,18 @@ impl Adapter {
         }
     }
 
-    /// Resumes after a trip: lost or disabled drives are checked and enabled again.
+    /// Resumes operation after a trip: lost or disabled drives are checked and enabled again.
     pub fn resume(&mut self) {
         (self.tripped, self.out_of_range) = (false, None);
         for link in &mut self.links {
-            // a drive without status reports may have disabled itself meanwhile
+            // a drive that does not report its state may have disabled itself meanwhile
             let is_well = link.phase == Phase::Enabled
                 && link.is_homed()
                 && link.silent == 0
                 && link.dialogue.tells_its_state()
                 && self.on_trip == OnTrip::Damp;
             if is_well {
-                // from where it is now, not from where it was held before it was damped
+                // holds the present position, not the one held before the joint was damped
                 link.hold();
             } else {
                 link.dialogue.restart();

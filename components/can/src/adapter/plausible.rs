@@ -1,39 +1,39 @@
-//! Readings that are not believed: positions and velocities that a joint cannot have, and positions at which
-//! no drive is enabled.
+//! Implausible readings: positions and velocities that a joint cannot have, and positions at which no drive
+//! is enabled.
 
 use super::{Link, Phase, WrongSetting};
 use crate::frame::DecodeError;
 use crate::mit;
 
-/// Velocities of the drive's range that a joint may move with from outside, as when it is off and moved by
-/// hand.
+/// Highest velocity imposed from outside, as a multiple of the drive's range, such as when a disabled joint
+/// is moved by hand.
 const FASTER: f64 = 2.0;
-/// Distance always allowed between two consecutive readings, rad: encoder steps and backlash.
+/// Distance by which two consecutive readings may always differ, rad: encoder steps and play.
 const JUMP: f64 = 0.1;
-/// Position beyond which 32-bit numbers do not resolve a hundredth of a radian, rad.
+/// Position beyond which 32-bit floating-point numbers do not resolve a hundredth of a radian, rad.
 const FARTHEST: f64 = 1e5;
-/// Velocities of the drive's range beyond which a reading is no velocity.
+/// Velocity beyond which a reading is implausible, as a multiple of the drive's range.
 const FASTEST: f64 = 20.0;
 
 impl Link {
-    /// True if the message with its state is overdue, of a drive whose answers are without.
+    /// Returns `true` if the state message is overdue, for a drive whose answers lack the state.
     pub(super) fn is_state_overdue(&self) -> bool {
         let within_ns = self.dialogue.state_within_ns();
         within_ns.zip(self.state_ns).is_some_and(|(within_ns, state_ns)| state_ns + within_ns < self.sent_ns)
     }
 
-    /// Refuses an answer with a position that no drive has, or, while it follows
-    /// commands, that is farther from the last one than it can have moved.
+    /// Refuses an answer with an impossible position, or, while the drive follows commands, with a position
+    /// farther from the last one than it can have moved.
     pub(super) fn refuse_implausible(
         &mut self,
         feedback: &mit::Feedback,
         time_ns: u64,
     ) -> Result<(), DecodeError> {
         let fastest = self.ranges.velocity.max;
-        // one that is off may be moved by hand, and one that is homed begins to count elsewhere
+        // a disabled joint may be moved by hand, and homing changes the zero position
         let follows = matches!(self.phase, Phase::Enabling | Phase::Enabled);
         let moved = self.received_ns.filter(|_| follows).map(|received_ns| {
-            // the reading may be as old as the time between two of them
+            // the reading may be as old as the time between two readings
             let between_ns = time_ns.saturating_sub(received_ns);
             let age_ns = self.dialogue.reports_every_ns().unwrap_or(between_ns.max(self.soonest_ns));
             let seconds = (between_ns + age_ns) as f64 * 1e-9;
@@ -54,7 +54,7 @@ impl Link {
         Err(DecodeError::Implausible { field })
     }
 
-    /// The reason for which it is not enabled: its position is outside of the joint's range.
+    /// Reason why the drive is not enabled: its position is outside of the joint's range.
     pub(super) fn out_of_range(&self) -> Option<WrongSetting> {
         let ([lower, upper], margin) = self.limits;
         let found = self.position;

@@ -1,23 +1,23 @@
-//! The rounding of commands to the few bits of their fields.
+//! Rounding of commands to the resolution of their fields.
 
 use crate::mit::{Command, Drive};
 
-/// The rounding of the commands of one drive, made up for by its torque.
+/// Rounding of one drive's commands, compensated by the torque field.
 ///
-/// The fields of a command have 12 and 16 bits, and no integer represents a velocity or a torque of zero.
-/// Rounded separately, they would displace a joint by half a torque step over the stiffness. Instead, the
-/// torque absorbs the rounding of positions, velocities and gains at the newest state of the drive, and its
-/// own rounding error is added to the torque of the next cycle (error diffusion). So the mean torque is
-/// exact, and a single one is off by at most one step.
+/// The fields of a command have 12 and 16 bits, and no integer represents a velocity or torque of exactly
+/// zero. Rounding each field separately would deflect a joint by half a torque step over its stiffness, and
+/// hold it there. Instead, the torque field absorbs the rounding of positions, velocities and gains at the
+/// newest state of the drive. The rounding error of the torque is added to the torque of the next cycle
+/// (error diffusion). So the mean torque is exact, and each single torque is off by at most one step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rounding {
-    /// The part of the torques so far that has not been sent, N m.
+    /// Torque that has not been sent so far, N m.
     rest: f64,
 }
 
 impl Rounding {
-    /// Returns the command to send at this position \[rad\] and velocity \[rad/s\] of the drive; without them
-    /// the command is unchanged. Values beyond a range are clamped and not compensated.
+    /// Command to send at this position \[rad\] and velocity \[rad/s\] of the drive; without a state, the
+    /// command is not compensated. Values beyond a range are clamped without compensation.
     pub(super) fn command(&mut self, wanted: &Command, drive: &Drive, state: Option<(f64, f64)>) -> Command {
         let Some((position, velocity)) = state else { return *wanted };
         let (ranges, fields) = (drive.ranges(), drive.fields());
@@ -51,7 +51,7 @@ mod tests {
         Command { position: 0.753_1, velocity: 0.041, kp: 61.7, kd: 1.234, torque: 0.777 }
     }
 
-    /// The torques that a drive gives at `STATE` for this command, cycle by cycle.
+    /// Torques that a drive applies at `STATE` for this command, cycle by cycle.
     fn torques(wanted: Command) -> impl Iterator<Item = f64> {
         let mut rounding = Rounding::default();
         std::iter::repeat_with(move || {
@@ -84,7 +84,7 @@ mod tests {
         let stiff = Command { kp: 900.0, ..wanted() };
         let goal = Command { kp: 500.0, ..wanted() }.torque_at(STATE.0, STATE.1);
         assert!(torques(stiff).take(100).all(|torque| torque <= goal.min(20.0) + 0.02));
-        // and nothing of it is left when it is over
+        // after the clamping ends, no error is left over
         let mut rounding = Rounding::default();
         for _ in 0..100 {
             rounding.command(&strong, &drive(), Some(STATE));

@@ -1,12 +1,12 @@
-//! The bits of a frame on the wire, stuffing included.
+//! Bits of a frame on the wire, including bit stuffing.
 //!
-//! A frame lasts from its start bit to the three bits that separate two frames. Within it a bit of the
-//! opposite value is inserted after each five equal ones; in the checksum of CAN FD, at fixed places. A byte
-//! of a serial line has ten bits.
+//! A frame extends from its start bit to the three bits of interframe space. Within it, a bit of the opposite
+//! value is inserted after each five equal bits; in the CRC field of CAN FD, stuff bits have fixed positions.
+//! A byte of a serial line has ten bits.
 
 use crate::frame::{Form, Frame, Id};
 
-/// The rates of a bus.
+/// Bitrates of a bus.
 ///
 /// ```
 /// use motorium_can::{Bits, Rates};
@@ -22,16 +22,16 @@ pub struct Rates {
     pub fast: u32,
 }
 
-/// The number of bits of a frame, by the rate at which they are sent.
+/// Number of bits of a frame, by the bitrate at which they are sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bits {
-    /// At the rate of the arbitration, the pause after the frame included.
+    /// Bits at the arbitration rate, including the interframe space.
     pub nominal: u32,
-    /// At the higher rate.
+    /// Bits at the data rate.
     pub fast: u32,
 }
 
-/// From the delimiter of the checksum to the end of the interframe space: none of these bits is stuffed.
+/// Bits from the CRC delimiter to the end of the interframe space, which are never stuffed.
 const TAIL: u32 = 13;
 
 impl Bits {
@@ -41,7 +41,7 @@ impl Bits {
         time(self.nominal, rates.nominal) + time(self.fast, rates.fast)
     }
 
-    /// The bits of this very frame.
+    /// Returns the exact bits of this frame.
     ///
     /// ```
     /// use motorium_can::{Bits, Frame, Id};
@@ -80,7 +80,7 @@ impl Bits {
         }
         let head = wire.count;
         if frame.form != Form::Classic {
-            wire.push(0, 1); // the sender is not error passive
+            wire.push(0, 1); // the sender is not error-passive
         }
         wire.push(length_code(data.len()), 4);
         data.iter().for_each(|byte| wire.push((*byte).into(), 8));
@@ -96,13 +96,13 @@ impl Bits {
         }
     }
 
-    /// Bits of the longest frame of this form and number of bytes, for any content.
+    /// Returns the bits of the longest frame of this form with `bytes` bytes of any content.
     pub fn worst(is_extended: bool, form: Form, bytes: usize) -> Self {
         let plain = Self::nominal(is_extended, form, bytes);
         if form == Form::Packet {
             return plain;
         }
-        // a bit after the first five equal ones, then after each four
+        // one stuff bit after the first five equal bits, then after every four
         let stuffed = |bits: u32| (bits - 1) / 4;
         if form == Form::Classic {
             return Self { nominal: plain.nominal + stuffed(plain.nominal - TAIL), fast: 0 };
@@ -115,7 +115,7 @@ impl Bits {
         Self { nominal: plain.nominal + head, fast: plain.fast + stuffed(all) - head }
     }
 
-    /// Bits of a frame of this form and number of bytes, without stuffing.
+    /// Returns the bits of a frame of this form with `bytes` bytes, without stuffing.
     pub fn nominal(is_extended: bool, form: Form, bytes: usize) -> Self {
         let bits = 8 * bytes as u32;
         match (form, is_extended) {
@@ -144,12 +144,12 @@ impl core::ops::Add for Bits {
     }
 }
 
-/// Count of stuff bits and checksum of CAN FD, with the bits stuffed at fixed places.
+/// Stuff count and CRC of CAN FD, including the fixed stuff bits.
 fn checksum_field(bytes: usize) -> u32 {
     if bytes <= 16 { 4 + 17 + 6 } else { 4 + 21 + 7 }
 }
 
-/// The four bits that encode a length.
+/// Data length code for a number of bytes.
 fn length_code(bytes: usize) -> u32 {
     match bytes {
         0..=8 => bytes as u32,
@@ -163,7 +163,7 @@ fn length_code(bytes: usize) -> u32 {
     }
 }
 
-/// Bits as they are put on the wire: counted with stuffing, and summed up to the checksum of 15 bits.
+/// Bits on the wire, counted with stuffing and added to the 15-bit CRC.
 struct Wire {
     count: u32,
     last: Option<bool>,

@@ -1,35 +1,34 @@
-//! The budget of a cycle: compares all commands and answers with the capacity of the bus, with the
-//! arithmetic.
+//! Time budget of a cycle: checks that all commands and answers fit on the bus, and shows the arithmetic.
 
 use core::fmt;
 
 use super::bits::{Bits, Rates};
 use crate::frame::Form;
 
-/// A frame as far as its length on the wire matters.
+/// Properties of a frame that determine its length on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Its identifier has 29 bits.
+    /// The identifier has 29 bits.
     pub extended: bool,
-    /// Its form.
+    /// Form of the frame.
     pub form: Form,
-    /// Bytes of its data.
+    /// Number of data bytes.
     pub bytes: usize,
 }
 
 impl Shape {
-    /// The bits of such a frame without stuffing.
+    /// Bits of such a frame without stuffing.
     pub fn least(&self) -> Bits {
         Bits::nominal(self.extended, self.form, self.bytes)
     }
 
-    /// The most bits that such a frame can have.
+    /// Largest number of bits that such a frame can have.
     pub fn worst(&self) -> Bits {
         Bits::worst(self.extended, self.form, self.bytes)
     }
 }
 
-/// Command and answer of each drive on one bus, once in each cycle.
+/// Command and answer of each drive on one bus, once per cycle.
 ///
 /// ```
 /// use motorium_can::{Budget, Form, Rates, Shape};
@@ -44,51 +43,51 @@ impl Shape {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget {
-    /// The rates of the bus.
+    /// Bitrates of the bus.
     pub rates: Rates,
     /// Command and answer of each drive.
     pub exchanges: Vec<(Shape, Shape)>,
     /// Additional frames, such as a synchronisation and second answers.
     pub others: Vec<Shape>,
-    /// Longest time from a command to the beginning of its answer, ns.
+    /// Longest turnaround time from a command to the beginning of its answer, ns.
     pub turn_round_ns: u64,
     /// Time from one batch of commands to the next, ns.
     pub cycle_ns: u64,
 }
 
 impl Budget {
-    /// Share of the cycle beyond which a single disturbed frame makes others miss it.
+    /// Share of the cycle beyond which a single disturbed frame delays others into the next cycle.
     pub const COMFORTABLE: f64 = 0.8;
 
-    /// Time of all bits of a cycle in the worst case, ns.
+    /// Worst-case time of all bits of a cycle, ns.
     pub fn busy_ns(&self) -> u64 {
         let exchanges = self.exchanges.iter().map(|(command, answer)| self.ns(command) + self.ns(answer));
         exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
     /// Worst-case time from the first bit of the commands to the last bit of the answers, ns: all bits, and
-    /// the turn-round of the last answer, during which the bus is idle.
+    /// the turnaround time of the last answer, during which the bus is idle.
     pub fn complete_ns(&self) -> u64 {
         self.busy_ns() + self.turn_round_ns
     }
 
-    /// Share of the cycle in which the bus carries bits in the worst case.
+    /// Worst-case share of the cycle in which the bus carries bits.
     pub fn share(&self) -> f64 {
         self.busy_ns() as f64 / self.cycle_ns as f64
     }
 
-    /// True if all answers are there before the next cycle.
+    /// Returns `true` if all answers arrive before the next cycle.
     pub fn fits(&self) -> bool {
         self.complete_ns() <= self.cycle_ns
     }
 
-    /// The most drives like these that fit into a cycle.
+    /// Largest number of drives like these that fit into a cycle.
     pub fn most(&self) -> u64 {
         let count = self.exchanges.len() as u64;
         if count == 0 {
             return 0;
         }
-        // each with its share of the additional frames
+        // each drive includes its share of the additional frames
         let each_ns = self.busy_ns().div_ceil(count);
         self.cycle_ns.saturating_sub(self.turn_round_ns) / each_ns
     }

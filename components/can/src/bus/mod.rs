@@ -1,5 +1,5 @@
-//! Buses: the bits of frames, the budget of a cycle, the [`Bus`] trait, and simulated, kernel and serial
-//! buses.
+//! Buses: bits of frames, time budget of a cycle, and the bus interface with its implementations: simulated
+//! buses, SocketCAN, and serial lines.
 
 pub mod bits;
 pub mod budget;
@@ -15,16 +15,16 @@ pub(crate) mod time;
 
 use crate::frame::Frame;
 
-/// A frame that was received, and when.
+/// Received frame with its receive time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Received {
-    /// The frame.
+    /// Frame.
     pub frame: Frame,
-    /// Time at which its last bit was received, ns.
+    /// Receive time of the last bit, ns.
     pub time_ns: u64,
 }
 
-/// A bus as a participant uses it: whole batches, never waiting, without allocation.
+/// A bus as seen by one node. Frames are exchanged in whole batches, without blocking or allocating.
 ///
 /// ```
 /// use motorium_can::{Bus, Frame, Id, Rates, Received, SimulatedBus};
@@ -38,10 +38,10 @@ pub struct Received {
 /// assert_eq!(inbox[0].frame, hello);
 /// ```
 pub trait Bus {
-    /// Sends frames in this order and returns the number accepted. The others are discarded, because newer
-    /// commands follow.
+    /// Hands over frames in this order, and returns the number of accepted frames. The rest is not queued,
+    /// because newer commands will replace it.
     fn send(&mut self, frames: &[Frame]) -> usize;
 
-    /// Moves received frames into `frames`, in their order, and returns their number.
+    /// Fills `frames` with received frames in their order, and returns their number.
     fn receive(&mut self, frames: &mut [Received]) -> usize;
 }

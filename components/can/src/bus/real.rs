@@ -12,7 +12,7 @@ use super::socket::{Condition, OpenError, SocketBus, SocketCounts};
 use super::{Bus, Received};
 use crate::frame::{Frame, Id};
 
-/// A bus of the computer.
+/// Bus of the computer.
 ///
 /// ```no_run
 /// use motorium_can::{Rates, RealBus};
@@ -23,22 +23,22 @@ use crate::frame::{Frame, Id};
 /// # Ok::<(), motorium_can::OpenError>(())
 /// ```
 pub enum RealBus {
-    /// An interface of the kernel, such as `can0`.
+    /// Interface of the kernel, such as `can0`.
     Socket(Box<SocketBus>),
-    /// An adapter on a serial line, such as `/dev/ttyACM0`.
+    /// Adapter on a serial line, such as `/dev/ttyACM0`.
     Serial(Box<SlcanBus>),
-    /// A line of serial servos, such as `/dev/ttyACM0`.
+    /// Line of serial servos, such as `/dev/ttyACM0`.
     Servos(Box<ServoBus>),
-    /// A simulated bus of another program, such as `unix:can0`.
+    /// Simulated bus of another program, such as `unix:can0`.
     Simulated(Box<UnixBus>),
 }
 
 impl RealBus {
-    /// Opens a bus: a simulated one of another program (`unix:NAME`, `pty:PATH`), a serial line if its name
-    /// is a path, or else an interface of the kernel.
+    /// Opens a bus: a simulated bus of another program (`unix:NAME`, `pty:PATH`), a serial line if the name
+    /// is a path, otherwise an interface of the kernel.
     ///
     /// # Errors
-    /// The interface cannot be opened, or has other rates.
+    /// Returns an error if the bus cannot be opened or has other bitrates.
     pub fn open(name: &str, rates: &Rates, is_fd: bool) -> Result<Self, OpenError> {
         let slcan = |path| SlcanBus::open(path, *rates, is_fd).map(|bus| Self::Serial(Box::new(bus)));
         if let Some(place) = Place::from_interface(name) {
@@ -53,18 +53,18 @@ impl RealBus {
         }
     }
 
-    /// Opens an interface of the kernel with the rates that it has.
+    /// Opens an interface of the kernel with its present bitrates.
     ///
     /// # Errors
-    /// The interface cannot be opened.
+    /// Returns an error if the interface cannot be opened.
     pub fn of_interface(name: &str) -> Result<Self, OpenError> {
         SocketBus::open(name).map(|bus| Self::Socket(Box::new(bus)))
     }
 
-    /// Opens a line of serial servos with this speed, bit/s.
+    /// Opens a line of serial servos at this speed, bit/s.
     ///
     /// # Errors
-    /// The line cannot be opened, or does not support the speed.
+    /// Returns an error if the line cannot be opened or does not support the speed.
     pub fn open_servos(path: &str, speed: u32) -> Result<Self, OpenError> {
         match Place::from_interface(path) {
             Some(Place::Socket(name)) => UnixBus::open(name).map(|bus| Self::Simulated(Box::new(bus))),
@@ -73,7 +73,7 @@ impl RealBus {
         }
     }
 
-    /// Its name.
+    /// Name of the bus.
     pub fn name(&self) -> &str {
         match self {
             Self::Socket(bus) => bus.name(),
@@ -83,7 +83,7 @@ impl RealBus {
         }
     }
 
-    /// Its condition.
+    /// Condition of the bus.
     pub fn condition(&self) -> Condition {
         match self {
             Self::Socket(bus) => bus.condition(),
@@ -93,7 +93,7 @@ impl RealBus {
         }
     }
 
-    /// Its counts.
+    /// Counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         match self {
             Self::Socket(bus) => bus.counts(),
@@ -103,28 +103,28 @@ impl RealBus {
         }
     }
 
-    /// True if it has reported an error since it was opened, or its condition is not the best.
+    /// Returns `true` if the bus has reported an error since it was opened, or is not error-active.
     pub fn has_errors(&self) -> bool {
         let SocketCounts { unacknowledged, disturbed, bus_off, queue_full, down, .. } = *self.counts();
         let errors = [unacknowledged, disturbed, bus_off, queue_full, down];
         self.condition() != Condition::Active || errors.iter().any(|count| *count > 0)
     }
 
-    /// True for one without a wire, on which frames take no time.
+    /// Returns `true` for a bus without a wire, on which frames take no time.
     pub fn is_virtual(&self) -> bool {
         match self {
             Self::Socket(bus) => bus.is_virtual(),
             Self::Serial(bus) => bus.is_virtual(),
             Self::Servos(bus) => bus.is_virtual(),
-            // it has bit times
+            // it simulates bit times
             Self::Simulated(_) => false,
         }
     }
 
-    /// Receives frames with these identifiers only.
+    /// Restricts reception to frames with these identifiers.
     ///
     /// # Errors
-    /// The kernel refused.
+    /// Returns an error if the kernel refuses.
     pub fn receive_only(&mut self, ids: &[Id]) -> io::Result<()> {
         match self {
             Self::Socket(bus) => bus.receive_only(ids),
@@ -143,10 +143,10 @@ impl RealBus {
         }
     }
 
-    /// Lets the participants of a virtual bus of the kernel receive a report.
+    /// Sends a report to the participants of a virtual bus of the kernel.
     ///
     /// # Errors
-    /// The kernel refused the bus, or the bus is not one of the kernel's.
+    /// Returns an error if the kernel refuses, or if the bus is not an interface of the kernel.
     pub fn inject(&self, report: &Report) -> io::Result<()> {
         match self {
             Self::Socket(bus) => bus.inject(report),

@@ -1,20 +1,20 @@
-//! Reports of a controller about itself, in the form in which Linux delivers them: error frames.
+//! Status reports of a controller, in the format of Linux error frames.
 
-/// The state of a controller on a bus, by its error counters.
+/// State of a controller on a bus, determined by its error counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ErrorState {
-    /// It takes part, and signals errors of others.
+    /// Error-active: it participates and signals the errors of others.
     #[default]
     Active,
-    /// It takes part, with many errors counted.
+    /// It participates, and has counted many errors.
     Warning,
-    /// It takes part without signalling errors.
+    /// Error-passive: it participates, but does not disturb other nodes.
     Passive,
-    /// It has left the bus.
+    /// Bus-off: it has left the bus.
     Off,
 }
 
-/// A report of a controller: the event and the state since then.
+/// Report of a controller: events, and its state after them.
 ///
 /// ```
 /// use motorium_can::{ErrorState, Report};
@@ -26,15 +26,15 @@ pub enum ErrorState {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// The reported state, if any.
+    /// Reported state, if any.
     pub state: Option<ErrorState>,
     /// A frame was sent and no node acknowledged it.
     pub is_unacknowledged: bool,
-    /// The controller had no room for a frame that it received or was to send.
+    /// The controller had no room for a received or outgoing frame.
     pub is_overflow: bool,
-    /// A frame was disturbed, by any node.
+    /// A frame of any node was disturbed.
     pub is_disturbed: bool,
-    /// The controller is back after it had left the bus.
+    /// The controller has returned after bus-off.
     pub is_restart: bool,
     /// Transmit and receive error counters, if the driver reports them.
     pub counters: Option<[u8; 2]>,
@@ -48,14 +48,14 @@ const BUS_OFF: u32 = 0x40;
 const BUS_ERROR: u32 = 0x80;
 const RESTARTED: u32 = 0x100;
 const COUNTERS: u32 = 0x200;
-// Reports of the controller: bits of the second byte.
+// Controller status: bits of the second data byte.
 const OVERFLOW: u8 = 0x01 | 0x02;
 const WARNING: u8 = 0x04 | 0x08;
 const PASSIVE: u8 = 0x10 | 0x20;
 const ACTIVE: u8 = 0x40;
 
 impl Report {
-    /// Reads an error frame: its classes, the identifier without flags, and its data.
+    /// Decodes an error frame from its classes, which are the identifier without flags, and its data.
     pub fn decode(classes: u32, data: &[u8; 8]) -> Self {
         let has = |class: u32| classes & class != 0;
         let controller = if has(CONTROLLER) { data[1] } else { 0 };
@@ -76,7 +76,7 @@ impl Report {
         }
     }
 
-    /// The corresponding error frame: its classes and its data.
+    /// Encodes the report as an error frame: classes and data.
     pub fn encode(&self) -> (u32, [u8; 8]) {
         let mut data = [0; 8];
         let mut classes = 0;

@@ -1,4 +1,4 @@
-//! Lines of serial servos: packets as they are, on a serial line of the computer.
+//! Lines of serial servos: unmodified packets on a serial line of the computer.
 
 use std::fs::File;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -10,8 +10,8 @@ use super::{Bus, Received};
 use crate::frame::{Form, Frame, Id};
 use crate::servo::{EVERYBODY, LONGEST, Reader};
 
-/// A line of serial servos: each packet is a frame of the form [`Packet`](crate::Form::Packet), with the
-/// number of its servo for an identifier.
+/// Line of serial servos. Each packet is a frame of the form [`Packet`](crate::Form::Packet), with the servo
+/// number as its identifier.
 ///
 /// ```no_run
 /// use motorium_can::servo::{EVERYBODY, Instruction, LONGEST, Protocol, write};
@@ -29,15 +29,15 @@ pub struct ServoBus {
     speed: u32,
     line: Terminal,
     reader: Reader,
-    /// A packet longer than a frame, and the range not delivered yet.
+    /// Packet longer than a frame, and the range of its bytes that has not been received yet.
     long: Box<[u8; LONGEST]>,
     left: (usize, usize),
 }
 
-/// Bytes that wait to be written at most.
+/// Largest number of bytes waiting to be written.
 const ROOM: usize = 4096;
 
-/// The speed as a terminal constant; `None` for an unsupported one.
+/// Terminal constant for a speed; `None` for an unsupported speed.
 fn speed_of(speed: u32) -> Option<libc::speed_t> {
     Some(match speed {
         9_600 => libc::B9600,
@@ -60,37 +60,37 @@ fn open(path: &str, speed: u32) -> Result<File, OpenError> {
 }
 
 impl ServoBus {
-    /// Opens a serial line with this speed, bit/s.
+    /// Opens a serial line at this speed, bit/s.
     ///
     /// # Errors
-    /// The line does not exist, cannot be opened, or does not support the speed.
+    /// Returns an error if the line does not exist, cannot be opened, or does not support the speed.
     pub fn open(path: &str, speed: u32) -> Result<Self, OpenError> {
         let line = Terminal::new(path, open(path, speed)?, ROOM);
         let long = Box::new([0; LONGEST]);
         Ok(Self { speed, line, reader: Reader::default(), long, left: (0, 0) })
     }
 
-    /// Its path.
+    /// Path of the line.
     pub fn name(&self) -> &str {
         self.line.path()
     }
 
-    /// Its condition: present or gone.
+    /// Condition of the line: present or gone.
     pub fn condition(&self) -> Condition {
         self.line.condition
     }
 
-    /// Its counts.
+    /// Counters of the line.
     pub fn counts(&self) -> &SocketCounts {
         &self.line.counts
     }
 
-    /// True for a pseudo-terminal, on which bytes take no time.
+    /// Returns `true` for a pseudo-terminal, on which bytes take no time.
     pub fn is_virtual(&self) -> bool {
         self.line.is_virtual()
     }
 
-    /// The next part of a packet that is longer than a frame.
+    /// Next part of a packet that is longer than a frame.
     fn part(&mut self) -> Option<Frame> {
         let (from, to) = self.left;
         let part = &self.long[from..to.min(from + Form::Packet.capacity())];
@@ -98,7 +98,7 @@ impl ServoBus {
         if part.is_empty() { None } else { Frame::packet(EVERYBODY, part) }
     }
 
-    /// Receives packets of, or for, servos with these numbers only.
+    /// Restricts reception to packets from, or for, servos with these numbers.
     pub fn receive_only(&mut self, ids: &[Id]) {
         self.line.receive_only(ids);
     }
@@ -116,11 +116,11 @@ impl Bus for ServoBus {
         if line.look_again(|path| open(path, *speed)) {
             *reader = Reader::default();
         }
-        // a common answer that has not ended by now is not ended any more
+        // a common answer that is still incomplete will not be completed
         if !frames.is_empty() {
             reader.drop_common();
         }
-        // the end of a packet that is begun goes before all others
+        // the rest of a partly written packet goes first
         if !line.condition.can_send() || !line.flush() {
             return 0;
         }
@@ -152,7 +152,7 @@ impl Bus for ServoBus {
                     count += 1;
                 }
                 Some(_) => {}
-                // that in which servos answer together
+                // the common answer of several servos
                 None if servo == EVERYBODY => {
                     self.long[..packet.len()].copy_from_slice(packet);
                     self.left = (0, packet.len());

@@ -1,4 +1,4 @@
-//! A bus in simulated time: exact bit times, arbitration, error counters.
+//! Bus in simulated time: exact bit times, arbitration, error counters.
 
 use std::collections::VecDeque;
 
@@ -7,25 +7,25 @@ pub use super::report::ErrorState;
 use super::{Bus, Received};
 use crate::frame::{Form, Frame};
 
-/// An event on the bus.
+/// Event on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// A frame arrived at all other nodes.
     Delivered {
-        /// The node that sent it.
+        /// Node that sent it.
         sender: usize,
-        /// The frame.
+        /// Frame.
         frame: Frame,
         /// Time of its last bit, ns.
         time_ns: u64,
     },
     /// A frame was disturbed; it is sent again.
     Disturbed {
-        /// The node that sent it.
+        /// Node that sent it.
         sender: usize,
-        /// The state of that node from then on.
+        /// State of the node after the error.
         state: ErrorState,
-        /// No other node is on the bus, so frames are not acknowledged.
+        /// The frame was not acknowledged, because no other node is on the bus.
         is_unacknowledged: bool,
         /// Time of the error, ns.
         time_ns: u64,
@@ -37,43 +37,43 @@ pub enum Event {
 struct Node {
     queue: VecDeque<(Frame, u64)>,
     inbox: VecDeque<Received>,
-    /// It keeps received frames for a port.
+    /// Received frames are kept for a port.
     listens: bool,
     transmit_errors: u32,
     receive_errors: u32,
     is_off: bool,
-    /// Time before which it does not send: a passive node waits after an error.
+    /// Time before which the node does not send: an error-passive node suspends transmission after an error.
     suspended_ns: u64,
 }
 
-/// A bus in simulated time.
+/// Bus in simulated time.
 ///
-/// A frame begins when the bus is free; of several waiting ones the lowest identifier wins. It lasts as long
-/// as its bits, stuffing included. A disturbed sender counts eight transmit errors and sends again; it is
-/// passive from 128 on and leaves the bus beyond 255. Two nodes that send different frames with one
-/// identifier disturb each other. A frame without a receiver is not acknowledged, and is repeated
-/// indefinitely. Packets of a serial line are sent one after the other, and their errors go unnoticed. The
-/// result depends only on the input.
+/// A frame begins when the bus is free; of several waiting frames, the one with the lowest identifier wins
+/// arbitration. Its duration follows from its bits, including stuffing. A disturbed sender increments its
+/// transmit error counter by eight and sends again. It becomes error-passive at 128 and bus-off above 255.
+/// Two nodes that send different frames with the same identifier disturb each other. A frame without a
+/// receiver is not acknowledged and is repeated. Packets of a serial line are sent one after the other,
+/// without error detection. The bus is deterministic: it depends on its input only.
 #[derive(Debug)]
 pub struct SimulatedBus {
     rates: Rates,
     nodes: Vec<Node>,
     depth: usize,
-    /// Time from which on the bus is free, ns.
+    /// Time from which the bus is free, ns.
     free_ns: u64,
     busy_ns: u64,
     disturbed: u32,
 }
 
-/// Bits of an error: flag, echo of it, delimiter, pause.
+/// Bits of an error: flag, its echo, delimiter, interframe space.
 const ERROR_BITS: u32 = 12 + 8 + 3;
 /// Bits between two frames.
 const PAUSE_BITS: u32 = 3;
-/// Bits for which a passive node waits after sending.
+/// Bits for which an error-passive node suspends transmission after sending.
 const SUSPEND_BITS: u32 = 8;
 
 impl SimulatedBus {
-    /// Creates a bus of this many nodes, each with room for `depth` frames to be sent.
+    /// Creates a bus of `nodes` nodes, each with room for `depth` outgoing frames.
     pub fn new(rates: Rates, nodes: usize, depth: usize) -> Self {
         let node = |_| Node {
             queue: VecDeque::with_capacity(depth),
@@ -88,7 +88,7 @@ impl SimulatedBus {
         Self { rates, nodes, depth, free_ns: 0, busy_ns: 0, disturbed: 0 }
     }
 
-    /// Hands a frame of a node over at `ready_ns`; false if its queue is full or it has left the bus.
+    /// Queues a frame of a node at `ready_ns`. Returns `false` if the queue is full or the node is bus-off.
     pub fn enqueue(&mut self, node: usize, frame: Frame, ready_ns: u64) -> bool {
         let sender = &mut self.nodes[node];
         let fits = sender.queue.len() < self.depth && !sender.is_off;
@@ -98,7 +98,8 @@ impl SimulatedBus {
         fits
     }
 
-    /// The next event that ends by `until_ns`. Hand over answers to a frame before the next call.
+    /// Returns the next event that ends by `until_ns`. A caller that answers a frame must enqueue the answer
+    /// before the next call.
     pub fn next(&mut self, until_ns: u64) -> Option<Event> {
         let waits = |node: &Node| node.queue.front().map(|(_, ready)| (*ready).max(node.suspended_ns));
         let first_ns = self.nodes.iter().filter_map(waits).min()?;
@@ -161,7 +162,8 @@ impl SimulatedBus {
         let suspended_ns = now_ns + self.bits_ns(SUSPEND_BITS);
         let is_passive = self.state(sender) == ErrorState::Passive;
         let node = &mut self.nodes[sender];
-        // a passive node that is alone stops counting: otherwise it would leave the bus
+        // the transmit error counter of a lone error-passive node stops: missing acknowledgements alone never
+        // cause bus-off
         if !(was_alone && is_passive) {
             node.transmit_errors += 8;
         }
@@ -178,7 +180,7 @@ impl SimulatedBus {
         Bits { nominal: bits, fast: 0 }.ns(&self.rates)
     }
 
-    /// The state of a node.
+    /// State of a node.
     pub fn state(&self, node: usize) -> ErrorState {
         let node = &self.nodes[node];
         match node.transmit_errors.max(node.receive_errors) {
@@ -188,25 +190,25 @@ impl SimulatedBus {
         }
     }
 
-    /// Disturbs the next frames on the wire.
+    /// Disturbs this number of frames, starting with the next one on the wire.
     pub fn disturb(&mut self, frames: u32) {
         self.disturbed += frames;
     }
 
-    /// Takes a node off the bus, as its error counters would.
+    /// Switches a node to bus-off, as its error counters would.
     pub fn switch_off(&mut self, node: usize) {
         let node = &mut self.nodes[node];
         (node.is_off, node.transmit_errors) = (true, 256);
         node.queue.clear();
     }
 
-    /// Brings a node back, its counters at zero.
+    /// Restarts a node with zero error counters.
     pub fn restart(&mut self, node: usize) {
         let node = &mut self.nodes[node];
         (node.is_off, node.transmit_errors, node.receive_errors, node.suspended_ns) = (false, 0, 0, 0);
     }
 
-    /// Frames of a node that wait to be sent.
+    /// Number of frames in the send queue of a node.
     pub fn waiting(&self, node: usize) -> usize {
         self.nodes[node].queue.len()
     }
@@ -216,14 +218,14 @@ impl SimulatedBus {
         self.busy_ns
     }
 
-    /// Access of one node to the bus at `now_ns`; from then on the node keeps received frames.
+    /// Bus as seen by one node at `now_ns`. From then on, the node keeps received frames.
     pub fn port(&mut self, node: usize, now_ns: u64) -> Port<'_> {
         self.nodes[node].listens = true;
         Port { bus: self, node, now_ns }
     }
 }
 
-/// The bus as one node uses it at some time.
+/// Bus as seen by one node at a given time.
 #[derive(Debug)]
 pub struct Port<'a> {
     bus: &'a mut SimulatedBus,

@@ -1,6 +1,6 @@
-//! Serial lines that carry bytes as they are, and are opened again when they were lost.
+//! Serial lines that carry raw bytes, and are reopened after they were lost.
 
-#![allow(unsafe_code)] // the settings of a terminal are plain libc calls, and no crate of the project offers them
+#![allow(unsafe_code)] // terminal settings need libc calls, which no crate of the project offers
 
 use core::mem::MaybeUninit;
 use std::fs::{File, OpenOptions};
@@ -12,7 +12,7 @@ use super::socket::{Condition, OpenError, SocketCounts};
 use super::time::Retry;
 use crate::frame::Id;
 
-/// Opens a serial line that never waits, at this speed, with no character translated, echoed or kept.
+/// Opens a serial line at this speed in raw, non-blocking mode: no character is translated, echoed or kept.
 pub(super) fn open(path: &str, speed: libc::speed_t) -> Result<File, OpenError> {
     set_up(path, speed).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => OpenError::NoLine(path.into()),
@@ -27,8 +27,8 @@ fn set_up(path: &str, speed: libc::speed_t) -> io::Result<File> {
         .custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY | libc::O_CLOEXEC)
         .open(path)?;
     let mut settings = MaybeUninit::<libc::termios>::zeroed();
-    // SAFETY: the descriptor is open and the place has the type that the call fills; it is read only once the
-    // call has filled it, and changed through the library's own functions.
+    // SAFETY: the descriptor is open and the buffer has the type that the call fills; it is read only once
+    // the call has filled it, and changed through the library's own functions.
     unsafe {
         if libc::tcgetattr(file.as_raw_fd(), settings.as_mut_ptr()) != 0 {
             return Err(io::Error::last_os_error());
@@ -44,15 +44,15 @@ fn set_up(path: &str, speed: libc::speed_t) -> io::Result<File> {
     Ok(file)
 }
 
-/// A serial line with pending output and input, its condition and its counts.
+/// Serial line with its output and input buffers, its condition and its counters.
 #[derive(Debug)]
 pub(super) struct Terminal {
     path: String,
     file: File,
-    /// Bytes that are to be written before all others.
+    /// Bytes that must be written before all others.
     pending: Vec<u8>,
     bytes: Box<[u8; 1024]>,
-    /// Bytes of `bytes` that are yet to be read, from where to where.
+    /// Range of `bytes` that has not been read yet.
     unread: (usize, usize),
     filters: Vec<Id>,
     pub(super) condition: Condition,
@@ -61,7 +61,7 @@ pub(super) struct Terminal {
 }
 
 impl Terminal {
-    /// A line that is open, with room for `room` bytes that wait to be written.
+    /// Creates a terminal for an open line, with an output buffer of `room` bytes.
     pub(super) fn new(path: &str, file: File, room: usize) -> Self {
         Self {
             path: path.into(),
@@ -80,22 +80,22 @@ impl Terminal {
         &self.path
     }
 
-    /// True for a pseudo-terminal, behind which there is a program and no wire.
+    /// Returns `true` for a pseudo-terminal, which has a program instead of a wire behind it.
     pub(super) fn is_virtual(&self) -> bool {
         std::fs::canonicalize(&self.path).is_ok_and(|path| path.starts_with("/dev/pts"))
     }
 
-    /// Receives frames with these identifiers only.
+    /// Restricts reception to frames with these identifiers.
     pub(super) fn receive_only(&mut self, ids: &[Id]) {
         self.filters = ids.to_vec();
     }
 
-    /// True for a frame that is to be received.
+    /// Returns `true` if frames with this identifier are received.
     pub(super) fn wants(&self, id: Id) -> bool {
         self.filters.is_empty() || self.filters.contains(&id)
     }
 
-    /// Notes that the line has gone.
+    /// Records that the line has gone.
     fn lose(&mut self) {
         if self.condition != Condition::Gone {
             self.counts.down += 1;
@@ -104,7 +104,7 @@ impl Terminal {
         }
     }
 
-    /// Looks once a second for a line that has gone; true once it is open again.
+    /// Checks once a second whether a line that has gone is back. Returns `true` once it is open again.
     pub(super) fn look_again(&mut self, open: impl FnOnce(&str) -> Result<File, OpenError>) -> bool {
         if self.condition != Condition::Gone || !self.retry.is_due() {
             return false;
@@ -115,17 +115,17 @@ impl Terminal {
         true
     }
 
-    /// Bytes that fit into the pending output.
+    /// Free bytes in the output buffer.
     pub(super) fn room(&self) -> usize {
         self.pending.capacity() - self.pending.len()
     }
 
-    /// Appends bytes to the pending output.
+    /// Appends bytes to the output buffer.
     pub(super) fn push(&mut self, bytes: &[u8]) {
         self.pending.extend_from_slice(bytes);
     }
 
-    /// Writes the pending output; `false` if some of it remains.
+    /// Writes the output buffer. Returns `false` if some of it is left.
     pub(super) fn flush(&mut self) -> bool {
         while !self.pending.is_empty() {
             match self.file.write(&self.pending) {
@@ -140,7 +140,8 @@ impl Terminal {
         true
     }
 
-    /// Writes bytes immediately after the pending output; returns the number accepted.
+    /// Writes bytes immediately, after the output buffer has been emptied. Returns the number of bytes
+    /// written.
     pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
         match self.file.write(bytes) {
             Ok(written) => written,
@@ -159,7 +160,7 @@ impl Terminal {
         }
     }
 
-    /// Waits for something to be read, at most for this time; false if nothing came.
+    /// Waits for input for at most `longest_ns`. Returns `false` if nothing arrived.
     pub(super) fn wait(&self, longest_ns: u64) -> bool {
         let mut polled = libc::pollfd { fd: self.file.as_raw_fd(), events: libc::POLLIN, revents: 0 };
         let longest = libc::timespec {
@@ -170,11 +171,11 @@ impl Terminal {
         unsafe { libc::ppoll(&raw mut polled, 1, &raw const longest, core::ptr::null()) > 0 }
     }
 
-    /// The next byte, if one is there.
+    /// Next byte, if available.
     pub(super) fn next_byte(&mut self) -> Option<u8> {
         if self.unread.0 == self.unread.1 {
             match self.file.read(&mut self.bytes[..]) {
-                // a line that has hung up
+                // the line has hung up
                 Ok(0) => {
                     self.lose();
                     return None;

@@ -25,10 +25,10 @@ pub struct FaultConfig {
     pub lasts: Option<TimeSpan>,
     /// Kind of the fault.
     pub kind: FaultKind,
-    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt",
+    /// The joint with the affected drive; of the kinds "silent", "late", "wrong_length", "corrupt",
     /// "duplicate", "twin", "off", "no_mark", "stuck_mark".
     pub joint: Option<String>,
-    /// The bus that it befalls; of the kinds "babbling", "disturbed", "bus_off", "alone", "down".
+    /// The affected bus; of the kinds "babbling", "disturbed", "bus_off", "alone", "down".
     pub bus: Option<String>,
     /// Additional delay of a late answer. Default 1 ms.
     pub delay: Option<TimeSpan>,
@@ -38,29 +38,29 @@ pub struct FaultConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// The drive answers nothing; it still receives its commands.
+    /// The drive does not answer; it still receives its commands.
     Silent,
     /// The drive answers later.
     Late,
     /// The drive's answers lack their last byte.
     WrongLength,
-    /// The drive's answers name a state or a device that there is not.
+    /// The drive's answers name an unknown state or device.
     Corrupt,
     /// The drive sends each answer twice.
     Duplicate,
-    /// Another drive has the same number: it answers, too, from a different position.
+    /// Another drive has the same number: it also answers, from a different position.
     Twin,
     /// The drive has no power: it receives nothing, answers nothing and is disabled.
     Off,
     /// The mark of the drive, such as its switch, is never met when it homes itself.
     NoMark,
-    /// The mark of the drive is found at every position.
+    /// The mark of the drive is met at every position.
     StuckMark,
     /// A node floods the bus with frames that win against all others.
     Babbling,
     /// Every frame on the bus is disturbed once.
     Disturbed,
-    /// The controller of the adapter leaves the bus, and recovers at the end.
+    /// The controller of the adapter is bus-off, and recovers at the end.
     BusOff,
     /// The cable is unplugged behind the adapter: its frames are not acknowledged. On simulated buses.
     Alone,
@@ -69,13 +69,13 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// True for one that befalls a bus, false for one of a drive.
+    /// Returns `true` for a fault of a bus, `false` for a fault of a drive.
     fn is_of_bus(self) -> bool {
         matches!(self, Self::Babbling | Self::Disturbed | Self::BusOff | Self::Alone | Self::Down)
     }
 }
 
-/// A fault with the affected joint or bus.
+/// Fault with its target.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fault {
     pub(super) kind: FaultKind,
@@ -87,7 +87,7 @@ pub(super) struct Fault {
 }
 
 impl Fault {
-    /// Reads one of the script.
+    /// Reads one fault of the script.
     pub(super) fn from_config(
         config: &FaultConfig,
         index: usize,
@@ -136,7 +136,7 @@ impl Fault {
         (self.from_ns..self.until_ns).contains(&now_ns)
     }
 
-    /// True while it is on for this drive or bus.
+    /// Returns `true` while the fault affects this drive or bus.
     pub(super) fn befalls(&self, kind: FaultKind, target: usize, now_ns: u64) -> bool {
         self.kind == kind && self.target == target && self.is_on(now_ns)
     }

@@ -1,10 +1,10 @@
-//! The load of a joint that is moved to its mechanical stop, by the model of its robot: checks that its
-//! effort moves it there, holds it there and moves it away again, and computes the energy of the impact.
+//! Load of a joint that is homed at its mechanical stop, computed from the robot model. It determines whether
+//! the effort moves the joint to the stop, holds it there and moves it away again, and the energy at impact.
 //!
-//! A joint is moved with the gain `effort / velocity`. At the share [`STILL`] of `velocity` it counts as
-//! stationary: by then its weight and its Coulomb friction have used up all of `effort` but that share.
-//! Viscous damping slows it without stopping it, so it counts only at that share of `velocity`. Friction
-//! helps to hold the joint against its stop, but not away from it.
+//! The joint moves with the velocity gain `effort / velocity`. It counts as at rest below the share [`STILL`]
+//! of `velocity`; its weight and Coulomb friction then take up the rest of `effort`. Viscous damping slows
+//! the joint but does not stop it, so it counts only at that share of `velocity`. Friction helps to hold the
+//! joint against its stop, and hinders it on the way back.
 
 mod search;
 mod weights;
@@ -14,17 +14,18 @@ use crate::adapter::{EASED, RUNAWAY, STILL};
 use crate::{HomingBy, HomingEntry};
 use weights::{Others, Weights};
 
-/// A homing that its joint cannot follow, or that is too hard for its stop.
+/// Homing that its joint cannot follow, or that is too hard for its stop.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Unfit {
     pub(super) joint: String,
     pub(super) message: String,
     pub(super) advice: &'static str,
-    /// It fails at the stop wherever the other joints are, or may do harm there; else it may fail.
+    /// The homing fails at the stop, or may cause damage there, wherever the other joints are; otherwise it
+    /// only may fail.
     pub(super) is_refused: bool,
 }
 
-/// The homings at a stop whose load is too much.
+/// Finds the homings at a stop with excessive loads.
 pub(super) fn unfit(equipped: &Equipped, gravity: [f64; 3]) -> Vec<Unfit> {
     let entries = equipped.order.iter().map(|drive| equipped.table.drives[*drive].homing.as_ref());
     let entries: Vec<Option<&HomingEntry>> = entries.collect();
@@ -38,13 +39,13 @@ pub(super) fn unfit(equipped: &Equipped, gravity: [f64; 3]) -> Vec<Unfit> {
     found
 }
 
-/// The load of one joint.
+/// Load of one joint.
 struct Load<'a> {
     weights: Weights<'a>,
     velocity: f64,
     effort: f64,
     energy: f64,
-    /// Friction of the nearly stationary joint, N m or N.
+    /// Friction of the joint close to rest, N m or N.
     friction: f64,
 }
 
@@ -65,9 +66,9 @@ impl<'a> Load<'a> {
         Unfit { joint: self.weights.joint().name.clone(), message, advice, is_refused }
     }
 
-    /// A homing whose effort does not move the joint to its stop, hold it there, or move it away. It is
-    /// refused if this holds at the stop for every pose of the other joints, and a warning if it holds with
-    /// the others at home, for some pose, or on the path.
+    /// Checks whether the effort moves the joint to its stop, holds it there, and moves it away. The homing
+    /// is refused if it fails at the stop wherever the other joints are. It is only reported if it fails with
+    /// the others at home, at some other positions, or on the way.
     fn unmoved(&mut self) -> Option<Unfit> {
         let certain = self.weights.at_stop(Others::Anywhere);
         self.at_stop((certain.least, certain.most), "wherever the other joints are", true)
@@ -80,7 +81,7 @@ impl<'a> Load<'a> {
             .or_else(|| self.at_stop((certain.most, certain.least), Others::Anywhere.describe(), false))
     }
 
-    /// Too little effort somewhere on the path.
+    /// Checks for too little effort on the way.
     fn on_the_way(&mut self, others: Others) -> Option<Unfit> {
         let weight = self.weights.on_the_way(others).max(0.0);
         let (unit, friction, moving) = (self.weights.unit(), self.friction, self.moving());
@@ -96,8 +97,8 @@ impl<'a> Load<'a> {
         })
     }
 
-    /// Too little effort at the stop, where the weight presses it off with the first of these, and holds it
-    /// there with the negative of the second.
+    /// Checks for too little effort at the stop. The weight presses the joint off the stop with `against`,
+    /// and against the stop with `-least`.
     fn at_stop(&self, (against, least): (f64, f64), place: &str, is_refused: bool) -> Option<Unfit> {
         let (unit, friction, moving, effort) =
             (self.weights.unit(), self.friction, self.moving(), self.effort);
@@ -125,7 +126,7 @@ impl<'a> Load<'a> {
         Some(self.unfit(message, "raise `effort`, or choose the stop at the other end", is_refused))
     }
 
-    /// Load at which the joint counts as stationary.
+    /// Effort that can be spent before the joint counts as at rest.
     fn moving(&self) -> f64 {
         self.effort * (1.0 - STILL)
     }
@@ -134,12 +135,12 @@ impl<'a> Load<'a> {
         (100.0 * (1.0 - STILL)).round()
     }
 
-    /// A homing in which the joint may hit its stop with too much energy: the largest inertia at the stop
-    /// with the velocity from the largest weight on the path, each maximised over the other joints.
+    /// Checks the energy with which the joint may hit its stop: the largest inertia at the stop, and the
+    /// velocity under the largest weight on the way, each with the other joints in their worst positions.
     fn too_hard(&mut self) -> Option<Unfit> {
         let inertia = self.weights.inertia_at_stop();
         let helping = self.weights.helping().max(0.0);
-        // its gain is effort over velocity: by that much faster its weight pulls it
+        // the velocity gain is effort over velocity, and the weight adds velocity in proportion
         let faster = (1.0 + helping / self.effort).min(RUNAWAY);
         let speed = self.velocity.abs() * faster;
         let energy = 0.5 * inertia * speed * speed;
@@ -165,15 +166,15 @@ mod tests {
     use super::*;
     use crate::Table;
 
-    /// Gravity in the plane of the arm, whose links of 1 kg and 0.4 m are stretched along x at zero.
+    /// Gravity in the plane of the arm, whose links of 1 kg and 0.4 m extend along x at zero.
     const DOWN: [f64; 3] = [0.0, -9.81, 0.0];
 
-    /// The planar arm, with these homings of its joints.
+    /// Planar arm with these homings of its joints.
     fn arm(homings: [&str; 3]) -> Equipped {
         rubbing_arm(homings, [0.0; 2])
     }
 
-    /// The same, with this friction (N m) and damping (N m s/rad) of its third joint.
+    /// Planar arm with this friction (N m) and damping (N m s/rad) of its third joint.
     fn rubbing_arm(homings: [&str; 3], [friction, damping]: [f64; 2]) -> Equipped {
         let mut text = String::from("[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n");
         for (i, homing) in homings.iter().enumerate() {
@@ -197,13 +198,13 @@ mod tests {
         )
     }
 
-    /// Homings of an arm whose first two joints are homed at 2.85 rad before the third, which then follows.
+    /// Homings of an arm whose first two joints are homed at 2.85 rad before the third.
     fn third(homing: &str) -> [&str; 3] {
         const FIRST: &str = "homing = { by = \"stop\", velocity = 0.1, effort = 90.0, position = 2.9 }";
         [FIRST, FIRST, homing]
     }
 
-    /// The message of the only unfit homing, and whether it is refused.
+    /// Message of the only unfit homing, and `true` if it is refused.
     fn message(homings: [&str; 3], gravity: [f64; 3]) -> (String, bool) {
         only(&arm(homings), gravity)
     }
@@ -216,7 +217,7 @@ mod tests {
 
     #[test]
     fn an_effort_below_the_weight_on_the_way_is_reported() {
-        // the stretched arm weighs 9.81 (0.2 + 0.6 + 1.0) on its first joint, 9.81 (0.2 + 0.6) on its second
+        // the extended arm weighs 9.81 (0.2 + 0.6 + 1.0) on its first joint, 9.81 (0.2 + 0.6) on its second
         for (joint, weight) in [(0, 17.658), (1, 7.848), (2, 1.962)] {
             let (low, high) =
                 (at_stop(0.1, (weight - 0.01) / 0.97, ""), at_stop(0.1, (weight + 0.01) / 0.97, ""));
@@ -228,13 +229,13 @@ mod tests {
             let told = unfit(&arm(homings), DOWN);
             assert!(!told.iter().any(|unfit| unfit.message.contains("on its way")), "{told:?}");
         }
-        // it turns about an axis along which gravity acts
+        // the joint axis is parallel to gravity
         assert_eq!(unfit(&arm([&at_stop(0.1, 0.5, ""), "", ""]), [0.0, 0.0, -9.81]), []);
     }
 
     #[test]
     fn a_heavy_weight_on_the_way_is_not_refused() {
-        // at home the arm is bent: about its first joint it weighs less than stretched
+        // at home the arm is bent: the load on its first joint is smaller than when extended
         let home = [0.8_f64, 1.6];
         // centres of mass at 0.2, 0.4 + 0.2 e1, 0.4 + 0.4 e1 + 0.2 e2 from the first joint
         let (x, y) =
@@ -255,7 +256,7 @@ mod tests {
 
     #[test]
     fn joints_that_are_homed_before_are_where_their_homing_ended() {
-        // the third joint ends folded back at 2.85, and the second at 2.85: little is left to weigh
+        // the third joint ends folded back at 2.85, as does the second: little weight is left
         let before = at_stop(0.1, 18.0, "");
         let last = at_stop(0.1, 14.0, ", order = 1");
         let certain: Vec<Unfit> = unfit(&arm([&last, &before, &before]), DOWN);
@@ -269,7 +270,7 @@ mod tests {
                 "homing = {{ by = \"stop\", velocity = -0.1, effort = {effort}, position = -2.9, order = 1 }}"
             )
         };
-        // the link is at 2 x 2.85 - 2.9 rad
+        // angle of the link: 2 x 2.85 - 2.9 rad
         let weight = -1.962 * 2.8_f64.cos();
         for friction in [0.0, 0.3] {
             let most = (weight - friction) / (0.5 * 1.03);
@@ -282,7 +283,7 @@ mod tests {
 
     #[test]
     fn a_weight_holding_the_joint_at_its_stop_is_refused() {
-        // the link is at 2 x 2.85 + 2.9 rad
+        // angle of the link: 2 x 2.85 + 2.9 rad
         let leaving = -1.962 * 8.6_f64.cos();
         let most = (leaving + 0.3) / 0.97;
         let (told, is_refused) =
@@ -298,7 +299,7 @@ mod tests {
         // it moves at 43 % of its velocity
         let homing = at_stop(1.0, 1.5, "");
         assert_eq!(unfit(&rubbing_arm(["", "", &homing], [0.0, 2.0]), [0.0; 3]), []);
-        // it moves at 2.9 %, and at 3.1 %
+        // it moves at 2.9 % and at 3.1 %
         for (damping, is_standing) in [(1.5 / 0.029 - 1.5, true), (1.5 / 0.031 - 1.5, false)] {
             let told = unfit(&rubbing_arm(["", "", &homing], [0.0, damping]), [0.0; 3]);
             assert_eq!(told.iter().any(|unfit| unfit.is_refused), is_standing, "{damping}: {told:?}");
@@ -322,7 +323,7 @@ mod tests {
         assert_eq!(unfit(&arm([&slow, "", ""]), [0.0; 3]), []);
         let allowed = at_stop(1.5, 12.0, ", energy = 1.7");
         assert_eq!(unfit(&arm([&allowed, "", ""]), [0.0; 3]), []);
-        // its weight pulls it along: twice as fast where it is as large as the effort
+        // its weight pulls it along: twice as fast if the weight equals the effort
         let (told, _) = message(["", "", &at_stop(1.0, 3.95, ", energy = 0.05")], DOWN);
         assert!(told.contains("x 1.50)^2"), "{told}");
     }

@@ -1,4 +1,4 @@
-//! The interfaces of the computer that a drive table names.
+//! Interfaces of the computer named by a drive table.
 
 use motorium::declare::{ClockKind, ConfigError};
 
@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 use crate::bus::offered::{Offer, Place};
 use crate::{BusKind, OpenError, RealBus, Table};
 
-/// Time for which a simulated bus of another program is waited for, while that starts.
+/// Longest wait for a simulated bus of another program to start.
 const START: Duration = Duration::from_secs(5);
 
 /// Returns `true` if the buses of a table are interfaces of the computer.
 ///
 /// # Errors
-/// They are, and the clock is lockstep: a real bus does not wait for simulated time.
+/// Returns an error if they are and the clock is lockstep, since a real bus cannot wait for simulated time.
 pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigError> {
     if table.is_real() && clock == ClockKind::Lockstep {
         let name = table.buses.first().map_or("", |bus| &bus.name);
@@ -28,7 +28,7 @@ pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigEr
 /// Opens the interfaces of a table, in the order of its buses.
 ///
 /// # Errors
-/// An interface is missing, down, or has other bitrates.
+/// Returns an error if an interface is missing, is down, or has other bitrates.
 pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or(&bus.name);
@@ -51,7 +51,7 @@ pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
 /// Offers the simulated buses of a table to other programs, in the order of its buses.
 ///
 /// # Errors
-/// An address is in use, or the kernel refuses.
+/// Returns an error if an address is in use, or if the kernel refuses.
 pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Limits for the adapter's command gate: the robot's, reduced to the ranges of its drives.
+//! Limits applied by the adapter's command gate: the robot's limits, as far as its drives reach.
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;
@@ -7,7 +7,7 @@ use motorium_robots::{JointKind, ProfileError};
 use super::Equipped;
 use crate::HomingBy;
 
-/// Limits and gains of the safe states of every joint, in the order of the robot's joints.
+/// Limits and safe-state gains of every joint, in the order of the robot's joints.
 pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigError> {
     let Equipped { robot, table, order } = equipped;
     let (model, profile) = (&robot.model, robot.profile.as_ref());
@@ -42,7 +42,7 @@ pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigE
 }
 
 /// Lowest and highest position of each joint, and the distance beyond them at which its drive is still
-/// enabled: this one, or 0.05 rad and 5 mm.
+/// enabled: `margin`, or by default 0.05 rad and 5 mm.
 pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64; 2], f64)> {
     let model = &equipped.robot.model;
     let joint = |i: usize| {
@@ -52,7 +52,7 @@ pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64
     (0..model.joint_count()).map(joint).collect()
 }
 
-/// Joints whose drive does not cover their range: name, covered range, needed range.
+/// Describes the joints whose drives cover less than the joint's range: name, covered range, required range.
 pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let model = &robot.model;
@@ -62,21 +62,21 @@ pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         let (lower, upper) = (model.lower()[i], model.upper()[i]);
         if table.drives[order[i]].homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Stop) {
-            // its zero is its position at power-up, anywhere in the range of the joint
+            // its zero is its power-up position, anywhere in the range of the joint
             let (span, reaches) = (upper - lower, range.max / gear.ratio.abs());
             return (span.is_finite() && reaches < span).then(|| {
                 format!("the positions of drive `{name}` reach {reaches:.3} from its zero, and the joint moves by {span:.3}")
             });
         }
         let covers = low <= lower && high >= upper;
-        // a joint without limits turns on beyond any range
+        // a joint without limits exceeds any range
         (lower.is_finite() && upper.is_finite() && !covers).then(|| {
             format!("the positions of drive `{name}` cover {low:.3} to {high:.3}, the joint has {lower:.3} to {upper:.3}")
         })
     })
 }
 
-/// A joint whose homing goes beyond its limits, and how.
+/// Describes a joint whose homing exceeds its limits.
 pub(super) fn unfit_homing(equipped: &Equipped, limits: &[JointLimits]) -> Option<(String, String)> {
     let Equipped { table, order, .. } = equipped;
     order.iter().zip(limits).find_map(|(drive, limits)| {

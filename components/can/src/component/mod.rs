@@ -20,15 +20,15 @@ use crate::{BusEntry, DriveEntry, Table, TableError};
 pub use adapter::{CanAdapter, CanAdapterConfig, JointHealth};
 pub use drive_sim::{DriveSimulation, DriveSimulationConfig};
 
-/// A robot and its drives.
+/// Robot with its drives.
 struct Equipped {
     robot: Loaded,
     table: Table,
-    /// The drive of each joint, by its index in the table.
+    /// Index of each joint's drive in the table.
     order: Vec<usize>,
 }
 
-/// The drive table of a configuration: a file, or its own entries.
+/// Drive table of a configuration: a file, or inline entries.
 struct Source<'a> {
     file: Option<&'a str>,
     buses: &'a [BusEntry],
@@ -88,14 +88,14 @@ impl Source<'_> {
     }
 }
 
-/// Reads the text of a data sheet: UTF-8, or else Latin-1, in which the tools of many makers write them.
+/// Reads the text of a data sheet: UTF-8, or else Latin-1, which many manufacturers' tools write.
 fn read_sheet(path: &Path) -> std::io::Result<String> {
     let bytes = std::fs::read(path)?;
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect()))
 }
 
-/// The error of a table, of a file or of the configuration itself.
+/// Error of a table, in a file or in the configuration.
 fn refused(error: &TableError, file: Option<&str>) -> ConfigError {
     let refused = match (file, error.entry) {
         (Some(file), _) => ConfigError::key("drives", format!("{file}: {error}")),
@@ -134,7 +134,7 @@ fn pose(pose: motorium::declare::BasePose) -> motorium_robots::BasePose {
     motorium_robots::BasePose { position: pose.position, rpy: pose.rpy }
 }
 
-/// The kinds of this crate, for a program that hosts them.
+/// Component kinds of this crate, for a program that hosts them.
 ///
 /// ```
 /// let names: Vec<_> = motorium_can::kinds().iter().map(|kind| kind.name).collect();

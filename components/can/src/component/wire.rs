@@ -1,10 +1,10 @@
-//! Frames as topics carry them.
+//! Frames in the format of topics.
 
 use motorium::state::CanFrame;
 
 use crate::{Form, Frame, Id, Report};
 
-/// A frame of one bus for a topic; `time_ns` is when it was received, 0 for one to be sent.
+/// Converts a frame of one bus for a topic; `time_ns` is its receive time, 0 for an outgoing frame.
 pub(super) fn to_topic(frame: &Frame, bus: usize, time_ns: u64) -> CanFrame {
     let (id, extended) = match frame.id {
         Id::Standard(id) => (u32::from(id), 0),
@@ -23,8 +23,7 @@ pub(super) fn to_topic(frame: &Frame, bus: usize, time_ns: u64) -> CanFrame {
     out
 }
 
-/// Returns the data frame carried by a topic; `None` for reports of errors, remote requests and malformed
-/// frames.
+/// Converts a data frame from a topic; `None` for error reports, remote requests and invalid frames.
 pub(super) fn from_topic(frame: &CanFrame) -> Option<Frame> {
     if frame.flags & (CanFrame::ERROR | CanFrame::REMOTE) != 0 {
         return None;
@@ -43,7 +42,7 @@ pub(super) fn from_topic(frame: &CanFrame) -> Option<Frame> {
     Frame::new(id, form, frame.data.get(..frame.length as usize)?)
 }
 
-/// The report of a controller, with the number of frames that it had no room for.
+/// Converts the report of a controller, with the number of frames that did not fit into its queue.
 pub(super) fn report(report: &Report, unsent: u8, bus: usize, time_ns: u64) -> CanFrame {
     let (classes, bytes) = report.encode();
     let mut out = CanFrame {
@@ -59,24 +58,24 @@ pub(super) fn report(report: &Report, unsent: u8, bus: usize, time_ns: u64) -> C
     out
 }
 
-/// The byte of a report that drivers use as they like.
+/// Byte of an error frame that is free for driver use.
 const UNSENT: usize = 5;
 
-/// Notification that the interface of a simulated bus is down: a report without content.
+/// Reports that the interface of a simulated bus is down, as an empty report.
 pub(super) fn down(bus: usize, time_ns: u64) -> CanFrame {
     CanFrame { receive_time: time_ns, flags: CanFrame::ERROR, bus: bus as u32, ..CanFrame::default() }
 }
 
-/// State of a simulated interface.
+/// Status change of a simulated interface.
 #[derive(Debug, PartialEq)]
 pub(super) enum News {
     /// The interface is down.
     Down,
-    /// The report of its controller, with the number of frames that it had no room for.
+    /// Report of its controller, with the number of frames that did not fit into its queue.
     Report(Report, u8),
 }
 
-/// Returns the interface notification carried by a topic; `None` for a frame.
+/// Status change in a topic frame; `None` for a data frame.
 pub(super) fn news_of(frame: &CanFrame) -> Option<News> {
     let data = frame.data.first_chunk::<8>()?;
     match (frame.flags & CanFrame::ERROR != 0, frame.length) {

@@ -1,41 +1,40 @@
-//! The registers of Damiao drives: the settings that must be known before such a drive is enabled.
+//! Registers of Damiao drives: settings that must be known before such a drive is enabled.
 //!
-//! All drives of a bus listen to the identifier 0x7FF; the first two bytes name the drive. An answer has the
-//! identifier of the drive's other answers and repeats the request.
+//! All drives of a bus listen to the identifier 0x7FF; the first two bytes contain the drive's ID. An answer
+//! has the identifier of the drive's other answers and repeats the request.
 
 use crate::frame::{DecodeError, Frame, Id, exactly, finite};
 
-/// The identifier to which all drives listen.
+/// Identifier that all drives listen to.
 pub(crate) const EVERYBODY: Id = Id::Standard(0x7ff);
 const READ: u8 = 0x33;
 const WRITE: u8 = 0x55;
-/// Length of the unit in which the watchdog is set, ns.
+/// Unit of the watchdog register, ns.
 const TIMEOUT_NS: u64 = 50_000;
 
-/// A register.
+/// Register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Register {
-    /// Current at which the drive disables itself, a share of its full current.
+    /// Current at which the drive disables itself, as a share of its full current.
     OverCurrent = 3,
     /// Time without a command after which the drive disables itself, in units of 50 us; 0 for never.
     Timeout = 9,
-    /// The control mode: 1 MIT, 2 position and velocity, 3 velocity, 4 position and force.
+    /// Control mode: 1 MIT, 2 position and velocity, 3 velocity, 4 position and force.
     ControlMode = 10,
-    /// The largest position of the range, rad.
+    /// Largest position of the range, rad.
     PositionMax = 21,
-    /// The largest velocity of the range, rad/s.
+    /// Largest velocity of the range, rad/s.
     VelocityMax = 22,
-    /// The largest torque of the range, N m.
+    /// Largest torque of the range, N m.
     TorqueMax = 23,
 }
 
 impl Register {
-    /// Those that are read before a drive is enabled, in this order.
+    /// Registers read before a drive is enabled, in this order.
     pub const CHECKED: [Self; 5] =
         [Self::Timeout, Self::ControlMode, Self::PositionMax, Self::VelocityMax, Self::TorqueMax];
-    /// The value of [`ControlMode`](Self::ControlMode) in which a drive follows the commands of the MIT
-    /// family.
+    /// Value of [`ControlMode`](Self::ControlMode) with which a drive follows MIT commands.
     pub const MIT_MODE: u32 = 1;
 
     fn from_code(code: u8) -> Result<Self, DecodeError> {
@@ -45,28 +44,28 @@ impl Register {
     }
 }
 
-/// The value of a register.
+/// Value of a register.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
     /// Time without a command after which the drive disables itself, ns; `None` for never.
     Watchdog(Option<u64>),
-    /// A control mode.
+    /// Control mode.
     Mode(u32),
-    /// The end of a range, or a share.
+    /// End of a range, or a share.
     Number(f64),
 }
 
-/// A request of a register.
+/// Request to a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Number of the drive.
+    /// ID of the drive.
     pub node: u8,
-    /// The register.
+    /// Register.
     pub register: Register,
 }
 
 impl Request {
-    /// The frame that requests the register.
+    /// Frame that reads the register.
     ///
     /// ```
     /// use motorium_can::damiao::{Register, Request};
@@ -78,7 +77,7 @@ impl Request {
         Frame::classic(EVERYBODY, &[self.node, 0, READ, self.register as u8, 0, 0, 0, 0])
     }
 
-    /// The frame that changes the register to this number, until the power goes off.
+    /// Frame that sets the register to this number until power-off.
     ///
     /// ```
     /// use motorium_can::damiao::{Register, Request};
@@ -91,10 +90,10 @@ impl Request {
         Frame::classic(EVERYBODY, &[self.node, 0, WRITE, self.register as u8, a, b, c, d])
     }
 
-    /// The drive's side: the register that a frame changes, and its number.
+    /// Drive side: decodes the register and number of a write request.
     ///
     /// # Errors
-    /// The frame changes nothing that can be changed here, or another drive.
+    /// Returns an error if the frame does not write a supported register, or addresses another drive.
     pub fn decode_change(frame: &Frame, node: u8) -> Result<(Self, f64), DecodeError> {
         let data: &[u8; 8] = exactly(frame, EVERYBODY)?;
         let [low, high, action, register, a, b, c, d] = *data;
@@ -108,15 +107,15 @@ impl Request {
         Ok((Self { node, register: Register::OverCurrent }, number))
     }
 
-    /// The drive's side: the answer to a change, which repeats it.
+    /// Drive side: answer to a write request, which repeats it.
     pub fn changed(&self, master: Id, number: f64) -> Frame {
         Frame::classic(master, self.change(number).data())
     }
 
-    /// The drive's side: the request in a frame to all drives.
+    /// Drive side: decodes the read request in a frame to all drives.
     ///
     /// # Errors
-    /// The frame is no readable request, or addresses another drive.
+    /// Returns an error if the frame does not read a supported register, or addresses another drive.
     pub fn decode(frame: &Frame, node: u8) -> Result<Self, DecodeError> {
         let data: &[u8; 8] = exactly(frame, EVERYBODY)?;
         let [low, high, action, register, ..] = *data;
@@ -129,7 +128,7 @@ impl Request {
         Ok(Self { node, register: Register::from_code(register)? })
     }
 
-    /// The drive's side: the answer, which has the identifier `master`.
+    /// Drive side: answer with the identifier `master`.
     pub fn answer(&self, master: Id, value: Value) -> Frame {
         let bytes = match value {
             Value::Watchdog(time) => {
@@ -143,25 +142,26 @@ impl Request {
         Frame::classic(master, &[self.node, 0, READ, self.register as u8, a, b, c, d])
     }
 
-    /// True for a frame that answers a request or a change of some register of this drive, and is not its
-    /// usual answer.
+    /// Returns `true` if the frame answers a read or write request to this drive, as opposed to its usual
+    /// answer.
     pub fn is_answer(&self, frame: &Frame, master: Id) -> bool {
         let asks = |data: &[u8]| data[0] == self.node && data[1] == 0 && matches!(data[2], READ | WRITE);
         frame.id == master && frame.data().len() == 8 && asks(frame.data())
     }
 
-    /// The value in an answer with the identifier `master`.
+    /// Decodes the value in an answer with the identifier `master`.
     ///
     /// # Errors
-    /// The answer comes from another drive, is about another register, or its number is not finite.
+    /// Returns an error if the answer comes from another drive or concerns another register, or if its number
+    /// is not finite.
     pub fn value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(READ, frame, master)
     }
 
-    /// The number that a drive reports to have written to the register.
+    /// Decodes the number that the drive confirms after a write.
     ///
     /// # Errors
-    /// As [`value`](Self::value).
+    /// The same as for [`value`](Self::value).
     pub fn changed_value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         self.value_of(WRITE, frame, master)
     }

@@ -1,54 +1,54 @@
-//! Registers of Dynamixel's X series, such as the XL330, XL430 and XM540: position servos that speak protocol
+//! Registers of the Dynamixel X series, such as the XL330, XL430 and XM540: position servos with protocol
 //! 2.0.
 //!
 //! A servo follows its goal position with an internal loop. Positions are steps of a turn of 4096, with 2048
-//! in the middle; numbers are little-endian, in two's complement. Its bus watchdog stops it after a time
-//! without a packet; goals are then refused until the watchdog is set again.
+//! in the middle. Numbers are little-endian and in two's complement. The bus watchdog stops the servo when no
+//! packet has arrived for its time; then goals are refused until the watchdog is set again.
 
 use core::f64::consts::TAU;
 
 use crate::frame::DecodeError;
 
-/// Steps of a turn.
+/// Steps per turn.
 pub const TURN: f64 = 4096.0;
-/// The step in the middle of the range, at position 0.
+/// Step in the middle of the range, at position 0.
 pub const MIDDLE: f64 = 2048.0;
-/// The register of the operating mode.
+/// Register of the operating mode.
 pub const OPERATING_MODE: u16 = 11;
-/// The operating mode of positions within a turn.
+/// Operating mode for positions within a turn.
 pub const POSITIONS: u8 = 3;
-/// The operating mode of positions with a limit of the current.
+/// Operating mode for positions with a current limit.
 pub const POSITIONS_BY_CURRENT: u8 = 5;
-/// The register of the homing offset, four bytes, steps.
+/// Register of the homing offset, four bytes, steps.
 pub const HOMING_OFFSET: u16 = 20;
-/// The register of the largest current that can be set in [`GOAL_CURRENT`], a word.
+/// Register of the largest current that [`GOAL_CURRENT`] accepts, two bytes.
 pub const CURRENT_LIMIT: u16 = 38;
-/// The register of the current that a servo of [`POSITIONS_BY_CURRENT`] gives at most, a word; gone with the
-/// power.
+/// Register of the largest current of a servo in the mode [`POSITIONS_BY_CURRENT`], two bytes; lost at
+/// power-off.
 pub const GOAL_CURRENT: u16 = 102;
-/// The first register of the highest and the lowest goal, four bytes each.
+/// First register of the highest and the lowest goal, four bytes each.
 pub const POSITION_LIMITS: u16 = 48;
-/// The register that switches torque on.
+/// Register that switches torque on.
 pub const TORQUE_ENABLE: u16 = 64;
-/// The register of the bus watchdog, in units of [`WATCHDOG_UNIT_NS`]; 0 is off, and [`WATCHDOG_EXPIRED`]
-/// means that it has stopped the servo.
+/// Register of the bus watchdog, in units of [`WATCHDOG_UNIT_NS`]; 0 is off, and [`WATCHDOG_EXPIRED`] means
+/// that it has stopped the servo.
 pub const BUS_WATCHDOG: u16 = 98;
-/// The unit of the bus watchdog, ns.
+/// Unit of the bus watchdog, ns.
 pub const WATCHDOG_UNIT_NS: u64 = 20_000_000;
-/// The longest time of the bus watchdog, units.
+/// Longest time of the bus watchdog, units.
 pub const LONGEST_WATCHDOG: u64 = 127;
-/// The value of the bus watchdog once it has stopped the servo: -1.
+/// Value of the bus watchdog after it has stopped the servo: -1.
 pub const WATCHDOG_EXPIRED: u8 = 0xff;
-/// The register of the goal position, four bytes.
+/// Register of the goal position, four bytes.
 pub const GOAL_POSITION: u16 = 116;
-/// The first register of the state: the current, or the load.
+/// First register of the state: the current or the load.
 pub const STATE: u16 = 126;
 /// Bytes of a state: load, velocity, position, trajectories of both, voltage, temperature.
 pub const STATE_BYTES: u8 = 21;
-/// Flag of each answer: the servo has a hardware error and has disabled its torque.
+/// Flag in each answer: the servo has a hardware error, and has disabled itself.
 pub const ALERT: u8 = 0x80;
 
-/// Velocity of one unit: 0.229 turns a minute, rad/s.
+/// Unit of velocities, 0.229 turns per minute, in rad/s.
 pub const VELOCITY_UNIT: f64 = 0.229 * TAU / 60.0;
 
 /// Offsets in a state.
@@ -58,14 +58,14 @@ const POSITION: usize = 6;
 const VOLTAGE: usize = 18;
 const TEMPERATURE: usize = 20;
 
-/// The state of a servo.
+/// State of a servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
     /// Position of its shaft, rad.
     pub position: f64,
     /// Velocity, rad/s.
     pub velocity: f64,
-    /// The register of the current or the load: units of about a milliampere, or thousandths of full effort.
+    /// Register of the current or the load: units of about a milliampere, or thousandths of full effort.
     pub load: i16,
     /// Supply voltage, V.
     pub voltage: f64,
@@ -73,7 +73,7 @@ pub struct State {
     pub temperature: f64,
 }
 
-/// The nearest step for a position of the shaft \[rad\], 0 to 4095.
+/// Nearest step for a position of the shaft \[rad\], 0 to 4095.
 ///
 /// ```
 /// use motorium_can::dynamixel::{position, step};
@@ -85,16 +85,16 @@ pub fn step(position: f64) -> i32 {
     (MIDDLE + position / TAU * TURN + 0.5).clamp(0.0, TURN - 1.0) as i32
 }
 
-/// Position of a step, rad. A shaft that was turned by hand may be beyond a turn.
+/// Position of a step, rad. A shaft turned by hand may be beyond a turn.
 pub fn position(step: i32) -> f64 {
     (f64::from(step) - MIDDLE) / TURN * TAU
 }
 
 impl State {
-    /// Reads the state in the registers from [`STATE`] on.
+    /// Decodes the state in the registers from [`STATE`] on.
     ///
     /// # Errors
-    /// The number of bytes is wrong, or the position is farther away than 256 turns.
+    /// Returns an error if the number of registers is wrong, or if the position is more than 256 turns away.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {
@@ -103,7 +103,7 @@ impl State {
         let word = |at: usize| u16::from_le_bytes([data[at], data[at + 1]]);
         let long = |at: usize| i32::from_le_bytes([data[at], data[at + 1], data[at + 2], data[at + 3]]);
         let place = long(POSITION);
-        // the manual ends extended positions there
+        // the limit of extended positions according to the manual
         if place.unsigned_abs() > 256 * TURN as u32 {
             return Err(DecodeError::Field { field: "the position", found: place as u32 });
         }
@@ -116,7 +116,7 @@ impl State {
         })
     }
 
-    /// The servo's side: writes the state into the registers from [`STATE`] on.
+    /// Servo side: writes the state into the registers from [`STATE`] on.
     pub fn encode(&self, data: &mut [u8; STATE_BYTES as usize]) {
         let nearest = |x: f64| if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 };
         data[LOAD..LOAD + 2].copy_from_slice(&self.load.to_le_bytes());

@@ -1,32 +1,32 @@
-//! Registers of Feetech's STS servos, such as the STS3215: position servos with the packets of
+//! Registers of Feetech STS servos, such as the STS3215: position servos that use the packets of
 //! [`servo`](crate::servo).
 //!
-//! A servo follows its goal position with an internal loop and stored gains. Positions are steps of a turn of
-//! 4096, with 2048 in the middle; words are little-endian, negative ones with a sign bit. Such a servo has no
-//! watchdog: without further commands it keeps holding its last goal.
+//! A servo follows its goal position with an internal loop, whose gains are stored in the servo. Positions
+//! are steps of a turn of 4096, with 2048 in the middle. Words are little-endian with a sign bit. Such a
+//! servo has no watchdog: without commands it continues to hold its last goal.
 
 use core::f64::consts::TAU;
 
 use crate::frame::DecodeError;
 use crate::mit::Fault;
 
-/// Steps of a turn.
+/// Steps per turn.
 pub const TURN: f64 = 4096.0;
-/// The step in the middle of the range, at position 0.
+/// Step in the middle of the range, at position 0.
 pub const MIDDLE: f64 = 2048.0;
-/// The first register of the lowest and the highest goal, two words.
+/// First register of the lowest and the highest goal, two words.
 pub const ANGLE_LIMITS: u8 = 9;
-/// The register of the homing offset, a word of 11 bits with a sign bit, steps.
+/// Register of the homing offset, a word of 11 bits with a sign bit, steps.
 pub const HOMING_OFFSET: u8 = 31;
-/// The register of the operating mode: 0 for positions.
+/// Register of the operating mode: 0 for positions.
 pub const OPERATING_MODE: u8 = 33;
-/// The operating mode of positions.
+/// Operating mode for positions.
 pub const POSITIONS: u8 = 0;
 /// First register of the state: torque on or off.
 pub const TORQUE_ENABLE: u8 = 40;
-/// The register of the goal position, a word.
+/// Register of the goal position, a word.
 pub const GOAL_POSITION: u8 = 42;
-/// Register of the largest torque, a word, thousandths of the stall torque; reset at power-off.
+/// Register of the largest torque, a word, thousandths of the stall torque; its value is lost at power-off.
 pub const TORQUE_LIMIT: u8 = 48;
 /// Bytes of a state, from [`TORQUE_ENABLE`] on.
 pub const STATE_BYTES: u8 = 26;
@@ -41,10 +41,10 @@ const VOLTAGE: usize = 22;
 const TEMPERATURE: usize = 23;
 const STATUS: usize = 25;
 
-/// The state of a servo.
+/// State of a servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// Holds its goal.
+    /// The servo holds its goal.
     pub is_enabled: bool,
     /// Position of its shaft, rad.
     pub position: f64,
@@ -56,11 +56,11 @@ pub struct State {
     pub voltage: f64,
     /// Temperature, degrees Celsius.
     pub temperature: f64,
-    /// Its error flags; 0 for none.
+    /// Error flags; 0 for none.
     pub status: u8,
 }
 
-/// The nearest step for a position of the shaft \[rad\], 0 to 4095.
+/// Nearest step for a position of the shaft \[rad\], 0 to 4095.
 ///
 /// ```
 /// use motorium_can::feetech::{position, step};
@@ -72,33 +72,34 @@ pub fn step(position: f64) -> u16 {
     (MIDDLE + position / TAU * TURN + 0.5).clamp(0.0, TURN - 1.0) as u16
 }
 
-/// The position of a step, rad.
+/// Position of a step, rad.
 pub fn position(step: u16) -> f64 {
     (f64::from(step) - MIDDLE) / TURN * TAU
 }
 
-/// The homing offset in a word, steps.
+/// Homing offset in a word, steps.
 pub fn homing_offset(word: u16) -> i32 {
     signed(word, 11) as i32
 }
 
-/// A word with a sign bit.
+/// Decodes a word with a sign bit.
 fn signed(word: u16, sign: u32) -> f64 {
     let size = f64::from(word & ((1 << sign) - 1));
     if word >> sign & 1 == 1 { -size } else { size }
 }
 
-/// The word of a number with a sign bit.
+/// Encodes a number as a word with a sign bit.
 fn with_sign(number: f64, sign: u32) -> u16 {
     let size = (number.abs() + 0.5).min(f64::from((1_u16 << sign) - 1)) as u16;
     if number < 0.0 && size > 0 { size | 1 << sign } else { size }
 }
 
 impl State {
-    /// Reads the state in the registers from [`TORQUE_ENABLE`] on.
+    /// Decodes the state in the registers from [`TORQUE_ENABLE`] on.
     ///
     /// # Errors
-    /// The number of bytes is wrong, torque is neither on nor off, or the position is no step of a turn.
+    /// Returns an error if the number of registers is wrong, if torque is neither on nor off, or if the
+    /// position is not a step of a turn.
     pub fn decode(data: &[u8]) -> Result<Self, DecodeError> {
         let (found, expected) = (data.len(), usize::from(STATE_BYTES));
         if found != expected {
@@ -128,7 +129,7 @@ impl State {
         })
     }
 
-    /// The servo's side: writes its state into the registers from [`TORQUE_ENABLE`] on.
+    /// Servo side: writes the measured values into the registers from [`TORQUE_ENABLE`] on.
     pub fn encode(&self, data: &mut [u8; STATE_BYTES as usize]) {
         data[0] = self.is_enabled.into();
         let mut put = |at: usize, word: u16| data[at..at + 2].copy_from_slice(&word.to_le_bytes());
@@ -140,7 +141,7 @@ impl State {
         data[STATUS] = self.status;
     }
 
-    /// The fault that its flags name, the gravest first.
+    /// Fault for the error flags, most serious first.
     pub fn fault(&self) -> Option<Fault> {
         let has = |flag: u8| self.status & flag != 0;
         match () {
@@ -155,15 +156,15 @@ impl State {
     }
 }
 
-/// Flag: the supply voltage is outside of its limits.
+/// Error flag: the supply voltage is outside of its limits.
 pub const WRONG_VOLTAGE: u8 = 0x01;
-/// Flag: the encoder failed.
+/// Error flag: the encoder failed.
 pub const SENSOR: u8 = 0x02;
-/// Flag: it is too hot.
+/// Error flag: overheated.
 pub const OVERHEATED: u8 = 0x04;
-/// Flag: its current is too high.
+/// Error flag: over-current.
 pub const OVERCURRENT: u8 = 0x08;
-/// Flag: it gave full effort for too long.
+/// Error flag: overload, full effort for too long.
 pub const OVERLOAD: u8 = 0x20;
 
 #[cfg(test)]

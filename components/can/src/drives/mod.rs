@@ -1,8 +1,8 @@
-//! The protocols of drives, as pure codecs: values to frames and frames to values, without allocation, clock
-//! or bus.
+//! Protocols of drives as pure codecs: values to frames and frames to values, without allocation, clock or
+//! bus.
 //!
-//! Decoding is strict: a frame of another length, identifier or device, a reserved bit and a number that is
-//! not finite are errors, and no frame whatever makes it panic.
+//! Decoding is strict. A frame with a wrong length, identifier or device, a set reserved bit, or a number
+//! that is not finite is an error. No frame causes a panic.
 
 pub mod cia402;
 pub mod damiao;

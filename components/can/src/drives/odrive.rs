@@ -1,34 +1,34 @@
 //! CANSimple, the protocol of ODrive drives.
 //!
-//! The identifier of 11 bits is `node << 5 | command`; numbers are little-endian, positions are in turns of
-//! the motor. Heartbeat and encoder estimates are sent unasked, at rates set in the drive. The messages
-//! follow the published database `odrive-cansimple.dbc` of firmware 0.5.6.
+//! The identifier of 11 bits is `node << 5 | command`. Numbers are little-endian, and positions are in turns
+//! of the motor. Heartbeats and encoder estimates are sent unsolicited, at rates configured in the drive. The
+//! messages follow the published database `odrive-cansimple.dbc` of firmware 0.5.6.
 
 use core::f64::consts::TAU;
 
 use crate::frame::{DecodeError, Frame, Id, finite};
 
-/// The actual or requested state of an axis.
+/// Axis state, active or requested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum AxisState {
     /// Not started yet.
     Undefined = 0,
-    /// Idle: no torque.
+    /// Disabled.
     Idle = 1,
-    /// Running the configured start-up sequence.
+    /// Running the configured startup sequence.
     StartupSequence = 2,
     /// Calibrating motor and encoder.
     FullCalibration = 3,
     /// Calibrating the motor.
     MotorCalibration = 4,
-    /// Searching the encoder index.
+    /// Searching for the encoder index.
     IndexSearch = 6,
     /// Measuring the encoder offset.
     EncoderOffset = 7,
-    /// Closed loop: follows commands.
+    /// Following commands.
     ClosedLoop = 8,
-    /// Spinning with a given phase.
+    /// Spinning with an imposed phase.
     LockinSpin = 9,
     /// Finding the direction of the encoder.
     EncoderDirection = 10,
@@ -63,44 +63,44 @@ impl AxisState {
     }
 }
 
-/// The quantity that a controller controls.
+/// Controlled quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum ControlMode {
-    /// The voltage.
+    /// Voltage.
     Voltage = 0,
-    /// The torque.
+    /// Torque.
     Torque = 1,
-    /// The velocity.
+    /// Velocity.
     Velocity = 2,
-    /// The position.
+    /// Position.
     Position = 3,
 }
 
-/// Conversion of an input to a setpoint.
+/// Mapping from an input to a setpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum InputMode {
-    /// None: setpoints stay.
+    /// Inactive: setpoints do not change.
     Inactive = 0,
-    /// At once.
+    /// Direct.
     Passthrough = 1,
-    /// By a limited acceleration.
+    /// With limited acceleration.
     VelocityRamp = 2,
-    /// By a filter of second order.
+    /// With a second-order filter.
     PositionFilter = 3,
 }
 
-/// A message to a drive.
+/// Message to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// Disables the drive at once and reports an error.
+    /// Disables the drive immediately; it reports an error.
     EmergencyStop,
-    /// Asks for a state.
+    /// Requests a state.
     SetState(AxisState),
     /// Sets control mode and input mode.
     SetModes(ControlMode, InputMode),
-    /// Position \[rad\], feed-forward velocity \[rad/s\] and torque \[N m\], of the motor.
+    /// Position \[rad\], feed-forward velocity \[rad/s\] and torque \[N m\] of the motor.
     Position {
         /// Position, rad. Sent as 32-bit floating-point turns.
         position: f64,
@@ -109,7 +109,7 @@ pub enum Instruction {
         /// Torque, N m. Sent in thousandths, at most 32.767.
         torque: f64,
     },
-    /// Velocity \[rad/s\] and feed-forward torque \[N m\], of the motor.
+    /// Velocity \[rad/s\] and feed-forward torque \[N m\] of the motor.
     Velocity {
         /// Velocity, rad/s.
         velocity: f64,
@@ -118,7 +118,7 @@ pub enum Instruction {
     },
     /// Torque of the motor, N m.
     Torque(f64),
-    /// Limits of its own loops.
+    /// Limits of the drive's own loops.
     Limits {
         /// Velocity, rad/s.
         velocity: f64,
@@ -129,20 +129,20 @@ pub enum Instruction {
     ClearErrors,
 }
 
-/// A message of a drive.
+/// Message from a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Report {
-    /// That it lives.
+    /// Heartbeat.
     Heartbeat {
-        /// Flags of the errors of the axis.
+        /// Error flags of the axis.
         error: u32,
-        /// Its state.
+        /// State of the axis.
         state: AxisState,
-        /// Result of its last procedure, 0 for success and 1 while running; for firmware before 0.6 the motor
-        /// error flag.
+        /// Result of the last procedure, 0 for success and 1 for a running one; with firmware before 0.6, the
+        /// motor error flag.
         result: u8,
     },
-    /// The estimates of the encoder, of the motor.
+    /// Encoder estimates of the motor.
     Encoder {
         /// Position, rad.
         position: f64,
@@ -156,25 +156,25 @@ pub enum Report {
         /// Current, A.
         current: f64,
     },
-    /// Temperatures, degrees Celsius; 0 where there is no thermistor.
+    /// Temperatures, degrees Celsius; 0 without a thermistor.
     Temperature {
-        /// Of the transistors.
+        /// Transistors.
         transistors: f64,
-        /// Of the motor.
+        /// Motor.
         motor: f64,
     },
-    /// Currents of the motor: setpoint and measurement, A.
+    /// Motor currents: setpoint and measurement, A.
     Currents {
-        /// The setpoint.
+        /// Setpoint.
         target: f64,
-        /// The measurement.
+        /// Measurement.
         measured: f64,
     },
-    /// Torques of newer firmware: setpoint and estimate, N m.
+    /// Torques with newer firmware: setpoint and estimate, N m.
     Torques {
-        /// The setpoint.
+        /// Setpoint.
         target: f64,
-        /// The estimate.
+        /// Estimate.
         estimate: f64,
     },
 }
@@ -194,7 +194,7 @@ const SUPPLY: u16 = 0x17;
 const CLEAR_ERRORS: u16 = 0x18;
 const TORQUES: u16 = 0x1c;
 
-/// A drive by its node, 0 to 63.
+/// Drive by its node ID, 0 to 63.
 ///
 /// ```
 /// use motorium_can::odrive::{Instruction, Node};
@@ -209,20 +209,20 @@ const TORQUES: u16 = 0x1c;
 pub struct Node(u8);
 
 impl Node {
-    /// The drive with the lowest number.
+    /// Drive with the lowest node ID.
     pub(crate) const FIRST: Self = Self(0);
 
-    /// The drive with this number; `None` beyond 63.
+    /// Creates the drive with this node ID; `None` beyond 63.
     pub fn new(node: u8) -> Option<Self> {
         (node < 64).then_some(Self(node))
     }
 
-    /// The identifier of one of its messages.
+    /// Identifier of one of its messages.
     pub(crate) fn id(self, command: u16) -> Id {
         Id::Standard(u16::from(self.0) << 5 | command)
     }
 
-    /// The frame of a message to the drive.
+    /// Frame of a message to the drive.
     pub fn frame(self, instruction: &Instruction) -> Frame {
         let turns = |rad: f64| ((rad / TAU) as f32).to_le_bytes();
         let thousandths = |x: f64| ((x * 1e3).round_to_even().clamp(-32768.0, 32767.0) as i16).to_le_bytes();
@@ -249,11 +249,11 @@ impl Node {
         }
     }
 
-    /// The drive's side: the message in a frame.
+    /// Drive side: decodes the message in a frame.
     ///
     /// # Errors
-    /// The frame is for another drive, no message to a drive, of another length, or holds a number that there
-    /// is not.
+    /// Returns an error if the frame is for another drive, is not a message to a drive, has another length,
+    /// or holds an invalid number.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let command = self.command(frame)?;
         let data = frame.data();
@@ -307,7 +307,7 @@ impl Node {
         })
     }
 
-    /// The drive's side: the frame of a report.
+    /// Drive side: frame of a report.
     pub fn report_frame(self, report: &Report) -> Frame {
         let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
         let floats = |a: f64, b: f64| words((a as f32).to_le_bytes(), (b as f32).to_le_bytes());
@@ -324,17 +324,17 @@ impl Node {
         Frame::classic(self.id(command), &data)
     }
 
-    /// A report of the drive.
+    /// Decodes a report of the drive.
     ///
     /// # Errors
-    /// The frame comes from another drive, is an unknown report, has another length, or contains an invalid
-    /// number.
+    /// Returns an error if the frame comes from another drive, is not a supported report, has another length,
+    /// or holds an invalid number.
     pub fn report(self, frame: &Frame) -> Result<Report, DecodeError> {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;
         Ok(match command {
-            // the last two bytes are flags of encoder and controller, in newer firmware the end of a
-            // trajectory
+            // the last two bytes are encoder and controller flags; newer firmware also reports the end of a
+            // trajectory there
             HEARTBEAT => Report::Heartbeat {
                 error: u32::from_le_bytes(first),
                 state: AxisState::from_code(second[0].into())?,
@@ -364,7 +364,7 @@ impl Node {
         })
     }
 
-    /// The command of a frame of this drive.
+    /// Command in the identifier of a frame of this drive.
     fn command(self, frame: &Frame) -> Result<u16, DecodeError> {
         match frame.id {
             Id::Standard(id) if id >> 5 == u16::from(self.0) => Ok(id & 0x1f),
@@ -373,7 +373,7 @@ impl Node {
     }
 }
 
-/// The data of exactly `N` bytes.
+/// Data of exactly `N` bytes.
 fn length<const N: usize>(data: &[u8]) -> Result<&[u8; N], DecodeError> {
     data.try_into().map_err(|_| DecodeError::Length { found: data.len(), expected: N })
 }
@@ -384,13 +384,13 @@ fn halves(data: &[u8]) -> Result<([u8; 4], [u8; 4]), DecodeError> {
     Ok(([a, b, c, d], [e, f, g, h]))
 }
 
-/// Rounding that needs no library of the system.
+/// Rounding without a system library.
 trait RoundToEven {
     fn round_to_even(self) -> f64;
 }
 
 impl RoundToEven for f64 {
-    /// To the nearest whole number, halves to the even one; of numbers below 2^51.
+    /// Rounds to the nearest integer, halves to even, for numbers below 2^51.
     fn round_to_even(self) -> f64 {
         const SHIFT: f64 = 6_755_399_441_055_744.0;
         if self.abs() < 2_251_799_813_685_248.0 { (self + SHIFT) - SHIFT } else { self }

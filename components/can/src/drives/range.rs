@@ -1,9 +1,9 @@
-//! Numbers as unsigned integers of a few bits, spread evenly over a range.
+//! Numbers as unsigned integers of a few bits, spaced evenly over a range.
 
-/// A range of numbers that a field of a frame covers.
+/// Range of numbers represented by a field of a frame.
 ///
-/// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer, zero in the
-/// middle of a range down; values outside the range are sent as its end.
+/// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer; zero in the
+/// middle of a range is rounded down. Numbers outside the range are clamped.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -15,67 +15,67 @@
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// The lowest number.
+    /// Lowest number.
     pub min: f64,
-    /// The highest number.
+    /// Highest number.
     pub max: f64,
 }
 
 impl Range {
-    /// From `-max` to `max`.
+    /// Range from `-max` to `max`.
     pub const fn symmetric(max: f64) -> Self {
         Self { min: -max, max }
     }
 
-    /// From 0 to `max`.
+    /// Range from 0 to `max`.
     pub const fn from_zero(max: f64) -> Self {
         Self { min: 0.0, max }
     }
 
-    /// The number of the range that is nearest to this one; to zero, for one that is no number.
+    /// Number in the range that is nearest to `x`, or nearest to zero for NaN.
     pub fn nearest(&self, x: f64) -> f64 {
         let x = if x.is_nan() { 0.0 } else { x };
         x.clamp(self.min, self.max)
     }
 
-    /// The field of `bits` bits, 1 to 16, that covers it.
+    /// Field of `bits` bits, 1 to 16, that represents the range.
     pub const fn field(&self, bits: u32) -> Fields<1> {
         Fields::new([*self], [bits])
     }
 
-    /// The integer of `bits` bits for a number. One that is no number is sent as the one nearest to zero.
+    /// Integer of `bits` bits for a number. NaN is encoded as the number nearest to zero.
     pub fn encode(&self, x: f64, bits: u32) -> u16 {
         let [value] = self.field(bits).encode([x]);
         value as u16
     }
 
-    /// The number for an integer of `bits` bits.
+    /// Number for an integer of `bits` bits.
     pub fn decode(&self, value: u16, bits: u32) -> f64 {
         self.field(bits).decode::<0>(value)
     }
 
-    /// Distance between two numbers that `bits` bits distinguish.
+    /// Distance between two adjacent numbers of `bits` bits.
     pub const fn resolution(&self, bits: u32) -> f64 {
         (self.max - self.min) / largest(bits) as f64
     }
 
-    /// True if it is a range: finite, and with its ends in order.
+    /// Returns `true` if the range is finite with its ends in order.
     pub fn is_valid(&self) -> bool {
         self.min.is_finite() && self.max.is_finite() && self.min < self.max
     }
 }
 
-/// Largest integer of 1 to 16 bits.
+/// Largest integer of `bits` bits, 1 to 16.
 const fn largest(bits: u32) -> u32 {
     debug_assert!(1 <= bits && bits <= 16);
     (1 << bits) - 1
 }
 
-/// Fields of a frame: ranges and numbers of bits, with the factors by which numbers become integers and back.
+/// Fields of a frame: ranges and numbers of bits, with the factors that convert numbers to integers and back.
 ///
-/// The factors are computed once, so that numbers are encoded and decoded without a division, and without a
-/// branch except for NaN. Steps are counted from the upper end of the range and rounded to the nearest even
-/// one there, which rounds zero in the middle of a symmetric range down.
+/// The factors are computed once, so encoding and decoding need no divisions, and no branch except for NaN.
+/// Steps are counted from the upper end of the range and rounded to the nearest even one, which rounds zero
+/// in the middle of a symmetric range down.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -86,25 +86,25 @@ const fn largest(bits: u32) -> u32 {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fields<const N: usize> {
-    /// Steps from the lower end to the upper one.
+    /// Steps from the lower end to the upper end.
     largest: [f64; N],
     /// Steps per unit.
     per_unit: [f64; N],
     /// Steps from zero to the upper end.
     to_end: [f64; N],
-    /// The number nearest to zero.
+    /// Number nearest to zero.
     nothing: [f64; N],
     /// Units per step.
     step: [f64; N],
     min: [f64; N],
 }
 
-/// A number so large that its last bit is one: added to a smaller one it rounds that to the nearest integer,
-/// in its last bits.
+/// Number whose last bit has the value one. Adding it to a smaller number rounds that number to the nearest
+/// integer, in the last bits of the sum.
 const ROUNDING: f64 = 4_503_599_627_370_496.0;
 
 impl<const N: usize> Fields<N> {
-    /// Fields of these ranges, each of 1 to 16 bits.
+    /// Creates fields for these ranges with these numbers of bits, 1 to 16.
     pub const fn new(ranges: [Range; N], bits: [u32; N]) -> Self {
         let none = [0.0; N];
         let mut fields =
@@ -115,8 +115,7 @@ impl<const N: usize> Fields<N> {
             let (steps, span) = (largest(bits[i]) as f64, max - min);
             fields.largest[i] = steps;
             fields.per_unit[i] = steps / span;
-            // half of the steps for a range that is symmetric, which the quotient misses by its rounding for
-            // one in seven of them
+            // half of the steps for a symmetric range; the rounded quotient is wrong for one in seven of them
             fields.to_end[i] = if max == -min { steps / 2.0 } else { max * steps / span };
             fields.nothing[i] = match () {
                 () if min > 0.0 => min,
@@ -130,7 +129,7 @@ impl<const N: usize> Fields<N> {
         fields
     }
 
-    /// The integers for numbers. One outside its range is sent as its end, and one that is no number as that
+    /// Integers for these numbers. A number outside its range is clamped, and NaN is encoded as the number
     /// nearest to zero.
     #[inline]
     pub fn encode(&self, x: [f64; N]) -> [u64; N] {
@@ -138,10 +137,10 @@ impl<const N: usize> Fields<N> {
         core::array::from_fn(|i| self.largest[i] as u64 - from_end[i])
     }
 
-    /// The same integers counted from the upper end: all bits of each inverted.
+    /// The same integers counted from the upper end, with all bits inverted.
     #[inline(always)]
     pub(crate) fn encode_from_end(&self, x: [f64; N]) -> [u64; N] {
-        // one of them is no number, or two are infinite
+        // one number is NaN, or two are infinite
         if x.iter().sum::<f64>().is_nan() { self.encode_doubtful(x) } else { self.encode_numbers(x) }
     }
 
@@ -160,7 +159,7 @@ impl<const N: usize> Fields<N> {
         self.encode_numbers(core::array::from_fn(|i| if x[i].is_nan() { self.nothing[i] } else { x[i] }))
     }
 
-    /// The number for an integer of field `I`.
+    /// Number for an integer of field `I`.
     #[inline]
     pub fn decode<const I: usize>(&self, value: u16) -> f64 {
         f64::from(value) * self.step[I] + self.min[I]

@@ -1,4 +1,4 @@
-//! Frames by which devices are known.
+//! Frames that identify devices.
 
 use super::{Device, DeviceKind};
 use crate::damiao::{EVERYBODY, Register, Request, Value};
@@ -6,7 +6,7 @@ use crate::frame::{Form, Frame, Id};
 use crate::moteus;
 use crate::odrive::{self, Report};
 
-/// The answer of a Damiao drive about one of its registers.
+/// Answer of a Damiao drive about one of its registers.
 pub(super) fn damiao(frame: &Frame) -> Option<Device> {
     let (Id::Standard(master), [node, 0, _, register, ..]) = (frame.id, frame.data()) else { return None };
     if frame.id == EVERYBODY {
@@ -20,34 +20,33 @@ pub(super) fn damiao(frame: &Frame) -> Option<Device> {
         (Register::PositionMax, Value::Number(max)) => ranges[0] = Some(max),
         (Register::VelocityMax, Value::Number(max)) => ranges[1] = Some(max),
         (_, Value::Number(max)) => ranges[2] = Some(max),
-        // a drive in another mode is still on the bus, and refused when it is enabled
+        // a drive in another mode is still on the bus; enabling refuses it
         (_, Value::Mode(_)) => {}
     }
     Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })
 }
 
-/// The answer of a moteus.
+/// Answer of a moteus.
 pub(super) fn moteus(frame: &Frame) -> Option<Device> {
     let number = match frame.id {
         Id::Standard(id) => u32::from(id),
         Id::Extended(id) => id,
     };
-    // whole and in frames of CAN FD only: no other drive sends such
+    // only complete answers in CAN FD frames count: no other drive sends those
     let node =
         u8::try_from(number >> 8).ok().filter(|_| number & 0xff == 0 && frame.form != Form::Classic)?;
     let moteus::State { mode, home, fault, .. } = moteus::Node::new(node)?.reply(frame).ok()?;
     Some(Device { node, kind: DeviceKind::Moteus { mode, home, fault } })
 }
 
-/// The heartbeat of an ODrive or of a CANopen node.
+/// Heartbeat of an ODrive or of a CANopen node.
 pub(super) fn heartbeat(frame: &Frame) -> Option<Device> {
     let Id::Standard(id) = frame.id else { return None };
     match *frame.data() {
         [state] if (0x701..=0x77f).contains(&id) && matches!(state & 0x7f, 0 | 4 | 5 | 127) => {
             Some(Device { node: (id & 0x7f) as u8, kind: DeviceKind::CanOpen { state: state & 0x7f } })
         }
-        // the last bytes are the result of a procedure, or flags: of motor, encoder, controller, and of a
-        // trajectory
+        // the last bytes are the result of a procedure, or flags of motor, encoder, controller and trajectory
         [.., result, encoder, flags]
             if id & 0x1f == 1 && result < 0x10 && encoder < 2 && flags & 0x7e == 0 =>
         {

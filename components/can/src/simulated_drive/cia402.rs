@@ -1,5 +1,5 @@
-//! A simulated drive of CiA 402: network management, an object dictionary as far as the adapter uses it, the
-//! state machine, and process data with each synchronisation.
+//! Simulated CiA 402 drive: network management, the part of the object dictionary used by the adapter, the
+//! state machine, and synchronous process data.
 
 use core::f64::consts::TAU;
 
@@ -12,20 +12,20 @@ use crate::cia402::{
 use crate::frame::{Frame, Id};
 use crate::table::{ControlMode, LoopEntry, Table};
 
-/// The drive has no such object.
+/// Abort code: the object does not exist.
 const NO_OBJECT: u32 = 0x0602_0000;
-/// The object cannot be written.
+/// Abort code: the object is read-only.
 const READ_ONLY: u32 = 0x0601_0002;
-/// Code of a request refused in its present state.
+/// Abort code: not allowed in the present state.
 const NOT_NOW: u32 = 0x0800_0022;
-/// The value is out of the range of the object.
+/// Abort code: the value is out of range.
 const NO_SUCH_VALUE: u32 = 0x0609_0030;
-/// Modes that can be written: none, homing, and the cyclic ones of positions, velocities and torques.
+/// Accepted modes: none, homing, and cyclic position, velocity and torque.
 const MODES: [u32; 5] = [0, HOMING_MODE as u32, 8, 9, 10];
 /// Error codes of emergency messages.
 const NO_HEARTBEAT: u16 = 0x8130;
 const TOO_HOT: u16 = 0x4310;
-/// Objects besides the mappings.
+/// Objects in addition to the mappings.
 const OBJECTS: [Object; 11] = [
     Object::MAX_CURRENT,
     Object::HOMING_METHOD,
@@ -40,7 +40,7 @@ const OBJECTS: [Object; 11] = [
     Object::INTERPOLATION_EXPONENT,
 ];
 
-/// A CiA 402 drive with its own position loop, or in the mode of velocities or torques.
+/// CiA 402 drive with an internal position loop, or in the velocity or torque mode.
 #[derive(Clone, Debug)]
 pub struct Cia402 {
     node: Node,
@@ -51,24 +51,24 @@ pub struct Cia402 {
     network: NetworkState,
     state: DriveState,
     dictionary: Vec<(Object, Value)>,
-    /// The same after power-up.
+    /// Object values at power-up.
     initial: Vec<(Object, Value)>,
-    /// Process data whose mapping cannot be written.
+    /// Process data with a read-only mapping.
     fixed: Vec<Mapping>,
-    /// The watchdog that it keeps, whatever is written; ns.
+    /// Watchdog that cannot be changed, ns.
     fixed_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
-    /// A heartbeat of the adapter has arrived, and is monitored from then on.
+    /// A heartbeat of the adapter has arrived; from then on it is monitored.
     is_watching: bool,
-    /// Setpoints that wait for the next synchronisation, and the active ones.
+    /// Setpoints waiting for the next synchronisation, followed by the active ones.
     waiting: Option<Setpoint>,
     setpoint: Setpoint,
-    /// Its boot-up message is still to be sent.
+    /// The boot-up message has yet to be sent.
     boots: bool,
     /// Time of its next heartbeat, ns; `None` before one is due.
     next_heartbeat_ns: Option<u64>,
     emergency: Option<u16>,
-    /// The mode of the setpoints.
+    /// Mode of the setpoints.
     cyclic: Mode,
     homing: Homing,
     pub(super) motor: Motor,
@@ -90,7 +90,7 @@ impl Cia402 {
             for step in 0..Mapping::STEPS {
                 let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
                 match dictionary.iter_mut().find(|(known, _)| *known == object) {
-                    // the permanent setting of the drive
+                    // permanently, as if stored in the drive
                     Some((_, place)) if is_fixed => *place = value,
                     Some(_) => {}
                     None => dictionary.push((object, value)),
@@ -155,7 +155,7 @@ impl Cia402 {
         self.dictionary.iter().find(|(known, _)| *known == object).map(|(_, value)| *value)
     }
 
-    /// True if process data are mapped as frames have them here, and switched on.
+    /// Returns `true` if process data are mapped as expected here, and switched on.
     fn is_mapped(&self, mapping: Mapping) -> bool {
         let mut last = (2..Mapping::STEPS).map(|step| mapping.step(self.node, self.cyclic, step));
         last.all(|service| match service {
@@ -212,7 +212,7 @@ impl Cia402 {
         self.node.service_answer(service, result)
     }
 
-    /// The standard objects of CANopen devices and CiA 402 drives, in addition to the written ones.
+    /// Objects of every CANopen device and CiA 402 drive, in addition to the writable ones.
     fn identity(&self, object: Object) -> Option<Value> {
         Some(match (object.index, object.subindex) {
             (0x1000, 0) => Value::long(0x0002_0192),
@@ -225,7 +225,7 @@ impl Cia402 {
         })
     }
 
-    /// True for an object of a mapping that cannot be written.
+    /// Returns `true` for a read-only mapping object.
     fn is_fixed(&self, object: Object) -> bool {
         let names = |mapping: &Mapping| {
             let mut steps = (0..Mapping::STEPS).map(|step| mapping.step(self.node, self.cyclic, step));
@@ -263,7 +263,7 @@ impl Cia402 {
         Ok(())
     }
 
-    /// Takes the setpoints that wait, and answers with its state.
+    /// Applies the waiting setpoints, and answers with the state.
     fn synchronise(&mut self, answer: &mut dyn FnMut(Frame)) {
         if let Some(setpoint) = self.waiting.take() {
             let resets = setpoint.controlword & 0x80 != 0 && self.setpoint.controlword & 0x80 == 0;
@@ -292,7 +292,7 @@ impl Cia402 {
         }
     }
 
-    /// Starts the search for its mark.
+    /// Starts the search for the mark.
     fn home(&mut self) {
         let scale = self.number(Object::HOMING_VELOCITY);
         let speed = f64::from(scale) / self.increments * TAU;
@@ -316,7 +316,7 @@ impl Cia402 {
         self.beat(now_ns, send);
     }
 
-    /// Sends the heartbeats that are due, a period after their period was written.
+    /// Sends the heartbeats that are due; the first is due one period after the period was written.
     fn beat(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         let period_ns = u64::from(self.number(Object::HEARTBEAT_PRODUCER)) * 1_000_000;
         if period_ns == 0 {
@@ -365,7 +365,7 @@ impl Cia402 {
     }
 }
 
-/// The progress of a homing.
+/// Progress of a homing.
 #[derive(Clone, Copy, Debug)]
 enum Homing {
     None,
@@ -375,7 +375,7 @@ enum Homing {
 }
 
 impl Homing {
-    /// Its bits of the statusword.
+    /// Homing bits of the statusword.
     fn statusword(self) -> u16 {
         match self {
             Self::None | Self::Running(_) => 0,
@@ -385,7 +385,7 @@ impl Homing {
     }
 }
 
-/// The state after a controlword.
+/// State after a controlword.
 fn next(state: DriveState, controlword: u16, resets: bool) -> DriveState {
     use DriveState::{Enabled, Fault, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
     match (state, controlword & 0xf) {
@@ -401,7 +401,7 @@ fn next(state: DriveState, controlword: u16, resets: bool) -> DriveState {
     }
 }
 
-/// The statusword of a state, voltage on.
+/// Statusword of a state, with voltage enabled.
 fn statusword(state: DriveState) -> u16 {
     match state {
         DriveState::NotReady => 0x0000,
@@ -415,7 +415,7 @@ fn statusword(state: DriveState) -> u16 {
     }
 }
 
-/// The nearest whole number; halves away from zero.
+/// Nearest integer; halves round away from zero.
 fn nearest(x: f64) -> i32 {
     if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
 }

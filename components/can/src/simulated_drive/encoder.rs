@@ -1,35 +1,35 @@
-//! The encoder of a simulated drive, and its search for a mark.
+//! Encoder of a simulated drive, and its search for a mark.
 
 use super::Motor;
 
-/// Shortest time of a search, ns: a drive at its mark moves off it and returns.
+/// Shortest duration of a search, ns: a drive at its mark moves off it and returns.
 const SHORTEST_NS: u64 = 250_000_000;
 
-/// The mark of a simulated drive with unknown position at power-up, such as its switch.
+/// Mark of a simulated drive whose position is unknown after power-up, such as a switch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mark {
-    /// Works.
+    /// The mark works.
     #[default]
     Works,
-    /// Never found.
+    /// The mark is never met.
     Missing,
-    /// Found at every position.
+    /// The mark is met at every position.
     Stuck,
 }
 
-/// Position of the shaft at which an encoder reads zero.
+/// Shaft position at which an encoder reads zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Zero {
-    /// Value in the table.
+    /// Zero of the table.
     Absolute,
-    /// The position at power-up, which is unknown.
+    /// Position at power-up, which is not known yet.
     PowerOn,
-    /// This one, rad.
+    /// This position, rad.
     At(f64),
 }
 
 impl Motor {
-    /// Returns the encoder's reading with the shaft at this position, rad.
+    /// Encoder reading with the shaft at this position, rad.
     pub(super) fn encoder(&mut self, shaft: f64) -> f64 {
         match self.zero {
             Zero::Absolute => shaft,
@@ -41,14 +41,14 @@ impl Motor {
         }
     }
 
-    /// Loses its power, and with it the zero of an encoder that is not absolute.
+    /// Cuts the power, which loses the zero of an encoder that is not absolute.
     pub(super) fn cut_power(&mut self) {
         if self.zero != Zero::Absolute {
             self.zero = Zero::PowerOn;
         }
     }
 
-    /// The position of the shaft, rad.
+    /// Position of the shaft, rad.
     fn shaft(&self) -> f64 {
         match self.zero {
             Zero::At(zero) => self.position + zero,
@@ -57,7 +57,7 @@ impl Motor {
     }
 }
 
-/// A search for the mark, which is at the table's zero.
+/// Search for the mark, which is at the zero of the table.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
     velocity: f64,
@@ -66,13 +66,13 @@ pub(super) struct Search {
 }
 
 impl Search {
-    /// Begins at `now_ns`, with this speed, rad/s.
+    /// Starts a search at `now_ns` with this speed, rad/s.
     pub(super) fn new(motor: &Motor, speed: f64, now_ns: u64) -> Self {
         let velocity = if motor.shaft() > 0.0 { -speed } else { speed };
         Self { velocity, until_ns: now_ns + SHORTEST_NS, is_found: false }
     }
 
-    /// The velocity of this step; `None` once the mark is found, from which the encoder counts then.
+    /// Velocity of this step; `None` once the mark is found. Then the encoder counts from the mark.
     pub(super) fn step(&mut self, motor: &mut Motor, now_ns: u64) -> Option<f64> {
         let is_passed = motor.shaft() * self.velocity >= 0.0;
         self.is_found |= is_passed && motor.mark == Mark::Works;
@@ -86,7 +86,7 @@ impl Search {
         None
     }
 
-    /// Ends at the drive's position, which becomes the encoder's zero.
+    /// Ends at the present position, from which the encoder then counts.
     pub(super) fn here(motor: &mut Motor) {
         motor.zero = Zero::At(motor.shaft());
     }

@@ -1,4 +1,4 @@
-//! A simulated drive of the MIT family.
+//! Simulated drive of the MIT family.
 
 use super::Motor;
 use crate::damiao::{Register, Request, Value};
@@ -8,16 +8,16 @@ use crate::mit::{Command, Drive, Fault, Feedback, Instruction, Reply, State};
 /// Default share of its full current at which a drive disables itself.
 const OVER_CURRENT: f64 = 0.95;
 
-/// A drive of the MIT family as it behaves on the bus and at its shaft.
+/// MIT drive as seen from the bus and from its shaft.
 ///
-/// It answers each command with its state on arrival of the command, like the published firmware. Its inner
-/// loop computes
+/// It answers each command with its state at the arrival of the command, like the published firmware. Its
+/// inner loop computes
 ///
 /// ```text
 /// tau = clamp(kp (position - q) + kd (velocity - v) + torque, -limit, limit)
 /// ```
 ///
-/// with `limit` the end of its range of torques. Without a command for its watchdog time it disables itself.
+/// with `limit` as the end of its torque range. Without a command for its watchdog time, it disables itself.
 ///
 /// ```
 /// use motorium_can::mit::{Command, Drive, Instruction};
@@ -33,14 +33,15 @@ const OVER_CURRENT: f64 = 0.95;
 #[derive(Clone, Debug)]
 pub struct SimulatedDrive {
     codec: Drive,
-    /// Time without a command after which it disables itself, ns; `None` for never.
+    /// Time without a command after which the drive disables itself, ns; `None` for never.
     watchdog_ns: Option<u64>,
     command: Command,
     state: State,
     commanded_ns: u64,
-    /// Its control mode: register 10 of a Damiao drive.
+    /// Control mode: register 10 of a Damiao drive.
     control_mode: u32,
-    /// Share of its full current at which it disables itself, and the torque at the full current, N m.
+    /// Share of the full current at which the drive disables itself, followed by the torque at full current,
+    /// N m.
     over_current: f64,
     full_torque: Option<f64>,
     pub(super) motor: Motor,
@@ -48,7 +49,7 @@ pub struct SimulatedDrive {
 }
 
 impl SimulatedDrive {
-    /// A drive at rest that is disabled, with this watchdog \[ns\].
+    /// Creates a disabled drive at rest, with this watchdog \[ns\].
     pub fn new(codec: Drive, watchdog_ns: Option<u64>) -> Self {
         Self {
             codec,
@@ -64,25 +65,24 @@ impl SimulatedDrive {
         }
     }
 
-    /// Also sets the torque at its full current \[N m\], at a share of which it disables itself.
+    /// Sets the torque at full current \[N m\]; the drive disables itself at a share of it.
     #[must_use]
     pub fn with_full_torque(self, torque: f64) -> Self {
         Self { full_torque: Some(torque), ..self }
     }
 
-    /// The same, in another control mode: register 10 of a Damiao drive. Default 1, the mode of the MIT
-    /// family.
+    /// Sets the control mode: register 10 of a Damiao drive. Default 1, the MIT mode.
     #[must_use]
     pub fn with_control_mode(self, control_mode: u32) -> Self {
         Self { control_mode, ..self }
     }
 
-    /// Its codec, with its stored ranges.
+    /// Codec of the drive, with the ranges configured in it.
     pub fn codec(&self) -> &Drive {
         &self.codec
     }
 
-    /// True if it follows commands.
+    /// Returns `true` if the drive follows commands.
     pub fn is_enabled(&self) -> bool {
         self.state == State::Enabled
     }
@@ -92,18 +92,18 @@ impl SimulatedDrive {
         self.watchdog_trips
     }
 
-    /// Its temperature, degrees Celsius.
+    /// Temperature, degrees Celsius.
     pub fn temperature(&self) -> f64 {
         self.motor.temperature
     }
 
-    /// Removes its power: it is disabled when it returns.
+    /// Cuts the power: the drive is disabled when it returns.
     pub fn cut_power(&mut self) {
         (self.state, self.command) = (State::Disabled, Command::default());
         self.over_current = OVER_CURRENT;
     }
 
-    /// A frame on the bus at `now_ns`; its answer, if the frame is for it.
+    /// Receives a frame on the bus at `now_ns`. Returns the answer if the frame addresses the drive.
     pub fn receive(&mut self, frame: &Frame, now_ns: u64) -> Option<Frame> {
         if self.codec.reply == Reply::Damiao
             && let Ok(request) = Request::decode(frame, self.codec.node)
@@ -124,11 +124,11 @@ impl SimulatedDrive {
                 (self.state, self.command) = (State::Enabled, Command::default());
             }
             Instruction::Enable | Instruction::SetZero => {}
-            // which clears a fault, too
+            // which also clears a fault
             Instruction::Disable => (self.state, self.command) = (State::Disabled, Command::default()),
         }
         self.commanded_ns = now_ns;
-        // a change of the state shows in its own answer
+        // a change of the state is reported in the answer to the same frame
         match instruction {
             Instruction::Command(_) | Instruction::SetZero => Some(answer),
             Instruction::Enable | Instruction::Disable => Some(self.codec.answer(&self.feedback())),
@@ -158,8 +158,8 @@ impl SimulatedDrive {
         }
     }
 
-    /// One step of the inner loop at this position \[rad\] and velocity \[rad/s\] of its shaft; returns the
-    /// torque from now on, N m.
+    /// Runs one step of the inner loop with the shaft at this position \[rad\] and velocity \[rad/s\].
+    /// Returns the torque that the drive applies from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         self.motor.turn(position, velocity, now_ns);
         let silent_ns = now_ns.saturating_sub(self.commanded_ns);
@@ -184,7 +184,7 @@ trait RoundHalf {
 }
 
 impl RoundHalf for f64 {
-    /// To the nearest whole number; of numbers that fit into 32 bits.
+    /// Rounds to the nearest integer, for numbers that fit into 32 bits.
     fn round_half(self) -> f64 {
         f64::from((self + 0.5) as i32)
     }

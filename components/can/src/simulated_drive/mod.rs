@@ -18,13 +18,13 @@ pub use mit::SimulatedDrive;
 /// Settings of a simulated drive that differ from the table.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
-    /// Time of the watchdog, ns; 0 for off.
+    /// Watchdog time, ns; 0 for off.
     pub watchdog_ns: Option<u64>,
-    /// The largest torque of its range, or the rated one, N m.
+    /// Largest torque of its range, or its rated torque, N m.
     pub torque: Option<f64>,
 }
 
-/// A simulated drive of any protocol, as a drive table names it.
+/// Simulated drive of any protocol in a drive table.
 ///
 /// ```
 /// use motorium_can::{AnySimulatedDrive, Overrides, Table};
@@ -50,20 +50,20 @@ pub struct Overrides {
 /// ```
 #[derive(Clone, Debug)]
 pub enum AnySimulatedDrive {
-    /// A drive of the MIT family.
+    /// Drive of the MIT family.
     Mit(Box<SimulatedDrive>),
-    /// An ODrive.
+    /// ODrive.
     Odrive(odrive::Odrive),
-    /// A drive of CiA 402.
+    /// CiA 402 drive.
     Cia402(Box<cia402::Cia402>),
-    /// A moteus.
+    /// moteus.
     Moteus(moteus::Moteus),
-    /// A servo of Feetech or Dynamixel.
+    /// Servo of Feetech or Dynamixel.
     Servo(Box<servo::Servo>),
 }
 
 impl AnySimulatedDrive {
-    /// The drive of an entry of a table.
+    /// Creates the drive of table entry `index`.
     pub fn new(table: &Table, index: usize, overrides: Overrides) -> Self {
         let entry = &table.drives[index];
         let watchdog_ns = Some(overrides.watchdog_ns.unwrap_or(entry.watchdog.ns)).filter(|ns| *ns > 0);
@@ -103,12 +103,12 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// Sets the condition of its mark, which it looks for when it is homed.
+    /// Sets the condition of the mark that the drive searches when it is homed.
     pub fn set_mark(&mut self, mark: Mark) {
         self.motor_mut().mark = mark;
     }
 
-    /// Identifiers of the frames that it receives.
+    /// Identifiers of the frames that the drive receives.
     pub fn ids(&self) -> Vec<Id> {
         match self {
             Self::Mit(drive) => vec![drive.codec().id(), damiao::EVERYBODY],
@@ -119,7 +119,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// A frame on the bus at `now_ns`, and `answer` for each frame with which it answers.
+    /// Receives a frame on the bus at `now_ns`, and passes each answer frame to `answer`.
     pub fn receive(&mut self, frame: &Frame, now_ns: u64, answer: &mut dyn FnMut(Frame)) {
         match self {
             Self::Mit(drive) => drive.receive(frame, now_ns).into_iter().for_each(answer),
@@ -130,15 +130,15 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// A frame of another drive on the bus, and `answer` for the one that follows upon it: servos that answer
-    /// together speak one after the other.
+    /// Observes a frame of another drive, and passes a frame triggered by it to `answer`: servos that answer
+    /// together send one after the other.
     pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         if let Self::Servo(drive) = self {
             drive.observe(frame).into_iter().for_each(answer);
         }
     }
 
-    /// Frames sent unasked until `now_ns`, each with its time.
+    /// Passes the unsolicited frames until `now_ns` to `send`, each with its time.
     pub fn report(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         match self {
             Self::Odrive(drive) => drive.report(now_ns, send),
@@ -147,8 +147,8 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// One step of the inner loop at this position \[rad\] and velocity \[rad/s\] of its shaft; returns its
-    /// torque from now on, N m.
+    /// Runs one step of the inner loop with the shaft at this position \[rad\] and velocity \[rad/s\].
+    /// Returns the torque from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         let position = self.motor_mut().encoder(position);
         match self {
@@ -160,7 +160,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// Removes its power: it is disabled when it returns.
+    /// Cuts the power: the drive is disabled when it returns.
     pub fn cut_power(&mut self) {
         self.motor_mut().cut_power();
         match self {
@@ -172,7 +172,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// True if it follows commands.
+    /// Returns `true` if the drive follows commands.
     pub fn is_enabled(&self) -> bool {
         match self {
             Self::Mit(drive) => drive.is_enabled(),
@@ -183,7 +183,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// Returns `true` if it applies torque: it follows commands, or searches for its mark.
+    /// Returns `true` if the drive applies torque: it follows commands, or runs its own homing procedure.
     pub fn has_torque(&self) -> bool {
         match self {
             Self::Odrive(drive) => drive.has_torque(),
@@ -202,7 +202,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// Its temperature, degrees Celsius.
+    /// Temperature, degrees Celsius.
     pub fn temperature(&self) -> f64 {
         match self {
             Self::Mit(drive) => drive.temperature(),
@@ -214,12 +214,12 @@ impl AnySimulatedDrive {
     }
 }
 
-/// The motor of a simulated drive: its shaft, the torque that it gives, its temperature.
+/// Motor of a simulated drive: its shaft, applied torque and temperature.
 #[derive(Clone, Debug)]
 struct Motor {
     /// N m.
     largest: f64,
-    /// The same as it is set, N m.
+    /// Configured limit, N m.
     limit: f64,
     stepped_ns: u64,
     position: f64,
@@ -230,9 +230,9 @@ struct Motor {
     mark: Mark,
 }
 
-/// Temperature of the surroundings, degrees Celsius.
+/// Ambient temperature, degrees Celsius.
 const SURROUNDINGS: f64 = 25.0;
-/// Rise of the temperature at full torque for ever, degrees.
+/// Temperature rise at continuous full torque, degrees.
 const RISE: f64 = 90.0;
 /// Time constant of the temperature, s.
 const WARM_UP: f64 = 120.0;
@@ -255,7 +255,7 @@ impl Motor {
         }
     }
 
-    /// Its shaft is at this position \[rad\] and velocity \[rad/s\] now.
+    /// Sets the present position \[rad\] and velocity \[rad/s\] of the shaft.
     fn turn(&mut self, position: f64, velocity: f64, now_ns: u64) {
         (self.position, self.velocity) = (position, velocity);
         let dt = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
@@ -264,7 +264,7 @@ impl Motor {
         self.temperature += (goal - self.temperature) * (dt / WARM_UP).min(1.0);
     }
 
-    /// Sets the largest torque, as far as it reaches, N m.
+    /// Sets the largest torque, clamped to the drive's range, N m.
     fn limit(&mut self, torque: f64) {
         self.limit = torque.clamp(0.0, self.largest);
     }
@@ -273,14 +273,14 @@ impl Motor {
         self.temperature > TOO_HOT
     }
 
-    /// Applies a torque within its range, N m; zero while disabled.
+    /// Applies a torque within the limits, N m; zero while the drive is disabled.
     fn give(&mut self, wanted: Option<f64>) -> f64 {
         self.torque = wanted.map_or(0.0, |torque| torque.clamp(-self.limit, self.limit));
         self.torque
     }
 }
 
-/// A watchdog: it expires when it is not fed for its time.
+/// Watchdog that expires when it is not fed in time.
 #[derive(Clone, Copy, Debug)]
 struct Watchdog {
     after_ns: Option<u64>,

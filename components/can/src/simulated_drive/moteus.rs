@@ -1,4 +1,4 @@
-//! A simulated moteus drive.
+//! Simulated moteus drive.
 
 use super::encoder::Zero;
 use super::{Motor, Watchdog};
@@ -6,21 +6,21 @@ use crate::frame::{Frame, Id};
 use crate::moteus::{Command, Home, Instruction, Mode, Node, Resolution, State};
 use crate::table::{LoopEntry, Table};
 
-/// The fault of a motor that is too hot.
+/// Fault code of an overheated motor.
 const OVER_TEMPERATURE: u8 = 38;
 
-/// A moteus: a position loop with gains that commands scale, and a watchdog that each command sets.
+/// moteus with a position loop whose gains are scaled by commands, and a watchdog set by each command.
 #[derive(Clone, Debug)]
 pub struct Moteus {
     node: Node,
     gains: LoopEntry,
-    /// The drive's limit, for commands without one.
+    /// Default watchdog of the drive, for commands without one.
     own_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
     mode: Mode,
     fault: u8,
     command: Command,
-    /// The position at which it is held while its commands name no position.
+    /// Position held while commands specify none.
     held: Option<f64>,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,
@@ -92,7 +92,7 @@ impl Moteus {
     pub(super) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         self.motor.turn(position, velocity, now_ns);
         if self.is_enabled() && self.watchdog.has_expired(now_ns) {
-            // it stays so until it is stopped
+            // the time-out stays latched until the drive is stopped
             self.mode = Mode::Timeout;
             self.watchdog_trips += 1;
         }

@@ -1,5 +1,5 @@
-//! A simulated ODrive: encoder estimates and torques at the rate that is set in it, a heartbeat each tenth of
-//! a second.
+//! Simulated ODrive: encoder estimates and torques at the configured rate, and a heartbeat each tenth of a
+//! second.
 
 use super::encoder::Search;
 use super::{Mark, Motor, Watchdog};
@@ -9,20 +9,20 @@ use crate::table::{LoopEntry, Table};
 
 /// Time between two heartbeats, ns.
 const HEARTBEAT_NS: u64 = 100_000_000;
-/// Speed with which it looks for its mark, rad/s.
+/// Speed of the search for the mark, rad/s.
 const SEARCH_SPEED: f64 = 1.5;
-/// Errors of an axis, as the heartbeat has them.
+/// Axis errors, as in the heartbeat.
 const ESTOP_REQUESTED: u32 = 0x4000;
 const WATCHDOG_EXPIRED: u32 = 0x800;
 const ENDSTOP_PRESSED: u32 = 0x1000;
 const MOTOR_TOO_HOT: u32 = 0x4_0000;
 
-/// A drive that applies `kp (position - q) + kd (velocity - v) + torque`: `kp` is the product of the gains of
-/// its position and velocity loops, `kd` the gain of its velocity loop.
+/// Drive that applies `kp (position - q) + kd (velocity - v) + torque`. `kp` is the gain of the position loop
+/// times the gain of the velocity loop; `kd` is the gain of the velocity loop.
 #[derive(Clone, Debug)]
 pub struct Odrive {
     node: Node,
-    /// N m/A of the output shaft.
+    /// N m/A at the output shaft.
     torque_constant: f64,
     gains: LoopEntry,
     every_ns: u64,
@@ -30,7 +30,7 @@ pub struct Odrive {
     setpoint: [f64; 3],
     error: u32,
     is_enabled: bool,
-    /// The running procedure, with its state.
+    /// Running procedure, with its axis state.
     search: Option<(AxisState, Search)>,
     watchdog: Watchdog,
     next_report_ns: u64,
@@ -42,7 +42,7 @@ pub struct Odrive {
 impl Odrive {
     pub(super) fn new(table: &Table, index: usize, watchdog_ns: Option<u64>) -> Self {
         let entry = &table.drives[index];
-        // nodes do not report at the same moment
+        // nodes report at different times
         let phase_ns = 37_000 * (1 + u64::from(entry.node));
         Self {
             node: Node::new(entry.node).unwrap_or(Node::FIRST),
@@ -63,7 +63,7 @@ impl Odrive {
     }
 
     pub(super) fn ids(&self) -> Vec<Id> {
-        // a message to it has the identifier of its own reports
+        // messages to the drive use the identifiers of its own reports
         (0..0x20).map(|command| self.node.id(command)).collect()
     }
 
@@ -89,7 +89,7 @@ impl Odrive {
             Instruction::SetModes(control, _) => self.control = control,
             Instruction::SetState(AxisState::ClosedLoop) if self.error == 0 => {
                 if !self.is_enabled {
-                    // it begins where it is
+                    // holds the present position
                     self.setpoint = [self.motor.position, 0.0, 0.0];
                 }
                 self.is_enabled = true;
@@ -168,7 +168,7 @@ impl Odrive {
             ControlMode::Position => kp * (p - position) + kd * (v - velocity) + torque,
             ControlMode::Velocity => kd * (v - velocity) + torque,
             ControlMode::Torque => torque,
-            // a voltage moves nothing that is simulated here
+            // voltages are not simulated
             ControlMode::Voltage => 0.0,
         };
         self.motor.give(self.is_enabled.then_some(wanted))

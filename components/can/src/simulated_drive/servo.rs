@@ -1,4 +1,4 @@
-//! A simulated servo of Feetech or Dynamixel: a table of registers, and a position loop.
+//! Simulated servo of Feetech or Dynamixel: a table of registers, and a position loop.
 
 use super::{Motor, Overrides, Watchdog};
 use crate::dynamixel;
@@ -9,12 +9,12 @@ use crate::servo::{
 };
 use crate::table::{LoopEntry, Protocol, Table};
 
-/// Registers of the table.
+/// Number of registers in the table.
 const REGISTERS: usize = 256;
 /// Supply voltage, V.
 const VOLTAGE: f64 = 7.4;
 
-/// A servo with its registers.
+/// Servo with its registers.
 #[derive(Clone, Debug)]
 pub struct Servo {
     number: u8,
@@ -24,24 +24,24 @@ pub struct Servo {
     /// Error flags, which a Feetech reports in its state and a Dynamixel in the header of each answer.
     status: u8,
     watchdog: Watchdog,
-    /// The time of its watchdog that it keeps, whatever is written; ns.
+    /// Watchdog time that cannot be changed, ns.
     fixed_watchdog_ns: Option<u64>,
-    /// Position at which its watchdog stopped it, until the watchdog is set again.
+    /// Position at which the watchdog stopped the servo, until the watchdog is set again.
     stopped: Option<f64>,
-    /// Its turn in the common packet of a fast read, until it has spoken.
+    /// Turn of the servo in the common packet of a fast read, until it has answered.
     turn: Option<Turn>,
-    /// Torque of a unit of its current register, N m; `None` for a servo that reports its load.
+    /// Torque per unit of the current register, N m; `None` for a servo that reports its load.
     torque_per_unit: Option<f64>,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,
 }
 
-/// The turn of a servo that waits for others.
+/// Turn of a servo that waits for others.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
-    /// Servos that speak before it.
+    /// Number of servos that answer before it.
     before: usize,
-    /// Sum of the previous shares.
+    /// Checksum of their bytes.
     sum: u16,
     register: u16,
     count: u8,
@@ -89,7 +89,7 @@ impl Servo {
         servo
     }
 
-    /// Resets the volatile limits to their power-up values: the full torque.
+    /// Resets the volatile limits to their power-up values, the full range.
     fn reset_limits(&mut self) {
         if self.is_dynamixel() {
             let highest = self.word(dynamixel::CURRENT_LIMIT.into());
@@ -103,7 +103,7 @@ impl Servo {
         u16::from_le_bytes([self.registers[register], self.registers[register + 1]])
     }
 
-    /// The largest torque by its limits, N m.
+    /// Largest torque within its limits, N m.
     fn torque_limit(&self) -> f64 {
         let is_limited =
             self.registers[usize::from(dynamixel::OPERATING_MODE)] == dynamixel::POSITIONS_BY_CURRENT;
@@ -118,7 +118,7 @@ impl Servo {
         self.protocol == servo::Protocol::Two
     }
 
-    /// Writes bytes into registers; `false` if one does not exist.
+    /// Writes bytes into registers. Returns `false` if some of them do not exist.
     fn put(&mut self, register: usize, bytes: &[u8]) -> bool {
         let place = self.registers.get_mut(register..register + bytes.len());
         place.map(|place| place.copy_from_slice(bytes)).is_some()
@@ -128,7 +128,7 @@ impl Servo {
         vec![Id::Standard(self.number.into()), Id::Standard(EVERYBODY.into())]
     }
 
-    /// The register that switches torque on.
+    /// Register that switches torque on.
     fn switch(&self) -> usize {
         if self.is_dynamixel() { dynamixel::TORQUE_ENABLE.into() } else { feetech::TORQUE_ENABLE.into() }
     }
@@ -157,12 +157,12 @@ impl Servo {
         if protocol != self.protocol {
             return None;
         }
-        // a packet to any servo feeds the watchdog, and who has not spoken by then has no turn any more
+        // a packet to any servo feeds the watchdog, and ends a pending turn in a common packet
         self.watchdog.fed_ns = now_ns;
         self.turn = None;
         let is_meant = servo == self.number;
         match instruction {
-            // a Dynamixel reports its model and its firmware version
+            // a Dynamixel reports its model and firmware version
             Instruction::Ping if is_meant || (servo == EVERYBODY && self.is_dynamixel()) => {
                 self.answer(0, if self.is_dynamixel() { 3 } else { 0 })
             }
@@ -218,11 +218,11 @@ impl Servo {
         let written = register..register + data.len();
         if self.is_dynamixel() {
             let watchdog = usize::from(dynamixel::BUS_WATCHDOG);
-            // goals are read-only once the watchdog has stopped it
+            // goals are read-only after the watchdog has stopped the servo
             if self.stopped.is_some() && written.contains(&dynamixel::GOAL_POSITION.into()) {
                 return;
             }
-            // no more than its stored limit
+            // at most the limit stored in the servo
             let goal_current = usize::from(dynamixel::GOAL_CURRENT);
             let highest = self.word(dynamixel::CURRENT_LIMIT.into());
             if register == goal_current && data.len() == 2 && u16::from_le_bytes([data[0], data[1]]) > highest
@@ -244,7 +244,7 @@ impl Servo {
         } else {
             self.put(register, data);
         }
-        // enabling torque again clears the error that disabled it
+        // switching torque on again clears the error that switched it off
         if written.contains(&self.switch()) && !self.has_torque() {
             self.status = 0;
         }
@@ -256,7 +256,7 @@ impl Servo {
         Frame::packet(number, &packet[..length])
     }
 
-    /// The bytes of registers, with the state as it is now.
+    /// Bytes of registers, including the present state.
     fn read(&mut self, register: u16, count: u8) -> Option<&[u8]> {
         let motor = &self.motor;
         let (position, velocity, temperature) = (motor.position, motor.velocity, motor.temperature);
@@ -287,7 +287,7 @@ impl Servo {
         self.registers.get(usize::from(register)..usize::from(register) + usize::from(count))
     }
 
-    /// The position of its goal, rad.
+    /// Goal position, rad.
     fn goal(&self) -> f64 {
         if self.is_dynamixel() {
             let place = usize::from(dynamixel::GOAL_POSITION);

@@ -1,4 +1,4 @@
-//! Mistakes of a drive table that need no other file.
+//! Checks of a drive table that need no robot.
 
 use core::f64::consts::TAU;
 
@@ -9,18 +9,18 @@ use crate::bus::offered::Place;
 use crate::dynamixel;
 use crate::servo::{FAST_AROUND, FAST_HEAD, LONGEST};
 
-/// A mistake: the entry and its index, the value found, the advice.
+/// Mistake: the entry and its index, the value found, the advice.
 pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
 
-/// The value found, and the advice.
+/// Value found, and advice.
 pub(super) type Refusal = (String, &'static str);
 
-/// Servos on one serial line, whose numbers one packet names.
+/// Largest number of servos on one serial line, all of whose numbers fit into one packet.
 const SERVOS: usize = 50;
-/// Servos whose states fit into one packet.
+/// Number of servos whose states fit into one packet.
 const FAST_SERVOS: usize = (LONGEST - FAST_HEAD) / (dynamixel::STATE_BYTES as usize + FAST_AROUND);
 
-/// Checks a table without other files.
+/// Checks a table without a robot.
 pub(super) fn check(table: &Table) -> Result<(), Mistake> {
     for (index, bus) in table.buses.iter().enumerate() {
         let at = |(message, advice): Refusal| (Some(("bus", index)), message, advice);
@@ -94,7 +94,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The place of a simulated bus that other programs open.
+/// Checks the address of a simulated bus for other programs.
 fn check_place(bus: &BusEntry, place: Place<'_>) -> Result<(), Refusal> {
     let refuse = |message: &str, advice| Err((format!("bus `{}`: {message}", bus.name), advice));
     match place {
@@ -112,7 +112,7 @@ fn check_place(bus: &BusEntry, place: Place<'_>) -> Result<(), Refusal> {
     }
 }
 
-/// Refuses drives on one bus whose identifiers mean something else in the protocol of others.
+/// Refuses drives on one bus whose identifiers have another meaning in the protocol of others.
 fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let takes_all =
@@ -195,7 +195,7 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Keys that belong to one protocol, and keys that a protocol requires.
+/// Checks the keys that only one protocol supports or requires.
 fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     let protocol = drive.protocol;
     let Some(bus) = table.bus_of(drive).map(|index| &table.buses[index]) else { return Ok(()) };
@@ -294,10 +294,11 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The largest values of registers of 16 bits: position, velocity (in turns and turns per second) and torque.
+/// Largest values of 16-bit registers: position and velocity (converted from turns and turns per second) and
+/// torque.
 const MOTEUS_MOST: [f64; 3] = [3.2767 * TAU, 8.19175 * TAU, 327.67];
 
-/// Refuses ranges beyond the registers of a moteus, which would saturate.
+/// Refuses ranges beyond the registers of a moteus, where all larger values would be clamped.
 fn check_moteus(drive: &DriveEntry) -> Result<(), Refusal> {
     let ranges = [drive.ranges.position, drive.ranges.velocity, drive.ranges.torque];
     let names = [("position", "rad"), ("velocity", "rad/s"), ("torque", "N m")];

@@ -1,26 +1,26 @@
-//! The largest current of a drive, in its own units.
+//! Current limit of a drive, in its own units.
 
 use super::check::Refusal;
 use super::{DriveEntry, Protocol};
 
-/// Largest number in the register of a Dynamixel's current.
+/// Largest number in a Dynamixel's current register.
 const MOST_UNITS: f64 = 2047.0;
 
 impl DriveEntry {
-    /// The torque at the limit of its current, N m, if the table has one.
+    /// Torque at the current limit, N m, if the table has one.
     pub(super) fn torque_of_current(&self) -> Option<f64> {
         let limit = self.current_limit?;
         match self.protocol {
             Protocol::Cia402 => Some(limit * self.rated_torque? / self.rated_current?),
-            // at standstill the torque is a share of the stall torque as the current is one of the stall
+            // at standstill, the torque's share of the stall torque equals the current's share of the stall
             // current
             Protocol::Feetech => Some((limit / self.full_current?).min(1.0) * self.ranges.torque),
             _ => Some(limit * self.torque_constant?),
         }
     }
 
-    /// The current limit in units of its register: for a Damiao drive a share of its full current, for a
-    /// Feetech thousandths of the stall current, for a Dynamixel units; never more than the table's.
+    /// Current limit in units of its register: a share of the full current for a Damiao drive, thousandths of
+    /// the stall current for a Feetech, units for a Dynamixel. Never more than the table's limit.
     pub(crate) fn current_register(&self) -> Option<f64> {
         let limit = self.current_limit?;
         match self.protocol {
@@ -32,7 +32,7 @@ impl DriveEntry {
     }
 }
 
-/// Refuses a current limit that cannot be written to the drive, or whose torque is unknown.
+/// Refuses a current limit that cannot be set in the drive, or whose torque is unknown.
 pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     let all = [
         ("current_limit", drive.current_limit),
@@ -100,7 +100,7 @@ pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     }
 }
 
-/// Refuses a limit of a drive that has no setting for it.
+/// Refuses a limit for a drive without such a setting.
 fn check_known(drive: &DriveEntry) -> Result<(), Refusal> {
     let advice = match drive.protocol {
         Protocol::Moteus => "leave it out: moteus gets `ranges.torque` with each command",

@@ -1,4 +1,4 @@
-//! Comparison of a drive's data sheet with its entry in the table.
+//! Checks of a drive's table entry against its data sheet.
 
 use core::f64::consts::TAU;
 use std::io;
@@ -23,8 +23,8 @@ const HOMED: [Object; 5] = [
 
 const CORRECT: &str = "correct the entry of the drive, or name the data sheet of its firmware";
 
-/// Takes increments and rated torque from the data sheet of a drive where its entry leaves them out, and
-/// checks the others.
+/// Completes missing increments and rated torque of an entry from the drive's data sheet, and checks the
+/// other keys.
 pub(super) fn complete(
     drive: &mut DriveEntry,
     read: impl Fn(&str) -> io::Result<String>,
@@ -65,14 +65,14 @@ pub(super) fn complete(
     limits(drive, &sheet).and_then(|()| method(drive, &sheet)).map_err(at)
 }
 
-/// Refuses a homing method that the drive does not support, 0x6098.
+/// Refuses a homing method outside of the drive's limits, 0x6098.
 fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let method = drive.homing.as_ref().and_then(|homing| homing.method).map(i64::from);
     let (Some(method), Some(entry)) = (method, sheet.entry(Object::HOMING_METHOD)) else { return Ok(()) };
-    // a byte with a sign, which some data sheets write without one
+    // a signed byte, which some data sheets write as unsigned
     let signed = |limit: i64| if (128..256).contains(&limit) { limit - 256 } else { limit };
     let (low, high) = (entry.low(drive.node).map(signed), entry.high(drive.node).map(signed));
-    // unsigned limits of the whole byte are no limits
+    // unsigned limits that cover the whole byte are no restriction
     let is_range = !matches!((low, high), (Some(low), Some(high)) if low > high);
     let is_beyond = low.is_some_and(|low| method < low) || high.is_some_and(|high| method > high);
     if is_range && is_beyond {
@@ -83,12 +83,12 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Returns `true` if it searches for its mark by its own procedure.
+/// Returns `true` if the drive homes with its own procedure.
 fn homes_itself(drive: &DriveEntry) -> bool {
     drive.homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Drive)
 }
 
-/// An object as people write it.
+/// Formats an object in the usual notation.
 fn display_object(object: Object) -> String {
     format!("0x{:04X}:{:02X}", object.index, object.subindex)
 }
@@ -109,7 +109,7 @@ fn scales(drive: &mut DriveEntry, sheet: &Eds) {
     drive.rated_torque = drive.rated_torque.or(torque.map(|torque| torque as f64 * 1e-3));
 }
 
-/// The mode of the entry as CiA 402 numbers it.
+/// CiA 402 number of the entry's mode.
 fn cyclic(drive: &DriveEntry) -> Mode {
     match drive.mode.unwrap_or_default() {
         ControlMode::Position => Mode::Position,
@@ -118,7 +118,7 @@ fn cyclic(drive: &DriveEntry) -> Mode {
     }
 }
 
-/// Refuses a mode missing in the drive's 0x6502, whose bit 7 is mode 8.
+/// Refuses a mode that is missing in the drive's 0x6502, where bit 7 represents mode 8.
 fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     let known = sheet.entry(Object::SUPPORTED_MODES).and_then(|entry| entry.value(drive.node));
     let mode = cyclic(drive);
@@ -140,7 +140,7 @@ fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     }
 }
 
-/// Process data whose mapping cannot be written; they must be mapped as the adapter needs them.
+/// Process data with a read-only mapping, which must match the adapter's.
 fn fixed(drive: &DriveEntry, sheet: &Eds) -> Result<Vec<Mapping>, Refusal> {
     let (node, mode) = (Node::new(drive.node).unwrap_or(Node::FIRST), cyclic(drive));
     let mut fixed = Vec::new();

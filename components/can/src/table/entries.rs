@@ -1,4 +1,4 @@
-//! The entries of a drive table, as its file has them.
+//! Entries of a drive table file.
 
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
@@ -18,17 +18,17 @@ pub struct BusEntry {
     /// Its kind: "can", or "serial" for a line of serial servos. Default "can".
     #[serde(default)]
     pub kind: BusKind,
-    /// The network interface of the computer that it is, such as "can0" or "vcan0", or the serial line of an
-    /// slcan adapter or of serial servos, such as "/dev/ttyACM0". Or a place at which `can.drive_sim` offers
-    /// it in real time: "unix:NAME", a unix socket, or "pty:PATH", a pseudo-terminal that speaks slcan, or
-    /// packets of servos. Without one it is simulated, over topics.
+    /// The network interface of the computer, such as "can0" or "vcan0", or the serial line of an slcan
+    /// adapter or of serial servos, such as "/dev/ttyACM0". Or the address at which `can.drive_sim` offers
+    /// the bus in real time: "unix:NAME", a unix socket, or "pty:PATH", a pseudo-terminal with slcan or servo
+    /// packets. Without an interface, the bus is simulated over topics.
     pub interface: Option<String>,
-    /// Bits per second of arbitration, and of whole classic frames; of a serial line its speed.
+    /// Bits per second of arbitration, and of whole classic frames; for a serial line, its speed.
     pub bitrate: u32,
     /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
     pub data_bitrate: Option<u32>,
-    /// All servos answer in one common packet (fast sync read), which saves most of their turn-rounds:
-    /// Dynamixels with firmware support, up to nine on a line. Default false.
+    /// All servos answer together in one packet (fast sync read), which saves most of their turnaround times.
+    /// For Dynamixel servos whose firmware supports it, up to nine on a line. Default false.
     #[serde(default)]
     pub fast_read: bool,
     /// Longest time from a command to the beginning of its answer. Default 100 us.
@@ -47,7 +47,7 @@ pub enum BusKind {
     /// A CAN bus.
     #[default]
     Can,
-    /// A serial line that all servos share.
+    /// A serial line shared by all servos.
     Serial,
 }
 
@@ -57,16 +57,15 @@ pub enum BusKind {
 pub struct DriveEntry {
     /// The joint that it moves.
     pub joint: String,
-    /// The bus that it is on.
+    /// Its bus.
     pub bus: String,
     /// Its protocol.
     pub protocol: Protocol,
     /// Its number on the bus.
     pub node: u8,
-    /// The identifier of its answers. Default: 0; of a Damiao drive the node and 0x10. Of the MIT family
-    /// only.
+    /// The identifier of its answers. Default: 0; for a Damiao drive, the node and 0x10. MIT family only.
     pub master: Option<u16>,
-    /// The ranges of its fields; of protocols without ranges the largest values that it reaches.
+    /// The ranges of its fields; for protocols without ranges, the largest values that it reaches.
     pub ranges: RangeEntry,
     /// Time without a command after which the drive disables itself; "0 s" for never.
     pub watchdog: TimeSpan,
@@ -76,54 +75,54 @@ pub struct DriveEntry {
     /// The drive turns in the opposite direction. Default false.
     #[serde(default)]
     pub reversed: bool,
-    /// Joint position at the drive's zero (rad or m). Default 0.
+    /// Joint position at which the drive reads zero (rad or m). Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// Whole turns of the drive's output shaft added to its reading, for a drive that comes up whole turns
-    /// away. Default 0.
+    /// Whole turns of the output shaft added to the drive's reading, for a drive that is off by whole turns
+    /// after power-up. Default 0.
     #[serde(default)]
     pub turns: i32,
-    /// The quantity that it is commanded: "position", by its own loop, "velocity", with the position loop in
-    /// the adapter (CiA 402 only), or "torque", with the gains of the commands applied in the adapter.
-    /// Default "position". Of ODrive and CiA 402 only.
+    /// The commanded quantity: "position", with the drive's own loop; "velocity", with the position loop in
+    /// the adapter (CiA 402 only); or "torque", with the gains of the commands applied in the adapter.
+    /// Default "position". ODrive and CiA 402 only.
     pub mode: Option<ControlMode>,
-    /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. Of drives
-    /// that are commanded positions, and of moteus.
+    /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. For drives
+    /// commanded by position, and for moteus.
     pub position_loop: Option<LoopEntry>,
-    /// Time between two reports of the encoder, as it is set in the drive. Default 10 ms. Of ODrive only.
+    /// Time between two encoder reports, as configured in the drive. Default 10 ms. ODrive only.
     pub report_every: Option<TimeSpan>,
-    /// Required reference of the reported position: "output", or "rotor" for a joint that moves by less than
-    /// a turn of the rotor. Default "output". Of moteus without `homing` only.
+    /// The minimum reference required of the reported position: "output", or "rotor" for a joint that moves
+    /// by less than a turn of the rotor. Default "output". moteus without `homing` only.
     pub reference: Option<ReferenceEntry>,
-    /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required unless
-    /// the data sheet has it.
+    /// Increments of the encoder per turn of the output shaft. CiA 402 only, where it is required unless the
+    /// data sheet has it.
     pub increments: Option<f64>,
-    /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is
+    /// The rated torque, the base of torques in thousandths: object 0x6076, N m. CiA 402 only, where it is
     /// required unless the data sheet has it.
     pub rated_torque: Option<f64>,
-    /// The largest current of the motor, A, which the adapter sets in the drive before it enables it: an
-    /// effort beyond that current is clamped. Of ODrive, CiA 402 (object 0x6073), Damiao (register 3),
-    /// Feetech (register 48) and Dynamixel (register 102). Default: as the drive has it.
+    /// The largest current of the motor, A, which the adapter sets in the drive before enabling it; efforts
+    /// beyond that current are clamped. For ODrive, CiA 402 (object 0x6073), Damiao (register 3), Feetech
+    /// (register 48) and Dynamixel (register 102). Default: the drive's setting.
     pub current_limit: Option<f64>,
-    /// Torque of the output shaft per current of the motor, N m/A. Of ODrive, Damiao and Dynamixel, for
-    /// `current_limit`.
+    /// Torque of the output shaft per current of the motor, N m/A. For `current_limit` of ODrive, Damiao and
+    /// Dynamixel.
     pub torque_constant: Option<f64>,
-    /// The current of which the limit in the drive is a share: the largest one of a Damiao drive, the stall
+    /// The current of which the drive's limit is a share: the largest current of a Damiao drive, the stall
     /// current of a Feetech, A.
     pub full_current: Option<f64>,
     /// The unit of currents in a Dynamixel, A.
     pub current_unit: Option<f64>,
-    /// The rated current, of which currents are thousandths: object 0x6075, A. Of CiA 402 only, for
-    /// `current_limit`, where it is required unless the data sheet has it.
+    /// The rated current, the base of currents in thousandths: object 0x6075, A. For `current_limit` of CiA
+    /// 402, where it is required unless the data sheet has it.
     pub rated_current: Option<f64>,
-    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it provides
+    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table. It provides
     /// increments and rated torque, and the table is checked against its objects, modes, mappings and limits.
-    /// Of CiA 402 only.
+    /// CiA 402 only.
     pub eds: Option<String>,
-    /// Procedure that determines its position after power-up, before it is enabled. Default: the reported
+    /// The procedure that determines its position after power-up, before it is enabled. Default: the reported
     /// position is absolute, or the drive is at its zero.
     pub homing: Option<HomingEntry>,
-    /// Process data with a read-only mapping in the data sheet.
+    /// Process data whose mapping is read-only according to the data sheet.
     #[serde(skip)]
     pub(crate) fixed_mappings: Vec<Mapping>,
 }
@@ -132,21 +131,21 @@ fn one() -> f64 {
     1.0
 }
 
-/// The quantity that a drive is commanded.
+/// The commanded quantity of a drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlMode {
-    /// Positions, followed by the drive's own loop.
+    /// Positions, which the drive follows with its own loop.
     #[default]
     Position,
-    /// Velocities, followed by the drive's own loop: the adapter closes the position loop around it, with the
-    /// ratio of the gains of `position_loop`, once a cycle.
+    /// Velocities, which the drive follows with its own loop. Once a cycle, the adapter closes the position
+    /// loop around it, with the ratio of the gains of `position_loop`.
     Velocity,
-    /// Torques: the adapter applies the gains of the command to the newest state, once a cycle.
+    /// Torques: once a cycle, the adapter applies the gains of the command to the newest state.
     Torque,
 }
 
-/// The place from which a drive counts its position.
+/// The reference of a drive's position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReferenceEntry {
@@ -193,22 +192,22 @@ pub struct RangeEntry {
 }
 
 impl DriveEntry {
-    /// Gains of its own position loop: the entry's, or full torque at a twentieth of a radian.
+    /// Gains of the drive's own position loop: from its entry, or full torque at a twentieth of a radian.
     pub(super) fn loop_gains(&self) -> LoopEntry {
         let torque = self.ranges.torque;
         self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
     }
 
-    /// Its ranges, with the torque limited by its current and, for a moteus, the gains limited to its own
-    /// loop's.
+    /// Ranges of the drive, with the torque limited by its current limit, and for moteus, with the gains
+    /// limited to its own loop's.
     pub(super) fn limited_ranges(&self) -> mit::Ranges {
         let ranges = self.ranges.ranges();
-        // one that cannot be is refused as such
+        // an invalid one is refused elsewhere
         let torque = self.torque_of_current().filter(|torque| *torque > 0.0);
         let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
         let ranges = mit::Ranges { torque: Range::symmetric(most), ..ranges };
         match self.protocol {
-            // it receives shares of its stored gains, at most one
+            // its commands hold shares of the gains stored in it, at most one
             Protocol::Moteus => {
                 let gains = self.loop_gains();
                 ranges.with_gains(ranges.kp.max.min(gains.kp), ranges.kd.max.min(gains.kd))
@@ -231,11 +230,11 @@ impl RangeEntry {
 pub enum Protocol {
     /// The MIT protocol with answers of six bytes.
     MiniCheetah,
-    /// The same with answers of eight bytes, with the supply voltage.
+    /// The same with answers of eight bytes, including the supply voltage.
     MiniCheetahVoltage,
     /// The MIT protocol of CubeMars.
     Cubemars,
-    /// The MIT protocol of Damiao, whose registers report ranges and watchdog.
+    /// The MIT protocol of Damiao, with readable ranges and watchdog.
     Damiao,
     /// The MIT protocol of RobStride.
     Robstride,
@@ -252,7 +251,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// The form of its answers, of the MIT family.
+    /// Format of its answers, for the MIT family.
     pub(super) fn reply(self) -> Option<mit::Reply> {
         Some(match self {
             Self::MiniCheetah => mit::Reply::MiniCheetah,
@@ -266,7 +265,7 @@ impl Protocol {
         })
     }
 
-    /// The largest number of a drive.
+    /// Largest number of a drive.
     pub(super) fn last_node(self) -> u8 {
         match self {
             Self::Damiao => 0xf,
@@ -279,22 +278,22 @@ impl Protocol {
         }
     }
 
-    /// True for servos on a serial line.
+    /// Returns `true` for servos on a serial line.
     pub(super) fn is_servo(self) -> bool {
         matches!(self, Self::Feetech | Self::Dynamixel)
     }
 
-    /// The kind of bus that it is spoken on.
+    /// Kind of bus that the protocol requires.
     pub(super) fn bus(self) -> BusKind {
         if self.is_servo() { BusKind::Serial } else { BusKind::Can }
     }
 
-    /// Returns `true` for drives with a selectable mode, positions or torques.
+    /// Returns `true` for drives with a selectable `mode`.
     pub(super) fn has_modes(self) -> bool {
         matches!(self, Self::Odrive | Self::Cia402)
     }
 
-    /// Returns `true` for drives with their own position loop, whose gains are in the table.
+    /// Returns `true` for drives with an internal position loop, whose gains are in the table.
     pub(crate) fn has_loop(self) -> bool {
         matches!(self, Self::Odrive | Self::Cia402 | Self::Moteus) || self.is_servo()
     }

@@ -1,4 +1,4 @@
-//! Homing of drives whose position is unknown at power-up.
+//! Homing of drives whose position is unknown after power-up.
 
 use core::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::check::Refusal;
 use super::{ControlMode, DriveEntry, Protocol};
 
-/// The homing of a drive: velocities, efforts and positions refer to the joint.
+/// The homing of a drive. Velocities, efforts and positions are joint quantities.
 ///
 /// ```
 /// use motorium_can::{HomingBy, Table};
@@ -35,36 +35,37 @@ use super::{ControlMode, DriveEntry, Protocol};
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomingEntry {
-    /// Finder of the mark: "drive", the drive's own procedure (ODrive, CiA 402; of servos their stored
-    /// offset), or "stop", the adapter, which moves the joint slowly into its mechanical stop (MIT family,
-    /// moteus, and torque-controlled drives).
+    /// Finder of the mark: "drive", the drive with its own procedure (ODrive, CiA 402; for servos, the offset
+    /// stored in them), or "stop", the adapter, which moves the joint slowly against its mechanical stop (MIT
+    /// family, moteus, and drives commanded by torque).
     pub by: HomingBy,
-    /// Joints of a lower number are homed first, joints of the same number together. Default 0.
+    /// Joints with a lower number are homed before those with a higher one; joints with the same number are
+    /// homed together. Default 0.
     pub order: Option<u8>,
-    /// Time after which a homing that is not over has failed. Default 20 s.
+    /// Time after which an unfinished homing has failed. Default 20 s.
     pub timeout: Option<TimeSpan>,
     /// The procedure of an ODrive: "endstop" (axis state 11) or "index" (axis state 6). Default "endstop".
     pub procedure: Option<HomingProcedure>,
-    /// The method, object 0x6098. Of CiA 402, where it is required.
+    /// The method, object 0x6098. Required for CiA 402.
     pub method: Option<i8>,
-    /// Velocity towards the mark. Of CiA 402 the first one, object 0x6099:01, positive; of "stop" with the
-    /// sign of its direction. rad/s or m/s, required by both.
+    /// Velocity towards the mark, rad/s or m/s. For CiA 402, object 0x6099:01, positive; for "stop", with the
+    /// sign of its direction. Required for both.
     pub velocity: Option<f64>,
-    /// Velocity at the mark, object 0x6099:02, rad/s or m/s. Of CiA 402, where it is required.
+    /// Velocity at the mark, object 0x6099:02, rad/s or m/s. Required for CiA 402.
     pub creep_velocity: Option<f64>,
-    /// Acceleration, object 0x609A, rad/s2 or m/s2. Of CiA 402, where it is required.
+    /// Acceleration, object 0x609A, rad/s2 or m/s2. Required for CiA 402.
     pub acceleration: Option<f64>,
-    /// The homing offset in a servo, which is compared before it is enabled, steps. Of servos, where it is
-    /// required.
+    /// The homing offset stored in a servo, which is compared before the servo is enabled, steps. Required
+    /// for servos.
     pub steps: Option<i32>,
-    /// Effort of the joint against its stop, N m or N. Required with "stop".
+    /// Effort against the stop, N m or N. Required for "stop".
     pub effort: Option<f64>,
-    /// Position of the joint at its stop, rad or m. Of "stop", where it is required.
+    /// Position of the joint at its stop, rad or m. Required for "stop".
     pub position: Option<f64>,
-    /// Distance by which it moves away from the stop again, rad or m. Default 0.05. Of "stop".
+    /// Distance by which the joint moves away from the stop again, rad or m. Default 0.05. For "stop".
     pub back_off: Option<f64>,
-    /// Largest energy with which the joint may meet its stop, J, by the inertia of the robot's model. Default
-    /// 0.1. Of "stop".
+    /// Largest energy with which the joint may hit its stop, J, computed with the inertia of the robot model.
+    /// Default 0.1. For "stop".
     pub energy: Option<f64>,
 }
 
@@ -72,7 +73,7 @@ pub struct HomingEntry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HomingBy {
-    /// The drive, by its own procedure.
+    /// The drive, with its own procedure.
     Drive,
     /// The adapter, at the mechanical stop of the joint.
     Stop,
@@ -89,7 +90,7 @@ pub enum HomingProcedure {
     Index,
 }
 
-/// Objects of a homing of CiA 402, in the units of the drive.
+/// Objects of a CiA 402 homing, in units of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct HomingObjects {
     /// 0x6098.
@@ -100,15 +101,15 @@ pub(crate) struct HomingObjects {
     pub(crate) acceleration: u32,
 }
 
-/// The usual time for a homing.
+/// Default timeout of a homing.
 const TIMEOUT: TimeSpan = TimeSpan { ns: 20_000_000_000 };
-/// Default bound of the energy at a stop, J: half a kilogram metre squared at 0.6 rad/s.
+/// Default energy limit at a stop, J: the energy of half a kilogram metre squared at 0.6 rad/s.
 const ENERGY: f64 = 0.1;
-/// Default back-off distance from a stop, rad or m.
+/// Default distance for backing off from a stop, rad or m.
 const BACK_OFF: f64 = 0.05;
 
 impl HomingEntry {
-    /// Time after which it has failed.
+    /// Time after which the homing has failed.
     pub fn timeout(&self) -> core::time::Duration {
         self.timeout.unwrap_or(TIMEOUT).into()
     }
@@ -118,24 +119,24 @@ impl HomingEntry {
         self.back_off.unwrap_or(BACK_OFF)
     }
 
-    /// Largest energy with which the joint may meet its stop, J.
+    /// Largest energy with which the joint may hit its stop, J.
     pub fn energy(&self) -> f64 {
         self.energy.unwrap_or(ENERGY)
     }
 
-    /// Position of the joint when a homing at its stop is over, rad or m; `None` for another homing.
+    /// Final joint position of a homing at a stop, rad or m; `None` for another homing.
     pub fn end(&self) -> Option<f64> {
         Some(self.position? - self.velocity?.signum() * self.back_off())
     }
 }
 
 impl DriveEntry {
-    /// True if it has to move before its position is known.
+    /// Returns `true` if the joint has to move before its position is known.
     pub fn is_homed(&self) -> bool {
         self.homing.is_some() && !self.protocol.is_servo()
     }
 
-    /// Objects written for its homing, with index, subindex and number; empty without a CiA 402 homing.
+    /// Objects written for the homing, with index, subindex and number; empty without a CiA 402 homing.
     ///
     /// Velocities are increments of the drive per second.
     pub fn homing_registers(&self) -> Vec<(u16, u8, i64)> {
@@ -151,7 +152,8 @@ impl DriveEntry {
         ]
     }
 
-    /// Objects of its homing; `None` without one of its own, or if the values do not fit.
+    /// Homing objects; `None` if the drive does not home with its own procedure, or if a value does not fit
+    /// into its object.
     pub(crate) fn homing_objects(&self) -> Option<HomingObjects> {
         let homing = self.homing.as_ref().filter(|homing| homing.by == HomingBy::Drive)?;
         let per_joint = self.increments? / TAU * self.ratio;
@@ -167,7 +169,7 @@ impl DriveEntry {
     }
 }
 
-/// Refuses a homing that its drive does not support.
+/// Refuses a homing that the drive does not support.
 pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     let Some(homing) = &drive.homing else { return Ok(()) };
     check_keys(drive, homing)?;
@@ -183,7 +185,7 @@ pub(super) fn check(drive: &DriveEntry) -> Result<(), Refusal> {
     }
 }
 
-/// Refuses keys of another homing, and one of which a key is missing.
+/// Refuses keys of another homing, and missing keys.
 fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let (is_own, is_stop) = (homing.by == HomingBy::Drive, homing.by == HomingBy::Stop);
     let is_cia402 = is_own && drive.protocol == Protocol::Cia402;
@@ -218,7 +220,7 @@ fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Returns `true` if its drive supports this homing.
+/// Returns `true` if the drive supports this homing.
 fn can_home(drive: &DriveEntry, by: HomingBy) -> bool {
     match by {
         HomingBy::Drive => drive.protocol.has_modes() || drive.protocol.is_servo(),
@@ -226,13 +228,13 @@ fn can_home(drive: &DriveEntry, by: HomingBy) -> bool {
     }
 }
 
-/// True if the gains and efforts of commands reach the drive.
+/// Returns `true` if the gains and efforts of commands reach the drive.
 fn takes_torques(drive: &DriveEntry) -> bool {
     let is_by_mode = drive.protocol.has_modes() && drive.mode == Some(ControlMode::Torque);
     drive.protocol.reply().is_some() || drive.protocol == Protocol::Moteus || is_by_mode
 }
 
-/// A homing by the drive.
+/// Checks a homing by the drive.
 fn check_own(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     match drive.protocol {
         Protocol::Moteus => Err((
@@ -263,7 +265,7 @@ fn within(steps: Option<i32>, most: i32, advice: &'static str) -> Result<(), Ref
     }
 }
 
-/// The objects of CiA 402.
+/// Checks the CiA 402 objects.
 fn check_objects(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let method = homing.method.unwrap_or_default();
     if !matches!(method, i8::MIN..=-1 | 1..=14 | 17..=30 | 33 | 34 | 35 | 37) {
@@ -294,7 +296,7 @@ fn check_objects(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal
     Ok(())
 }
 
-/// A homing by the adapter.
+/// Checks a homing by the adapter.
 fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     if drive.protocol.is_servo() {
         return Err((

@@ -1,4 +1,4 @@
-//! The drive table: which drive moves which joint, on which bus, by which protocol, with which settings.
+//! Drive table: it assigns a drive, bus, protocol and settings to each joint.
 
 mod check;
 mod current;
@@ -26,7 +26,7 @@ pub use entries::{
 pub(crate) use homing::HomingObjects;
 pub use homing::{HomingBy, HomingEntry, HomingProcedure};
 
-/// A drive table, as its TOML file has it.
+/// Drive table, as read from its TOML file.
 ///
 /// ```
 /// use motorium_can::Table;
@@ -57,45 +57,46 @@ pub struct Table {
     /// The drives.
     #[serde(rename = "drive")]
     pub drives: Vec<DriveEntry>,
-    /// Line and column of the name of each drive's joint, from 1; empty if it was not read from a text.
+    /// Line and column of the name of each drive's joint, from 1; empty if the table was not read from a
+    /// text.
     #[serde(skip)]
     pub(crate) joint_places: Vec<(usize, usize)>,
 }
 
-/// A drive table that cannot be.
+/// Error in a drive table.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{message}", position_prefix(*.line, *.column))]
 pub struct TableError {
-    /// The line of the file, from 1, if one can be named.
+    /// Line of the file, from 1, if known.
     pub line: Option<usize>,
-    /// The column of that line, from 1, if one can be named.
+    /// Column of that line, from 1, if known.
     pub column: Option<usize>,
-    /// The entry at fault: `bus` or `drive`, and its index.
+    /// Entry with the error: `bus` or `drive`, and its index.
     pub entry: Option<(&'static str, usize)>,
-    /// The value found, and the values expected.
+    /// Value found, and values expected.
     pub message: String,
-    /// Advice on fixing it.
+    /// Advice on how to fix the error.
     pub advice: &'static str,
 }
 
-/// From a joint to its drive and back.
+/// Conversion between a joint and its drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transmission {
     /// Angle of the drive per joint position, signed (rad/rad or rad/m).
     pub ratio: f64,
-    /// Joint position at the drive's zero (rad or m).
+    /// Joint position at which the drive reads zero (rad or m).
     pub offset: f64,
-    /// Turns of the drive that are in `offset`.
+    /// Turns of the drive included in `offset`.
     pub turns: i32,
 }
 
 impl Transmission {
-    /// Converts a joint position to the drive's.
+    /// Drive position for a joint position.
     pub fn to_drive(&self, joint: f64) -> f64 {
         (joint - self.offset) * self.ratio
     }
 
-    /// Converts a drive position to the joint's.
+    /// Joint position for a drive position.
     pub fn to_joint(&self, drive: f64) -> f64 {
         drive / self.ratio + self.offset
     }
@@ -105,17 +106,18 @@ impl Table {
     /// Parses and checks a table.
     ///
     /// # Errors
-    /// Not a drive table, or an invalid value.
+    /// Returns an error if the text is not a drive table, or if a value is invalid.
     pub fn parse(text: &str) -> Result<Self, TableError> {
         Self::parse_with(text, |path| {
             Err(io::Error::new(io::ErrorKind::Unsupported, format!("a text alone has no {path}")))
         })
     }
 
-    /// Parses and checks a table; `read` returns the text of a file that it names.
+    /// Parses and checks a table; `read` reads the text of a file named in it.
     ///
     /// # Errors
-    /// Not a drive table, an invalid value, or an unreadable file.
+    /// Returns an error if the text is not a drive table, if a value is invalid, or if a named file cannot be
+    /// read.
     pub fn parse_with(text: &str, read: impl Fn(&str) -> io::Result<String>) -> Result<Self, TableError> {
         let refuse = |error: toml::de::Error| {
             let place = error.span().map(|span| place_of(text, &span));
@@ -137,10 +139,10 @@ impl Table {
         Ok(table)
     }
 
-    /// Completes the drives from their data sheets, whose texts `read` reads by their names.
+    /// Completes the drives from their data sheets, whose texts `read` reads by name.
     ///
     /// # Errors
-    /// A data sheet cannot be read, or contradicts the table.
+    /// Returns an error if a data sheet cannot be read, or contradicts the table.
     pub fn complete(&mut self, read: impl Fn(&str) -> io::Result<String>) -> Result<(), TableError> {
         for (index, drive) in self.drives.iter_mut().enumerate() {
             data_sheet::complete(drive, &read).map_err(|(message, advice)| TableError {
@@ -154,22 +156,22 @@ impl Table {
         Ok(())
     }
 
-    /// Checks a table without other files.
+    /// Checks a table without a robot.
     ///
     /// # Errors
-    /// A value in it cannot be.
+    /// Returns an error if a value is invalid.
     pub fn check(&self) -> Result<(), TableError> {
         let named =
             |(entry, message, advice)| TableError { line: None, column: None, entry, message, advice };
         check::check(self).map_err(named)
     }
 
-    /// True if its buses are interfaces of the computer.
+    /// Returns `true` if the buses are interfaces of the computer.
     pub fn is_real(&self) -> bool {
         self.buses.iter().any(|bus| bus.interface.is_some())
     }
 
-    /// True if its buses are simulated ones that other programs open: `unix:NAME` and `pty:PATH`.
+    /// Returns `true` if the buses are simulated for other programs: `unix:NAME` and `pty:PATH`.
     pub fn is_offered(&self) -> bool {
         self.buses
             .iter()
@@ -180,7 +182,7 @@ impl Table {
     /// Opens the interface of a bus.
     ///
     /// # Errors
-    /// The interface is missing, down, or has other bitrates.
+    /// Returns an error if the interface is missing, is down, or has other bitrates.
     pub fn open(&self, bus: usize) -> Result<RealBus, OpenError> {
         let entry = &self.buses[bus];
         let interface = entry.interface.as_deref().unwrap_or(&entry.name);
@@ -190,8 +192,8 @@ impl Table {
         }
     }
 
-    /// Returns `true` if each of its buses reports receive times regardless of when a frame is read:
-    /// interfaces of the kernel and unix sockets, but no serial lines.
+    /// Returns `true` if each bus timestamps received frames, however late they are read: interfaces of the
+    /// kernel and unix sockets, but not serial lines.
     pub(crate) fn tells_times(&self) -> bool {
         self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| {
             match Place::from_interface(name) {
@@ -201,7 +203,7 @@ impl Table {
         })
     }
 
-    /// Returns `true` if one of its simulated buses is an adapter on a pseudo-terminal.
+    /// Returns `true` if one of the simulated buses is an adapter on a pseudo-terminal.
     pub(crate) fn has_adapters_on_terminals(&self) -> bool {
         let of_can = self.buses.iter().filter(|bus| bus.kind == BusKind::Can);
         of_can
@@ -209,29 +211,29 @@ impl Table {
             .any(|place| matches!(place, Place::Terminal(_)))
     }
 
-    /// The index of a drive's bus.
+    /// Index of a drive's bus.
     pub fn bus_of(&self, drive: &DriveEntry) -> Option<usize> {
         self.buses.iter().position(|bus| bus.name == drive.bus)
     }
 
-    /// The codec of a drive of the MIT family; `None` for one with another protocol.
+    /// Codec of an MIT drive; `None` for other protocols.
     pub fn drive(&self, index: usize) -> Option<mit::Drive> {
         let entry = &self.drives[index];
         let usual = if entry.protocol == Protocol::Damiao { 0x10 | u16::from(entry.node) } else { 0 };
         let reply_id = Id::Standard(entry.master.unwrap_or(usual));
-        // its fields cover these, whatever it is limited to
+        // its fields have these ranges, whatever its limits are
         let ranges = entry.ranges.ranges();
         let mut drive = mit::Drive::new(entry.node, reply_id, entry.protocol.reply()?, ranges);
         drive.form = self.form(entry);
         Some(drive)
     }
 
-    /// The ranges of a drive's fields, or the largest values that it reaches within its limits.
+    /// Ranges of a drive's fields, or the largest values within its limits.
     pub fn ranges(&self, index: usize) -> mit::Ranges {
         self.drives[index].limited_ranges()
     }
 
-    /// Gains of a drive's own position loop: the entry's, or full torque at a twentieth of a radian.
+    /// Gains of a drive's own position loop: from its entry, or full torque at a twentieth of a radian.
     pub fn position_loop(&self, index: usize) -> LoopEntry {
         self.drives[index].loop_gains()
     }
@@ -242,12 +244,12 @@ impl Table {
         match drive.protocol {
             Protocol::Feetech | Protocol::Dynamixel => Form::Packet,
             Protocol::Damiao | Protocol::Moteus if is_fast => Form::FdFast,
-            // their frames are classic ones on any bus
+            // the others use classic frames on any bus
             _ => Form::Classic,
         }
     }
 
-    /// The gear between a joint and its drive.
+    /// Transmission between a joint and its drive.
     pub fn transmission(&self, index: usize) -> Transmission {
         let entry = &self.drives[index];
         let sign = if entry.reversed { -1.0 } else { 1.0 };
@@ -256,13 +258,13 @@ impl Table {
         Transmission { ratio, offset, turns: entry.turns }
     }
 
-    /// The rates of a bus.
+    /// Bitrates of a bus.
     pub fn rates(&self, bus: usize) -> Rates {
         let entry = &self.buses[bus];
         Rates { nominal: entry.bitrate, fast: entry.data_bitrate.unwrap_or(entry.bitrate) }
     }
 
-    /// The budget of one cycle on a bus.
+    /// Time budget of one cycle on a bus.
     pub fn budget(&self, bus: usize, cycle_ns: u64) -> Budget {
         let entry = &self.buses[bus];
         let drives = self.drives.iter().filter(|drive| self.bus_of(drive) == Some(bus));
@@ -280,14 +282,14 @@ impl Table {
                     exchanges.push((of(6), of(6)));
                     others.push(of(6));
                     if drive.is_homed() && drive.homing_objects().is_some() {
-                        // service data besides the process data, and their answer
+                        // service data alongside the process data, and their answer
                         others.extend([of(8); 2]);
                     }
                 }
                 Protocol::Moteus => {
                     exchanges.push((Shape { extended: true, ..of(32) }, of(20)));
                 }
-                // in the packet with all goals: number and goal; in the request: the number again
+                // number and goal in the packet with all goals, and the number again in the query
                 Protocol::Feetech => {
                     exchanges.push((of(4), of(6 + usize::from(crate::feetech::STATE_BYTES))))
                 }
@@ -312,7 +314,7 @@ impl Table {
         }
         let mut turn_rounds = 1;
         if entry.kind == BusKind::Serial {
-            // head and end of both packets; each servo in its turn
+            // header and end of both packets; servos answer in turn
             let around = if speaks(Protocol::Dynamixel) { 14 } else { 8 };
             others.extend([Shape { form: Form::Packet, bytes: around, ..plain }; 2]);
             if entry.fast_read {
@@ -325,10 +327,10 @@ impl Table {
         Budget { rates: self.rates(bus), exchanges, others, turn_round_ns, cycle_ns }
     }
 
-    /// The index of each joint's drive, in this order of the joints.
+    /// Indices of the joints' drives, in this order of the joints.
     ///
     /// # Errors
-    /// A joint has no drive, or a drive moves no such joint.
+    /// Returns an error if a joint has no drive, or if a drive moves a joint that is not in the list.
     pub fn of_joints(&self, joints: &[String]) -> Result<Vec<usize>, TableError> {
         if let Some(index) = self.drives.iter().position(|drive| !joints.contains(&drive.joint)) {
             let place = self.joint_places.get(index);
@@ -360,7 +362,7 @@ impl Table {
     }
 }
 
-/// The names of the joints of a table, with their places in its text.
+/// Joint names of a table, with their positions in its text.
 #[derive(Deserialize)]
 struct Joints {
     #[serde(rename = "drive")]
@@ -379,7 +381,7 @@ fn place_of(text: &str, span: &Span<usize>) -> (usize, usize) {
     (1 + before.matches('\n').count(), 1 + line.chars().count())
 }
 
-/// The place in words, before a message.
+/// Position as the prefix of a message.
 fn position_prefix(line: Option<usize>, column: Option<usize>) -> String {
     match (line, column) {
         (Some(line), Some(column)) => format!("line {line}, column {column}: "),
@@ -388,7 +390,7 @@ fn position_prefix(line: Option<usize>, column: Option<usize>) -> String {
     }
 }
 
-/// The line of the `index`-th header.
+/// Line of the `index`-th header.
 fn nth_line(text: &str, header: &str, index: usize) -> Option<usize> {
     text.lines()
         .enumerate()

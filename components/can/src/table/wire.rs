@@ -1,5 +1,5 @@
-//! Refusals of settings that the bus cannot carry: unsupported frames, shared identifiers, and numbers beyond
-//! their fields.
+//! Checks against the wire: frames that a drive does not support, identifiers shared by two drives, and
+//! numbers beyond their fields.
 
 use core::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use crate::damiao;
 use crate::frame::{Form, Id};
 use crate::moteus;
 
-/// Refuses classic-only drives on a bus with drives that use CAN FD frames.
+/// Refuses classic-only drives on a bus with drives that receive CAN FD frames.
 pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let of = |form| on_bus().find(|drive| table.form(drive) == form);
@@ -24,7 +24,7 @@ pub(super) fn check_forms(table: &Table, bus: &BusEntry) -> Result<(), Refusal> 
     ))
 }
 
-/// Identifiers of a drive's commands and answers, where drives of several protocols share a bus.
+/// Identifiers of a drive's commands and of its answers, on a bus shared by several protocols.
 fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     let entry = &table.drives[index];
     match (table.drive(index), entry.protocol) {
@@ -34,7 +34,8 @@ fn identifiers(table: &Table, index: usize) -> Option<(Id, Id)> {
     }
 }
 
-/// Refuses a drive whose answers look like another drive's commands or another protocol's answers.
+/// Refuses a drive whose answers another one would interpret as commands, or whose answers look like another
+/// protocol's.
 pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refusal> {
     let drive = &table.drives[index];
     let Some((mine, answers)) = identifiers(table, index) else { return Ok(()) };
@@ -52,7 +53,7 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
                 other.joint
             ));
         }
-        // answers of one protocol name the drive
+        // answers of one protocol contain the drive's number
         if answers == their_answers && drive.protocol != other.protocol {
             return refuse(format!(
                 "its answers have the identifier {answers}, as those of `{}`, a drive of {:?}",
@@ -63,12 +64,10 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
     Ok(())
 }
 
-/// The largest numbers of fields of 16 bits: feed-forward of an ODrive in thousandths, torques of CiA 402 in
-/// thousandths.
+/// Largest number in 16-bit thousandths: feed-forward of an ODrive, torques of CiA 402.
 const THOUSANDTHS: f64 = 32.767;
 
-/// Refuses numbers of a drive that are beyond the fields of its protocol, and watchdogs that its unit does
-/// not reach.
+/// Refuses numbers beyond the fields of the drive's protocol, and watchdogs beyond the range of their unit.
 pub(super) fn check_fields(drive: &DriveEntry) -> Result<(), Refusal> {
     let ranges = &drive.ranges;
     let mode = drive.mode.unwrap_or_default();

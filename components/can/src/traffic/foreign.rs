@@ -1,10 +1,8 @@
-//! Logs in other formats than `candump -L`'s: the screen output of `candump`, and ASC files of Vector's
-//! tools.
+//! Logs in formats other than `candump -L`: the screen output of `candump`, and ASC files of Vector's tools.
 
 use super::{Record, RecordError};
 
-/// Parses a line of a foreign log into the form of `candump -L`; `None` for a line without traffic, such as a
-/// header.
+/// Converts a log line to the format of `candump -L`; `None` for a line without traffic, such as a header.
 pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     let refuse = |message: &str| Err(RecordError { found: line.to_string(), message: message.to_string() });
     let fields: Vec<&str> = line.split_whitespace().collect();
@@ -32,15 +30,14 @@ pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     }
 }
 
-/// A time in seconds with six decimals.
+/// Time in seconds with six decimals.
 fn micros(time: &str) -> Option<String> {
     let (seconds, fraction) = time.split_once('.')?;
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
     (is_number(seconds) && is_number(fraction)).then(|| format!("{seconds}.{:0<6.6}", fraction))
 }
 
-/// A line as it is on a screen, without its time: `can0 123 [3] 11 22 33`. The length of a CAN FD frame has
-/// two digits there.
+/// Screen line without its time: `can0 123 [3] 11 22 33`. The length of a CAN FD frame has two digits there.
 fn screen(time: &str, line: &str) -> Option<String> {
     let mut fields = line.split_whitespace().filter(|field| !matches!(*field, "RX" | "TX" | "-" | "B" | "E"));
     let (interface, id) = (fields.next()?, fields.next()?);
@@ -51,14 +48,14 @@ fn screen(time: &str, line: &str) -> Option<String> {
     if rest.first() == Some(&"remote") {
         return Some(format!("({time}) {interface} {id}#R"));
     }
-    // the text behind the bytes is `candump -a`, or the name of an error
+    // the text behind the bytes comes from `candump -a`, or is the name of an error
     let bytes = rest.get(..count).filter(|bytes| bytes.iter().all(|byte| is_byte(byte)))?;
     let separator = if length.len() == 2 { "##0" } else { "#" };
     Some(format!("({time}) {interface} {id}{separator}{}", bytes.concat()))
 }
 
-/// Parses a line of an ASC file, with channel N as the interface `canN`. Returns `None` if it does not parse,
-/// and `Some(None)` for an event other than a frame.
+/// Converts a line of an ASC file to a line of the interface `canN` for channel N. Returns `None` for a line
+/// that does not parse, and `Some(None)` for an event other than a frame.
 fn asc(fields: &[&str]) -> Option<Option<String>> {
     let time = micros(fields.first()?)?;
     let id_of = |text: &str| match text.strip_suffix(['x', 'X']) {
@@ -71,7 +68,7 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
     };
     if fields.get(1) == Some(&"CANFD") {
         let (channel, id) = (fields.get(2)?, id_of(fields.get(4)?)?);
-        // a symbolic name may precede the flags
+        // a symbolic name may come between identifier and flags
         let flags = if matches!(fields.get(5), Some(&("0" | "1"))) { 5 } else { 6 };
         let separator = if fields.get(flags) == Some(&"1") { "##1" } else { "##0" };
         let bytes = data(fields.get(flags + 3)?, fields.get(flags + 4..)?)?;
@@ -97,8 +94,8 @@ fn asc(fields: &[&str]) -> Option<Option<String>> {
 }
 
 impl Record {
-    /// Reads a line of a log: of `candump -L`, of `candump` on a screen, or of an ASC file, whose channel N
-    /// becomes the interface `canN`; `None` for an empty line and for a header.
+    /// Parses a log line: of `candump -L`, of the screen output of `candump`, or of an ASC file, whose
+    /// channel N becomes the interface `canN`. Returns `None` for an empty line and for a header.
     ///
     /// ```
     /// use motorium_can::Record;
@@ -112,7 +109,7 @@ impl Record {
     /// ```
     ///
     /// # Errors
-    /// The line is no record.
+    /// Returns an error if the line is not a record.
     pub fn of_log(line: &str) -> Result<Option<Self>, RecordError> {
         let Some(translated) = translate(line)? else { return Ok(None) };
         let refuse = |error: RecordError| RecordError { found: line.to_string(), ..error };

@@ -1,4 +1,4 @@
-//! Listening and sending, on interfaces of the kernel and on simulated buses.
+//! Receiving and sending on interfaces of the kernel and on simulated buses.
 
 use core::time::Duration;
 use std::io;
@@ -14,7 +14,7 @@ use crate::bus::offered::{Place, Traffic, UnixBus};
 use crate::bus::socket::look_up;
 use crate::{Condition, OpenError};
 
-/// Listeners on interfaces of the kernel and on simulated buses (`unix:NAME`), for tools: they wait, and may
+/// Listener on interfaces of the kernel and simulated buses (`unix:NAME`), for tools; it may block and
 /// allocate.
 ///
 /// ```
@@ -37,7 +37,7 @@ pub struct Listener {
     sources: Vec<Source>,
 }
 
-/// The simulated bus of this name; `None` for an interface of the kernel.
+/// Simulated bus with this name; `None` for an interface of the kernel.
 fn simulated(name: &str) -> Result<Option<Box<UnixBus>>, OpenError> {
     match Place::from_interface(name) {
         Some(Place::Socket(socket)) => UnixBus::open(socket).map(|bus| Some(Box::new(bus))),
@@ -47,7 +47,7 @@ fn simulated(name: &str) -> Result<Option<Box<UnixBus>>, OpenError> {
     }
 }
 
-/// A bus that is listened to.
+/// Source of records.
 enum Source {
     Kernel(String, CanFdSocket),
     Simulated(Box<UnixBus>),
@@ -74,7 +74,7 @@ impl Source {
         }
     }
 
-    /// The next record, if there is one.
+    /// Next record, if available.
     fn next(&mut self) -> io::Result<Option<Record>> {
         match self {
             Self::Kernel(name, socket) => match socket.read_frame_with_timestamp() {
@@ -108,15 +108,16 @@ impl Listener {
     /// Listens on these interfaces.
     ///
     /// # Errors
-    /// An interface is missing or down, is a line used by one program only, or the kernel refuses.
+    /// Returns an error if an interface is missing or down, if it is a line that only one program can open,
+    /// or if the kernel refuses.
     pub fn open<'a>(interfaces: impl IntoIterator<Item = &'a str>) -> Result<Self, OpenError> {
         Ok(Self { sources: interfaces.into_iter().map(Source::open).collect::<Result<_, _>>()? })
     }
 
-    /// Returns the next record, if one arrives within `timeout`.
+    /// Returns the next record if one arrives within `timeout`.
     ///
     /// # Errors
-    /// An interface went down or away.
+    /// Returns an error if an interface went down or disappeared.
     pub fn next(&mut self, timeout: Duration) -> io::Result<Option<Record>> {
         if let Some(record) = self.take()? {
             return Ok(Some(record));
@@ -143,23 +144,24 @@ impl Listener {
     }
 }
 
-/// A sender of records on an interface of the kernel or a simulated bus (`unix:NAME`), for tools.
+/// Sender of records on an interface of the kernel or a simulated bus (`unix:NAME`), for tools.
 pub struct Sender {
     name: String,
     line: Line,
 }
 
-/// Destination of sent records.
+/// Channel through which records are sent.
 enum Line {
     Kernel(CanFdSocket),
     Simulated(Box<UnixBus>),
 }
 
 impl Sender {
-    /// Sends on an interface.
+    /// Opens an interface for sending.
     ///
     /// # Errors
-    /// The interface is missing or down, is a line used by one program only, or the kernel refuses.
+    /// Returns an error if the interface is missing or down, if it is a line that only one program can open,
+    /// or if the kernel refuses.
     pub fn open(name: &str) -> Result<Self, OpenError> {
         let line = match simulated(name)? {
             Some(bus) => Line::Simulated(bus),
@@ -175,7 +177,7 @@ impl Sender {
     /// Sends the frame of a record, whatever interface it came from.
     ///
     /// # Errors
-    /// The interface rejects the record; the error has the reason.
+    /// Returns an error if the interface does not accept the frame; the error explains the cause.
     pub fn send(&mut self, record: &Record) -> io::Result<()> {
         let name = &self.name;
         let socket = match &mut self.line {

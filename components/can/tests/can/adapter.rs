@@ -1,4 +1,4 @@
-//! The adapter against simulated drives on a simulated bus, without a runtime.
+//! Adapter against simulated drives on a simulated bus, without a runtime.
 
 use motorium_can::adapter::{Adapter, OnTrip, Phase, Setpoint, WrongSetting};
 use motorium_can::bus::simulated::Event;
@@ -8,7 +8,7 @@ use motorium_can::{Frame, Id, Range, Received, SimulatedBus, SimulatedDrive, Tab
 const CYCLE_NS: u64 = 1_000_000;
 const DELAY_NS: u64 = 50_000;
 
-/// Fault of the answers of a drive: the answers in its place, with their delays.
+/// Fault of a drive's answers: returns the answers sent instead, with their delays.
 type Befalls = fn(u64, Frame) -> Vec<(Frame, u64)>;
 
 /// Two drives on a bus, and the adapter.
@@ -65,7 +65,7 @@ impl Rig {
                 }
                 for (index, drive) in self.drives.iter_mut().enumerate() {
                     let Some(answer) = drive.receive(&frame, time_ns) else { continue };
-                    // the first drive is the one that something befalls
+                    // the fault affects the first drive
                     let answers =
                         if index == 0 { (self.befalls)(self.cycle, answer) } else { well(0, answer) };
                     for (answer, late_ns) in answers {
@@ -166,7 +166,7 @@ fn second_answers_are_counted_and_not_taken() {
 fn malformed_answers_are_counted_and_ignored() {
     let mut rig = Rig::new(|cycle, answer| match cycle {
         50 => vec![(Frame::classic(answer.id, &answer.data()[..7]), 0)],
-        // the state 5, which there is not, and a position far away
+        // the invalid state 5, and a position far away
         51 => vec![(Frame::classic(answer.id, &[0x51, 0xff, 0xff, 0, 0, 0, 0, 0]), 0)],
         _ => well(0, answer),
     });
@@ -246,7 +246,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
     for trial in 0..100 {
         let mut rig = Rig::new(well);
         rig.run(20 + trial % 7);
-        // its last frame arrives at some moment of an inner loop of 4 kHz
+        // the last frame arrives at some point within a period of the 4 kHz inner loop
         let last_ns = rig.cycle * CYCLE_NS + 7_919 * trial;
         for drive in &mut rig.drives {
             let frame =
@@ -271,7 +271,7 @@ fn drives_release_after_the_adapter_dies_100_of_100() {
 
 #[test]
 fn constant_latency_is_distinguished_from_a_lost_answer() {
-    // as late as the frames of the next cycle can be answered
+    // as late as answers to the frames of the next cycle
     let mut rig = Rig::new(|cycle, answer| vec![(answer, if cycle < 50 { 0 } else { CYCLE_NS + 20_000 })]);
     rig.run(52);
     assert!(!rig.adapter.has_tripped(), "the answer to the cycle before is believed");

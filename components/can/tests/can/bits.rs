@@ -1,10 +1,10 @@
-//! Bits of frames, compared with published lengths and a second count.
+//! Bits of frames, against published lengths and an independent count.
 
 use motorium_can::{Bits, Form, Frame, Id, Rates};
 
 const FD: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
-/// A pseudo-random generator.
+/// Pseudo-random number generator.
 struct Numbers(u64);
 
 impl Numbers {
@@ -61,8 +61,8 @@ fn random_frames_have_the_published_mean_length() {
     }
 }
 
-/// The frame as a text of bits, stuffed by replacing runs from the left: slow, and independent of the
-/// product's algorithm.
+/// Counts the bits of a frame as text, stuffed by replacing runs from the left: slow, but independent of the
+/// library's algorithm.
 #[test]
 fn stuffing_is_that_of_a_text_of_bits() {
     fn checksum(bits: &str) -> String {
@@ -94,7 +94,7 @@ fn stuffing_is_that_of_a_text_of_bits() {
     let mut numbers = Numbers(99);
     for round in 0..2_000 {
         let bytes = round % 9;
-        // few different bits, so that there are long runs
+        // mostly zero bits, so that there are long runs
         let data = (numbers.next() & numbers.next() & numbers.next()).to_le_bytes();
         let id = (numbers.next() & 0x7ff) as u16;
         let body: String = data[..bytes].iter().map(|byte| format!("{byte:08b}")).collect();

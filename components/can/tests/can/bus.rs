@@ -9,7 +9,7 @@ fn frame(id: u16) -> Frame {
     Frame::classic(Id::Standard(id), &id.to_be_bytes())
 }
 
-/// Senders and identifiers in the order in which they arrive until `until_ns`.
+/// Senders and frames in order of arrival until `until_ns`, with their times.
 fn delivered(bus: &mut SimulatedBus, until_ns: u64) -> Vec<(usize, Frame, u64)> {
     let mut all = Vec::new();
     while let Some(event) = bus.next(until_ns) {
@@ -46,7 +46,7 @@ fn frames_take_their_bit_times_without_gaps() {
     frames.iter().for_each(|frame| assert!(bus.enqueue(0, *frame, 0)));
     let times: Vec<u64> = delivered(&mut bus, 1_000_000).into_iter().map(|(_, _, time)| time).collect();
     let bits = frames.map(|frame| u64::from(Bits::from_frame(&frame).nominal) * 1000);
-    // a frame is there before the three bits of pause
+    // a frame arrives before the three bits of interframe space
     assert_eq!(times, [bits[0] - 3000, bits[0] + bits[1] - 3000]);
     assert_eq!(bus.busy_ns(), bits[0] + bits[1]);
 }
@@ -82,7 +82,7 @@ fn a_disturbed_sender_becomes_passive_and_then_leaves() {
     while let Some(Event::Disturbed { state, .. }) = bus.next(1_000_000_000) {
         states.push(state);
     }
-    // 8 errors a time: the 16th makes 128, the 32nd 256
+    // 8 errors each time: the 16th makes 128, the 32nd 256
     let expected: Vec<ErrorState> = (1..=32)
         .map(|n| match n {
             32 => ErrorState::Off,

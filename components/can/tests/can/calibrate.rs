@@ -1,4 +1,4 @@
-//! Offsets that are measured in a known pose, with simulated drives on a bus without bit times.
+//! Offsets measured in a known pose, with simulated drives on a bus without bit times.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use motorium_can::{
 
 const TIME: Duration = Duration::from_millis(200);
 
-/// A bus whose drives answer at once.
+/// Bus whose drives answer immediately.
 struct Desk {
     drives: Vec<AnySimulatedDrive>,
     /// Positions of the shafts, rad.
@@ -40,7 +40,7 @@ impl Bus for Desk {
     }
 }
 
-/// Two drives, of which the second is behind a gear, turned round, and has an offset.
+/// Two drives; the second has a gear, is reversed, and has an offset.
 fn table(protocol: &str, more: &str) -> Table {
     let drive = |joint: &str, node: u8, gear: &str| {
         format!(
@@ -91,7 +91,7 @@ fn with_the_offsets_found_every_joint_stands_as_the_pose_says() {
         let found = measured(&table, &mut desk(&table, shafts)).expect(protocol);
         for (index, (calibrated, pose)) in found.iter().zip([0.2, -0.4]).enumerate() {
             let gear = table.transmission(index);
-            // the drive's angle over the signed ratio, and the offset
+            // the drive's angle over the signed ratio, plus the offset
             let position = shafts[index] / gear.ratio + calibrated.offset;
             assert!((position - pose).abs() < 1e-3, "{protocol} {calibrated:?}");
             assert!(calibrated.answers >= 15 && calibrated.spread < 1e-3, "{protocol} {calibrated:?}");
@@ -120,7 +120,7 @@ fn what_makes_an_offset_worthless_is_told() {
         matches!(&wrong, CalibrationError::Setting { joint, wrong: WrongSetting::Range { .. } } if joint == "b"),
         "{wrong}"
     );
-    // a command of another program, which a socket of the kernel shows to all
+    // a command of another program, which a kernel socket delivers to every listener
     let frame = table.drive(1).unwrap().command(&mit::Command::default());
     let commanded = Desk { received: vec![Received { frame, time_ns: 0 }], ..fresh() };
     assert_eq!(error(commanded), CalibrationError::Commanded { joint: "b".into() });

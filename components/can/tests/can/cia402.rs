@@ -1,4 +1,4 @@
-//! CANopen and CiA 402, against the published forms of their frames.
+//! CANopen and CiA 402, against the published frame formats.
 
 use motorium_can::cia402::{
     DriveState, Mode, NetworkCommand, NetworkState, Node, Object, Process, Service, Setpoint, Value, sync,
@@ -21,7 +21,7 @@ fn canopen_management_frames_match_the_standard() {
     assert_eq!(hex(sync()), "0x080#");
     let beat = Frame::classic(Id::Standard(0x705), &[5]);
     assert_eq!(node().heartbeat(&beat), Ok(NetworkState::Operational));
-    // 0 stands for all nodes
+    // 0 addresses all nodes
     let all = Frame::classic(Id::Standard(0), &[2, 0]);
     assert_eq!(node().network_command(&all), Ok(NetworkCommand::Stop));
 }

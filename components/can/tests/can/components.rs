@@ -1,4 +1,4 @@
-//! The components in a graph in lockstep: adapter, simulated buses and drives, physics.
+//! Components in a lockstep graph: adapter, simulated buses and drives, physics.
 
 use std::path::PathBuf;
 
@@ -47,7 +47,7 @@ watchdog = "20 ms"
 ranges   = { position = 12.5, velocity = 30.0, torque = 8.0 }
 "#;
 
-/// A folder with the drive table and a graph file's place.
+/// Folder with the drive table, and the location of a graph file.
 pub(super) struct Folder(pub(super) PathBuf);
 
 impl Folder {
@@ -68,14 +68,14 @@ impl Drop for Folder {
 /// Positions at which the joints are held, rad.
 pub(super) const GOAL: [f64; 3] = [0.35, 0.75, -0.85];
 
-/// A planar arm held by commands through drives, with this in the table of the simulated drives and of the
-/// safety.
+/// Planar arm held by commands through drives, with these additions to the tables of the simulated drives and
+/// of the safety.
 pub(super) fn graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     let command = Source::new("commands", "arm/command", |_| Some(command()));
     bare_graph(folder, simulation, safety).kind::<CanAdapter>().with(command)
 }
 
-/// The command that holds the arm at its goal.
+/// Command that holds the arm at its goal.
 pub(super) fn command() -> JointCommand {
     let mut command = JointCommand::default();
     command.set_count(3);
@@ -87,7 +87,7 @@ pub(super) fn command() -> JointCommand {
     command
 }
 
-/// The same without anybody who commands, and without the kind of the adapter.
+/// The same without a commander, and without the adapter's kind.
 pub(super) fn bare_graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
     pushed_graph(folder, "pushes = []", simulation, safety)
 }
@@ -157,7 +157,7 @@ fn commands_reach_the_arm_and_no_answer_is_missing() {
     assert!(result["enabled_in_cycle"].as_u64().is_some_and(|cycle| cycle < 10), "{result}");
     let last = states.values().pop().unwrap();
     for (q, goal) in last.position().iter().zip(GOAL) {
-        // the weight of the arm bends its drives
+        // the drives deflect under the weight of the arm
         assert!((q - goal).abs() < 0.2, "{:?}", last.position());
     }
     assert!(last.position() != [0.3, 0.8, -0.8]);
@@ -206,8 +206,7 @@ fn a_silent_drive_is_lost_in_the_third_cycle() {
         let fault = format!(r#"faults = [{{ at = "{at} ms", kind = "silent", joint = "joint2" }}]"#);
         let report = run(&format!("silent-{at}"), &fault, "800 ms");
         let joint = &adapter(&report)["joints"]["joint2"];
-        // what is asked in the cycle of that time is the first that is not answered, and is missed a cycle
-        // later
+        // the first unanswered query is the one in this cycle, and it counts as missing a cycle later
         assert_eq!(
             (&joint["lost"], &joint["lost_in_cycle"]),
             (&Value::from(1), &Value::from(at + 4)),

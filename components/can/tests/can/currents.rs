@@ -1,4 +1,4 @@
-//! The largest current of a drive: set in it before it is enabled, checked by its own unit, and a bound of
+//! Current limit of a drive: set before the drive is enabled, checked against its unit, and an upper bound of
 //! every torque.
 
 use motorium_can::Table;
@@ -14,7 +14,7 @@ const DAMIAO: &str = "current_limit = 6.0\nfull_current = 30.0\ntorque_constant 
 const FEETECH: &str = "current_limit = 0.6\nfull_current = 2.4";
 const DYNAMIXEL: &str = "current_limit = 1.0\ncurrent_unit = 0.00269\ntorque_constant = 2.0";
 
-/// The torque with which a drive moves towards a goal far away, whose keys are these.
+/// Torque with which a drive with these keys moves towards a distant goal.
 fn torque(protocol: &'static str, more: String) -> f64 {
     let more: &'static str = more.leak();
     let is_servo = matches!(protocol, "feetech" | "dynamixel");
@@ -81,7 +81,7 @@ fn a_servo_that_does_not_limit_its_current_is_not_enabled() {
     };
     let limited = "current_limit = 1.0\ncurrent_unit = 0.001\ntorque_constant = 1.0";
     assert_eq!(follow(&table(limited), None), (true, None));
-    // one in the mode of positions has no limit of its current
+    // a servo in the position mode has no current limit
     let wrong = WrongSetting::OperatingMode { found: 3, expected: 5 };
     assert_eq!(follow(&table(limited), Some(&table(""))), (false, Some(wrong)));
 }

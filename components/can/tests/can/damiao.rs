@@ -1,4 +1,4 @@
-//! The registers of Damiao drives.
+//! Registers of Damiao drives.
 
 use motorium_can::damiao::{Register, Request, Value};
 use motorium_can::{DecodeError, Frame, Id};

@@ -1,4 +1,4 @@
-//! Databases of messages, against cantools (`databases/golden.py`) and the codec of ODrives.
+//! Message databases, against cantools (`databases/golden.py`) and the codec of ODrives.
 
 use core::f64::consts::TAU;
 

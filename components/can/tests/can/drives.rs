@@ -1,4 +1,4 @@
-//! The adapter against simulated drives of every protocol on a simulated bus, without a runtime.
+//! Adapter against simulated drives of every protocol on a simulated bus, without a runtime.
 
 use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
 use motorium_can::bus::simulated::Event;
@@ -6,10 +6,10 @@ use motorium_can::{AnySimulatedDrive, Overrides, Received, SimulatedBus, Table, 
 
 const WATCHDOG_NS: u64 = 40_000_000;
 const STEP_NS: u64 = 250_000;
-/// Position of the shafts at first, rad.
+/// Initial position of the shafts, rad.
 const SHAFT: f64 = 0.5;
 
-/// A protocol, with the additional keys of its entries.
+/// Protocol with its specific keys.
 pub(super) struct Case {
     pub(super) protocol: &'static str,
     pub(super) bus: &'static str,
@@ -61,7 +61,7 @@ pub(super) struct Rig {
     drives: [AnySimulatedDrive; 2],
     pub(super) cycle: u64,
     pub(super) cycle_ns: u64,
-    /// The first drive is silent.
+    /// The first drive does not send.
     pub(super) is_silent: bool,
     pub(super) is_old: bool,
     pub(super) torques: [f64; 2],
@@ -87,7 +87,7 @@ impl Rig {
             AnySimulatedDrive::new(&table, 0, overrides),
             AnySimulatedDrive::new(&table, 1, Overrides::default()),
         ];
-        // they answer with the positions of their last step
+        // drives answer with the positions of their last step
         drives.iter_mut().for_each(|drive| _ = drive.step(SHAFT, 0.0, 0));
         Self {
             adapter,
@@ -109,7 +109,7 @@ impl Rig {
         rig
     }
 
-    /// Runs cycles: the adapter sends, the bus and the drives go on step by step, the adapter collects.
+    /// Runs cycles: the adapter sends, the bus and the drives advance step by step, the adapter collects.
     pub(super) fn run(&mut self, cycles: u64) {
         for _ in 0..cycles {
             let begin_ns = self.cycle * self.cycle_ns;
@@ -145,7 +145,7 @@ impl Rig {
                 adapter.take(0, &Received { frame, time_ns });
                 continue;
             }
-            // servos of an older firmware know no fast read
+            // servos with older firmware do not support fast reads
             let is_known = !*is_old || frame.data().get(7) != Some(&0x8a);
             for (index, drive) in drives.iter_mut().enumerate().filter(|_| is_known) {
                 drive.receive(&frame, time_ns, &mut |answer| {
@@ -193,7 +193,7 @@ fn commands_turn_the_shafts_towards_their_goals() {
         rig.run(20);
         let [forwards, backwards] = rig.torques;
         assert!(forwards > 0.05 && backwards < -0.05, "{}: {:?}", case.protocol, rig.torques);
-        // gains of the command where they reach the drive: 4 N m/rad over 20 mrad
+        // gains of the command, if they reach the drive: 4 N m/rad over 20 mrad
         if case.more.contains("\"torque\"") || matches!(case.protocol, "damiao" | "moteus") {
             assert!((forwards - 0.08).abs() < 0.01, "{}: {forwards}", case.protocol);
         }
@@ -205,7 +205,7 @@ fn a_silent_drive_of_any_protocol_is_lost_in_three_cycles() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
         rig.is_silent = true;
-        // reports that come by themselves are overdue a cycle later
+        // unsolicited reports are overdue a cycle later
         rig.run(5);
         let counts = rig.adapter.links()[0].counts();
         assert!(rig.adapter.has_tripped(), "{}: {counts:?}", case.protocol);
@@ -218,12 +218,12 @@ fn a_silent_drive_of_any_protocol_is_lost_in_three_cycles() {
 fn reenabled_drives_begin_at_their_moved_position() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
-        // without power, at another place
+        // without power, at another position
         rig.drives.iter_mut().for_each(AnySimulatedDrive::cut_power);
         rig.is_silent = true;
         rig.run(5);
         (rig.is_silent, rig.shaft) = (false, -1.0);
-        // an ODrive reports its state every tenth of a second
+        // an ODrive reports its state each tenth of a second
         rig.run(150_000_000 / rig.cycle_ns);
         rig.adapter.resume();
         let cycles = 400;
@@ -244,7 +244,7 @@ fn a_drive_without_power_trips_until_resumed() {
         rig.is_silent = true;
         rig.run(5);
         rig.is_silent = false;
-        // an ODrive reports its state every tenth of a second
+        // an ODrive reports its state each tenth of a second
         rig.run(150_000_000 / rig.cycle_ns);
         assert!(rig.adapter.has_tripped(), "{}", case.protocol);
         // a moteus follows any command, and is damped
@@ -261,7 +261,7 @@ fn watchdog_releases_are_detected() {
     for case in &CASES {
         let mut rig = Rig::healthy(case);
         let killed_ns = rig.cycle * rig.cycle_ns;
-        // the last command may have come a cycle before
+        // the last command may have arrived a cycle before
         let safe_ns = killed_ns - rig.cycle_ns + WATCHDOG_NS - STEP_NS;
         for now_ns in (killed_ns..safe_ns).step_by(STEP_NS as usize) {
             rig.step(now_ns);
@@ -272,7 +272,7 @@ fn watchdog_releases_are_detected() {
         }
         assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled), "{}", case.protocol);
         assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1), "{}", case.protocol);
-        // the adapter comes back, and finds it out
+        // the adapter returns, and detects the disabled drives
         rig.cycle = 2 + (killed_ns + WATCHDOG_NS + STEP_NS) / rig.cycle_ns;
         rig.run(150_000_000 / rig.cycle_ns);
         assert!(
@@ -298,7 +298,7 @@ fn a_hundred_interrupted_batches_end_by_watchdogs() {
             rig.adapter.write(0, &mut frames);
             let sent = run as usize % (frames.len() + 1);
             frames[..sent].iter().for_each(|frame| assert!(rig.bus.enqueue(0, *frame, begin_ns)));
-            // no command is older than a cycle, and none is heard later than a cycle from now
+            // no command is older than a cycle, and none arrives later than a cycle from now
             let (soonest_ns, latest_ns) = (begin_ns - case.cycle_ns, begin_ns + case.cycle_ns);
             for now_ns in (begin_ns..latest_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
                 rig.step(now_ns);
@@ -333,7 +333,7 @@ fn a_canopen_drive_with_other_settings_is_not_enabled() {
 fn a_dynamixel_watchdog_stops_it_until_checked() {
     let mut rig = Rig::healthy(&DYNAMIXEL);
     let killed_ns = rig.cycle * rig.cycle_ns;
-    // the last packet came at the end of the commands of the last cycle
+    // the last packet arrived at the end of the commands of the last cycle
     for now_ns in (killed_ns..killed_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
         rig.step(now_ns);
     }
@@ -342,7 +342,7 @@ fn a_dynamixel_watchdog_stops_it_until_checked() {
     rig.shaft = SHAFT + 0.03;
     rig.step(killed_ns + WATCHDOG_NS + 2 * STEP_NS);
     assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds the place: {:?}", rig.torques);
-    // goals are refused until the check of a resumed adapter sets the watchdog again
+    // goals are refused until the watchdog is set again, which the check of a resumed adapter does
     rig.cycle = 2 + (killed_ns + WATCHDOG_NS) / rig.cycle_ns;
     rig.run(5);
     assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));
@@ -363,8 +363,8 @@ fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
     assert!(!rig.drives[0].is_enabled());
 }
 
-/// Runs the adapter of one drive by a table, with the drive of the same table or of another one; returns
-/// whether it is enabled, and the wrong setting.
+/// Runs the adapter of one drive with a table, against the drive of the same table or of another one. Returns
+/// `true` if the drive is enabled, and the setting that differs.
 pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<WrongSetting>) {
     let mut adapter = Adapter::new(table, &[0], &[0.3], OnTrip::Damp);
     let mut drive = AnySimulatedDrive::new(drive.unwrap_or(table), 0, Overrides::default());
@@ -388,8 +388,7 @@ pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<Wron
 fn the_adapter_closes_the_position_loop_in_velocity_mode() {
     let mut rig = Rig::healthy(&CASES[5]);
     assert!(CASES[5].more.contains("velocity"));
-    // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, and 5 N m s/rad of them 2 N m; beside it a velocity of its
-    // own
+    // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, times 5 N m s/rad is 2 N m; the commanded velocity is added
     for (velocity, kp, torque) in [(0.0, 4.0, 2.0), (0.1, 4.0, 2.5), (0.3, 0.0, 1.5), (0.0, 0.0, 0.0)] {
         let goal = Setpoint { position: SHAFT + 0.02, velocity, kp, kd: 0.1, ..Setpoint::default() };
         rig.adapter.set(0, goal);

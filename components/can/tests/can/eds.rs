@@ -1,5 +1,5 @@
 //! Electronic data sheets: the reader against the values that canopen reads (`databases/golden_eds.py`), and
-//! drive tables that name one.
+//! drive tables that name a data sheet.
 
 use std::io;
 
@@ -27,7 +27,7 @@ fn every_object_of_a_data_sheet_is_what_canopen_reads() {
         assert_eq!((entry.low(5), entry.high(5)), (number(low), number(high)), "{line}");
         objects += 1;
     }
-    // canopen counts a record or an array by its entries, and its head is one of ours
+    // canopen counts a record or an array by its entries; here its head counts, too
     assert!(objects > 40 && sheet.len() >= objects, "{objects} of {}", sheet.len());
     assert_eq!((sheet.product(), sheet.is_empty()), ("Test drive", false));
 }
@@ -80,7 +80,7 @@ const RANGES: &str = "ranges = { position = 3.0, velocity = 30.0, torque = 10.0 
 fn a_table_takes_units_from_the_data_sheet() {
     let drive = &table(RANGES, SHEET).unwrap().drives[0];
     assert_eq!((drive.increments, drive.rated_torque), (Some(65536.0), Some(5.0)));
-    // what the table says itself goes before
+    // values in the table take precedence
     let drive = &table(&format!("{RANGES}\nincrements = 60000.0"), SHEET).unwrap().drives[0];
     assert_eq!(drive.increments, Some(6e4));
 }
@@ -123,14 +123,14 @@ fn drive_homing_needs_its_mode_objects_and_method() {
         let rest = [rest.concat(), object("6061", "ro", ""), object("6073", "rw", "")].concat();
         format!("{}{method}{rest}", SHEET.replace("0x380", "0x3A0"))
     };
-    // the lowest method is -4, written without a sign
+    // the lowest method is -4, written as unsigned
     let all = |access: &str| with(access, "LowLimit=0xFC\nHighLimit=35");
     let drive = table(&homing(17), &all("rw")).unwrap().drives.remove(0);
-    // half a radian a second is 65536 / 4 pi increments
+    // half a radian per second is 65536 / 4 pi increments
     let objects = [(0x6098, 0, 17), (0x6099, 1, 5215), (0x6099, 2, 1043), (0x609a, 0, 10430), (0x607c, 0, 0)];
     assert_eq!(drive.homing_registers(), objects);
     assert!(table(&homing(-4), &all("rw")).is_ok());
-    // the whole byte, without a sign
+    // the whole byte, unsigned
     assert!(table(&homing(17), &with("rw", "LowLimit=0x00\nHighLimit=0xFF")).is_ok());
     let refused = |method: i8, sheet: &str| table(&homing(method), sheet).unwrap_err().to_string();
     let found = refused(17, SHEET);
@@ -171,7 +171,7 @@ fn an_entry_against_the_data_sheet_is_refused() {
     assert!(found.starts_with("line 5: drive of `a`: motor.eds, line 1: "), "{found}");
 }
 
-/// The data sheet with the mapping of the first setpoints fixed.
+/// Data sheet with a read-only mapping of the first setpoints.
 fn fixed() -> String {
     let (before, after) = SHEET.split_once("[1600sub0]").unwrap();
     let (mapping, rest) = after.split_once("[1800]").unwrap();
@@ -195,7 +195,7 @@ fn a_fixed_mapping_must_match() {
     use super::drives::follow;
     let sheet = fixed();
     assert_eq!(follow(&table(RANGES, &sheet).unwrap(), None), (true, None));
-    // the drive has another mapping than its data sheet says
+    // the drive's mapping differs from its data sheet
     let told = table(RANGES, &sheet).unwrap();
     let is =
         table(&format!("{RANGES}\nmode = \"torque\""), &sheet.replace("0x607A0020", "0x60710010")).unwrap();

@@ -1,4 +1,4 @@
-//! Dynamixels that answer in one packet together.
+//! Dynamixel servos that answer together in one packet.
 
 use std::io::Write as _;
 
@@ -11,7 +11,7 @@ use super::slcan::terminal;
 
 const FAST: Case = Case { bus: "kind = \"serial\"\nfast_read = true", ..DYNAMIXEL };
 
-/// Time from the question to the end of the last answer, ns.
+/// Time from the query to the end of the last answer, ns.
 fn answered_after_ns(rig: &mut Rig) -> u64 {
     let begin_ns = rig.cycle * rig.cycle_ns;
     rig.run(1);
@@ -26,8 +26,8 @@ fn a_fast_read_saves_six_bytes_a_servo() {
         assert_eq!((link.counts().missing, link.counts().late, link.counts().refused), (0, 0, 0));
     }
     assert_eq!(fast.adapter.stray(), 0);
-    // two packets of 11 bytes and the state, or one of 8 bytes and 4 and the state of each; ten bits a byte
-    // at 1 Mbit/s
+    // two packets of 11 bytes and the state, or one of 8 bytes plus 4 and the state for each; ten bits per
+    // byte at 1 Mbit/s
     let saved_ns = answered_after_ns(&mut plain) - answered_after_ns(&mut fast);
     assert_eq!(saved_ns, (2 * 11 - (8 + 2 * 4)) * 10_000);
 }
@@ -77,7 +77,7 @@ fn a_long_common_answer_arrives_in_parts() {
         }
         found
     };
-    // two of three, which is not the end
+    // two of three answers, an incomplete packet
     master.write_all(&whole[..whole.len() - 25]).unwrap();
     std::thread::sleep(std::time::Duration::from_millis(20));
     assert_eq!(line.receive(&mut [Received::default(); 4]), 0);
@@ -113,6 +113,6 @@ fn an_impossible_fast_read_is_refused() {
     let (fast, plain) =
         (Table::parse(&text).unwrap(), Table::parse(&text.replace("fast_read = true", "")).unwrap());
     let time_ns = |table: &Table| table.budget(0, 10_000_000).complete_ns();
-    // seven bytes less of each servo, eight more for all, and one turn-round of 100 us in place of nine
+    // seven bytes less for each servo, eight more in total, and one turnaround time of 100 us instead of nine
     assert_eq!(time_ns(&plain) - time_ns(&fast), (9 * 7 - 8) * 10_000 + 8 * 100_000);
 }

@@ -1,4 +1,4 @@
-//! The table of faults on simulated buses, in lockstep: each row runs twice, with bit-identical results.
+//! Table of faults on simulated buses, in lockstep. Each row runs twice, with bit-identical results.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::components::{DRIVES, Folder, adapter, bare_graph, command, graph};
 
-/// Runs a fault twice for 600 ms, and returns both results.
+/// Runs a fault twice for 600 ms, and returns the result of both runs.
 fn row(name: &str, fault: &str) -> Report {
     let run = |turn: &str| {
         let folder = Folder::new(&format!("row-{name}-{turn}"), DRIVES);
@@ -45,22 +45,22 @@ fn let_go(report: &Report) -> Vec<&'static str> {
 fn a_silent_node_is_lost_in_its_third_cycle() {
     let report = row("silent", r#"kind = "silent", joint = "joint1""#);
     let joint = &adapter(&report)["joints"]["joint1"];
-    // asked in cycle 301 for the first time without an answer, which is missed in 302
+    // the first query without an answer is in cycle 301; it counts as missing in 302
     assert_eq!((&joint["lost"], &joint["lost_in_cycle"]), (&json!(1), &json!(304)), "{joint}");
     assert_eq!(adapter(&report)["tripped"], true);
 }
 
 #[test]
 fn a_constantly_late_reply_is_lost_in_three_cycles() {
-    // by less than a cycle, by a cycle so that it looks like one in time, by two, and by more than it takes
-    // to be lost
+    // by less than a cycle; by a cycle, like answers in time; by two cycles; and by more than it takes to be
+    // lost
     for delay in ["800 us", "1 ms", "1.05 ms", "1.3 ms", "2 ms", "2.2 ms", "3.5 ms"] {
         let fault = format!(r#"kind = "late", delay = "{delay}", joint = "joint1""#);
         let report = row(&format!("late-{}", delay.replace([' ', '.'], "-")), &fault);
         let result = adapter(&report);
         let joint = &result["joints"]["joint1"];
         assert_eq!(result["tripped"], true, "{delay}: {joint}");
-        // one whose answers are mistaken for others is proven to be late by the cycle that it is left out of
+        // a drive whose late answers look like answers in time is exposed by the cycle that it is left out of
         assert_eq!(joint["lost"], 1, "{delay}: {joint}");
         assert!((304..=305).contains(&number(&joint["lost_in_cycle"])), "{delay}: {joint}");
         assert!(number(&joint["missing_replies"]) >= 3, "{delay}: {joint}");
@@ -91,7 +91,7 @@ fn a_single_lost_reply_costs_one_cycle() {
     let result = adapter(&report);
     assert_eq!((&result["missing_replies"], &result["late_replies"]), (&json!(1), &json!(0)), "{result}");
     assert_eq!(result["tripped"], false);
-    // the drive is left out of one cycle, to find out that its answers are not late
+    // the drive is left out of one cycle, to check that its answers are not late
     let sent = |bus: &str| number(&result["buses"][bus]["sent"]);
     assert_eq!((sent("can0"), sent("can1")), (2 * number(&result["cycles"]) - 1, number(&result["cycles"])));
 }
@@ -124,7 +124,7 @@ fn unacknowledged_frames_are_reported_and_dropped() {
     let bus = &result["buses"]["can0"];
     assert!(number(&bus["unacknowledged"]) > 100, "{bus}");
     assert_eq!(bus["diagnosis"], "nobody acknowledges on `can0`: power, bitrate, termination?");
-    // twelve frames of two a cycle are kept, and no more
+    // two frames per cycle: twelve are kept, the rest is dropped
     assert!((180..=200).contains(&number(&bus["unsent"])), "{bus}");
     assert!(number(&bus["queue_full"]) >= 90, "{bus}");
     assert_eq!((&bus["condition"], &bus["bus_off"]), (&json!("active"), &json!(0)), "{bus}");
@@ -136,7 +136,7 @@ fn unacknowledged_frames_are_reported_and_dropped() {
 
 #[test]
 fn a_bus_that_is_error_passive_is_told_and_goes_on() {
-    // four frames a millisecond are disturbed, and sent again
+    // four frames per millisecond are disturbed, and sent again
     let report = row("passive", r#"lasts = "10 ms", kind = "disturbed", bus = "can1""#);
     let result = adapter(&report);
     let bus = &result["buses"]["can1"];
@@ -180,7 +180,7 @@ fn a_link_that_goes_down_trips_and_is_used_again_when_it_is_up() {
     assert_eq!(bus["diagnosis"], "`can1` was down, and is up again");
     assert!((98..=101).contains(&number(&bus["unsent"])), "{bus}");
     assert_eq!(result["tripped"], true);
-    // the drive on it let go; the adapter found that out when the link was back
+    // its drive disabled itself; the adapter detected that when the link returned
     assert_eq!(drive(&report, "joint3")["enabled"], false);
 
     let report = row("stays-down", r#"kind = "down", bus = "can1""#);
@@ -196,7 +196,7 @@ fn two_drives_with_one_number_are_lost() {
     let result = adapter(&report);
     let joint = &result["joints"]["joint1"];
     assert_eq!((&joint["lost"], &result["tripped"]), (&json!(1), &json!(true)), "{result}");
-    // neither position became a state but the drive's own
+    // only the drive's own positions became states
     assert_eq!(number(&joint["duplicate_replies"]) + number(&joint["refused_frames"]), 0, "{joint}");
     assert_eq!(result["buses"]["can0"]["condition"], "active", "the adapter stays");
 }
@@ -209,7 +209,7 @@ fn malformed_and_corrupt_answers_are_refused() {
             let result = adapter(&report);
             let strays = number(&result["stray_frames"]);
             let health = &result["joints"][joint];
-            // an answer of another device on the identifier of a mini cheetah is nobody's
+            // an answer of another device with the identifier of a mini cheetah is a stray frame
             assert!(number(&health["refused_frames"]) + strays > 3, "{kind}: {result}");
             assert_eq!(
                 (&health["lost"], &health["lost_in_cycle"]),
@@ -228,7 +228,7 @@ fn a_drive_that_lost_its_power_stays_disabled_when_it_is_back() {
     assert_eq!(drive(&report, "joint2")["enabled"], false);
 }
 
-/// The adapter, which dies or hangs in the step at 300 ms.
+/// Adapter that dies or hangs in the step at 300 ms.
 struct Doomed<const DIES: bool>(CanAdapter);
 
 impl<const DIES: bool> Component for Doomed<DIES> {

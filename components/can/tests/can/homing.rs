@@ -1,4 +1,5 @@
-//! Homing: joints with unknown position at power-up, by drives of every family and at mechanical stops.
+//! Homing of joints whose position is unknown after power-up: by drives of every family, and at mechanical
+//! stops.
 
 use motorium_can::adapter::{Adapter, HomingState, Link, OnTrip, Phase};
 use motorium_can::bus::simulated::Event;
@@ -11,7 +12,7 @@ pub(super) const EFFORT: f64 = 1.2;
 /// Position of the lower stop, rad.
 pub(super) const STOP: f64 = -0.8;
 
-/// A family of drives, with the additional keys of its entries.
+/// Drive family with its specific keys.
 pub(super) struct Case {
     pub(super) name: &'static str,
     pub(super) bus: &'static str,
@@ -67,17 +68,17 @@ pub(super) fn all() -> impl Iterator<Item = Case> {
     BY_DRIVE.into_iter().chain(AT_STOPS)
 }
 
-/// A joint with inertia, friction and stops.
+/// Joint with inertia, friction and stops.
 pub(super) struct Joint {
     pub(super) position: f64,
     pub(super) velocity: f64,
     pub(super) stops: [f64; 2],
     pub(super) is_jammed: bool,
-    /// An effort of its load, N m.
+    /// Effort of the load, N m.
     pub(super) load: f64,
     /// Stiffness of a spring that rests at 0.3 rad, N m/rad.
     pub(super) spring: f64,
-    /// Largest effort of its drive so far, N m.
+    /// Largest effort of the drive so far, N m.
     most: f64,
 }
 
@@ -124,7 +125,7 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// Joints of this family, each with its own keys of homing.
+    /// Joints of this family, each with its own homing keys.
     pub(super) fn new(case: &Case, homings: &[&str], on_trip: OnTrip) -> Self {
         let mut text = format!("[[bus]]\nname = \"bus\"\nbitrate = 1_000_000\n{}\n", case.bus);
         for (index, homing) in homings.iter().enumerate() {
@@ -164,7 +165,7 @@ impl Rig {
         }
     }
 
-    /// Runs until the homing of a joint is over, at most for this number of seconds.
+    /// Runs until the homing of a joint has finished, at most for `seconds`.
     pub(super) fn run_until_over(&mut self, joint: usize, seconds: f64) -> HomingState {
         for _ in 0..(seconds * 1e9) as u64 / CYCLE_NS {
             self.run_cycle();
@@ -186,7 +187,7 @@ impl Rig {
             self.step(now_ns + STEP_NS);
         }
         self.adapter.end_cycle(true);
-        // one that has lost its place is damped once it has tripped
+        // a joint that has lost its position is damped after the trip
         let enabled = |link: &Link| matches!(link.phase(), Phase::Enabled | Phase::Enabling);
         let links = self.adapter.links();
         assert!(
@@ -234,7 +235,7 @@ impl Rig {
         self.adapter.links()[joint].homing().expect("it is homed")
     }
 
-    /// Returns `true` if all joints follow commands, and their positions are known to the adapter.
+    /// Returns `true` if all joints follow commands, and the adapter knows their positions.
     pub(super) fn is_right(&self) -> bool {
         let knows = |(link, joint): (&Link, &Joint)| {
             link.phase() == Phase::Enabled && (link.state().0 - joint.position).abs() < 0.02
@@ -264,7 +265,7 @@ fn homing_to_a_stop_keeps_its_effort_limit() {
     for case in AT_STOPS {
         let mut rig = Rig::one(&case);
         assert_eq!(rig.run_until_over(0, 10.0), HomingState::Homed, "{}", case.name);
-        // to the rounding of its frames
+        // within the rounding of its frames
         assert!(rig.joints[0].most < 1.1 * EFFORT, "{}: {}", case.name, rig.joints[0].most);
         assert!(rig.joints[0].most > 0.9 * EFFORT, "{}: {}", case.name, rig.joints[0].most);
         let off = rig.joints[0].position - STOP;
@@ -304,7 +305,7 @@ fn homing_in_place_moves_nothing() {
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Homed);
     rig.run(0.2);
     assert!((rig.joints[0].position - 0.4).abs() < 0.01, "{}", rig.joints[0].position);
-    // the drive says zero there, where the table has the joint at its offset
+    // the drive reads zero there, where the table sets the joint to its offset
     assert!((rig.adapter.links()[0].state().0 - 0.1).abs() < 0.01);
 }
 

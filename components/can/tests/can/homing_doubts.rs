@@ -1,10 +1,10 @@
-//! Homing in doubtful cases: the adapter does not move, and restarts.
+//! Homing with doubtful readings: the adapter does not move, and restarts the homing.
 
 use motorium_can::adapter::{HomingFault, HomingState, OnTrip, Phase, Setpoint};
 
 use super::homing::{AT_STOPS, BY_DRIVE, CIA402, CYCLE_NS, Case, Rig};
 
-/// A homing at a stop, with this order.
+/// Homing at a stop, with this order.
 fn at_stop(order: u8) -> String {
     format!("homing = {{ by = \"stop\", velocity = -0.5, effort = 1.2, position = -0.8, order = {order} }}")
 }
@@ -12,14 +12,14 @@ fn at_stop(order: u8) -> String {
 #[test]
 fn a_joint_that_its_weight_balances_is_not_at_its_stop() {
     let case = &AT_STOPS[0];
-    // the spring takes the whole effort on the way, at the same place each time
+    // the spring takes up the whole effort on the way, at the same position each time
     let mut rig = Rig::one(case);
     rig.joints[0].spring = 4.0;
     assert_eq!(rig.run_until_over(0, 15.0), HomingState::Failed(HomingFault::Balanced));
     assert!(rig.joints[0].position > -0.1, "{}", rig.joints[0].position);
     rig.run(0.1);
     assert!(rig.adapter.has_tripped() && !rig.drives[0].has_torque());
-    // at the stop itself, with a load on either side of half of the effort
+    // at the stop itself, with a load above and below half of the effort
     for (load, outcome) in [(0.4, HomingState::Homed), (0.9, HomingState::Failed(HomingFault::Balanced))] {
         let mut rig = Rig::one(case);
         (rig.joints[0].load, rig.joints[0].position) = (load, -0.6);
@@ -35,7 +35,7 @@ fn the_failure_of_one_joint_is_none_of_its_neighbour() {
     rig.run(0.1);
     assert_eq!(rig.state(1), HomingState::Waiting, "it was on its way");
     assert_eq!(rig.adapter.links()[1].counts().faults, 0);
-    // a trip from outside is no failure of any
+    // an external trip is not a homing failure
     for case in &AT_STOPS {
         let mut rig = Rig::one(case);
         rig.run(0.5);
@@ -75,7 +75,7 @@ fn a_drive_without_power_before_enabling_is_set_up_again() {
     let limited = "protocol = \"damiao\"\ncurrent_limit = 10.0\ntorque_constant = 0.5\nfull_current = 40.0";
     let damiao = Case { name: "damiao", bus: "", drive: limited, homing: "" };
     let cia402 = Case { name: "cia402", bus: "", drive: CIA402, homing: "" };
-    // one that says that it has started need not have been silent
+    // a drive that reports a restart need not have been silent
     for (case, homing, silent_s) in [
         (&damiao, at_stop(0), 0.02),
         (&cia402, BY_DRIVE[2].homing.into(), 0.0),

@@ -1,4 +1,4 @@
-//! Homing that fails, is interrupted, or has to be done again.
+//! Homing that fails, is interrupted, or has to be repeated.
 
 use motorium_can::Mark;
 use motorium_can::adapter::{HomingFault, HomingState, OnTrip};
@@ -45,12 +45,13 @@ fn a_switch_that_is_stuck_is_no_mark() {
 
 #[test]
 fn a_drive_that_is_not_set_up_for_homing_is_found_out() {
-    // the switch of this one is pressed from the start, and it is over at once: nobody has seen it under way
+    // the switch of this drive is pressed from the start, and its homing ends immediately, without being seen
+    // running
     let mut rig = Rig::one(&BY_DRIVE[0]);
     let mut heartbeats = 0;
     for _ in 0..2000 {
         rig.run_cycle();
-        // it forgets what it was asked
+        // without power, it forgets the request
         if rig.state(0) == HomingState::Running {
             heartbeats += 1;
             rig.drives[0].cut_power();
@@ -67,17 +68,17 @@ fn a_drive_that_is_not_set_up_for_homing_is_found_out() {
 fn what_is_no_stop_is_told_from_one() {
     let case = &AT_STOPS[0];
     let homing = case.homing.replace("by =", "timeout = \"3 s\", by =");
-    // jammed in the middle of its range: at rest, and not to be moved off again
+    // jammed in the middle of its range: at rest, and not able to back off
     let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
     rig.joints[0].is_jammed = true;
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Failed(HomingFault::Jammed));
     rig.run(0.1);
     assert!(!rig.drives[0].has_torque());
-    // nothing in its way
+    // no obstacle
     let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
     rig.joints[0].stops = [-100.0, 100.0];
     assert_eq!(rig.run_until_over(0, 5.0), HomingState::Failed(HomingFault::TimedOut));
-    // a hand in its way, which is taken away
+    // a temporary obstacle, such as a hand
     let mut rig = Rig::new(case, &[&homing], OnTrip::Damp);
     rig.joints[0].stops = [0.1, 1.5];
     for _ in 0..5000 {
@@ -170,7 +171,7 @@ fn only_the_drive_that_lost_its_power_is_homed_again() {
         assert_eq!(rig.drives[1].is_enabled(), on_trip == OnTrip::Damp, "{name}");
         let held = rig.joints[1].position;
         rig.adapter.resume();
-        // a drive without status reports may have lost its power, too
+        // a drive that does not report its state may have lost its power, too
         let tells = case.name != "mini cheetah";
         assert_eq!(rig.state(1) == HomingState::Homed, tells, "{name}");
         for joint in [0, 1] {

@@ -1,5 +1,5 @@
-//! A stop during a homing, in a graph: held joints enter the graph's safe state, moving joints are disabled,
-//! and homing restarts once the run is resumed.
+//! A stop of the run in the middle of a homing, in a graph. Held joints apply the safe state of the graph,
+//! joints in progress are disabled, and the homing continues once the run is resumed.
 
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ impl Component for Commander {
     }
 }
 
-/// The arm, whose first joint is homed before the others while a push presses it off its stop.
+/// Arm whose first joint is homed before the others, while a push presses it off its stop.
 struct Arm {
     session: Session<'static>,
     region: Region,
@@ -77,7 +77,7 @@ impl Arm {
         self.session.step_until(until).unwrap();
     }
 
-    /// Runs until the flags of the joints match, at most 20 s.
+    /// Runs until the flags of the joints satisfy the condition, at most 20 s.
     fn run_until(&mut self, what: &str, wanted: impl Fn([u32; 3]) -> bool) {
         let end = self.session.time() + Duration::from_secs(20);
         while !wanted(self.flags()) {
@@ -91,7 +91,7 @@ impl Arm {
         health.map_or([0; 3], |health| [0, 1, 2].map(|joint| health.value.flags[joint]))
     }
 
-    /// Where the joints are, rad.
+    /// Positions of the joints, rad.
     fn positions(&mut self) -> [f64; 3] {
         let state = self.session.read::<JointState>("arm/true_state").unwrap().expect("physics runs");
         [0, 1, 2].map(|joint| state.value.position()[joint])
@@ -104,7 +104,7 @@ impl Arm {
 
 const STATES: u32 = JointHealth::ENABLED | JointHealth::HOMING | JointHealth::NOT_HOMED;
 
-/// The first joint is held, the second moves to its stop.
+/// The first joint is held, the second is moving to its stop.
 fn is_between([first, second, _]: [u32; 3]) -> bool {
     first & STATES == JointHealth::ENABLED && second & JointHealth::HOMING != 0
 }

@@ -1,4 +1,4 @@
-//! Homing in drive tables and in servos: invalid settings are refused with a message.
+//! Homing in drive tables and in servos: invalid entries are refused with an explanation.
 
 use motorium_can::Table;
 use motorium_can::adapter::WrongSetting;

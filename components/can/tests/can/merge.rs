@@ -1,5 +1,5 @@
 //! One robot on two adapters with different rates: an arm on CAN at 1 kHz and its gripper on a line of servos
-//! at 200 Hz, whose states `joint.merge` merges.
+//! at 200 Hz, whose states are merged by `joint.merge`.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -48,7 +48,7 @@ ranges        = { position = 3.1416, velocity = 6.0, torque = 3.0 }
 position_loop = { kp = 30.0, kd = 1.0 }
 "#;
 
-/// A chain of links with these joints.
+/// Chain of links with these joints.
 fn urdf(name: &str, joints: &[&str]) -> String {
     let mut text = format!("<robot name=\"{name}\">\n<link name=\"{name}0\"/>\n");
     for (index, joint) in joints.iter().enumerate() {
@@ -63,7 +63,7 @@ fn urdf(name: &str, joints: &[&str]) -> String {
     text + "</robot>\n"
 }
 
-/// The components of one part: physics, drives and adapter.
+/// Components of one part: physics, drives and adapter.
 fn part(robot: &str, rate: u32, adapter: &str, drives: &str) -> String {
     format!(
         r#"
@@ -98,7 +98,7 @@ fn command(joints: usize) -> impl FnMut(&Tick) -> Option<JointCommand> {
     move |tick| {
         let mut command = JointCommand::default();
         command.set_count(joints);
-        // they turn all the time, so that every measured state is another one
+        // the joints move continuously, so each measured state differs from the others
         let position = 0.3 * (2.0 * tick.time()).sin();
         command.position_mut().fill(position);
         command.velocity_mut().fill(0.6 * (2.0 * tick.time()).cos());
@@ -109,7 +109,7 @@ fn command(joints: usize) -> impl FnMut(&Tick) -> Option<JointCommand> {
     }
 }
 
-/// The states of arm, gripper and whole robot, with faults of the drives of the gripper.
+/// Report and states of arm, gripper and whole robot, with faults of the gripper's drives.
 type Recorded = (Report, [Probe<JointState>; 3]);
 
 fn run(name: &str, faults: &str) -> Recorded {
@@ -180,7 +180,7 @@ fn the_merged_state_has_its_rate_and_the_oldest_age() {
             *part.iter().rev().find(|part| part.stamp.publish_time <= now).expect("a part")
         };
         let is_from = |part: &[motorium::testing::Sample<JointState>], joints: core::ops::Range<usize>| {
-            // one that is published at the very time of the step counts before it or after it
+            // a state published exactly at the time of the step may or may not be included
             part.iter().any(|part| {
                 part.stamp.publish_time + 5_500_000 > now
                     && part.value.position() == &sample.value.position()[joints.clone()]
@@ -188,13 +188,13 @@ fn the_merged_state_has_its_rate_and_the_oldest_age() {
         };
         assert!(is_from(&arm, 0..2) && is_from(&gripper, 2..3), "at {now}: {:?}", sample.value.position());
         let oldest = newest(&arm).stamp.source_time.min(newest(&gripper).stamp.source_time);
-        // or from the gripper's previous cycle
+        // or the state of the gripper's previous cycle
         assert!(sample.stamp.source_time <= oldest && sample.stamp.source_time + 5_000_000 >= oldest);
         let age_ns = now - sample.stamp.source_time;
         assert!((1_000_000..=11_000_000).contains(&age_ns), "{age_ns}");
     }
-    // of the slow one each state stands in two or three merged ones, of the fast one in one; where they turn
-    // slowly their steps hide it
+    // each state of the slow part occurs in two or three merged states, and each of the fast part in one;
+    // slow motion hides its steps
     let changes = |joint: usize| {
         whole
             .windows(2)
@@ -219,7 +219,7 @@ fn a_stale_part_silences_the_merged_state() {
     let last = |samples: Vec<motorium::testing::Sample<JointState>>| samples.last().expect("one").stamp;
     let (arm, gripper, whole) = (last(arm.samples()), last(gripper.samples()), last(whole.samples()));
     assert!(arm.publish_time - whole.publish_time > 400_000_000, "the arm goes on");
-    // not before it is stale by its measurement, and not later than a step after
+    // not before its measurement is stale, and at most one step later
     let age_ns = whole.publish_time - gripper.source_time;
     assert!((20_000_000..=25_000_000).contains(&age_ns), "{age_ns}");
     let result = &report.results["merge"];

@@ -1,4 +1,4 @@
-//! The MIT protocol: published bytes, round trips within half a step of the field.
+//! MIT protocol: published bytes, and round trips within half a step of the field.
 
 use motorium_can::mit::{Command, Drive, Fault, Feedback, Instruction, Ranges, Reply, State};
 use motorium_can::{DecodeError, Frame, Id, Range};
@@ -104,8 +104,8 @@ fn an_answer_of_another_length_device_or_state_is_refused() {
     assert!(matches!(elsewhere, Err(DecodeError::Id { .. })));
 }
 
-/// The integer of a number by the published formula `(x - min) (2^n - 1) / (max - min)`, and its distance
-/// from a half.
+/// Integer for a number by the published formula `(x - min) (2^n - 1) / (max - min)`, and its distance from a
+/// half.
 fn published(x: f64, range: &Range, bits: u32) -> (f64, f64) {
     let scaled = (x - range.min) * f64::from((1_u32 << bits) - 1) / (range.max - range.min);
     (scaled.round(), (scaled.fract() - 0.5).abs())

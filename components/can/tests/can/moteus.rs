@@ -1,4 +1,4 @@
-//! moteus, against the frames of its maker's own tests of the protocol.
+//! moteus, against the frames in the manufacturer's own protocol tests.
 
 use core::f64::consts::TAU;
 
@@ -26,8 +26,8 @@ fn frame(id: Id, hex: &str) -> Frame {
 
 #[test]
 fn frames_are_those_of_the_makers_own_tests() {
-    // mode and three numbers as asked for by default, then six registers from the temperature of the motor to
-    // the fault
+    // mode and three numbers, as queried by default, then six registers from the motor temperature to the
+    // fault
     assert_eq!(data(&node().frame(&Instruction::Query, Resolution::Float)), "11001f0110060a");
     assert!(data(&node().frame(&Instruction::Stop, Resolution::Float)).starts_with("010000"));
     assert!(data(&node().frame(&Instruction::Brake, Resolution::Float)).starts_with("01000f"));
@@ -40,7 +40,7 @@ fn frames_are_those_of_the_makers_own_tests() {
         max_torque: 8.0,
         watchdog: 0.2,
     };
-    // as theirs, with eight registers in place of eleven, and no position to stop at
+    // like the manufacturer's, with eight registers instead of eleven, and no stop position
     assert!(
         data(&node().frame(&Instruction::Position(command), Resolution::Int16))
             .starts_with("01000a040820c409d0076400ff1fff0f20030080c800"),
@@ -63,12 +63,12 @@ fn answers_of_the_makers_own_tests_are_read() {
     near(state.position, 0.0528 * TAU);
     near(state.velocity, -0.128 * TAU);
     near(state.torque, 0.320);
-    // with registers that nobody here asked for
+    // with registers that are never queried here
     let maximal = frame(
         node().reply_id(),
         "2407000a00100200fe200010004000700020060a100102203040240250200030 00".replace(' ', "").as_str(),
     );
-    // and two more that are asked for here
+    // and two more that are queried here
     let told = State { motor_temperature: Some(16.0), home: Some(Home::Output), ..state };
     assert_eq!(node().reply(&maximal), Ok(told));
 }
@@ -104,7 +104,7 @@ fn what_is_cut_off_refused_or_lacking_is_no_state() {
     assert!(matches!(node().reply(&stranger), Err(DecodeError::Id { .. })));
 }
 
-/// A drive table of one moteus, with these keys.
+/// Drive table of one moteus, with these keys.
 fn table(more: &str) -> String {
     format!(
         "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\ndata_bitrate = 5_000_000\n[[drive]]\njoint = \"hip\"\nbus = \"can0\"\n\
@@ -112,12 +112,12 @@ fn table(more: &str) -> String {
     )
 }
 
-/// An adapter of such a drive.
+/// Adapter of such a drive.
 fn adapter(more: &str) -> Adapter {
     Adapter::new(&Table::parse(&table(more)).unwrap(), &[0], &[0.3], OnTrip::Damp)
 }
 
-/// Ten cycles in which the drive answers this.
+/// Runs ten cycles in which the drive answers with this state.
 fn answered(mut adapter: Adapter, state: &State) -> Adapter {
     let mut frames = Vec::new();
     for cycle in 0..10_u64 {

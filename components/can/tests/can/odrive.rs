@@ -19,14 +19,14 @@ fn identifiers_and_fields_stand_where_the_database_has_them() {
         text(Instruction::SetModes(ControlMode::Position, InputMode::Passthrough)),
         "0x06B#0300000001000000"
     );
-    // 1 turn is 0x3F800000; 2 turns a second are 2000 thousandths, 0x07D0; 0.5 N m are 500, 0x01F4
+    // 1 turn is 0x3F800000; 2 turns per second are 2000 thousandths, 0x07D0; 0.5 N m are 500, 0x01F4
     let position = Instruction::Position { position: TAU, velocity: 2.0 * TAU, torque: 0.5 };
     assert_eq!(text(position), "0x06C#0000803FD007F401");
-    // -0.5 turns a second are 0xBF000000, 0.25 N m 0x3E800000
+    // -0.5 turns per second are 0xBF000000, 0.25 N m 0x3E800000
     let velocity = Instruction::Velocity { velocity: -0.5 * TAU, torque: 0.25 };
     assert_eq!(text(velocity), "0x06D#000000BF0000803E");
     assert_eq!(text(Instruction::Torque(1.5)), "0x06E#0000C03F");
-    // 2 turns a second are 0x40000000, 10 A 0x41200000
+    // 2 turns per second are 0x40000000, 10 A 0x41200000
     let limits = Instruction::Limits { velocity: 2.0 * TAU, current: 10.0 };
     assert_eq!(text(limits), "0x06F#0000004000002041");
     assert_eq!(node().instruction(&node().frame(&limits)), Ok(limits));

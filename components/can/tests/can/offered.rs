@@ -1,4 +1,4 @@
-//! Simulated buses that other programs open: over unix sockets, and over pseudo-terminals as slcan or as a
+//! Simulated buses for other programs: over unix sockets, and over pseudo-terminals as slcan adapters or as a
 //! line of servos.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,7 +16,7 @@ fn frame(id: u16, data: &[u8]) -> Frame {
     Frame::classic(Id::Standard(id), data)
 }
 
-/// A name that no other test has.
+/// Name that no other test uses.
 fn name(test: &str) -> String {
     format!("test-{test}-{}", std::process::id())
 }
@@ -25,7 +25,7 @@ fn path(test: &str) -> String {
     std::env::temp_dir().join(name(test)).to_str().unwrap().to_string()
 }
 
-/// Receives until this number of frames has arrived.
+/// Receives until `count` frames have arrived.
 fn received(bus: &mut RealBus, count: usize) -> Vec<Frame> {
     let (mut all, mut inbox) = (Vec::new(), [Received::default(); 16]);
     let until = Instant::now() + Duration::from_secs(10);
@@ -97,8 +97,8 @@ fn a_bus_whose_simulator_ends_has_gone_and_is_found_again() {
     assert_eq!(bus.condition(), Condition::Active);
 }
 
-/// An adapter that is simulated by a thread until this is dropped: it answers each frame by one with the next
-/// identifier.
+/// Adapter simulated by a thread until this value is dropped. It answers each frame with one that has the
+/// next identifier.
 struct Device<'a> {
     stop: &'a AtomicBool,
 }
@@ -141,7 +141,7 @@ fn an_offered_terminal_is_an_adapter_with_slcan() {
         drop(device);
     });
     let mut bus = SlcanBus::open(&path, RATES, true).unwrap();
-    // what it asked for lies in the terminal, and is done now
+    // the pending request in the terminal is handled now
     assert_eq!(offer.receive(&mut [Received::default(); 8]), 0);
     for (state, condition) in [
         (ErrorState::Warning, Condition::Warning),

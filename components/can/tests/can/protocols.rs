@@ -1,4 +1,4 @@
-//! Drives of every protocol in a graph in lockstep: the adapter, simulated buses and lines, physics.
+//! Drives of every protocol in a lockstep graph: adapter, simulated buses and lines, physics.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::components::{Folder, GOAL, adapter, command};
 
-/// A protocol with the rate at which its three drives fit on one bus.
+/// Protocol with the rate at which its three drives fit on one bus.
 struct Case {
     name: &'static str,
     bus: &'static str,
@@ -75,7 +75,7 @@ impl Case {
         let mut text = format!("[[bus]]\nname = \"bus0\"\nbitrate = 1_000_000\n{}\n", self.bus);
         for (node, joint) in (self.first..).zip(["joint1", "joint2", "joint3"]) {
             let Self { drive, watchdog, .. } = self;
-            // a servo turns once at most
+            // a servo makes at most one turn
             let (ratio, torque, gains) = match self.name {
                 "feetech" => ("1.0", "32.0", "{ kp = 320.0, kd = 16.0 }"),
                 _ => ("4.0", "8.0", "{ kp = 20.0, kd = 1.0 }"),
@@ -86,7 +86,7 @@ impl Case {
                  position_loop = {gains}\n{drive}\n"
             );
         }
-        // its goals are within a turn
+        // its goals are limited to a turn
         if self.name == "feetech" { text.replace("position = 12.6", "position = 3.1416") } else { text }
     }
 
@@ -159,7 +159,7 @@ fn an_arm_is_led_to_its_goal_through_drives_of_every_protocol() {
         assert!(result["enabled_in_cycle"].is_u64(), "{}: {result}", case.name);
         let last = states.values().pop().unwrap();
         for (q, goal) in last.position().iter().zip(GOAL) {
-            // the weight of the arm bends its drives
+            // the drives deflect under the weight of the arm
             assert!((q - goal).abs() < 0.25, "{}: {:?}", case.name, last.position());
         }
         let moved: f64 =
@@ -190,7 +190,7 @@ fn one_silent_drive_of_any_protocol_trips_the_adapter() {
         assert_eq!((&result["tripped"], &joint["lost"]), (&Value::from(true), &Value::from(1)), "{result}");
         let begun = 7 * u64::from(case.rate) / 10;
         let lost_in = joint["lost_in_cycle"].as_u64().unwrap();
-        // an ODrive's report is overdue a cycle later, and its own time may be twice a cycle
+        // an ODrive's report is overdue a cycle later, and its period may be twice a cycle
         assert!((begun + 3..=begun + 6).contains(&lost_in), "{}: cycle {lost_in}, from {begun}", case.name);
         assert_eq!(result["joints"]["joint1"]["missing_replies"], 0, "{}: {result}", case.name);
     }

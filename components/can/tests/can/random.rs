@@ -1,11 +1,11 @@
-//! Random frames: none makes a decoder panic, and accepted frames are encoded identically.
+//! Random frames: none makes a decoder panic, and encoding an accepted frame reproduces it.
 
 use motorium_can::bus::slcan::{LONGEST, Line, Reader, write};
 use motorium_can::{Database, Form, Frame, Id, cia402, damiao, mit, moteus, odrive};
 
 const FRAMES: u64 = 10_000_000;
 
-/// Pseudo-random numbers: splitmix64.
+/// Pseudo-random numbers (splitmix64).
 struct Numbers(u64);
 
 impl Numbers {
@@ -17,7 +17,7 @@ impl Numbers {
         z ^ z >> 31
     }
 
-    /// A frame, most often with an identifier and a length that some device uses.
+    /// Random frame, mostly with an identifier and a length that some device uses.
     fn frame(&mut self) -> Frame {
         let (choice, data) = (self.next(), self.next().to_le_bytes());
         let length = [8, 8, 8, 8, 6, 6, 4, 2, 1, 0, 3, 5, 7][(choice >> 8) as usize % 13];
@@ -29,7 +29,7 @@ impl Numbers {
             _ => Id::Standard(USED[(choice >> 16) as usize % USED.len()]),
         };
         let mut data = data;
-        // most of them from the device that is asked, or about the register or object that was asked for
+        // most frames come from the queried device, or concern the requested register or object
         match choice >> 60 {
             0..=3 => data[0] = data[0] & 0xf0 | 1,
             4..=7 => data[0] = 1,
@@ -69,7 +69,7 @@ fn ten_million_random_frames_cause_no_panic() {
             let numbers = [feedback.position, feedback.velocity, feedback.torque];
             assert!(numbers.iter().all(|x| x.is_finite()), "{frame:?}");
             let again = drive.answer(&feedback);
-            // temperatures of both kinds become the higher one, an unused byte zero
+            // two temperatures become the higher one, and an unused byte becomes zero
             assert_eq!(drive.reply(&again), Ok(feedback), "{frame:?}");
             assert_eq!(again.data()[..6], frame.data()[..6], "{frame:?}");
         }
@@ -110,20 +110,20 @@ fn ten_million_random_frames_cause_no_panic() {
     }
 }
 
-/// Number of frames of the tests below: a share of it, or as set by `MOTORIUM_CAN_FRAMES`.
+/// Number of frames in the tests below: `MOTORIUM_CAN_FRAMES`, or a default.
 fn frames() -> u64 {
     let asked =
         std::env::var("MOTORIUM_CAN_FRAMES").ok().map(|text| text.parse().expect("a number of frames"));
     asked.unwrap_or(500_000)
 }
 
-/// A frame of CAN FD from drive 1 or to it, most often of whole subframes of moteus.
+/// Random CAN FD frame from or to drive 1, mostly with whole moteus subframes.
 fn fd_frame(numbers: &mut Numbers) -> Frame {
     let mut bytes = Vec::with_capacity(64);
     let choice = numbers.next();
     while bytes.len() < 40 && !numbers.next().is_multiple_of(4) {
         let kind = numbers.next();
-        // a reply or a write of some registers, from one that there is
+        // a reply or a write of some registers, starting with an existing one
         let action = [0x20, 0x20, 0x00, 0x10, 0x30, 0x70]
             [kind as usize % if choice.is_multiple_of(8) { 6 } else { 2 }];
         let resolution = (kind >> 8) as u8 % 4;
@@ -156,7 +156,7 @@ fn random_fd_frames_cause_no_panic_or_corrupt_value() {
             let numbers = [state.position, state.velocity, state.torque, state.voltage, state.temperature];
             assert!(numbers.iter().all(|number| number.is_finite()), "{frame:?}");
             assert!((state.mode as u8) < 16, "{frame:?}");
-            // a number at the very end of its range may round to an infinite one
+            // a number at the very end of its range may round to infinity
             if numbers.iter().all(|number| number.abs() < 1e37) {
                 let again = node.reply(&node.reply_frame(&state, moteus::Resolution::Float)).unwrap();
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs() + 1e-44;
@@ -195,7 +195,7 @@ fn random_serial_lines_cause_no_panic() {
         let mut line = [0; LONGEST];
         let sent = if numbers.next() % 2 == 0 { numbers.frame() } else { fd_frame(&mut numbers) };
         let length = write(&sent, &mut line);
-        // half of the lines lose a byte, or have one that is wrong
+        // half of the lines lose a byte, or have a wrong one
         let choice = numbers.next();
         let place = (choice >> 8) as usize % length;
         if choice % 4 == 0 {
@@ -211,7 +211,7 @@ fn random_serial_lines_cause_no_panic() {
                 assert!(length <= LONGEST && (choice % 4 < 2 || found == sent), "{found:?} {sent:?}");
             }
         }
-        // whatever was torn ends here
+        // ends any damaged line
         reader.push(b'\r');
     }
     assert!(read > frames() / 10 && torn > 0, "{read} {torn}");

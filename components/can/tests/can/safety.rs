@@ -1,5 +1,5 @@
-//! Readings that are not believed, drives that are not enabled, and the end of a run: the adapter against one
-//! simulated drive.
+//! Implausible readings, drives that are not enabled, and the end of a run: the adapter against one simulated
+//! drive.
 
 use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
 use motorium_can::bus::simulated::Event;
@@ -9,7 +9,7 @@ use motorium_can::{AnySimulatedDrive, Frame, Overrides, Received, SimulatedBus, 
 
 const CYCLE_NS: u64 = 1_000_000;
 
-/// Protocol and further keys of a drive of each family.
+/// Protocol and additional keys of one drive of each family.
 const FAMILIES: [(&str, &str); 5] = [
     ("damiao", ""),
     ("mini_cheetah", ""),
@@ -18,7 +18,7 @@ const FAMILIES: [(&str, &str); 5] = [
     ("moteus", ""),
 ];
 
-/// A change to the frames of the drive; `None` for one that is lost.
+/// Change to a frame of the drive; `None` for a lost frame.
 type Change = fn(&Frame) -> Option<Frame>;
 
 /// One drive on a bus, and the adapter.
@@ -45,12 +45,12 @@ impl Rig {
         Self::standing(protocol, more, 0.5)
     }
 
-    /// With the shaft at this position.
+    /// Creates a rig with the shaft at this position.
     fn standing(protocol: &str, more: &str, shaft: f64) -> Self {
         let table = table(protocol, more);
         let adapter = Adapter::new(&table, &[0], &[0.3], OnTrip::Damp).with_limits(&[([-2.5, 2.5], 0.05)]);
         let mut drive = AnySimulatedDrive::new(&table, 0, Overrides::default());
-        // it answers with the position of its last step
+        // the drive answers with the position of its last step
         drive.step(shaft, 0.0, 0);
         Self {
             adapter,
@@ -116,7 +116,7 @@ impl Rig {
     }
 }
 
-/// All frames of an ODrive but its heartbeats.
+/// All frames of an ODrive except its heartbeats.
 fn without_heartbeat(frame: &Frame) -> Option<Frame> {
     let report = odrive::Node::new(5).unwrap().report(frame);
     (!matches!(report, Ok(Report::Heartbeat { .. }))).then_some(*frame)
@@ -135,7 +135,7 @@ fn a_drive_outside_of_its_joints_range_is_not_enabled() {
             };
             assert!((found - shaft).abs() < 2e-3 && advised == turns, "{protocol}: {found} {advised:?}");
         }
-        // on its stop, a little outside
+        // at its stop, slightly outside of the range
         let mut rig = Rig::standing(protocol, more, 2.53);
         rig.run(400);
         assert!(rig.drive.is_enabled(), "{protocol}: {:?}", rig.adapter.wrong_setting());
@@ -160,7 +160,7 @@ fn turns_of_the_table_bring_a_drive_into_its_range() {
     let mut rig = Rig::enabled("damiao", "offset = 6.283185307179586\nturns = -1\nreversed = false");
     rig.run(10);
     assert!((rig.link().state().0 - 0.5).abs() < 1e-3, "{:?}", rig.link().state());
-    // the other way round turns count as the drive turns
+    // for a reversed drive, `turns` counts in the direction of the drive
     let table = table("damiao", "ratio = 4.0\nreversed = true\nturns = 2");
     assert!((table.transmission(0).to_joint(0.0) + core::f64::consts::PI).abs() < 1e-12);
 }
@@ -210,7 +210,7 @@ fn an_odrive_without_heartbeat_is_lost() {
     }
 }
 
-/// All frames of a CANopen node except its heartbeats and its boot-up message.
+/// All frames of a CANopen node except its heartbeats; a boot-up message is not a heartbeat.
 fn without_beat(frame: &Frame) -> Option<Frame> {
     let beat = cia402::Node::new(5).unwrap().heartbeat(frame);
     beat.map_or(true, |state| state == cia402::NetworkState::BootUp).then_some(*frame)
@@ -225,7 +225,7 @@ fn a_cia402_drive_whose_heartbeat_stops_is_lost() {
     assert!(!rig.adapter.has_tripped(), "one heartbeat may be lost");
     rig.run(500);
     assert!(rig.adapter.has_tripped() && rig.link().counts().lost == 1, "{:?}", rig.link().counts());
-    // It beats again, and a person decides.
+    // The heartbeat returns, and the operator decides.
     rig.change = |frame| Some(*frame);
     rig.adapter.resume();
     rig.run(1000);
@@ -259,7 +259,7 @@ fn positions_that_cannot_be_are_refused_and_trip() {
         assert!((rig.link().state().0 - 0.5).abs() < 1e-3, "{wrong}: the last one is kept");
         rig.run(50);
         assert!(!rig.adapter.has_tripped(), "a single one changes nothing");
-        // from now on all of them
+        // all of them from now on
         rig.change = |frame| {
             let node = odrive::Node::new(5).unwrap();
             match node.report(frame) {
@@ -272,7 +272,7 @@ fn positions_that_cannot_be_are_refused_and_trip() {
         rig.run(10);
         assert!(rig.adapter.has_tripped(), "{wrong}");
         assert!((rig.link().state().0 - 0.5).abs() < 1e-3);
-        // damped, it is held where it was, not where it was said to be
+        // while damped, it is held at its real position, not at the implausible one
         let mut frames = Vec::new();
         rig.adapter.write(0, &mut frames);
         if let Ok(odrive::Instruction::Position { position, .. }) = node.instruction(&frames[0]) {
@@ -300,7 +300,7 @@ fn motion_within_the_velocity_limit_is_believed() {
 fn an_emergency_message_is_counted_and_trips() {
     let node = cia402::Node::new(5).unwrap();
     let mut rig = Rig::enabled("cia402", FAMILIES[3].1);
-    // that an error is over, and a warning
+    // the end of an error, and a warning
     rig.receive(node.emergency_frame(&Emergency { code: 0, register: 0 }));
     assert_eq!(rig.link().counts().emergencies, 0);
     rig.receive(node.emergency_frame(&Emergency { code: 0xff01, register: 0 }));

@@ -1,4 +1,4 @@
-//! Packets of serial servos, compared with the makers' manuals.
+//! Packets of serial servos, against the manufacturers' manuals.
 
 use motorium_can::servo::{
     FastReader, FastTurn, Instruction, LONGEST, Packet, Protocol, Reader, fast_sum, write, write_fast_status,
@@ -17,10 +17,10 @@ fn written(protocol: Protocol, servo: u8, instruction: &Instruction<'_>) -> Vec<
     packet[..length].to_vec()
 }
 
-/// An answer: servo, error and data.
+/// Answer: servo, error and data.
 type Answer = (u8, u8, Vec<u8>);
 
-/// The answers in a stream of bytes.
+/// Answers in a stream of bytes.
 fn read(bytes: &[u8]) -> Vec<Result<Answer, DecodeError>> {
     let mut reader = Reader::default();
     let mut found = Vec::new();
@@ -77,14 +77,14 @@ fn many_servos_are_synchronised_as_in_the_manual() {
         written(Protocol::Two, 0xfe, &fast),
         bytes("FF FF FD 00 FE 0A 00 8A 84 00 04 00 03 07 04 20 F2")
     );
-    // one packet, of which each servo writes a part with the checksum of all before
+    // one packet; each servo writes a part, with the checksum of everything before
     let whole = bytes(
         "FF FF FD 00 FE 19 00 55 00 03 A6 00 00 00 84 08 00 07 1F 08 00 00 16 CA 00 04 FF 03 00 00 D1 9E",
     );
     let answers = |bytes: &[u8]| -> Vec<(u8, u8, Vec<u8>)> {
         let (mut reader, mut found) = (FastReader::default(), Vec::new());
         reader.expect(4);
-        // however it is cut
+        // split at any position
         for part in bytes.chunks(7) {
             reader.push(part);
             while let Some(Ok(status)) = reader.next() {
@@ -95,14 +95,14 @@ fn many_servos_are_synchronised_as_in_the_manual() {
     };
     let expected = [(3, 0, vec![0xa6, 0, 0, 0]), (7, 0, vec![0x1f, 8, 0, 0]), (4, 0, vec![0xff, 3, 0, 0])];
     assert_eq!(answers(&whole), expected);
-    // up to the first that is damaged
+    // up to the first damaged share
     for (place, count) in [(10, 0), (15, 0), (18, 1), (28, 2), (5, 0)] {
         let mut broken = whole.clone();
         broken[place] ^= 1;
         assert_eq!(answers(&broken), expected[..count], "byte {place}");
     }
     assert_eq!(answers(&whole[..whole.len() - 1]), expected[..2], "those before one that is silent");
-    // the servos' side says the same bytes
+    // the servo side writes the same bytes
     let (mut said, mut share) = (Vec::new(), [0; LONGEST]);
     for (servo, error, data) in &expected {
         let sum = fast_sum(0, &said);
@@ -202,7 +202,7 @@ proptest! {
             let _ = packet.instruction(&bytes);
             let _ = packet.status(&bytes);
         }
-        // most of them with a head and a length that fit
+        // most of them with a valid header and length
         if whole && bytes.len() >= 6 {
             bytes[..2].fill(0xff);
             bytes[3] = (bytes.len() - 4) as u8;

@@ -1,4 +1,4 @@
-//! A line of serial servos over pseudo-terminals: the adapter's end, a wire, and the end of simulated servos.
+//! Line of serial servos over pseudo-terminals: the adapter's end, a wire, and the end of simulated servos.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -32,7 +32,7 @@ ranges   = { position = 3.14, velocity = 4.7, torque = 1.9 }
 watchdog = "0 s"
 "#;
 
-/// A wire between two terminals.
+/// Wire between two terminals.
 struct Wire {
     ends: [File; 2],
 }
@@ -65,7 +65,7 @@ fn servos_are_enabled_and_follow_over_a_pseudo_terminal() {
         adapter.write(0, &mut frames);
         assert_eq!(line.send(&frames), frames.len());
         adapter.sent(0, frames.len(), now_ns);
-        // the terminals hand bytes on in their own time
+        // terminals deliver bytes asynchronously
         for _ in 0..2000 {
             wire.carry();
             let count = end.receive(&mut inbox);

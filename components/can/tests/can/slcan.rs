@@ -1,6 +1,6 @@
 //! slcan: the codec against lines of published documents, and the bus over a pseudo-terminal.
 
-#![allow(unsafe_code)] // a pseudo-terminal is a few plain libc calls
+#![allow(unsafe_code)] // a pseudo-terminal needs a few libc calls
 
 use std::fs::File;
 use std::io::{Read as _, Write as _};
@@ -102,10 +102,10 @@ proptest! {
     }
 }
 
-/// The other end of a pseudo-terminal, and its path.
+/// Other end of a pseudo-terminal, and its path.
 pub(super) fn terminal() -> (File, String) {
-    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the stated
-    // length.
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the length
+    // passed to them.
     unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK);
         assert!(master >= 0 && libc::grantpt(master) == 0 && libc::unlockpt(master) == 0);
@@ -118,7 +118,7 @@ pub(super) fn terminal() -> (File, String) {
 
 const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
-/// Bytes received on a terminal so far.
+/// Bytes that have arrived on a terminal so far.
 pub(super) fn written(terminal: &mut File) -> Vec<u8> {
     let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
     while let Ok(length @ 1..) = terminal.read(&mut bytes) {
@@ -127,7 +127,7 @@ pub(super) fn written(terminal: &mut File) -> Vec<u8> {
     all
 }
 
-/// Opens the bus on a terminal whose other end answers its commands in this way.
+/// Opens the bus on a terminal whose other end answers its commands with `answer`.
 fn opened(answer: &'static [u8], is_fd: bool) -> (File, Result<SlcanBus, OpenError>, Vec<u8>) {
     let (mut terminal, path) = terminal();
     let adapter = std::thread::spawn(move || {
@@ -160,7 +160,7 @@ fn a_bus_is_set_up_frames_go_both_ways_and_states_are_followed() {
     );
     let mut inbox = [Received::default(); 4];
     assert_eq!(bus.receive(&mut inbox), 0, "nothing has come, and nothing is waited for");
-    // a line in two parts, one of a node that is not listened to, and a report
+    // a line in two parts, one of a node that is filtered out, and a report
     bus.receive_only(&[Id::Standard(0x0a7)]);
     terminal.write_all(b"\rt0A7").unwrap();
     assert_eq!(bus.receive(&mut inbox), 0);
@@ -200,7 +200,7 @@ fn an_unread_line_takes_whole_frames_only() {
     }
     assert!(full && taken > 20, "{taken}");
     assert!(bus.counts().queue_full > 0);
-    // once it is read again the next frames come whole, behind the end of the one that was begun
+    // once the terminal is read again, the next frames arrive whole, after the rest of the partly written one
     let mut all = written(&mut terminal);
     let until = Instant::now() + Duration::from_secs(10);
     while Instant::now() < until {

@@ -1,4 +1,4 @@
-//! The drive table: accepted values, and messages about mistakes.
+//! Drive table: accepted tables, and error messages.
 
 use motorium_can::{Budget, Table};
 
@@ -95,7 +95,8 @@ fn the_budget_counts_what_a_drive_sends_beside_its_answers() {
     let cia402 = "increments = 65536.0\nrated_torque = 5.0\ncurrent_limit = 2.0\nrated_current = 4.0";
     let homing =
         "homing = { by = \"drive\", method = 17, velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0 }";
-    // its second process data, synchronisation, heartbeat of the adapter; service data while it homes itself
+    // its second process data, synchronisation, heartbeat of the adapter; service data while the drive homes
+    // itself
     assert_eq!(others("cia402", cia402), 3);
     assert_eq!(others("cia402", &format!("{cia402}\n{homing}")), 5);
     let at_stop =

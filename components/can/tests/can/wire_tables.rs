@@ -1,5 +1,5 @@
-//! Drive tables that do not go over the wire: frames that a drive does not know, identifiers that two share,
-//! numbers beyond their fields.
+//! Drive tables that do not work on the wire: frames that a drive does not support, identifiers shared by two
+//! drives, numbers beyond their fields.
 
 use motorium_can::adapter::{Adapter, OnTrip};
 use motorium_can::cia402::{Mapping, Mode, NetworkCommand, Node, Service};
@@ -8,7 +8,7 @@ use motorium_can::{AnySimulatedDrive, Form, Frame, Overrides, Table};
 const FD: &str = "data_bitrate = 5_000_000";
 const CIA402: &str = "increments = 65536.0\nrated_torque = 5.0";
 
-/// A table of drives on one bus: protocol, number and additional keys of each.
+/// Table of drives on one bus, each with its protocol, number and additional keys.
 fn table(bus: &str, drives: &[(&str, u8, &str)]) -> Result<Table, String> {
     let mut text = format!("[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n{bus}\n");
     for (protocol, node, more) in drives {
@@ -59,7 +59,7 @@ fn answers_that_collide_with_commands_are_refused() {
         text,
         "drive of `damiao1`: its answers have the identifier 0x002, that of commands to `damiao2`"
     );
-    // a Damiao drive's default
+    // the default of a Damiao drive
     let text = refused("", &[("mini_cheetah", 17, ""), ("damiao", 1, "")]);
     assert_eq!(
         text,
@@ -174,7 +174,7 @@ fn process_data_are_stopped_before_mapping() {
         drive.receive(frame, 0, &mut |answer| answers.push(answer));
         answers
     };
-    // as an adapter of before has left it
+    // as left by a previous adapter
     answers(&node.network(NetworkCommand::Start));
     let refused = node.service_answer(&steps[2], Err(0x0800_0022));
     assert_eq!(answers(&node.service(&steps[2])), [refused]);

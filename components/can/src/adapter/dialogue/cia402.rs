@@ -1,9 +1,9 @@
-//! The dialogue with drives of CiA 402: service data first, one object a cycle, then process data with each
+//! Dialogue with CiA 402 drives: service data first, one object per cycle, then process data with each
 //! synchronisation.
 //!
-//! The set-up stops process data, maps them, sets the adapter's heartbeat as the drive's watchdog, and
-//! compares the rated torque with the table. Then the node is started, and the controlword moves the state
-//! machine to enabled.
+//! The set-up stops process data, maps them, configures the adapter's heartbeat as the drive's watchdog, and
+//! compares the rated torque with the table. Then it starts the node and uses the controlword to bring the
+//! state machine to *operation enabled*.
 
 mod emergency;
 mod homing;
@@ -29,38 +29,38 @@ pub(in crate::adapter) struct Cia402 {
     watchdog_ms: u16,
     increments: f64,
     rated_torque: f64,
-    /// Largest and rated current, A; `None` for the drive's own limit.
+    /// Maximum and rated current, A; `None` keeps the limit stored in the drive.
     currents: Option<[f64; 2]>,
-    /// Objects of its homing, if it homes itself.
+    /// Homing objects, if the drive homes with its own procedure.
     homes: Option<HomingObjects>,
     homing: Stage,
     ranges: Ranges,
     gains: LoopEntry,
-    /// Process data whose mapping is compared, and not written.
+    /// Process data whose mapping is only compared, not written.
     fixed: Vec<Mapping>,
     /// Time between two synchronisations, ns.
     cycle_ns: u64,
     /// Process data have been started.
     is_started: bool,
-    /// Remaining cycles of the fault reset.
+    /// Remaining cycles of a fault reset.
     clears: u8,
     state: DriveState,
     motion: Motion,
-    /// The statusword and the position of this cycle have arrived.
+    /// The statusword and position of this cycle have arrived.
     has_position: bool,
-    /// The position of this cycle, rad.
+    /// Position of this cycle, rad.
     read_position: f64,
-    /// Reads of the mode display that were answered with another mode, one after the other.
+    /// Consecutive reads of the mode display that returned another mode.
     mode_reads: u8,
-    /// The code of its last emergency message.
+    /// Code of the last emergency message.
     emergency: u16,
-    /// Its heartbeat has arrived since its settings were written, and is monitored from then on.
+    /// The drive's heartbeat has arrived since its settings were written; from then on it is monitored.
     is_beating: bool,
 }
 
-/// Duration of a fault reset, in cycles.
+/// Duration of a fault reset, cycles.
 const CLEARS: u8 = 4;
-/// Settings after the mappings.
+/// First setting after the mappings.
 const WATCHDOG: u8 = Mapping::ALL.len() as u8 * Mapping::STEPS;
 const READ_WATCHDOG: u8 = WATCHDOG + 1;
 const MODE: u8 = WATCHDOG + 2;
@@ -70,16 +70,16 @@ const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 5;
 const RATED_TORQUE: u8 = WATCHDOG + 6;
 const HEARTBEAT: u8 = WATCHDOG + 7;
 const SETTINGS: u8 = WATCHDOG + 8;
-/// Time between two heartbeats of a drive, ms: rare, so that they do not displace process data, whose loss is
-/// noticed within three cycles.
+/// Heartbeat period of a drive, ms. It is long enough not to displace process data, whose loss is noticed
+/// within three cycles.
 const HEARTBEAT_MS: u16 = 1000;
-/// Longest time between two heartbeats, ns: two of them, and half of one for the bus.
+/// Longest time between two heartbeats, ns: two periods, and half a period for bus delays.
 const HEARTBEAT_WITHIN_NS: u64 = 2_500_000 * HEARTBEAT_MS as u64;
-/// Reads of the mode display until a mode that was written counts as refused.
+/// Reads of the mode display after which a written mode counts as refused.
 const MODE_READS: u8 = 100;
-/// Settings of a drive whose current is limited.
+/// Settings of a drive with a current limit.
 const LIMITED: [Extra; 2] = [Extra::RatedCurrent, Extra::MaxCurrent];
-/// Settings of a drive that homes itself.
+/// Settings of a drive that homes with its own procedure.
 const HOMED: [Extra; 5] = [
     Extra::Homing(Object::HOMING_METHOD),
     Extra::Homing(Object::HOMING_VELOCITY),
@@ -88,7 +88,7 @@ const HOMED: [Extra; 5] = [
     Extra::Homing(Object::HOME_OFFSET),
 ];
 
-/// A setting that not every drive has.
+/// Setting that not every drive has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Extra {
     RatedCurrent,
@@ -132,7 +132,7 @@ impl Cia402 {
         SETTINGS + self.extras().count() as u8
     }
 
-    /// Settings of this drive in addition to the common ones.
+    /// Returns the settings that this drive has in addition to the common ones.
     fn extras(&self) -> impl Iterator<Item = Extra> {
         let limited = LIMITED.into_iter().filter(|_| self.currents.is_some());
         limited.chain(HOMED.into_iter().filter(|_| self.homes.is_some()))
@@ -161,7 +161,8 @@ impl Cia402 {
         self.is_beating = false;
     }
 
-    /// Longest time between two heartbeats, ns; `None` before the first one, since not every drive has them.
+    /// Longest time between two heartbeats, ns; `None` before the first one, since not every drive sends
+    /// them.
     pub(super) fn state_within_ns(&self) -> Option<u64> {
         self.is_beating.then_some(HEARTBEAT_WITHIN_NS)
     }
@@ -178,10 +179,10 @@ impl Cia402 {
         }
     }
 
-    /// The service of a setting.
+    /// Service that checks or writes a setting.
     fn setting(&self, setting: u8) -> Service {
         let tenths = self.cycle_ns / 100_000;
-        // in tenths of a millisecond where they are whole and fit, in milliseconds else
+        // tenths of a millisecond if the period is a whole number of them that fits, otherwise milliseconds
         let (units, exponent) = match tenths {
             1..=255 if self.cycle_ns.is_multiple_of(100_000) => (tenths, -4_i8),
             _ => ((self.cycle_ns / 1_000_000).clamp(1, 255), -3_i8),
@@ -214,7 +215,7 @@ impl Cia402 {
         }
     }
 
-    /// The service of a setting that not every drive has.
+    /// Service that writes a setting that not every drive has.
     fn extra_setting(&self, setting: u8) -> Service {
         let HomingObjects { method, velocities, acceleration } = self.homes.unwrap_or_default();
         let write = |object, number| Service::Write(object, Value::long(number));
@@ -229,17 +230,17 @@ impl Cia402 {
             Some(Extra::Homing(object @ Object::HOMING_VELOCITY)) => write(object, velocities[0]),
             Some(Extra::Homing(object @ Object::HOMING_CREEP_VELOCITY)) => write(object, velocities[1]),
             Some(Extra::Homing(object @ Object::HOMING_ACCELERATION)) => write(object, acceleration),
-            // it reads zero at its mark, whose position is in the table
+            // the drive reads zero at its mark; the table holds the mark's joint position
             Some(Extra::Homing(object)) => write(object, 0),
             Some(Extra::RatedCurrent) | None => Service::Read(Object::RATED_CURRENT),
         }
     }
 
-    /// The index of an object whose mapping is compared with this setting, and the value that it must have.
+    /// Index of the object whose mapping is compared with this setting, and its required value.
     fn fixed_mapping(&self, setting: u8) -> Option<(u16, u32)> {
         let mapping = Mapping::ALL.get(usize::from(setting / Mapping::STEPS))?;
         match mapping.step(self.node, self.cyclic(), setting % Mapping::STEPS) {
-            // the count of 0 during a change is expected here
+            // a count of 0 only marks a mapping that is being changed
             Service::Write(_, value) if value.number() == 0 => None,
             Service::Write(object, value) if object.is_mapping() && self.fixed.contains(mapping) => {
                 Some((object.index, value.number()))
@@ -251,8 +252,8 @@ impl Cia402 {
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         if let Order::Check(setting) = order {
             if *setting == 0 {
-                // many drives refuse other mappings while process data flow, as they do since an adapter of
-                // before, or a trip
+                // many drives refuse other mappings while process data flow, as they do after a previous
+                // adapter or a trip
                 frames.push(self.node.network(NetworkCommand::PreOperational));
             }
             frames.push(self.node.service(&self.setting(*setting)));
@@ -270,7 +271,7 @@ impl Cia402 {
             Order::Follow(command) => (0x0f, *command),
             Order::Home if self.clears == 0 => (self.home(frames), Command::default()),
             _ => {
-                // at the rising edge of the bit
+                // takes effect at the rising edge of the bit
                 let resets = self.clears == CLEARS - 1;
                 self.clears = self.clears.saturating_sub(1);
                 (if resets { FAULT_RESET } else { DISABLE_VOLTAGE }, Command::default())
@@ -295,7 +296,7 @@ impl Cia402 {
         }
         if frame.id == self.node.id(0x700) {
             return Ok(match self.node.heartbeat(frame)? {
-                // it has lost its settings
+                // the drive has lost its settings
                 NetworkState::BootUp => Response::Restarted,
                 _ => {
                     self.is_beating = true;
@@ -305,7 +306,7 @@ impl Cia402 {
         }
         match checking {
             Some(setting) if frame.id == self.node.id(0x580) => self.check_setting(setting, frame),
-            // process data of before
+            // process data from before the set-up
             Some(_) => Ok(Response::Other),
             None if frame.id == self.node.id(0x580) => {
                 self.take_homing_service(frame);
@@ -315,7 +316,7 @@ impl Cia402 {
         }
     }
 
-    /// Checks a setting; a drive may display its new mode some time after it was written.
+    /// Checks a setting. A drive may display its new mode some time after it was written.
     fn check_setting(&mut self, setting: u8, frame: &Frame) -> Result<Response, DecodeError> {
         let wrong = self.check(setting, frame)?;
         let is_mode = matches!(wrong, Some(WrongSetting::ControlMode { .. }));
@@ -328,7 +329,7 @@ impl Cia402 {
 
     fn check(&self, setting: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
         let value = match self.node.service_result(&self.setting(setting), frame) {
-            // A drive without a heartbeat is watched by its process data alone.
+            // A drive without a heartbeat is monitored by its process data alone.
             Err(DecodeError::Refused { .. }) if setting == HEARTBEAT => return Ok(None),
             Err(DecodeError::Refused { code }) => {
                 let (Service::Read(object) | Service::Write(object, _)) = self.setting(setting);
@@ -382,7 +383,7 @@ impl Cia402 {
                 self.has_position = true;
                 Ok(Response::Other)
             }
-            // the answer is whole with both frames
+            // the answer is complete with both frames
             Process::Motion { .. } if !core::mem::take(&mut self.has_position) => Ok(Response::Other),
             Process::Motion { velocity, torque } => {
                 let state = match self.state {
@@ -405,7 +406,7 @@ impl Cia402 {
     }
 }
 
-/// The nearest whole number; halves away from zero.
+/// Nearest integer; halves round away from zero.
 fn nearest(x: f64) -> i32 {
     if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
 }

@@ -1,4 +1,4 @@
-//! The dialogue with drives of the MIT family: a frame to the drive, one back.
+//! Dialogue with drives of the MIT family: one frame to the drive, one back.
 
 use super::{Motion, Order, Response};
 use crate::adapter::WrongSetting;
@@ -7,16 +7,16 @@ use crate::damiao::{Register, Request, Value};
 use crate::frame::{DecodeError, Form, Frame};
 use crate::mit::{Command, Drive, Feedback, Instruction, Reply};
 
-/// Registers that are read of every Damiao drive.
+/// Number of registers read from every Damiao drive.
 const CHECKED: u8 = Register::CHECKED.len() as u8;
 
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Mit {
     codec: Drive,
     watchdog_ns: u64,
-    /// Share of its full current at which a Damiao drive disables itself; `None` for the drive's own.
+    /// Share of its full current at which a Damiao drive disables itself; `None` keeps the drive's setting.
     share: Option<f64>,
-    /// Its newest state; `None` before its first answer.
+    /// Newest state; `None` before the first answer.
     motion: Option<Motion>,
     rounding: Rounding,
 }
@@ -26,9 +26,9 @@ impl Mit {
         Self { codec, watchdog_ns, share, motion: None, rounding: Rounding::default() }
     }
 
-    /// Only Damiao drives report their settings.
+    /// Damiao drives have readable settings, the others do not.
     pub(super) fn checks(&self) -> u8 {
-        // the limit of the current is written, and read back
+        // the current limit is written and read back
         let limit = if self.share.is_some() { 2 } else { 0 };
         if self.codec.reply == Reply::Damiao { CHECKED + limit } else { 0 }
     }
@@ -57,7 +57,7 @@ impl Mit {
                 return;
             }
             Order::Disable | Order::Home => Instruction::Disable,
-            // a command of nothing, which is answered
+            // a zero command, which the drive answers
             Order::Rest => Instruction::Command(Command::default()),
             Order::Enable => Instruction::Enable,
             Order::Follow(command) => {
@@ -88,7 +88,7 @@ impl Mit {
         Request { node: self.codec.node, register }
     }
 
-    /// An answer about a setting.
+    /// Checks an answer about a setting.
     fn check(&self, setting: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
         let request = self.request(setting);
         if setting == CHECKED {

@@ -1,5 +1,5 @@
-//! The dialogues with drives: orders of the adapter become frames of a protocol, and frames of a drive
-//! responses.
+//! Dialogues with drives: they turn orders of the adapter into frames of a protocol, and frames of a drive
+//! into responses.
 
 mod cia402;
 mod mit;
@@ -13,45 +13,45 @@ use crate::mit::{Command, Fault, Feedback, Ranges, State};
 use crate::table::{ControlMode, LoopEntry, Protocol, Table};
 pub(super) use servo::Servo;
 
-/// The request of the adapter to a drive in a cycle.
+/// Request of the adapter to a drive in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Order {
     /// Read or write the setting with this number.
     Check(u8),
-    /// Disable.
+    /// Disable the drive.
     Disable,
-    /// To answer, and nothing else: it reported a fault, which stays.
+    /// Only answer: the drive reported a fault, which stays latched.
     Rest,
-    /// Search for its mark.
+    /// Search for the mark.
     Home,
-    /// To begin to follow commands.
+    /// Start following commands.
     Enable,
-    /// To follow a command, in the units of its output shaft.
+    /// Follow a command, in units of the output shaft.
     Follow(Command),
 }
 
-/// The content of a frame of a drive.
+/// Content of a frame from a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Response {
-    /// Its state: the answer of the cycle.
+    /// State of the drive: the answer of the cycle.
     Feedback(Feedback),
-    /// That a setting is as the table has it, or else how it differs.
+    /// A setting that matches the table (`None`), or its mismatch.
     Setting(Option<WrongSetting>),
-    /// Its state, besides its answers.
+    /// Operating state, sent apart from the answers.
     State(State),
-    /// A sign of life: a heartbeat besides its answers.
+    /// Heartbeat: the drive is alive.
     Alive,
-    /// That a setting does not have its value yet: it is read again.
+    /// A setting does not have its value yet and is read again.
     Waiting,
-    /// An error reported in a separate message, and whether it is still present.
+    /// Error reported in a separate message, and its presence.
     Emergency { fault: Fault, is_present: bool },
-    /// It has just started without any settings.
+    /// The drive has just started and has lost its configuration.
     Restarted,
-    /// A message besides its answers.
+    /// Any other frame.
     Other,
 }
 
-/// The dialogue with one drive.
+/// Dialogue with one drive.
 #[derive(Clone, Debug)]
 pub(super) enum Dialogue {
     Mit(mit::Mit),
@@ -62,7 +62,7 @@ pub(super) enum Dialogue {
 }
 
 impl Dialogue {
-    /// The dialogue with a drive of a table.
+    /// Creates the dialogue with drive `index` of a table.
     pub(super) fn new(table: &Table, index: usize) -> Self {
         match (table.drives[index].protocol, table.drive(index)) {
             (_, Some(codec)) => {
@@ -76,7 +76,7 @@ impl Dialogue {
         }
     }
 
-    /// Settings that are checked before it is enabled.
+    /// Number of settings checked before the drive is enabled.
     pub(super) fn checks(&self) -> u8 {
         match self {
             Self::Mit(drive) => drive.checks(),
@@ -87,7 +87,7 @@ impl Dialogue {
         }
     }
 
-    /// True if the gains of commands reach the drive.
+    /// Returns `true` if the gains of commands reach the drive.
     pub(super) fn takes_gains(&self) -> bool {
         match self {
             Self::Mit(_) | Self::Moteus(_) => true,
@@ -97,7 +97,7 @@ impl Dialogue {
         }
     }
 
-    /// Returns `true` if it reports whether it follows commands.
+    /// Returns `true` if the drive reports whether it is enabled.
     pub(super) fn tells_its_state(&self) -> bool {
         match self {
             Self::Mit(drive) => drive.tells_its_state(),
@@ -106,7 +106,7 @@ impl Dialogue {
         }
     }
 
-    /// Time between two reports of a drive that reports unasked; `None` for a drive that answers.
+    /// Period of a drive that reports unsolicited; `None` for one that answers commands.
     pub(super) fn reports_every_ns(&self) -> Option<u64> {
         match self {
             Self::Odrive(drive) => Some(drive.every_ns),
@@ -114,8 +114,8 @@ impl Dialogue {
         }
     }
 
-    /// Longest time between two messages with its state, ns, of a drive whose answers are without it, or
-    /// between two heartbeats.
+    /// Longest time, ns, between two heartbeats, or between two state messages of a drive whose answers lack
+    /// the state.
     pub(super) fn state_within_ns(&self) -> Option<u64> {
         match self {
             Self::Odrive(_) => Some(odrive::HEARTBEAT_WITHIN_NS),
@@ -124,7 +124,7 @@ impl Dialogue {
         }
     }
 
-    /// Enters an answer that is believed: setpoints may follow from it.
+    /// Accepts an answer as plausible, so that setpoints may be derived from it.
     pub(super) fn accept(&mut self, feedback: &Feedback) {
         match self {
             Self::Mit(drive) => drive.accept(feedback),
@@ -135,7 +135,7 @@ impl Dialogue {
         }
     }
 
-    /// Form of its frames, bytes of the shortest command and of the shortest answer.
+    /// Form of the drive's frames, and bytes of the shortest command and the shortest answer.
     pub(super) fn shortest(&self) -> (Form, usize, usize) {
         match self {
             Self::Mit(drive) => drive.shortest(),
@@ -147,7 +147,7 @@ impl Dialogue {
         }
     }
 
-    /// Restarts, and clears the faults of a drive that was lost or disabled.
+    /// Restarts the dialogue, and clears the faults of a drive that was lost or disabled itself.
     pub(super) fn restart(&mut self) {
         match self {
             Self::Mit(_) | Self::Servo(_) => {}
@@ -157,7 +157,7 @@ impl Dialogue {
         }
     }
 
-    /// Resets to the initial state without clearing faults.
+    /// Discards the dialogue's progress, as at the start, without clearing faults.
     pub(super) fn forget(&mut self) {
         match self {
             Self::Mit(_) | Self::Servo(_) | Self::Moteus(_) => {}
@@ -166,17 +166,17 @@ impl Dialogue {
         }
     }
 
-    /// Starts the search for its mark.
+    /// Starts the search for the mark.
     pub(super) fn begin_homing(&mut self) {
         match self {
             Self::Odrive(drive) => drive.begin_homing(),
             Self::Cia402(drive) => drive.begin_homing(),
-            // they have no homing procedure
+            // these drives have no homing procedure
             Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => {}
         }
     }
 
-    /// Result of its own homing, once complete.
+    /// Result of the drive's own homing, once it has finished.
     pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
         match self {
             Self::Odrive(drive) => drive.homing_result(),
@@ -185,7 +185,7 @@ impl Dialogue {
         }
     }
 
-    /// True for a frame of this drive.
+    /// Returns `true` if the frame comes from this drive.
     pub(super) fn is_from(&self, frame: &Frame) -> bool {
         match self {
             Self::Mit(drive) => drive.is_from(frame),
@@ -196,7 +196,7 @@ impl Dialogue {
         }
     }
 
-    /// Writes the frames of a cycle. All servos of a line share their frames.
+    /// Writes the frames of a cycle. Servo frames are written for the whole line together.
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         match self {
             Self::Mit(drive) => drive.write(order, frames),
@@ -207,7 +207,7 @@ impl Dialogue {
         }
     }
 
-    /// Reads a frame of this drive, while the setting `checking` is being checked.
+    /// Reads a frame of this drive while the setting `checking` is being checked.
     pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         match self {
             Self::Mit(drive) => drive.read(checking, frame),
@@ -219,24 +219,25 @@ impl Dialogue {
     }
 }
 
-/// The newest state of a drive that is commanded positions or torques, from which its setpoints follow.
+/// Newest state of a drive commanded by positions or torques, from which its setpoints are derived.
 #[derive(Clone, Copy, Debug, Default)]
 struct Motion {
     position: f64,
     velocity: f64,
-    /// The position at which it is held while its commands have no position gain.
+    /// Position held while commands have no position gain.
     held: Option<f64>,
 }
 
 impl Motion {
-    /// Begins a cycle: a drive that does not follow yet is not held, and may have been moved.
+    /// Begins a cycle. A drive that is not yet following commands has no held position, since its joint may
+    /// have been moved.
     fn begin(&mut self, order: &Order) {
         if !matches!(order, Order::Follow(_)) {
             self.held = None;
         }
     }
 
-    /// The position of a command; without a position gain that at which the drive was then.
+    /// Position of a command. Without a position gain, it is the drive's position at the first such command.
     fn target(&mut self, command: &Command) -> f64 {
         if command.kp > 0.0 {
             self.held = None;
@@ -246,15 +247,15 @@ impl Motion {
         }
     }
 
-    /// Velocity of a command at the newest state: the commanded velocity plus the velocity with which the
-    /// drive's loop would approach the commanded position.
+    /// Velocity setpoint for a command at the newest state: the commanded velocity, and the velocity at which
+    /// the drive's own loop would approach the commanded position.
     fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
         let towards =
             if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };
         (command.velocity + towards).clamp(ranges.velocity.min, ranges.velocity.max)
     }
 
-    /// The torque of a command at the newest state.
+    /// Torque for a command at the newest state.
     fn torque(&self, command: &Command, ranges: &Ranges) -> f64 {
         command.torque_at(self.position, self.velocity).clamp(ranges.torque.min, ranges.torque.max)
     }

@@ -1,7 +1,7 @@
-//! The dialogue with moteus drives: a frame of registers to the drive, one back.
+//! Dialogue with moteus drives: one frame of registers to the drive, one back.
 //!
-//! Gains of commands are shares of the drive's own gains; each command carries the watchdog. Before it is
-//! enabled the drive reports the reference of its position.
+//! Gains of commands are shares of the gains stored in the drive, and every command carries the watchdog.
+//! Before it is enabled, the drive reports its position reference.
 
 use super::{Order, Response};
 use crate::adapter::WrongSetting;
@@ -10,7 +10,7 @@ use crate::mit::{Fault, Feedback, Ranges, State};
 use crate::moteus::{self, Home, Instruction, Mode, Node, Resolution};
 use crate::table::{LoopEntry, Table};
 
-/// Numbers of 16 bits: positions to 0.6 mrad.
+/// 16-bit registers; positions resolve 0.6 mrad.
 const RESOLUTION: Resolution = Resolution::Int16;
 
 #[derive(Clone, Debug)]
@@ -20,13 +20,13 @@ pub(in crate::adapter) struct Moteus {
     ranges: Ranges,
     /// s; NaN for never.
     watchdog: f64,
-    /// The least from which its position has to be counted.
+    /// Minimum position reference required.
     reference: Home,
-    /// Remaining cycles of the fault reset.
+    /// Remaining cycles of a fault reset.
     clears: u8,
 }
 
-/// Duration of a fault reset, in cycles.
+/// Duration of a fault reset, cycles.
 const CLEARS: u8 = 4;
 
 impl Moteus {
@@ -37,7 +37,7 @@ impl Moteus {
             gains: table.position_loop(index),
             ranges: table.ranges(index),
             watchdog: if entry.watchdog.ns > 0 { entry.watchdog.ns as f64 * 1e-9 } else { f64::NAN },
-            // where it counts from is found otherwise
+            // homing determines the position of these joints
             reference: if entry.is_homed() {
                 Home::Relative
             } else {
@@ -47,7 +47,7 @@ impl Moteus {
         }
     }
 
-    /// The place from which it counts.
+    /// Number of checks: the position reference.
     pub(super) fn checks(&self) -> u8 {
         u8::from(self.reference > Home::Relative)
     }
@@ -69,7 +69,7 @@ impl Moteus {
         };
         let instruction = match order {
             Order::Rest => Instruction::Query,
-            // which clears a fault, too
+            // which also clears a fault
             Order::Check(_) | Order::Disable | Order::Home => Instruction::Stop,
             Order::Enable => Instruction::Position(moteus::Command { kp_scale: 0.0, ..limits }),
             Order::Follow(command) => Instruction::Position(moteus::Command {
@@ -104,7 +104,7 @@ impl Moteus {
             position: told.position,
             velocity: told.velocity,
             torque: told.torque,
-            // the hotter of both
+            // the hotter of the two
             temperature: Some(
                 told.motor_temperature.map_or(told.temperature, |motor| motor.max(told.temperature)),
             ),
@@ -114,7 +114,7 @@ impl Moteus {
     }
 }
 
-/// The fault of a code.
+/// Fault for a moteus code.
 fn fault(code: u8) -> Fault {
     match code {
         34 => Fault::OverVoltage,

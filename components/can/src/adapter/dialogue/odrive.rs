@@ -1,8 +1,8 @@
-//! The dialogue with ODrives: commands as often as the adapter likes, encoder estimates and heartbeats as
-//! often as the drive does.
+//! Dialogue with ODrives: the adapter sends commands at its rate, the drive sends encoder estimates and
+//! heartbeats at its own.
 //!
-//! Only the heartbeat carries state and errors, so a drive counts as enabled a tenth of a second after it is.
-//! Its errors are only cleared when the adapter is resumed.
+//! Only the heartbeat carries state and errors, so a drive counts as enabled up to a tenth of a second after
+//! it has been enabled. Errors are cleared only when the adapter is resumed.
 
 use super::{Motion, Order, Response};
 use crate::adapter::HomingFault;
@@ -11,22 +11,22 @@ use crate::mit::{Command, Fault, Feedback, Ranges, State};
 use crate::odrive::{AxisState, ControlMode as Quantity, InputMode, Instruction, Node, Report};
 use crate::table::{ControlMode, HomingProcedure, Table};
 
-/// Cycles after which a drive that does not follow is requested again.
+/// Cycles after which the request is repeated if the drive has not followed.
 const REQUEST_AGAIN_AFTER: u16 = 1000;
-/// Cycles after which it is enabled: its modes, limits and first setpoint have been sent.
+/// Cycles before the drive is enabled, while its modes, limits and first setpoint are sent.
 const ENABLED_IN: u16 = 3;
-/// Duration of clearing the errors, in cycles.
+/// Duration of clearing the errors, cycles.
 const CLEARS: u8 = 4;
-/// Cycles after which its homing is requested: its limits have been sent.
+/// Cycles before homing is requested, while the limits are sent.
 const HOMES_IN: u16 = 2;
-/// Heartbeats after which a procedure that was never running counts as not started.
+/// Heartbeats after which a procedure that was never seen running counts as not begun.
 const SEEN_WITHIN: u8 = 5;
-/// Reports of the position after the end of a homing until one counts from the mark: the first one may have
-/// waited for the bus since before.
+/// Position reports after the end of a homing until one is relative to the mark; the first may have been
+/// queued before the end.
 const FROM_ITS_MARK: u8 = 2;
-/// Longest time between two heartbeats, ns: three of them, at ten a second, and half of one for the bus.
+/// Longest time between two heartbeats, ns: three periods at 10 Hz, and half a period for bus delays.
 pub(super) const HEARTBEAT_WITHIN_NS: u64 = 350_000_000;
-/// Error of an axis: its watchdog was not fed.
+/// Axis error: the watchdog was not fed.
 const WATCHDOG_EXPIRED: u32 = 0x800;
 
 #[derive(Clone, Debug)]
@@ -35,36 +35,36 @@ pub(in crate::adapter) struct Odrive {
     pub(super) mode: ControlMode,
     pub(super) every_ns: u64,
     ranges: Ranges,
-    /// A; `None` for the drive's own limits.
+    /// A; `None` keeps the limits stored in the drive.
     current_limit: Option<f64>,
-    /// Cycles since it was requested to follow.
+    /// Cycles since the drive was ordered to follow.
     begun: u16,
-    /// Remaining cycles of clearing its errors.
+    /// Remaining cycles of clearing the errors.
     clears: u8,
     state: State,
     motion: Motion,
-    /// As it reports, or else as it was commanded.
+    /// Reported torque, or the commanded one until a report arrives.
     torque: f64,
     reports_torque: bool,
-    /// Temperature of its hotter part, degrees Celsius, if it is set up to report them.
+    /// Temperature of the hotter part, degrees Celsius, if the drive is configured to report it.
     temperature: Option<f64>,
-    /// The state in which it homes.
+    /// Axis state used for homing.
     homes: AxisState,
     homing: Homing,
 }
 
-/// The progress of a homing.
+/// Progress of a homing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Homing {
-    /// None is running.
+    /// No homing is running.
     None,
-    /// Its limits are being sent, for this many cycles.
+    /// The limits have been sent for this number of cycles.
     Preparing(u16),
-    /// Requested, this many heartbeats ago, and seen running or not.
+    /// Homing was requested `heartbeats` ago; `was_seen` once it was reported running.
     Asked { heartbeats: u8, was_seen: bool },
-    /// Complete, with this many reports of its position since.
+    /// Homing has ended; `reports` counts the position reports since.
     Ended { result: Result<(), HomingFault>, reports: u8 },
-    /// Complete, with reports since then relative to its mark.
+    /// Homing has ended, and the reported positions are relative to the mark.
     Over(Result<(), HomingFault>),
 }
 
@@ -112,8 +112,8 @@ impl Odrive {
         }
     }
 
-    /// The message of a cycle of homing. Its limits are sent all the time: that feeds its watchdog, and
-    /// changes nothing else.
+    /// Message of a homing cycle. The limits are sent throughout: they feed the watchdog and have no other
+    /// effect.
     fn home(&mut self) -> Instruction {
         let limits = Instruction::Limits {
             velocity: self.ranges.velocity.max,
@@ -133,7 +133,7 @@ impl Odrive {
         }
     }
 
-    /// Processes the homing state of a heartbeat.
+    /// Updates the homing from a heartbeat.
     fn follow_homing(&mut self, state: AxisState, result: u8) {
         let Homing::Asked { heartbeats, was_seen } = &mut self.homing else { return };
         *heartbeats = heartbeats.saturating_add(1);
@@ -142,7 +142,7 @@ impl Odrive {
                 *was_seen = true;
                 return;
             }
-            // it then enters idle or closed loop automatically
+            // the axis returns to idle or to closed loop automatically
             (false, true) if result == 0 => Ok(()),
             (false, true) => Err(HomingFault::Drive),
             (false, false) if *heartbeats >= SEEN_WITHIN => Err(HomingFault::NotBegun),
@@ -151,7 +151,7 @@ impl Odrive {
         self.homing = Homing::Ended { result: over, reports: 0 };
     }
 
-    /// Takes a report of its position.
+    /// Counts a position report.
     fn count_report(&mut self) {
         if let Homing::Ended { result, reports } = &mut self.homing {
             *reports += 1;
@@ -167,7 +167,7 @@ impl Odrive {
 
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         let quantity = match self.mode {
-            // the table has no drives of ODrive with velocities
+            // the table refuses the velocity mode for ODrives
             ControlMode::Position | ControlMode::Velocity => Quantity::Position,
             ControlMode::Torque => Quantity::Torque,
         };
@@ -179,7 +179,7 @@ impl Odrive {
                 Some(current) => Instruction::Limits { velocity, current },
                 None => self.follow(&Command::default()),
             },
-            // its watchdog is fed, and its setpoint is where it is, before it follows
+            // before the drive follows, its watchdog is fed and its setpoint is the present position
             (Order::Enable, ENABLED_IN) => {
                 // reports from before the request do not count
                 self.state = State::Disabled;
@@ -237,7 +237,7 @@ impl Odrive {
                 self.state = match (error, state) {
                     (0, AxisState::ClosedLoop) => State::Enabled,
                     (0, _) => State::Disabled,
-                    // reported before they were cleared
+                    // reported before the errors were cleared
                     _ if self.clears > 0 => State::Disabled,
                     (error, _) if error & WATCHDOG_EXPIRED != 0 => State::Fault(Fault::CommunicationLost),
                     (error, _) => State::Fault(Fault::Other(error)),

@@ -1,4 +1,4 @@
-//! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one
+//! Dialogue with servos on a serial line. One packet writes the goals of all servos on a line, one packet
 //! queries all of them, and they answer one after the other.
 
 mod line;
@@ -16,28 +16,28 @@ use crate::table::{Protocol, Table};
 pub(in crate::adapter) struct Servo {
     number: u8,
     maker: Maker,
-    /// Time of the watchdog, ns; 0 for off.
+    /// Watchdog time, ns; 0 for off.
     watchdog_ns: u64,
     ranges: Ranges,
-    /// Its full torque, of which loads are shares, N m.
+    /// Full torque, of which loads are shares, N m.
     torque: f64,
-    /// The homing offset that it must have, steps.
+    /// Required homing offset, steps.
     homing_offset: Option<i32>,
-    /// The limit of its current as its register has it; `None` for that in the servo.
+    /// Current limit in units of its register; `None` keeps the servo's setting.
     current_limit: Option<u16>,
-    /// Torque of a unit of the register of its current, N m.
+    /// Torque per unit of the current register, N m.
     torque_per_unit: Option<f64>,
     motion: Motion,
 }
 
-/// The maker of a servo, whose registers it has.
+/// Manufacturer of a servo, which determines its registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Maker {
     Feetech,
     Dynamixel,
 }
 
-/// A setting of a servo.
+/// Setting of a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Setting {
     Mode,
@@ -47,7 +47,7 @@ enum Setting {
     CurrentLimit,
 }
 
-/// Registers that are written to all servos of a line together: the first one, and bytes of each.
+/// Registers written to all servos of a line together: the first register, and the bytes per servo.
 type Registers = (u16, u8);
 
 impl Maker {
@@ -58,7 +58,7 @@ impl Maker {
         }
     }
 
-    /// The registers that are written in a cycle, in this order.
+    /// Registers written in a cycle, in this order.
     fn written(self) -> &'static [Registers] {
         match self {
             Self::Feetech => &[
@@ -78,7 +78,7 @@ impl Maker {
         }
     }
 
-    /// The queried registers: the settings, one after the other, then the state.
+    /// Registers read from the servo: the settings one after the other, and the state last.
     fn asked(self) -> &'static [Registers] {
         match self {
             Self::Feetech => &[
@@ -99,7 +99,7 @@ impl Maker {
         }
     }
 
-    /// The setting in the queried registers at this index; `None` for the state.
+    /// Setting in the read block with this index; `None` for the state.
     fn setting(self, block: usize) -> Option<Setting> {
         let settings: &[Setting] = match self {
             Self::Feetech => &[Setting::Mode, Setting::Goals, Setting::HomingOffset, Setting::CurrentLimit],
@@ -114,7 +114,7 @@ impl Maker {
         settings.get(block).copied()
     }
 
-    /// The highest position: the last step of a turn.
+    /// Highest position: the last step of a turn.
     fn highest(self) -> f64 {
         match self {
             Self::Feetech => feetech::position(feetech::TURN as u16 - 1),
@@ -143,12 +143,12 @@ impl Servo {
         }
     }
 
-    /// Operating mode, limits of goals, and optional settings of the table.
+    /// Number of checks: operating mode, goal limits, and the optional settings of the table.
     pub(super) fn checks(&self) -> u8 {
         self.blocks().count() as u8 - 1
     }
 
-    /// Indices of its queried registers in its maker's list: the settings, then the state.
+    /// Indices of the blocks to read among the manufacturer's registers: the settings, and the state last.
     fn blocks(&self) -> impl Iterator<Item = usize> {
         let is_asked = |block: &usize| match self.maker.setting(*block) {
             Some(Setting::HomingOffset) => self.homing_offset.is_some(),
@@ -158,7 +158,7 @@ impl Servo {
         (0..self.maker.asked().len()).filter(is_asked)
     }
 
-    /// Index of the registers queried with an order.
+    /// Index of the block to read with an order.
     fn block(&self, order: &Order) -> usize {
         let state = self.maker.asked().len() - 1;
         match order {
@@ -176,19 +176,20 @@ impl Servo {
         frame.form == Form::Packet && frame.id == Id::Standard(self.number.into())
     }
 
-    /// The time of the watchdog as its register has it.
+    /// Watchdog time in units of its register.
     fn watchdog(&self) -> u8 {
         (self.watchdog_ns / dynamixel::WATCHDOG_UNIT_NS) as u8
     }
 
-    /// Writes the index of an order's registers in the maker's list, and the bytes.
+    /// Writes the registers that an order requires: passes `put` the index of the block among the
+    /// manufacturer's registers, and the bytes.
     fn write(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8])) {
         self.motion.begin(order);
         let goal = match order {
             Order::Check(_) => {
                 match (self.maker.setting(self.block(order)), self.current_limit) {
                     (Some(Setting::Watchdog), _) => {
-                        // one that has stopped the servo is cleared first
+                        // a watchdog that has stopped the servo is cleared first
                         put(1, &[0]);
                         put(2, &[self.watchdog()]);
                     }
@@ -203,13 +204,13 @@ impl Servo {
             Order::Enable => self.motion.position,
             Order::Follow(command) => self.motion.target(command),
         };
-        // goal and torque together: it must not run to a goal of before
+        // goal and torque together, so that the servo does not run to an old goal
         let is_begin = *order == Order::Enable;
         match self.maker {
             Maker::Feetech => {
                 let [low, high] = feetech::step(goal).to_le_bytes();
                 match is_begin {
-                    // at once: no acceleration, no time, no speed are given
+                    // immediate motion: acceleration, time and speed are zero
                     true => put(1, &[1, 0, low, high, 0, 0, 0, 0]),
                     false => put(2, &[low, high]),
                 }
@@ -268,7 +269,7 @@ impl Servo {
                 [[*a, *b], [*c, *d]].map(|bytes| feetech::position(word(bytes)))
             }
             (Maker::Dynamixel, Some(Goals), [a, b, c, d, e, f, g, h]) => {
-                // the highest first
+                // the highest comes first
                 [[*e, *f, *g, *h], [*a, *b, *c, *d]].map(|long| dynamixel::position(i32::from_le_bytes(long)))
             }
             (_, _, data) => {
@@ -277,12 +278,12 @@ impl Servo {
             }
         };
         let needed = self.ranges.position.max.min(self.maker.highest());
-        // to a step, and the range of a turn is a step shorter above
+        // within one step: the upper end of a turn is one step short
         let covers = ends[0] <= 2e-3 - needed && ends[1] >= needed - 2e-3;
         Ok((!covers).then_some(WrongSetting::Goals { found: ends, expected: self.ranges.position.max }))
     }
 
-    /// A mode in which it does not follow positions, or not with a limit of its current.
+    /// Operating mode in which the servo does not follow positions, or does not apply its current limit.
     fn wrong_mode(&self, found: u8) -> Option<WrongSetting> {
         let expected = match (self.maker, self.current_limit) {
             (Maker::Feetech, _) => feetech::POSITIONS,
@@ -327,7 +328,7 @@ impl Servo {
                 Feedback {
                     position: told.position,
                     velocity: told.velocity,
-                    // the register of the current, or of the load
+                    // the register holds the current or the load
                     torque: f64::from(told.load) * self.torque_per_unit.unwrap_or(1e-3 * most),
                     temperature: Some(told.temperature),
                     voltage: Some(told.voltage),

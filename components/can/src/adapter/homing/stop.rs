@@ -1,49 +1,51 @@
-//! The homing of a joint at its mechanical stop.
+//! Homing of a joint at its mechanical stop.
 //!
-//! The joint is moved there with the effort that it may exert against the stop: it stops, backs off, and
-//! stops a second time at the same place. A joint that does not back off is jammed, or its brake is closed;
-//! two different places mean an obstacle that yielded. A joint stopped only by its weight also stops at the
-//! same place, but sinks back as soon as its effort is halved.
+//! The joint moves towards the stop with the effort allowed at the stop. It comes to rest, backs off, and
+//! comes to rest a second time at the same position. A joint that does not back off is jammed, or its brake
+//! is closed. A joint that comes to rest at two positions has met a movable obstacle. A joint stopped only by
+//! its own weight also comes to rest at the same position, but sinks back as soon as its effort is halved.
 
 use super::HomingFault;
 use crate::table::HomingEntry;
 
 /// Time over which motion is judged, ns.
 const WINDOW_NS: u64 = 200_000_000;
-/// Consecutive windows without motion after which it counts as stationary.
+/// Consecutive windows without motion after which the joint is at rest.
 const STILL_WINDOWS: u32 = 2;
-/// Share of the commanded velocity below which a joint counts as not moving. A heavy joint accelerates faster
-/// than that.
+/// Share of the commanded velocity below which a joint counts as not moving. Even a heavy joint accelerates
+/// beyond it in time.
 pub(crate) const STILL: f64 = 0.03;
-/// Multiple of the commanded velocity beyond which it runs away.
+/// Multiple of the commanded velocity beyond which the joint counts as running away.
 pub(crate) const RUNAWAY: f64 = 5.0;
-/// Largest difference of the two places of a stop, as a share of the back-off distance.
+/// Largest difference between the two stop positions, as a share of the distance backed off.
 const REPEATS_WITHIN: f64 = 0.4;
-/// Share of the effort with which it has to stay where it came to rest.
+/// Share of the effort with which the joint has to stay at the stop.
 pub(crate) const EASED: f64 = 0.5;
-/// Largest yield of the stop, as a share of the distance travelled at the commanded velocity in a window.
+/// Largest distance that the joint may yield then, as a share of the distance at the commanded velocity in a
+/// window.
 const GIVES_WITHIN: f64 = 0.2;
 
-/// Stage of a homing at a stop; positions are the joint's without its offset.
+/// Stage of a homing at a stop. Positions are joint positions without the offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    /// To the stop.
+    /// Towards the stop.
     Approach,
-    /// Away from it, from this position.
+    /// Away from the stop, from this position.
     BackOff(f64),
-    /// To the stop again, which was found at this position.
+    /// Towards the stop again, which was found at this position.
     ApproachAgain(f64),
-    /// Pressing with half of the effort, from this position. A joint stopped only by its weight sinks back.
+    /// Against the stop with half of the effort, from this position. A joint stopped only by its weight sinks
+    /// back.
     Ease(f64),
-    /// Away from it for good.
+    /// Finally away from the stop.
     Leave(f64),
 }
 
-/// A homing at the mechanical stop of a joint.
+/// Homing at the mechanical stop of a joint.
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Stop {
     velocity: f64,
-    /// Velocity gain with which it presses against the stop with the allowed effort.
+    /// Velocity gain that yields the allowed effort at standstill against the stop.
     kd: f64,
     /// Position of the joint at the stop.
     pub(in crate::adapter) position: f64,
@@ -56,14 +58,14 @@ pub(in crate::adapter) struct Stop {
     still: u32,
 }
 
-/// The outcome of one cycle of a homing at a stop.
+/// Outcome of one cycle of a homing at a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::adapter) enum Outcome {
-    /// It continues.
+    /// The homing continues.
     Moving,
-    /// The stop was found at this position, and the joint has moved off it.
+    /// The stop was found at this position, and the joint has backed off.
     Found(f64),
-    /// Failed.
+    /// The homing failed.
     Failed(HomingFault),
 }
 
@@ -106,15 +108,15 @@ impl Stop {
         }
     }
 
-    /// Velocity to command at this joint velocity, and the gain with which it is followed, limited to the
-    /// allowed effort.
+    /// Velocity to command to a joint with this measured velocity, and the velocity gain; together they never
+    /// exceed the allowed effort.
     pub(super) fn command(&self, measured: f64) -> (f64, f64) {
         let most = self.velocity.abs();
         let share = if matches!(self.stage, Stage::Ease(_)) { EASED } else { 1.0 };
         ((self.direction() * most).clamp(measured - most, measured + most), share * self.kd)
     }
 
-    /// A cycle that ends with the joint at this position.
+    /// Processes a cycle that ends with the joint at this position.
     pub(super) fn step(&mut self, position: f64, cycle_ns: u64) -> Outcome {
         let forward = (position - self.from.unwrap_or(position)) * self.direction();
         if let Stage::BackOff(from) | Stage::Leave(from) = self.stage
@@ -141,7 +143,7 @@ impl Stop {
         }
         self.window_ns += cycle_ns;
         let share = |time_ns: u64| forward / (self.velocity.abs() * time_ns as f64 * 1e-9);
-        // as soon as it has gone as far as it may in the whole of it
+        // as soon as it has moved as far as the whole window allows
         let gone = share(WINDOW_NS.max(self.window_ns)).abs();
         if gone > RUNAWAY {
             return Outcome::Failed(HomingFault::Runaway(share(self.window_ns).abs()));

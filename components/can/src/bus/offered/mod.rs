@@ -1,8 +1,8 @@
-//! Simulated buses that other programs use: over a unix socket, or over a pseudo-terminal as an adapter with
-//! slcan would offer them, on which the driver of the kernel can sit, or as a line of serial servos.
+//! Simulated buses for other programs. They are offered over a unix socket, or over a pseudo-terminal as an
+//! slcan adapter, to which the kernel driver can be attached, or as a line of serial servos.
 //!
-//! A [`Place`] names one: `unix:NAME` or `pty:PATH`. The program that simulates the bus opens an [`Offer`]
-//! there; the others open it as they open any bus, by [`RealBus`](crate::RealBus).
+//! A [`Place`] is the address of such a bus: `unix:NAME` or `pty:PATH`. The program that simulates the bus
+//! opens an [`Offer`] there. Other programs open it with [`RealBus`](crate::RealBus), like any bus.
 
 mod records;
 mod terminal;
@@ -18,7 +18,7 @@ pub use terminal::TerminalOffer;
 pub(crate) use unix::Traffic;
 pub use unix::{UnixBus, UnixOffer};
 
-/// The place at which a simulated bus is offered.
+/// Address of a simulated bus.
 ///
 /// ```
 /// use motorium_can::bus::offered::Place;
@@ -29,21 +29,22 @@ pub use unix::{UnixBus, UnixOffer};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place<'a> {
-    /// A unix socket of this user, by its name.
+    /// Unix socket of this user, by name.
     Socket(&'a str),
-    /// A pseudo-terminal, by the path of a link to it.
+    /// Pseudo-terminal, by the path of a symbolic link to it.
     Terminal(&'a str),
 }
 
 impl<'a> Place<'a> {
-    /// The place in the name of an interface; `None` if it names an interface of the kernel or a serial line.
+    /// Parses the name of an interface as an address. Returns `None` for an interface of the kernel or a
+    /// serial line.
     pub fn from_interface(interface: &'a str) -> Option<Self> {
         let socket = interface.strip_prefix("unix:").map(Place::Socket);
         socket.or_else(|| interface.strip_prefix("pty:").map(Place::Terminal))
     }
 }
 
-/// A simulated bus as its simulator offers it to other programs.
+/// Simulated bus, as its simulator offers it to other programs.
 #[derive(Debug)]
 pub enum Offer {
     /// Over a unix socket.
@@ -53,10 +54,10 @@ pub enum Offer {
 }
 
 impl Offer {
-    /// Offers a bus of these rates; a line of serial servos carries packets as they are.
+    /// Offers a bus with these bitrates. A line of serial servos carries unmodified packets.
     ///
     /// # Errors
-    /// The address is in use, or the kernel refuses.
+    /// Returns an error if the address is in use, or if the kernel refuses.
     pub fn open(place: Place<'_>, rates: Rates, is_fd: bool, is_servo_line: bool) -> io::Result<Self> {
         Ok(match place {
             Place::Socket(name) => Self::Socket(UnixOffer::open(name)?),
@@ -66,8 +67,8 @@ impl Offer {
         })
     }
 
-    /// Receives frames from programs, each with its time, and returns their number. Others remain in the
-    /// programs' buffers, as far as the kernel has room.
+    /// Fills `frames` with frames sent by the programs, each with its send time, and returns their number.
+    /// The remaining frames stay queued as far as the kernel has room.
     pub fn receive(&mut self, frames: &mut [Received]) -> usize {
         match self {
             Self::Socket(offer) => offer.receive(frames),
@@ -75,7 +76,7 @@ impl Offer {
         }
     }
 
-    /// Lets the programs receive a frame, by the next [`flush`](Self::flush).
+    /// Queues a frame for the programs, until the next [`flush`](Self::flush).
     pub fn deliver(&mut self, received: &Received) {
         match self {
             Self::Socket(offer) => offer.deliver(received),
@@ -83,7 +84,8 @@ impl Offer {
         }
     }
 
-    /// Lets them receive a report of their controller, with the number of frames that it had no room for.
+    /// Queues a report of the programs' controller, with the number of frames that did not fit into its
+    /// queue.
     pub fn report(&mut self, report: &Report, unsent: u8) {
         match self {
             Self::Socket(offer) => offer.report(report, unsent),
@@ -91,17 +93,17 @@ impl Offer {
         }
     }
 
-    /// Takes the interface down, or up again: a terminal is unplugged.
+    /// Takes the interface down or brings it up. A terminal is unplugged.
     pub fn set_link_down(&mut self, is_down: bool) {
         match self {
             Self::Socket(offer) if is_down => offer.down(),
-            // the report of the controller announces its return
+            // the controller's report announces that the interface is up
             Self::Socket(_) => {}
             Self::Terminal(offer) => offer.set_link_down(is_down),
         }
     }
 
-    /// Delivers frames to programs; returns the number lost for lack of room.
+    /// Sends everything that is queued. Returns the number of frames lost because a receiver had no room.
     pub fn flush(&mut self) -> u64 {
         match self {
             Self::Socket(offer) => offer.flush(),

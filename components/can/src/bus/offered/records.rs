@@ -1,12 +1,12 @@
-//! Frames and reports as records of 80 bytes, as they go over a unix socket: many in one message.
+//! Frames and reports as records of 80 bytes for a unix socket, many per message.
 
 use crate::bus::Received;
 use crate::bus::report::Report;
 use crate::frame::{Form, Frame, Id};
 
-/// Bytes of a record: identifier and flags, form, length, frames not sent, time, data.
+/// Bytes of a record: identifier and flags, form, length, number of unsent frames, time, data.
 pub(super) const RECORD: usize = 80;
-/// Records of one message.
+/// Records per message.
 pub(super) const BATCH: usize = 64;
 
 const EXTENDED: u32 = 1 << 31;
@@ -16,9 +16,9 @@ const DATA: usize = 16;
 /// A record.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Record {
-    /// A frame, and when it was handed over, or received.
+    /// Frame with its send or receive time.
     Frame(Received),
-    /// The report of a controller, with the number of frames that it had no room for.
+    /// Report of a controller, with the number of frames that did not fit into its queue.
     Report(Report, u8),
     /// The interface is down.
     Down,
@@ -56,7 +56,7 @@ impl Record {
         bytes[..4].copy_from_slice(&id.to_le_bytes());
     }
 
-    /// Reads a record; `None` for bytes that are not a record.
+    /// Decodes a record. Returns `None` for invalid bytes.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; RECORD] = bytes.try_into().ok()?;
         let id = u32::from_le_bytes(*bytes.first_chunk()?);
@@ -77,7 +77,7 @@ impl Record {
     }
 }
 
-/// Records that wait to be sent.
+/// Records waiting to be sent.
 #[derive(Debug)]
 pub(super) struct Batch {
     bytes: Box<[u8; RECORD * BATCH]>,

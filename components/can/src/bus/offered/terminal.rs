@@ -1,6 +1,6 @@
-//! A simulated bus over a pseudo-terminal, like an slcan adapter or a line of serial servos.
+//! Simulated bus over a pseudo-terminal, in place of an slcan adapter or a line of serial servos.
 
-#![allow(unsafe_code)] // a pseudo-terminal is a few plain libc calls, and no crate of the project offers them
+#![allow(unsafe_code)] // a pseudo-terminal needs a few libc calls, which no crate of the project offers
 
 use std::fs::File;
 use std::io;
@@ -17,17 +17,17 @@ use crate::bus::time::monotonic_ns;
 use crate::frame::Frame;
 use crate::servo;
 
-/// Bytes that wait for a program that does not read.
+/// Bytes buffered for a program that does not read.
 const ROOM: usize = 8192;
-/// Longest time for which a step waits for the next line of a batch, and for all of them, ns.
+/// Longest time, ns, for which a step waits for the next line of a batch, and for the whole batch.
 ///
-/// A worker of the kernel's driver writes a line once the previous one has been read. A reader that polls
-/// once per step would get one frame per step, whereas the microcontroller of an adapter reads lines as fast
-/// as they arrive.
+/// A worker of the kernel driver writes a line only after the previous one has been read. Polling once per
+/// step would receive one frame per step, whereas the microcontroller of an adapter reads as fast as lines
+/// arrive.
 const NEXT_LINE_NS: u64 = 60_000;
 pub(crate) const BATCH_NS: u64 = 250_000;
 
-/// A pseudo-terminal on which a simulated bus is offered, with a link to it.
+/// Pseudo-terminal that offers a simulated bus, with a symbolic link to it.
 #[derive(Debug)]
 pub struct TerminalOffer {
     link: PathBuf,
@@ -35,24 +35,24 @@ pub struct TerminalOffer {
     is_fd: bool,
     end: Option<End>,
     encoding: Encoding,
-    /// Frames that found no room.
+    /// Frames lost for lack of room.
     lost: u64,
 }
 
-/// The terminal while it is plugged in.
+/// Terminal while it is plugged in.
 #[derive(Debug)]
 struct End {
     line: Terminal,
-    /// The other end, kept open so that programs can connect and disconnect.
+    /// Other end, kept open so that programs can connect and disconnect.
     _other: File,
 }
 
-/// Encoding of the frames.
+/// Encoding of frames.
 #[derive(Debug)]
 enum Encoding {
-    /// Lines of slcan, and whether the channel is open.
+    /// slcan lines; `true` while the channel is open.
     Slcan(slcan::Reader, bool),
-    /// Packets of servos as they are.
+    /// Unmodified servo packets.
     Servos(servo::Reader),
 }
 
@@ -62,10 +62,10 @@ impl Encoding {
     }
 }
 
-/// Opens a pseudo-terminal, and links `link` to it.
+/// Opens a pseudo-terminal and creates the symbolic link `link` to it.
 fn plug_in(link: &PathBuf) -> io::Result<End> {
-    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the stated
-    // length.
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a buffer of the length
+    // passed to them.
     let (master, path) = unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC);
         if master < 0 {
@@ -82,10 +82,10 @@ fn plug_in(link: &PathBuf) -> io::Result<End> {
         }
         (master, core::ffi::CStr::from_ptr(name.as_ptr()).to_string_lossy().into_owned())
     };
-    // raw from the beginning: nothing is echoed before a program opens it
+    // raw mode from the beginning: nothing is echoed before a program opens the terminal
     let other = terminal::open(&path, libc::B1000000).map_err(|error| io::Error::other(error.to_string()))?;
     match link.symlink_metadata() {
-        // a link that was left behind
+        // a link left over from a previous run
         Ok(found) if found.is_symlink() => std::fs::remove_file(link)?,
         Ok(_) => {
             let message = "there is something else at that path, which is left alone";
@@ -101,7 +101,7 @@ impl TerminalOffer {
     /// Offers a bus at this path.
     ///
     /// # Errors
-    /// There is something else at the path, or the kernel refuses.
+    /// Returns an error if the path exists and is not a symbolic link, or if the kernel refuses.
     pub fn open(path: &str, rates: Rates, is_fd: bool, is_servo_line: bool) -> io::Result<Self> {
         let link = PathBuf::from(path);
         let encoding = if is_servo_line {
@@ -119,7 +119,7 @@ impl TerminalOffer {
         while count < frames.len() {
             let Some(byte) = line.next_byte() else {
                 let left_ns = until_ns.saturating_sub(time_ns).min(NEXT_LINE_NS);
-                // after a first frame there may be more of its batch
+                // after a first frame, more of its batch may follow
                 if self.encoding.is_slcan() && count > 0 && left_ns > 0 && line.wait(left_ns) {
                     time_ns = monotonic_ns();
                     continue;
@@ -147,7 +147,7 @@ impl TerminalOffer {
                                 *is_open = request == Request::Open;
                                 true
                             }
-                            // a bus has one bitrate, and this one has its own
+                            // a bus has a fixed bitrate
                             Request::Bitrate(rate) => rate == self.rates.nominal,
                             Request::DataBitrate(rate) => self.is_fd && rate == self.rates.fast,
                             Request::Nothing | Request::Version => true,
@@ -209,7 +209,7 @@ impl TerminalOffer {
     }
 }
 
-/// Appends output; `false` if there is no room for it.
+/// Appends bytes to the output. Returns `false` if there is no room.
 fn write(line: &mut Terminal, bytes: &[u8]) -> bool {
     let fits = bytes.len() <= line.room();
     if fits {
@@ -220,7 +220,7 @@ fn write(line: &mut Terminal, bytes: &[u8]) -> bool {
 
 impl Drop for TerminalOffer {
     fn drop(&mut self) {
-        // the link is removed with the terminal, unless it now belongs to another one
+        // the link is removed with the terminal, unless it points to another one by now
         let is_ours = self.end.as_ref().is_some_and(|end| {
             std::fs::read_link(&self.link).is_ok_and(|path| path.as_os_str() == end.line.path())
         });

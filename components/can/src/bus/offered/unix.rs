@@ -1,8 +1,8 @@
-//! A simulated bus over a unix socket, both ends of it.
+//! Simulated bus over a unix socket: both ends.
 //!
-//! The socket has an abstract name with the number of the user, and both ends check each other's user: no
-//! file is left behind. Programs on one bus share an interface, as on a kernel interface: each receives the
-//! others' frames.
+//! The socket has an abstract name with the user ID, so no file is left behind, and both ends check that the
+//! other one belongs to the same user. Programs on one bus share an interface, as they do in the kernel: each
+//! receives the frames sent by the others.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -21,7 +21,7 @@ use crate::bus::time::{Retry, monotonic_ns};
 use crate::bus::{Bus, Received};
 use crate::frame::{Frame, Id};
 
-/// Programs that share a bus at most.
+/// Largest number of programs that share a bus.
 const PROGRAMS: usize = 8;
 
 fn address(name: &str) -> io::Result<SocketAddrUnix> {
@@ -34,21 +34,21 @@ fn new_socket() -> io::Result<OwnedFd> {
     Ok(socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?)
 }
 
-/// True if the other end of a socket is a program of this user.
+/// Returns `true` if the other end of a socket is a program of this user.
 fn is_ours(socket: &OwnedFd) -> bool {
     socket_peercred(socket).is_ok_and(|peer| peer.uid == rustix::process::getuid())
 }
 
-/// The end of the program that simulates the bus.
+/// End of the program that simulates the bus.
 #[derive(Debug)]
 pub struct UnixOffer {
     listener: OwnedFd,
     programs: Vec<OwnedFd>,
     batch: Batch,
     unread: Box<[u8; RECORD * BATCH]>,
-    /// Records of a message that are yet to be taken, from where to where, and the program that sent it.
+    /// Range of the records of a message that have not been read yet.
     rest: (usize, usize),
-    /// Records lost for lack of room or of a receiver.
+    /// Records lost for lack of room, and invalid records.
     lost: u64,
 }
 
@@ -56,7 +56,7 @@ impl UnixOffer {
     /// Offers a bus by this name.
     ///
     /// # Errors
-    /// Another program offers it already, or the kernel refuses.
+    /// Returns an error if another program already offers the bus, or if the kernel refuses.
     pub fn open(name: &str) -> io::Result<Self> {
         let listener = new_socket()?;
         bind(&listener, &address(name)?).map_err(|error| match error {
@@ -88,7 +88,7 @@ impl UnixOffer {
         }
     }
 
-    /// Receives the next message of any program; `false` if there is none.
+    /// Reads the next message of any program. Returns `false` if there is none.
     fn fill(&mut self) -> bool {
         let Self { programs, unread, rest, .. } = self;
         let mut index = 0;
@@ -99,13 +99,13 @@ impl UnixOffer {
                     *rest = (0, length / RECORD);
                     for other in programs.iter().enumerate().filter(|(other, _)| *other != index) {
                         let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
-                        // a slow program misses frames of others
+                        // a program that does not keep up misses frames of the others
                         let _ = send(other.1, bytes, flags);
                     }
                     return true;
                 }
                 Err(Errno::AGAIN | Errno::INTR) => index += 1,
-                // it has ended
+                // the program has ended
                 Ok(_) | Err(_) => drop(programs.swap_remove(index)),
             }
         }
@@ -167,7 +167,7 @@ impl UnixOffer {
     }
 }
 
-/// A simulated bus of another program, over a unix socket.
+/// Simulated bus of another program, over a unix socket.
 ///
 /// ```
 /// use motorium_can::bus::offered::{Offer, Place, UnixBus};
@@ -196,12 +196,12 @@ pub struct UnixBus {
     retry: Retry,
 }
 
-/// A frame or a report, as a bus delivers it.
+/// Frame or report from a bus.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Traffic {
-    /// A frame.
+    /// Frame.
     Frame(Received),
-    /// A report of the controller.
+    /// Report of the controller.
     Report(Report),
 }
 
@@ -222,7 +222,7 @@ impl UnixBus {
     /// Opens the bus that another program of this user offers by this name.
     ///
     /// # Errors
-    /// None does, or the kernel refuses.
+    /// Returns an error if no program offers the bus, or if the kernel refuses.
     pub fn open(name: &str) -> Result<Self, OpenError> {
         Ok(Self {
             name: format!("unix:{name}"),
@@ -237,27 +237,27 @@ impl UnixBus {
         })
     }
 
-    /// Its name, as a drive table has it.
+    /// Name of the bus, as in a drive table.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its condition: as reported by the simulated controller, and whether the program is present.
+    /// Condition of the bus, from the reports of the simulated controller and the presence of the program.
     pub fn condition(&self) -> Condition {
         self.condition
     }
 
-    /// Its counts.
+    /// Counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         &self.counts
     }
 
-    /// Receives frames with these identifiers only.
+    /// Restricts reception to frames with these identifiers.
     pub fn receive_only(&mut self, ids: &[Id]) {
         self.filters = ids.to_vec();
     }
 
-    /// Notes that the program has ended.
+    /// Records that the program has ended.
     fn lose(&mut self) {
         if self.condition != Condition::Gone {
             self.counts.down += 1;
@@ -275,7 +275,7 @@ impl UnixBus {
         }
     }
 
-    /// Receives the next message; `false` if there is none.
+    /// Reads the next message. Returns `false` if there is none.
     fn fill(&mut self) -> bool {
         match recv(&self.socket, &mut self.unread[..], RecvFlags::DONTWAIT) {
             Ok((length @ 1.., _)) => {
@@ -288,7 +288,7 @@ impl UnixBus {
         false
     }
 
-    /// Returns the next frame or report on the bus, unaffected by filters; `None` if none has arrived yet.
+    /// Returns the next frame or report on the bus, bypassing the filters; `None` if none has arrived.
     pub(crate) fn next(&mut self) -> Option<Traffic> {
         while self.condition != Condition::Gone {
             if self.rest.0 == self.rest.1 && !self.fill() {
@@ -313,7 +313,7 @@ impl UnixBus {
     }
 
     fn take(&mut self, report: &Report, unsent: u8) {
-        // that the state is as it was before the first report is no event
+        // the initial state before the first report is not an event
         if *report != (Report { state: Some(crate::ErrorState::Active), ..Report::default() }) {
             self.counts.take(report, self.condition);
         }

@@ -1,6 +1,6 @@
-//! Adapters on serial lines as interfaces of the kernel: its driver is put on the line.
+//! Adapters on serial lines as interfaces of the kernel, whose driver is attached to the line.
 
-#![allow(unsafe_code)] // the discipline of a line and the flags of an interface are plain ioctl calls
+#![allow(unsafe_code)] // line disciplines and interface flags need ioctl calls
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -10,7 +10,7 @@ use super::{SETTLE, answers, bitrate};
 use crate::bus::socket::OpenError;
 use crate::bus::terminal;
 
-/// An adapter on a serial line that is an interface of the kernel, until this is dropped.
+/// Adapter on a serial line that is an interface of the kernel until this value is dropped.
 ///
 /// ```no_run
 /// use motorium_can::Attached;
@@ -26,9 +26,9 @@ pub struct Attached {
     _line: File,
 }
 
-/// Number of the line discipline of slcan, in `linux/tty.h`.
+/// Number of the slcan line discipline, from `linux/tty.h`.
 const N_SLCAN: libc::c_int = 17;
-/// Asks a line with this discipline for its interface, in `linux/sockios.h`.
+/// Request for the interface name of a line with this discipline, from `linux/sockios.h`.
 const SIOCGIFNAME: libc::Ioctl = 0x8910;
 
 fn done(result: libc::c_int) -> io::Result<()> {
@@ -36,12 +36,11 @@ fn done(result: libc::c_int) -> io::Result<()> {
 }
 
 impl Attached {
-    /// Sets the adapter on a serial line up for a bus of this bitrate, and puts the driver of the kernel on
-    /// the line.
+    /// Configures the adapter on a serial line for this bitrate, and attaches the kernel driver to the line.
     ///
     /// # Errors
-    /// The line does not exist, the adapter does not support the bitrate, or the kernel has no such driver or
-    /// refuses.
+    /// Returns an error if the line does not exist, if the adapter does not support the bitrate, or if the
+    /// kernel lacks the driver or refuses.
     pub fn open(path: &str, rate: u32) -> Result<Self, OpenError> {
         let refused = |error| OpenError::Refused(path.into(), error);
         let bitrate = bitrate(rate).ok_or_else(|| OpenError::NoBitrate { name: path.into(), rate })?;
@@ -66,7 +65,7 @@ impl Attached {
         Ok(Self { name: String::from_utf8_lossy(name).into_owned(), _line: line })
     }
 
-    /// The name of the interface, such as `can0`; of older kernels `slcan0`.
+    /// Name of the interface, such as `can0`, or `slcan0` with older kernels.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -74,11 +73,11 @@ impl Attached {
     /// Brings the interface up.
     ///
     /// # Errors
-    /// The kernel refuses: it needs the right to administer the network.
+    /// Returns an error if the kernel refuses: the call needs network administration privileges.
     pub fn bring_up(&self) -> io::Result<()> {
         let socket = std::net::UdpSocket::bind("0.0.0.0:0")?;
-        // SAFETY: a request is plain bytes, of which all zero is one; its name is shorter than its place, and
-        // ends with zero. The calls read and fill a request, and the flags are read once they have been
+        // SAFETY: a request is a plain structure, valid when zeroed; its name is shorter than its buffer and
+        // ends with zero. The calls read and fill a request, and the flags are read only after they have been
         // filled.
         unsafe {
             let mut request: libc::ifreq = core::mem::zeroed();

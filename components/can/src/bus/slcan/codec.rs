@@ -1,13 +1,13 @@
-//! Frames as text on a serial line: the protocol of Lawicel's adapters, with the additions of CANable's for
-//! CAN FD and of Linux for error states.
+//! Frames as text on a serial line: the protocol of Lawicel adapters, with the extensions of CANable for CAN
+//! FD and of Linux for error states.
 
 use crate::bus::report::{ErrorState, Report};
 use crate::frame::{Form, Frame, Id};
 
-/// Bytes of the longest line: a CAN FD frame with 29 bits of identifier, 64 bytes and a time.
+/// Bytes of the longest line: a CAN FD frame with a 29-bit identifier, 64 data bytes and a timestamp.
 pub const LONGEST: usize = 1 + 8 + 1 + 2 * 64 + 4 + 1;
 
-/// A line from an adapter.
+/// Line from an adapter.
 ///
 /// ```
 /// use motorium_can::{Frame, Id};
@@ -20,19 +20,19 @@ pub const LONGEST: usize = 1 + 8 + 1 + 2 * 64 + 4 + 1;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Line {
-    /// A data frame was received.
+    /// Received data frame.
     Frame(Frame),
-    /// The controller reports about itself.
+    /// Status report of the controller.
     Report(Report),
-    /// A command was taken, or a frame sent.
+    /// A command was accepted, or a frame sent.
     Done,
     /// A command was refused.
     Refused,
-    /// A remote request, an answer to another request, or no line of the protocol.
+    /// A remote request, an answer to an unsupported query, or an invalid line.
     Other,
 }
 
-/// Writes a frame as a line; returns the number of bytes of `line`.
+/// Encodes a frame as a line. Returns the number of bytes written to `line`.
 pub fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> usize {
     let (digits, id) = match frame.id {
         Id::Standard(id) => (3, u32::from(id)),
@@ -63,7 +63,7 @@ pub fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> usize {
     length
 }
 
-/// Lengths that the four bits of a length encode.
+/// Number of data bytes for each data length code.
 const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
 fn code_of(length: usize) -> u32 {
@@ -74,17 +74,17 @@ fn hex(number: u32) -> u8 {
     b"0123456789ABCDEF"[(number & 0xf) as usize]
 }
 
-/// A number in hexadecimal digits of either case.
+/// Parses hexadecimal digits of either case.
 fn number(digits: &[u8]) -> Option<u32> {
     digits.iter().try_fold(0_u32, |number, digit| Some(number << 4 | char::from(*digit).to_digit(16)?))
 }
 
-/// A reader of lines, byte by byte.
+/// Reader of lines, byte by byte.
 #[derive(Clone, Debug)]
 pub struct Reader {
     line: [u8; LONGEST],
     length: usize,
-    /// The line is longer than any can be: it is dropped to its end.
+    /// The line exceeds the maximum length and is dropped up to its end.
     is_too_long: bool,
 }
 
@@ -95,9 +95,9 @@ impl Default for Reader {
 }
 
 impl Reader {
-    /// Takes a byte; the line that it ends, if it ends one.
+    /// Appends a byte. Returns the line that it completes, if any.
     pub fn push(&mut self, byte: u8) -> Option<Line> {
-        // a bell ends whatever came before it
+        // a bell ends any line
         if byte == 0x07 {
             (self.length, self.is_too_long) = (0, false);
             return Some(Line::Refused);
@@ -105,12 +105,12 @@ impl Reader {
         self.end(byte).map(|line| line.map_or(Line::Other, read))
     }
 
-    /// The adapter's side: processes a byte; returns the request that it completes, if any.
+    /// Adapter side: appends a byte. Returns the request that it completes, if any.
     pub fn push_request(&mut self, byte: u8) -> Option<Request> {
         self.end(byte).map(|line| line.map_or(Request::Other, request))
     }
 
-    /// Takes a byte; the line that it ends, `None` in it for one that is too long.
+    /// Appends a byte. Returns the line that it completes, with an inner `None` for a line that is too long.
     fn end(&mut self, byte: u8) -> Option<Option<&[u8]>> {
         match byte {
             b'\r' => {
@@ -132,7 +132,7 @@ impl Reader {
     }
 }
 
-/// The meaning of a line without its end.
+/// Parses a line without its terminator.
 fn read(line: &[u8]) -> Line {
     match line {
         [] | [b'z' | b'Z'] => Line::Done,
@@ -157,7 +157,7 @@ fn frame(line: &[u8]) -> Option<Frame> {
     let (code, rest) = rest.split_first()?;
     let length = LENGTHS[number(&[*code])? as usize];
     let (bytes, time) = rest.split_at_checked(2 * length)?;
-    // an adapter that stamps its frames adds milliseconds of a minute
+    // an adapter with timestamps appends the milliseconds of the current minute
     if !(time.is_empty() || time.len() == 4 && number(time).is_some()) {
         return None;
     }
@@ -168,7 +168,7 @@ fn frame(line: &[u8]) -> Option<Frame> {
     Frame::new(id, form, &data[..length])
 }
 
-/// A line from the computer, as an adapter reads it.
+/// Line from the computer, as received by an adapter.
 ///
 /// ```
 /// use motorium_can::bus::slcan::{Reader, Request};
@@ -179,29 +179,29 @@ fn frame(line: &[u8]) -> Option<Frame> {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// To send a frame.
+    /// Send a frame.
     Frame(Frame),
-    /// To take part in the bus.
+    /// Open the channel.
     Open,
-    /// To leave the bus.
+    /// Close the channel.
     Close,
-    /// To take this bitrate.
+    /// Set this bitrate.
     Bitrate(u32),
-    /// To take this bitrate for the data of CAN FD frames.
+    /// Set this bitrate for the data of CAN FD frames.
     DataBitrate(u32),
-    /// Request for its version.
+    /// Report the version.
     Version,
-    /// Nothing: an empty line, with which a line that was begun is ended.
+    /// Empty line, which terminates an incomplete one.
     Nothing,
-    /// A remote request, or no request of the protocol.
+    /// Remote request, or an invalid line.
     Other,
 }
 
-/// The bitrates of the protocol, by their digit.
+/// Bitrates of the protocol, indexed by their digit.
 pub(super) const BITRATES: [u32; 9] =
     [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
-/// The meaning of a line from the computer without its end.
+/// Parses a line from the computer without its terminator.
 fn request(line: &[u8]) -> Request {
     match line {
         [] => Request::Nothing,
@@ -218,7 +218,7 @@ fn request(line: &[u8]) -> Request {
     }
 }
 
-/// The adapter's side: writes a report as lines; returns the number of bytes of `line`.
+/// Adapter side: encodes a report as lines. Returns the number of bytes written to `line`.
 pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
     let mut length = 0;
     let mut put = |bytes: &[u8]| {
@@ -232,7 +232,7 @@ pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
     ];
     causes.iter().filter(|(is, _)| *is).for_each(|(_, cause)| put(*cause));
     if let Some(state) = report.state {
-        // where the errors are not known, the fewest of that state
+        // without known error counters, the lowest count of the state
         let (letter, fewest) = match state {
             ErrorState::Active => (b'a', 0),
             ErrorState::Warning => (b'w', 96),
@@ -249,7 +249,7 @@ pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
     length
 }
 
-/// `saRRRTTT`: the state, and the errors counted as receiver and as sender, in decimal digits.
+/// `saRRRTTT`: state, receive error counter and transmit error counter, in decimal digits.
 fn state_report(state: u8, counters: &[u8]) -> Option<Report> {
     let state = match state {
         b'a' => ErrorState::Active,
@@ -268,7 +268,7 @@ fn state_report(state: u8, counters: &[u8]) -> Option<Report> {
     Some(Report { state: Some(state), counters: Some([counters[0]?, counters[1]?]), ..Report::default() })
 }
 
-/// `e1a`: the number of causes, then one letter each.
+/// `e1a`: number of causes, and one letter per cause.
 fn error_report(causes: &[u8]) -> Option<Report> {
     let (count, causes) = causes.split_first()?;
     if usize::from(count.checked_sub(b'0')?) != causes.len() || causes.is_empty() {
@@ -279,7 +279,7 @@ fn error_report(causes: &[u8]) -> Option<Report> {
         match cause {
             b'a' => report.is_unacknowledged = true,
             b'o' | b'O' => report.is_overflow = true,
-            // a bit, a checksum, a form or a stuffing that was wrong
+            // bit, CRC, form or stuff error
             b'b' | b'B' | b'c' | b'f' | b's' => report.is_disturbed = true,
             _ => return None,
         }

@@ -1,8 +1,8 @@
 //! Buses behind an adapter on a serial line, in user space: slcan.
 //!
-//! An adapter such as a CANable with its slcan firmware is a serial line (`/dev/ttyACM0`), on which frames
-//! are lines of text. [`write`] and [`Reader`] are the codec; a [`SlcanBus`] is a bus over such a line, which
-//! needs no driver and no rights over network interfaces.
+//! An adapter such as a CANable with slcan firmware is a serial line (`/dev/ttyACM0`) that carries frames as
+//! lines of text. [`write`] and [`Reader`] are the codec. A [`SlcanBus`] is a bus over such a line. It needs
+//! neither a driver nor network privileges.
 
 mod attach;
 mod codec;
@@ -22,7 +22,7 @@ use crate::frame::{Frame, Id};
 pub use attach::Attached;
 pub use codec::{LONGEST, Line, Reader, Request, write, write_report};
 
-/// A bus behind an adapter on a serial line.
+/// Bus behind an adapter on a serial line.
 ///
 /// ```no_run
 /// use motorium_can::{Bus, Frame, Id, Rates, Received, SlcanBus};
@@ -44,23 +44,23 @@ pub struct SlcanBus {
     counters: [u8; 2],
 }
 
-/// Frames of which the text goes to the line at once.
+/// Frames whose text is written to the line at once.
 const BATCH: usize = 32;
-/// Time within which an adapter refuses an unknown request.
+/// Time within which an adapter refuses an unknown command.
 const SETTLE: Duration = Duration::from_millis(50);
 
-/// The command that sets a bitrate; `None` for one that the protocol does not know.
+/// Command that sets a bitrate; `None` for an unsupported bitrate.
 fn bitrate(rate: u32) -> Option<String> {
     let digit = codec::BITRATES.iter().position(|known| *known == rate)?;
     Some(format!("S{digit}\r"))
 }
 
-/// The command that sets the bitrate of the data.
+/// Command that sets the data bitrate.
 fn data_bitrate(rate: u32) -> Option<String> {
     matches!(rate, 2_000_000 | 5_000_000).then(|| format!("Y{}\r", rate / 1_000_000))
 }
 
-/// Sets an adapter up: closes its channel, sets the bitrates, opens it.
+/// Configures an adapter: closes its channel, sets the bitrates, opens the channel.
 fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
     let refused = |error| OpenError::Refused(path.into(), error);
     let unknown = |rate: u32| OpenError::NoBitrate { name: path.into(), rate };
@@ -70,13 +70,13 @@ fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
         false => String::new(),
     };
     let mut file = terminal::open(path, libc::B1000000)?;
-    // a channel that is closed already may refuse to be closed
+    // closing a closed channel may be refused
     file.write_all(b"\rC\r").map_err(refused)?;
     let _ = answers(&mut file, SETTLE, usize::MAX);
     let commands = format!("{nominal}{fast}O\r");
     file.write_all(commands.as_bytes()).map_err(refused)?;
     let count = commands.matches('\r').count();
-    // many adapters answer nothing at all, and are believed
+    // many adapters never answer; their silence counts as acceptance
     if answers(&mut file, SETTLE, count).contains(&Line::Refused) {
         let error =
             io::Error::new(io::ErrorKind::InvalidInput, "the adapter refuses its bitrate, or to open");
@@ -85,7 +85,7 @@ fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
     Ok(file)
 }
 
-/// Lines received within this time, up to a number.
+/// Lines that arrive within this time, at most `count`.
 fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     let (until, mut reader, mut lines) = (Instant::now() + within, Reader::default(), Vec::new());
     let mut bytes = [0; 64];
@@ -100,11 +100,11 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
-/// Returns the version of an slcan adapter on a serial line; `None` if there is no such adapter, or it
-/// reports no version.
+/// Version reported by an slcan adapter on a serial line; `None` if there is no such adapter or it does not
+/// report a version.
 ///
 /// # Errors
-/// The line does not exist, or cannot be opened.
+/// Returns an error if the line does not exist or cannot be opened.
 pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
     let mut file = terminal::open(path, libc::B1000000)?;
     file.write_all(b"\rV\r").map_err(|error| OpenError::Refused(path.into(), error))?;
@@ -116,7 +116,7 @@ pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
     }
-    // Frames of a bus with traffic also identify the adapter.
+    // Frames from a busy bus also identify an adapter.
     let lines = || text.split(|byte| matches!(byte, b'\r' | b'\n' | 0x07));
     let is_frame = |line: &&[u8]| {
         let mut reader = Reader::default();
@@ -130,10 +130,11 @@ pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
 }
 
 impl SlcanBus {
-    /// Opens the adapter on a serial line for a bus of these rates.
+    /// Opens the adapter on a serial line for a bus with these bitrates.
     ///
     /// # Errors
-    /// The line does not exist, cannot be opened, or the adapter does not support the bitrate.
+    /// Returns an error if the line does not exist or cannot be opened, or if the adapter does not support
+    /// the bitrate.
     pub fn open(path: &str, rates: Rates, is_fd: bool) -> Result<Self, OpenError> {
         Ok(Self {
             rates,
@@ -145,32 +146,32 @@ impl SlcanBus {
         })
     }
 
-    /// Its line.
+    /// Path of the line.
     pub fn name(&self) -> &str {
         self.line.path()
     }
 
-    /// Its condition: as reported by the adapter, if at all, and whether it is present.
+    /// Condition of the bus, from the adapter's reports (if any) and its presence.
     pub fn condition(&self) -> Condition {
         self.line.condition
     }
 
-    /// Errors that its controller has counted as sender and as receiver, as it reported last.
+    /// Transmit and receive error counters of the latest report.
     pub fn counters(&self) -> [u8; 2] {
         self.counters
     }
 
-    /// Its counts.
+    /// Counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         &self.line.counts
     }
 
-    /// True for a pseudo-terminal, behind which there is a program and no wire.
+    /// Returns `true` for a pseudo-terminal, which has a program instead of a wire behind it.
     pub fn is_virtual(&self) -> bool {
         self.line.is_virtual()
     }
 
-    /// Receives frames with these identifiers only.
+    /// Restricts reception to frames with these identifiers.
     pub fn receive_only(&mut self, ids: &[Id]) {
         self.line.receive_only(ids);
     }
@@ -217,7 +218,7 @@ impl Bus for SlcanBus {
                 text.extend_from_slice(&one[..length]);
             }
             let written = line.write(text);
-            // a line that is begun is finished before the next one
+            // a partly written line is finished before the next one
             let whole = text[..written].iter().filter(|byte| **byte == b'\r').count();
             let is_begun = written > 0 && text[written - 1] != b'\r';
             sent += whole + usize::from(is_begun);
@@ -226,7 +227,7 @@ impl Bus for SlcanBus {
                 line.push(&text[written..written + end]);
             }
             if written < text.len() {
-                // where nothing at all was written, that is counted already
+                // if nothing was written, the frame is already counted
                 line.counts.queue_full += u64::from(written > 0);
                 return sent;
             }
@@ -248,7 +249,7 @@ impl Bus for SlcanBus {
                 }
                 Some(Line::Report(report)) => self.take(&report),
                 Some(Line::Other) => self.line.counts.other += 1,
-                // a frame that the adapter had no room for
+                // the adapter had no room for a frame
                 Some(Line::Refused) => self.line.counts.queue_full += 1,
                 Some(Line::Frame(_) | Line::Done) | None => {}
             }

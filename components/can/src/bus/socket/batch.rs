@@ -1,6 +1,6 @@
-//! Whole batches of frames in one system call, with the times at which the kernel received them.
+//! Whole batches of frames in one system call, with the kernel's receive timestamps.
 
-#![allow(unsafe_code)] // sendmmsg, recvmmsg and ppoll are plain libc calls, and no safe crate offers them for CAN
+#![allow(unsafe_code)] // sendmmsg, recvmmsg and ppoll are libc calls that no safe crate offers for CAN
 
 use core::mem::{MaybeUninit, zeroed};
 use core::ptr::null_mut;
@@ -12,28 +12,28 @@ use libc::{c_int, c_void, canfd_frame, iovec, mmsghdr, timespec};
 use super::raw;
 use crate::frame::Frame;
 
-/// Frames of one system call.
+/// Frames per system call.
 pub(super) const BATCH: usize = 32;
 /// Bytes of a classic frame passed to the kernel; a CAN FD frame has 72.
 const CLASSIC: usize = size_of::<libc::can_frame>();
 
-/// Buffer for the ancillary data of a frame: three times and a count, each behind a header, aligned as
-/// headers are.
+/// Room for the control messages of a frame: three timestamps and a count, each with a header, aligned like
+/// headers.
 #[repr(C, align(8))]
 #[derive(Clone, Copy)]
 struct Control([u8; 128]);
 
-/// A frame as the kernel hands it over.
+/// Frame as delivered by the kernel.
 #[derive(Clone, Copy)]
 pub(super) struct Arrival {
     pub(super) frame: canfd_frame,
-    /// True for a CAN FD frame.
+    /// `true` for a CAN FD frame.
     pub(super) is_fd: bool,
-    /// Time at which the kernel received it, ns of the wall clock; 0 if unknown.
+    /// Receive time of the kernel, ns of the wall clock; 0 if not available.
     pub(super) wall_ns: u64,
-    /// Time at which the controller received it, ns of the controller's clock; 0 if unknown.
+    /// Receive time of the controller, ns of its hardware clock; 0 if not available.
     pub(super) hardware_ns: u64,
-    /// Frames that the socket has had no room for so far.
+    /// Number of frames dropped so far because the socket buffer was full.
     pub(super) overflows: Option<u32>,
 }
 
@@ -47,7 +47,7 @@ pub(super) struct Batch {
 
 impl Batch {
     pub(super) fn new() -> Self {
-        // SAFETY: all of them are plain structures of numbers and pointers, for which zero is a value.
+        // SAFETY: all of them are plain structures of numbers and pointers, for which zero is a valid value.
         let (frame, vector, header): (canfd_frame, iovec, mmsghdr) =
             unsafe { (zeroed(), zeroed(), zeroed()) };
         Self {
@@ -58,7 +58,7 @@ impl Batch {
         }
     }
 
-    /// Points the headers at the buffers, with `control` for receiving.
+    /// Points the headers at the buffers; `control` adds the control buffers needed for receiving.
     fn point(&mut self, count: usize, length: impl Fn(usize) -> usize, control: bool) {
         for i in 0..count {
             self.vectors[i] =
@@ -75,7 +75,8 @@ impl Batch {
         }
     }
 
-    /// Sends up to [`BATCH`] frames in this order and returns the number accepted; an error if none was.
+    /// Sends up to [`BATCH`] frames in this order. Returns the number of accepted frames; if none was
+    /// accepted, returns the error instead.
     pub(super) fn send(&mut self, socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize> {
         let count = frames.len().min(BATCH);
         for (place, frame) in self.frames.iter_mut().zip(frames) {
@@ -84,19 +85,19 @@ impl Batch {
         let is_fd = |i: usize| frames[i].form != crate::frame::Form::Classic;
         self.point(count, |i| if is_fd(i) { size_of::<canfd_frame>() } else { CLASSIC }, false);
         // SAFETY: `count` headers have just been pointed at buffers of this value, which live throughout the
-        // call; the kernel reads the frames only.
+        // call; the kernel only reads the frames.
         let sent = unsafe {
             libc::sendmmsg(socket.as_raw_fd(), self.headers.as_mut_ptr(), count as _, libc::MSG_DONTWAIT)
         };
         usize::try_from(sent).map_err(|_| io::Error::last_os_error())
     }
 
-    /// Receives up to [`BATCH`] available frames; `WouldBlock` if there is none.
+    /// Receives up to [`BATCH`] available frames. Returns `WouldBlock` if there are none.
     pub(super) fn receive(&mut self, socket: BorrowedFd<'_>, most: usize) -> io::Result<usize> {
         let count = most.min(BATCH);
         self.point(count, |_| size_of::<canfd_frame>(), true);
-        // SAFETY: as in `send`; the kernel writes at most the lengths given into the frames and the room
-        // behind them.
+        // SAFETY: as in `send`; the kernel writes at most the given lengths into the frames and the control
+        // buffers.
         let received = unsafe {
             libc::recvmmsg(
                 socket.as_raw_fd(),
@@ -109,7 +110,7 @@ impl Batch {
         usize::try_from(received).map_err(|_| io::Error::last_os_error())
     }
 
-    /// A frame that was received; `None` if it has no length of a frame.
+    /// Received frame; `None` if its length is invalid.
     pub(super) fn arrival(&self, index: usize) -> Option<Arrival> {
         let length = self.headers[index].msg_len as usize;
         let is_fd = length == size_of::<canfd_frame>();
@@ -119,8 +120,8 @@ impl Batch {
         let mut arrival =
             Arrival { frame: self.frames[index], is_fd, wall_ns: 0, hardware_ns: 0, overflows: None };
         let header = &self.headers[index].msg_hdr;
-        // SAFETY: the kernel has filled the buffer behind this header, and stored the used length in it; the
-        // macros stay within that. A part is read only up to its own length, and unaligned.
+        // SAFETY: the kernel has filled the control buffer of this header and set its length; the macros stay
+        // within that length. Each part is read only up to its own length, and unaligned.
         unsafe {
             let mut part = libc::CMSG_FIRSTHDR(header);
             while let Some(found) = part.as_ref() {
@@ -147,19 +148,19 @@ fn nanoseconds(time: timespec) -> u64 {
     u64::try_from(time.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(time.tv_nsec).unwrap_or(0)
 }
 
-/// A wait for several sockets at once.
+/// Wait for several sockets at once.
 pub(crate) struct Waiting {
     sockets: Vec<libc::pollfd>,
 }
 
 impl Waiting {
-    /// A wait for this many sockets.
+    /// Creates a wait with room for `sockets` sockets.
     pub(crate) fn with_capacity(sockets: usize) -> Self {
         Self { sockets: Vec::with_capacity(sockets) }
     }
 
-    /// Waits until one of the sockets has something to be read, a signal arrives, or `timeout_ns` has passed.
-    /// Without a socket it sleeps.
+    /// Waits until one of the sockets is readable, a signal arrives, or `timeout_ns` has passed. Without
+    /// sockets it sleeps.
     pub(crate) fn wait<'a>(&mut self, sockets: impl Iterator<Item = BorrowedFd<'a>>, timeout_ns: u64) {
         self.sockets.clear();
         let polled =
@@ -169,8 +170,8 @@ impl Waiting {
             tv_sec: (timeout_ns / 1_000_000_000) as _,
             tv_nsec: (timeout_ns % 1_000_000_000) as _,
         };
-        // SAFETY: the given number of descriptors and the time live throughout the call. An error means a
-        // signal: the caller checks the clock anyway.
+        // SAFETY: the descriptors, whose number is passed, and the time live throughout the call. An error
+        // means a signal; the caller checks the clock in any case.
         unsafe {
             libc::ppoll(
                 self.sockets.as_mut_ptr(),
@@ -182,11 +183,11 @@ impl Waiting {
     }
 }
 
-/// The error that the kernel keeps for the next call of a socket, taken away.
+/// Clears the pending error that the kernel would return from the next call on the socket.
 pub(super) fn take_error(socket: BorrowedFd<'_>) {
     let mut error = MaybeUninit::<c_int>::zeroed();
     let mut length = size_of::<c_int>() as libc::socklen_t;
-    // SAFETY: the buffer has the given length, and lives throughout the call.
+    // SAFETY: the buffer has the length passed to the call, and lives throughout the call.
     unsafe {
         libc::getsockopt(
             socket.as_raw_fd(),
@@ -198,9 +199,9 @@ pub(super) fn take_error(socket: BorrowedFd<'_>) {
     }
 }
 
-/// Sends one frame as it is, a classic one.
+/// Sends one raw classic frame.
 pub(super) fn send_raw(socket: BorrowedFd<'_>, frame: &canfd_frame) -> io::Result<()> {
-    // SAFETY: a CAN FD frame begins like a classic one, of which only its length is read.
+    // SAFETY: a CAN FD frame begins like a classic one, and only the length of a classic frame is read.
     let sent = unsafe { libc::write(socket.as_raw_fd(), core::ptr::from_ref(frame).cast(), CLASSIC) };
     if sent < 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
 }

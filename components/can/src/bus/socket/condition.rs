@@ -1,32 +1,33 @@
-//! The condition of a bus of the computer, and counts of its events.
+//! Condition of a bus of the computer, and counters of its events.
 
 use crate::bus::report::{ErrorState, Report};
 
-/// The condition of a bus, the best first.
+/// Condition of a bus, best first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Condition {
-    /// Sends and receives.
+    /// Error-active: the bus sends and receives.
     #[default]
     Active,
-    /// Sends and receives; its controller has counted many errors.
+    /// Error warning: the bus sends and receives, but the controller has counted many errors.
     Warning,
-    /// Sends and receives; its controller has counted so many errors that it no longer signals them.
+    /// Error-passive: the bus sends and receives, but the controller has counted too many errors to signal
+    /// them to others.
     Passive,
-    /// Its controller has left the bus.
+    /// Bus-off: the controller has left the bus.
     Off,
     /// The interface is down.
     Down,
-    /// There is no such interface any more.
+    /// The interface no longer exists.
     Gone,
 }
 
 impl Condition {
-    /// True if frames can be sent.
+    /// Returns `true` if frames can be sent.
     pub fn can_send(self) -> bool {
         matches!(self, Self::Active | Self::Warning | Self::Passive)
     }
 
-    /// Its name, as results and tables have it.
+    /// Name of the condition in results and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Active => "active",
@@ -50,29 +51,29 @@ impl From<ErrorState> for Condition {
     }
 }
 
-/// Counts of events on a kernel bus since it was opened.
+/// Counters of events on a bus of the kernel since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SocketCounts {
     /// Reports of the controller.
     pub reports: u64,
-    /// Frames without an acknowledgement.
+    /// Frames that no node acknowledged.
     pub unacknowledged: u64,
-    /// Frames that were disturbed, of any node.
+    /// Disturbed frames of any node.
     pub disturbed: u64,
-    /// Times that the controller left the bus.
+    /// Number of times that the controller went bus-off.
     pub bus_off: u64,
-    /// Batches of which frames were not taken because the interface's queue was full.
+    /// Batches with frames that were not accepted because the interface's queue was full.
     pub queue_full: u64,
-    /// Times that the interface went down or away.
+    /// Number of times that the interface went down or disappeared.
     pub down: u64,
-    /// Received frames lost for lack of room: in the socket, or in the controller as it reports.
+    /// Received frames lost for lack of room in the socket, or in the controller as it reports.
     pub overflows: u64,
-    /// Remote requests and malformed frames.
+    /// Remote requests and invalid frames.
     pub other: u64,
 }
 
 impl SocketCounts {
-    /// Counts a report of the controller of a bus that was in this condition.
+    /// Counts a report of the controller; `before` is the condition of the bus before the report.
     pub(in crate::bus) fn take(&mut self, report: &Report, before: Condition) {
         self.reports += 1;
         self.unacknowledged += u64::from(report.is_unacknowledged);

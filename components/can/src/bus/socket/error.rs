@@ -1,19 +1,19 @@
-//! An interface that cannot be opened: the cause, and the next step.
+//! Errors of opening an interface: the cause and the next step.
 
 use std::io;
 
-/// An interface that cannot be opened.
+/// Error of opening an interface.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The kernel does not support CAN sockets.
     #[error("this kernel has no CAN sockets: {0}")]
     NoCan(io::Error),
-    /// There is no such interface.
+    /// The interface does not exist.
     #[error("there is no CAN interface `{name}`: {}", there_is(.found))]
     Missing {
-        /// The requested name.
+        /// Requested name.
         name: String,
-        /// Those that there are.
+        /// Existing interfaces.
         found: Vec<String>,
     },
     /// The interface is down.
@@ -22,39 +22,39 @@ pub enum OpenError {
     /// The interface does not support CAN FD frames.
     #[error("the CAN interface `{0}` takes classic frames only, and the bus has a data bitrate")]
     Classic(String),
-    /// The bitrate differs from the table's.
+    /// The bitrate differs from the bus's.
     #[error("the CAN interface `{name}` has {found} bit/s, the bus {expected} bit/s")]
     Bitrate {
-        /// Its name.
+        /// Name of the interface.
         name: String,
-        /// Its bitrate.
+        /// Bitrate of the interface.
         found: u32,
-        /// Rate of the bus.
+        /// Bitrate of the bus.
         expected: u32,
     },
-    /// There is no such serial line.
+    /// The serial line does not exist.
     #[error("there is no serial line `{0}`")]
     NoLine(String),
-    /// A serial line or terminal, which one program has for itself.
+    /// Serial line or terminal, which only one program can open.
     #[error("`{0}` is a serial line, which one program has for itself")]
     NotShared(String),
     /// No program offers a simulated bus by this name.
     #[error("no program offers the simulated bus `unix:{0}`")]
     NotOffered(String),
-    /// An adapter on a serial line does not support the bitrate.
+    /// The adapter on a serial line does not support the bitrate.
     #[error("the adapter on `{name}` knows no {rate} bit/s")]
     NoBitrate {
-        /// The serial line.
+        /// Serial line.
         name: String,
-        /// The requested bitrate.
+        /// Requested bitrate.
         rate: u32,
     },
-    /// A serial line does not support the speed.
+    /// The serial line does not support the speed.
     #[error("the serial line `{name}` knows no speed of {speed} bit/s")]
     NoSpeed {
-        /// The serial line.
+        /// Serial line.
         name: String,
-        /// The requested speed.
+        /// Requested speed.
         speed: u32,
     },
     /// The kernel, or the adapter on a serial line, refused.

@@ -1,9 +1,10 @@
-//! Times of a controller's own clock on the clock of the computer.
+//! Conversion of timestamps from a controller's clock to the computer's clock.
 
-/// The distance between two clocks, learnt from frames that both have stamped.
+/// Offset between two clocks, estimated from frames with both timestamps.
 ///
-/// The kernel stamps a frame later than the controller, by its transfer time. The smallest difference seen is
-/// the best estimate; it is relaxed by the largest drift of two clocks, so that it follows them.
+/// The kernel timestamps a frame later than the controller, by the transfer time of the frame. The smallest
+/// offset seen is closest to the truth. It is relaxed by the largest possible drift, so that the estimate
+/// follows the clocks.
 ///
 /// ```
 /// use motorium_can::bus::socket::HardwareClock;
@@ -16,18 +17,17 @@
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HardwareClock {
-    /// Time of the computer minus the time of the controller, ns, and the time of the computer at which it
-    /// was measured.
+    /// Computer time minus controller time, ns, and the computer time of this estimate.
     distance: Option<(i64, u64)>,
 }
 
 /// Largest drift between the two clocks, parts per million.
 const DRIFT: u64 = 200;
-/// A distance that is this much off belongs to a controller that was started again, ns.
+/// Offset change that indicates a restarted controller, ns.
 const JUMP: i64 = 1_000_000_000;
 
 impl HardwareClock {
-    /// The time on the clock of the computer at which the controller received a frame, from both stamps, ns.
+    /// Converts the receive time of a frame to the clock of the computer, from both timestamps, ns.
     pub fn to_computer(&mut self, hardware_ns: u64, computer_ns: u64) -> u64 {
         let seen = computer_ns as i64 - hardware_ns as i64;
         let distance = match self.distance {
@@ -51,7 +51,7 @@ mod tests {
         let mut clock = HardwareClock::default();
         for k in 0..100_000_u64 {
             let truth = 5_000_000_000 + k * 1_000_000;
-            // 50 parts per million fast, and up to 300 us late at the kernel
+            // 50 parts per million fast, with a kernel delay of up to 300 us
             let hardware = k * 1_000_050;
             let late = [7_000, 300_000, 90_000][(k % 3) as usize];
             let found = clock.to_computer(hardware, truth + late);

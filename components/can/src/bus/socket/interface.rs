@@ -1,4 +1,4 @@
-//! CAN interfaces of the computer, as the kernel describes them (rtnetlink).
+//! CAN interfaces of the computer, as reported by the kernel (rtnetlink).
 
 use core::fmt;
 use std::io;
@@ -7,25 +7,25 @@ use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketType};
 
 use crate::bus::report::ErrorState;
 
-/// A CAN interface of the computer.
+/// CAN interface of the computer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Interface {
-    /// Its name, such as `can0`.
+    /// Name, such as `can0`.
     pub name: String,
-    /// Kind of its device where the kernel names it: `can` for controllers, `vcan` for virtual buses, `slcan`
+    /// Kind of the device, if the kernel reports it: `can` for controllers, `vcan` for virtual buses, `slcan`
     /// for serial lines.
     pub kind: Option<String>,
-    /// True if it is up.
+    /// The interface is up.
     pub is_up: bool,
-    /// Returns `true` if it supports CAN FD frames.
+    /// The interface supports CAN FD frames.
     pub is_fd: bool,
-    /// Frames that wait to be sent at most.
+    /// Length of the send queue, frames.
     pub queue: u32,
-    /// Bits per second of the arbitration; `None` for a virtual bus, and if not set.
+    /// Arbitration bitrate, bit/s; `None` for a virtual bus, or if none is set.
     pub bitrate: Option<u32>,
-    /// Bits per second of the data of CAN FD frames.
+    /// Data bitrate of CAN FD frames, bit/s.
     pub data_bitrate: Option<u32>,
-    /// State of its controller, where there is one.
+    /// State of the controller, if there is one.
     pub state: Option<ErrorState>,
     /// Time after which a bus-off controller restarts automatically, ms; 0 for never.
     pub restart_ms: Option<u32>,
@@ -34,10 +34,10 @@ pub struct Interface {
 }
 
 impl Interface {
-    /// All CAN interfaces, in the kernel's order.
+    /// Returns all CAN interfaces, in the kernel's order.
     ///
     /// # Errors
-    /// The kernel refused to list them.
+    /// Returns an error if the kernel refuses to list them.
     pub fn all() -> io::Result<Vec<Self>> {
         let socket = rustix::net::socket(AddressFamily::NETLINK, SocketType::RAW, None)?;
         rustix::net::send(&socket, &request(), SendFlags::empty())?;
@@ -51,15 +51,15 @@ impl Interface {
         }
     }
 
-    /// Returns the interface of this name, if it exists.
+    /// Returns the interface with this name; `None` if it does not exist.
     ///
     /// # Errors
-    /// The kernel refused to list them.
+    /// Returns an error if the kernel refuses to list them.
     pub fn named(name: &str) -> io::Result<Option<Self>> {
         Ok(Self::all()?.into_iter().find(|interface| interface.name == name))
     }
 
-    /// True if frames pass it without bit times, acknowledgement and arbitration.
+    /// Returns `true` if frames pass without bit times, acknowledgement and arbitration.
     pub fn is_virtual(&self) -> bool {
         matches!(self.kind.as_deref(), Some("vcan" | "vxcan"))
     }
@@ -79,7 +79,7 @@ impl fmt::Display for Interface {
     }
 }
 
-// Numbers of `linux/netlink.h`, `linux/rtnetlink.h`, `linux/if_link.h` and `linux/can/netlink.h`.
+// Constants of `linux/netlink.h`, `linux/rtnetlink.h`, `linux/if_link.h` and `linux/can/netlink.h`.
 const NEW_LINK: u16 = 16;
 const GET_LINK: u16 = 18;
 const ERROR: u16 = 2;
@@ -99,7 +99,7 @@ const RESTART_MS: u16 = 6;
 const COUNTERS: u16 = 8;
 const DATA_BIT_TIMING: u16 = 9;
 
-/// The request for all links.
+/// Request for all links.
 fn request() -> [u8; 32] {
     let mut request = [0; 32];
     request[0..4].copy_from_slice(&32_u32.to_ne_bytes());
@@ -116,7 +116,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_ne_bytes(bytes.get(at..at + 4)?.try_into().ok()?))
 }
 
-/// Reads the messages of a datagram; true after the last one.
+/// Reads the messages of a datagram. Returns `true` after the last one.
 fn read(mut messages: &[u8], found: &mut Vec<Interface>) -> io::Result<bool> {
     while let (Some(length), Some(kind)) = (u32_at(messages, 0), u16_at(messages, 4)) {
         let length = length as usize;
@@ -135,7 +135,7 @@ fn read(mut messages: &[u8], found: &mut Vec<Interface>) -> io::Result<bool> {
     Ok(false)
 }
 
-/// The attributes of a message or of an attribute.
+/// Attributes of a message, or nested in an attribute.
 fn attributes(mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
     core::iter::from_fn(move || {
         let (length, kind) = (usize::from(u16_at(bytes, 0)?), u16_at(bytes, 2)?);
@@ -149,7 +149,7 @@ fn text(value: &[u8]) -> String {
     String::from_utf8_lossy(value.split(|byte| *byte == 0).next().unwrap_or(&[])).into_owned()
 }
 
-/// The description of a link, if it is a CAN interface.
+/// Description of a link, if it is a CAN interface.
 fn link(body: &[u8]) -> Option<Interface> {
     if u16_at(body, 2)? != CAN_DEVICE {
         return None;
@@ -175,7 +175,7 @@ fn link(body: &[u8]) -> Option<Interface> {
     Some(interface)
 }
 
-/// State of the controller, as reported by its driver.
+/// Reads the state of the controller, as reported by its driver.
 fn controller(data: &[u8], interface: &mut Interface) {
     let bitrate = |value| u32_at(value, 0).filter(|rate| *rate > 0);
     for (kind, value) in attributes(data) {
@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn the_kernel_lists_its_interfaces() {
-        // the number depends on the machine
+        // the number of interfaces depends on the machine
         for interface in Interface::all().unwrap() {
             assert!(!interface.name.is_empty());
         }

@@ -1,8 +1,8 @@
 //! Buses of the kernel: SocketCAN.
 //!
-//! A [`SocketBus`] sends and receives whole batches by one system call each, without waiting and without
-//! allocation. Frames carry the receive time of the controller, if it reports one, or else of the kernel.
-//! Reports of the controller about itself are counted and determine the bus's [`Condition`].
+//! A [`SocketBus`] sends and receives whole batches with one system call each, without blocking or
+//! allocating. Received frames carry the controller's timestamp if available, otherwise the kernel's. Reports
+//! of the controller determine the bus's [`Condition`] and are counted.
 
 mod batch;
 mod condition;
@@ -28,7 +28,7 @@ pub use hardware::HardwareClock;
 pub use interface::Interface;
 use raw::Delivered;
 
-/// A bus of the kernel.
+/// Bus of the kernel.
 ///
 /// ```no_run
 /// use motorium_can::{Bus, Frame, Id, Received, SocketBus};
@@ -61,7 +61,7 @@ impl SocketBus {
     /// Opens an interface that is up.
     ///
     /// # Errors
-    /// The interface does not exist, is down, or the kernel refuses.
+    /// Returns an error if the interface does not exist or is down, or if the kernel refuses.
     pub fn open(name: &str) -> Result<Self, OpenError> {
         let interface = look_up(name)?;
         let socket = CanFdSocket::open(name).map_err(|error| match error.raw_os_error() {
@@ -85,10 +85,11 @@ impl SocketBus {
         Ok(bus)
     }
 
-    /// Opens an interface for a bus of these rates, and checks them as far as the kernel reports them.
+    /// Opens an interface for a bus with these bitrates, and checks them if the kernel reports the
+    /// interface's bitrates.
     ///
     /// # Errors
-    /// The interface cannot be opened, or has other rates.
+    /// Returns an error if the interface cannot be opened or has other bitrates.
     pub fn open_with(name: &str, rates: &crate::Rates, is_fd: bool) -> Result<Self, OpenError> {
         let interface = look_up(name)?;
         if is_fd && !interface.is_fd {
@@ -123,10 +124,10 @@ impl SocketBus {
         Ok(())
     }
 
-    /// Receives frames with these identifiers only; reports of the controller always.
+    /// Restricts reception to frames with these identifiers. Reports of the controller are always received.
     ///
     /// # Errors
-    /// The kernel refused.
+    /// Returns an error if the kernel refuses.
     pub fn receive_only(&mut self, ids: &[Id]) -> io::Result<()> {
         let filter = |id: &Id| match id {
             Id::Standard(id) => CanFilter::new((*id).into(), libc::CAN_SFF_MASK | libc::CAN_EFF_FLAG),
@@ -138,35 +139,35 @@ impl SocketBus {
         self.socket.set_filters(&self.filters)
     }
 
-    /// Name of its interface.
+    /// Name of the interface.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its condition.
+    /// Condition of the bus.
     pub fn condition(&self) -> Condition {
         self.condition
     }
 
-    /// Errors that its controller has counted as sender and as receiver, as it reported last.
+    /// Transmit and receive error counters of the latest report.
     pub fn counters(&self) -> [u8; 2] {
         self.counters
     }
 
-    /// Its counts.
+    /// Counters of the bus.
     pub fn counts(&self) -> &SocketCounts {
         &self.counts
     }
 
-    /// True for a virtual bus: frames pass it without bit times, acknowledgement and arbitration.
+    /// Returns `true` for a virtual bus: frames pass without bit times, acknowledgement and arbitration.
     pub fn is_virtual(&self) -> bool {
         self.is_virtual
     }
 
-    /// Lets the participants of a virtual bus receive a report, as if their controller had made it.
+    /// Sends a report to the participants of a virtual bus, as if their controller had made it.
     ///
     /// # Errors
-    /// The kernel refused.
+    /// Returns an error if the kernel refuses.
     pub fn inject(&self, report: &Report) -> io::Result<()> {
         batch::send_raw(self.socket.as_fd(), &raw::of_report(report))
     }
@@ -177,7 +178,7 @@ impl SocketBus {
         self.condition = report.state.map_or(self.condition, Condition::from);
     }
 
-    /// Takes an error of the socket; true if the call may be tried again.
+    /// Handles an error of the socket. Returns `true` if the call may be repeated.
     fn fail(&mut self, error: &io::Error) -> bool {
         let condition = match error.raw_os_error() {
             Some(libc::EINTR) => return true,
@@ -197,7 +198,7 @@ impl SocketBus {
         false
     }
 
-    /// Looks for an interface that has gone or is down, once a second.
+    /// Checks once a second whether an interface that has gone or is down is back.
     fn look_again(&mut self) {
         if !self.retry.is_due() {
             return;
@@ -215,7 +216,7 @@ impl SocketBus {
     }
 }
 
-/// The interface of a name, if it is up.
+/// Interface with this name, if it is up.
 pub(crate) fn look_up(name: &str) -> Result<Interface, OpenError> {
     let all = Interface::all().map_err(|error| OpenError::Refused(name.into(), error))?;
     let mut found: Vec<String> = all.iter().map(Interface::to_string).collect();
@@ -247,7 +248,7 @@ impl Bus for SocketBus {
                 Ok(count) => sent += count,
                 Err(error) => {
                     tries += 1;
-                    // An error may be left from before: the interface was down, and is up again.
+                    // An error may be pending from the time when the interface was down.
                     let is_old = error.raw_os_error() == Some(libc::ENETDOWN) && tries == 1;
                     if is_old {
                         batch::take_error(self.socket.as_fd());
@@ -272,7 +273,7 @@ impl Bus for SocketBus {
                     break;
                 }
             };
-            // both clocks at one moment, for the whole batch
+            // reads both clocks once for the whole batch
             let (now_ns, wall_ns) = (monotonic_ns(), realtime_ns());
             for index in 0..arrived {
                 let Some(arrival) = self.batch.arrival(index) else {

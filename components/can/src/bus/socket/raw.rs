@@ -1,16 +1,16 @@
-//! Frames as the kernel has them.
+//! Frames in the kernel's format.
 
 use libc::{CAN_EFF_FLAG, CAN_EFF_MASK, CAN_ERR_FLAG, CAN_ERR_MASK, CAN_RTR_FLAG, CAN_SFF_MASK, canfd_frame};
 
 use crate::bus::report::Report;
 use crate::frame::{Form, Frame, Id};
 
-/// The data of a CAN FD frame went at the higher rate.
+/// The data of a CAN FD frame use the data bitrate.
 const FAST: u8 = libc::CANFD_BRS as u8;
-/// A CAN FD frame, for sockets that support both forms.
+/// Marks a CAN FD frame on sockets that accept both forms.
 const IS_FD: u8 = 0x04;
 
-/// A frame for the kernel.
+/// Converts a frame to the kernel's format.
 pub(super) fn to_kernel(frame: &Frame) -> canfd_frame {
     let can_id = match frame.id {
         Id::Standard(id) => u32::from(id),
@@ -26,7 +26,7 @@ pub(super) fn to_kernel(frame: &Frame) -> canfd_frame {
     empty(can_id, frame.data().len() as u8, flags, data)
 }
 
-/// A report as the kernel delivers it.
+/// Converts a report to the kernel's format.
 pub(super) fn of_report(report: &Report) -> canfd_frame {
     let (classes, bytes) = report.encode();
     let mut data = [0; 64];
@@ -34,32 +34,32 @@ pub(super) fn of_report(report: &Report) -> canfd_frame {
     empty(classes & CAN_ERR_MASK | CAN_ERR_FLAG, 8, 0, data)
 }
 
-/// A frame of zeros, reserved fields included.
-#[allow(unsafe_code)] // the reserved fields have no names, and the structure no default
+/// Zeroed frame, including the reserved fields.
+#[allow(unsafe_code)] // the reserved fields have no names, and the structure has no default
 fn zero_frame() -> canfd_frame {
-    // SAFETY: a plain structure of numbers, for which zero is a value.
+    // SAFETY: a plain structure of numbers, for which zero is a valid value.
     unsafe { core::mem::zeroed() }
 }
 
 fn empty(can_id: u32, len: u8, flags: u8, data: [u8; 64]) -> canfd_frame {
-    // the fields without a name are reserved, and zero
+    // the unnamed fields are reserved and stay zero
     let mut frame = zero_frame();
     (frame.can_id, frame.len, frame.flags, frame.data) = (can_id, len, flags, data);
     frame
 }
 
-/// A frame as the kernel delivers it.
+/// Frame as delivered by the kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Delivered {
-    /// A data frame.
+    /// Data frame.
     Data(Frame),
-    /// A report of the controller.
+    /// Report of the controller.
     Report(Report),
-    /// A remote request, or a malformed frame.
+    /// Remote request, or an invalid frame.
     Other,
 }
 
-/// Decodes a frame from the kernel.
+/// Parses a frame delivered by the kernel.
 pub(super) fn of_kernel(raw: &canfd_frame, is_fd: bool) -> Delivered {
     if raw.can_id & CAN_ERR_FLAG != 0 {
         let mut data = [0; 8];

@@ -1,4 +1,4 @@
-//! The account of one bus: counts, state, load.
+//! Account of one bus: counters, state and load.
 
 use motorium::prelude::*;
 use motorium::state::BusHealth;
@@ -6,28 +6,27 @@ use motorium::state::BusHealth;
 use crate::component::wire::News;
 use crate::{Bits, Condition, ErrorState, Frame, Rates, RealBus, SocketCounts};
 
-/// Time over which the load of a real bus is measured, ns: steps of the adapter do not follow one another
-/// that evenly.
+/// Time over which the load of a real bus is measured, ns; single steps of the adapter vary too much.
 const WINDOW_NS: u64 = 100_000_000;
 
-/// The account of one bus.
+/// Account of one bus.
 pub(super) struct BusAccount {
     pub(super) name: String,
     rates: Rates,
     pub(super) health: Output<BusHealth>,
     pub(super) counts: BusHealth,
-    /// Time that its bits took since the window opened, and in all, ns.
+    /// Time of the bits on the bus since the window opened, and in total, ns.
     busy_ns: u64,
     total_ns: u64,
     opened_ns: u64,
-    /// The largest load of a cycle; of a real bus, of a tenth of a second.
+    /// Highest load of a cycle, or of a tenth of a second on a real bus.
     pub(super) peak: f64,
-    /// It is an interface of the computer.
+    /// The bus is an interface of the computer.
     is_real: bool,
     pub(super) condition: Condition,
-    /// The worst condition of the run.
+    /// Worst condition of the run.
     pub(super) worst: Condition,
-    /// Counts of its events.
+    /// Counters of events on the bus.
     pub(super) events: SocketCounts,
 }
 
@@ -56,7 +55,7 @@ impl BusAccount {
         self.busy_ns += Bits::from_frame(frame).ns(&self.rates);
     }
 
-    /// Enters that the first `count` of these frames were sent, and the others not.
+    /// Records that the first `count` of these frames were sent and the others were not.
     pub(super) fn sent(&mut self, frames: &[Frame], count: usize) {
         self.counts.sent += count as u64;
         self.counts.unsent += (frames.len() - count) as u64;
@@ -64,7 +63,7 @@ impl BusAccount {
             frames[..count].iter().map(|frame| Bits::from_frame(frame).ns(&self.rates)).sum::<u64>();
     }
 
-    /// Enters the news of a simulated interface.
+    /// Applies a status change of a simulated interface.
     pub(super) fn apply(&mut self, news: &News) {
         let Self { events, condition, .. } = self;
         match news {
@@ -87,13 +86,13 @@ impl BusAccount {
         self.update_health();
     }
 
-    /// Enters the condition of a real bus.
+    /// Updates the condition from a real bus.
     pub(super) fn follow(&mut self, bus: &RealBus) {
         (self.is_real, self.condition, self.events) = (true, bus.condition(), *bus.counts());
         self.update_health();
     }
 
-    /// Puts condition and events into the state that is published.
+    /// Copies condition and events into the published state.
     fn update_health(&mut self) {
         let (counts, condition) = (&self.events, self.condition);
         self.worst = self.worst.max(condition);
@@ -108,7 +107,7 @@ impl BusAccount {
         (self.counts.bus_off, self.counts.dropped) = (counts.bus_off, counts.overflows + counts.other);
     }
 
-    /// Closes a cycle that ends at `now_ns` since the run began, the `cycles`-th of this period.
+    /// Closes cycle `cycles`, which ends `now_ns` after the start of the run.
     pub(super) fn close(&mut self, now_ns: u64, cycles: u64, period_ns: u64) {
         self.counts.load = ((self.total_ns + self.busy_ns) as f64 / (cycles * period_ns) as f64).min(1.0);
         let window_ns = now_ns.saturating_sub(self.opened_ns);
@@ -122,7 +121,7 @@ impl BusAccount {
         self.opened_ns = now_ns;
     }
 
-    /// The likely cause of a problem on it, and the next step; `None` without a problem.
+    /// Likely cause of the problems on the bus, and the next step; `None` without problems.
     pub(super) fn diagnosis(&self) -> Option<String> {
         let (condition, counts) = (self.condition, &self.events);
         let name = &self.name;

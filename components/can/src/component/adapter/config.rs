@@ -1,4 +1,4 @@
-//! The configuration of `can.adapter`, its checks, and the state that it publishes of its drives.
+//! Configuration of `can.adapter`, its checks, and the published state of its drives.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::component::{Equipped, Source, homing_load};
 use crate::{Budget, BusEntry, DriveEntry, Table};
 
 motorium::state_buffer! {
-    /// The drives of a robot, in the order of its joints.
+    /// Health of the drives of a robot, in the order of its joints.
     ///
     /// ```
     /// use motorium_can::JointHealth;
@@ -23,33 +23,33 @@ motorium::state_buffer! {
     /// assert_eq!(health.flags[0] & JointHealth::LOST, 0);
     /// ```
     pub struct JointHealth as "motorium.can.JointHealth" {
-        /// Number of the joints.
+        /// Number of joints.
         pub count: u32,
-        /// 1 once the adapter has tripped, until it is resumed.
+        /// 1 from a trip of the adapter until it is resumed.
         pub tripped: u32,
         /// Cycles since the newest answer of each drive.
         pub age: [u32; 64],
         /// Flags of each drive: the constants of this type.
         pub flags: [u32; 64],
-        /// Temperature of each drive, degrees Celsius; 0 if not reported.
+        /// Temperature of each drive, degrees Celsius; 0 if the drive does not report it.
         pub temperature: [f64; 64],
     }
 }
 
 impl JointHealth {
-    /// Follows commands.
+    /// The drive follows commands.
     pub const ENABLED: u32 = 1;
-    /// No answer in this cycle.
+    /// The drive did not answer in this cycle.
     pub const MISSING: u32 = 2;
-    /// No answer for three cycles.
+    /// The drive did not answer for three cycles.
     pub const LOST: u32 = 4;
-    /// Reported a fault.
+    /// The drive reported a fault.
     pub const FAULT: u32 = 8;
-    /// Its settings are still being read.
+    /// The settings of the drive are still being read.
     pub const CHECKING: u32 = 16;
-    /// Its joint is being homed.
+    /// The joint is being homed.
     pub const HOMING: u32 = 32;
-    /// Its position is not the joint's yet: it must be homed first.
+    /// The joint's position is unknown: it must be homed first.
     pub const NOT_HOMED: u32 = 64;
 }
 
@@ -57,10 +57,10 @@ impl JointHealth {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WhenTripped {
-    /// They brake softly, with the velocity gain of the safe states.
+    /// The drives brake softly, with the velocity gain of the safe states.
     #[default]
     Damp,
-    /// They are disabled.
+    /// The drives are disabled.
     Disable,
 }
 
@@ -77,64 +77,64 @@ pub enum WhenTripped {
 pub struct CanAdapterConfig {
     /// The drive table: a TOML file, relative to the graph file. Instead of `bus` and `drive`.
     pub drives: Option<String>,
-    /// The buses, where no file has them.
+    /// The buses, if there is no drive table file.
     #[serde(default)]
     pub bus: Vec<BusEntry>,
-    /// The drives, where no file has them.
+    /// The drives, if there is no drive table file.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses by name, replacing the drive table's, so that one table serves simulated and real
-    /// buses. Default none.
+    /// Interfaces of buses by name, replacing the drive table's, so that one table serves both simulated and
+    /// real buses. Default none.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
     /// Reaction of the other drives when one is lost or reports a fault, until `motorium resume`: "damp" or
     /// "disable". Default "damp".
     #[serde(default)]
     pub when_tripped: WhenTripped,
-    /// True: drives without a watchdog are enabled, too. They continue when nobody commands them any more.
-    /// Default false.
+    /// True: drives without a watchdog are enabled, too. They keep following their last command when commands
+    /// stop. Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
-    /// True: no drive is enabled, and the joints are moved by hand and measured, as on a leader arm. The
-    /// adapter is then no actuator: it has no input `joint_command` and no safe state. Drives with a
-    /// `homing`, which needs torque, are refused. Default false.
+    /// True: no drive is enabled; the joints are moved by hand and measured, as with a leader arm. The
+    /// adapter is then not an actuator: it has no input `joint_command` and no safe state. Drives with
+    /// `homing` are refused, since homing needs torque. Default false.
     #[serde(default)]
     pub observe: bool,
     /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading
-    /// farther out refuses all drives: a drive a turn away would be driven into its stop. At least 0. Default
-    /// 0.05 of a joint that turns, 0.005 of one that slides.
+    /// farther out refuses all drives: a drive that is off by a turn would be driven into its stop.
+    /// Non-negative. Default 0.05 for a revolute joint, 0.005 for a prismatic one.
     pub enable_margin: Option<f64>,
-    /// True: drives stay enabled at the end of a run, until their watchdogs act. By default they are disabled
-    /// after `settle`, as the last step of an orderly end, and a joint without a holding brake then sinks.
-    /// Default false.
+    /// True: drives stay enabled at the end of a run until their watchdogs disable them. By default they are
+    /// disabled after `settle`, as the last step of an orderly end, and a joint without a holding brake then
+    /// sinks. Default false.
     #[serde(default)]
     pub leave_enabled: bool,
-    /// Longest time for which a step waits for the answers of drives on real buses. Default half a period.
-    /// With `command_within` answers have until the next step, and are waited for only on serial lines.
+    /// Longest wait of a step for the answers of drives on real buses. Default half a period. With
+    /// `command_within`, answers have until the next step, and a step waits for them only on serial lines.
     pub answer_within: Option<TimeSpan>,
     /// Longest wait of a step for the command computed from the state it has just published, so that its
-    /// frames are sent at once. In lockstep no step waits. Default none: the command is sent in the next
+    /// frames are sent immediately. In lockstep no step waits. Default none: the command is sent in the next
     /// cycle.
     pub command_within: Option<TimeSpan>,
-    /// Acceleration of free fall in the world (m/s2), used by the safe states to hold the robot. Default:
-    /// from the graph's `[world]`, or 9.81 downwards.
+    /// Gravitational acceleration in the world (m/s2), used by the safe states to hold the robot. Default:
+    /// the graph's `[world]`, or 9.81 downwards.
     #[serde(default = "gravity")]
     pub gravity: [f64; 3],
 }
 
 impl CanAdapterConfig {
-    /// Time that answers on real buses have in a cycle of this length, from the batch to the place where they
-    /// are read; `None` where all buses are simulated over topics.
+    /// Time that answers on real buses have in a cycle of this length, from sending the batch until they are
+    /// read; `None` if all buses are simulated over topics.
     pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
         let order = StepOrder::from_config(self, table, table.is_real(), Some(cycle)).ok()?;
         table.is_real().then(|| order.answers_have(cycle))
     }
 
-    /// Returns the drive table, from the file, which is relative to `folder`, or from the configuration
-    /// itself.
+    /// Loads the drive table: from its file, which is relative to `folder`, or from the entries in the
+    /// configuration.
     ///
     /// # Errors
-    /// The table or one of its values cannot be read.
+    /// Returns an error if the file cannot be read, or if a value is invalid.
     pub fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
         self.source().table(folder)
     }
@@ -153,7 +153,7 @@ fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Refuses settings that an adapter with `observe` does not support.
+/// Refuses keys that an adapter in listen-only mode cannot honour.
 pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> Result<(), ConfigError> {
     if !config.observe {
         return Ok(());
@@ -176,8 +176,8 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
     Ok(())
 }
 
-/// Refuses drives whose watchdog is off, or acts between two commands; warns of one that a single lost
-/// command sets off.
+/// Refuses drives whose watchdog is off or trips between two commands. Warns of a watchdog that a single lost
+/// command triggers.
 pub(super) fn check_watchdogs(
     config: &CanAdapterConfig,
     equipped: &Equipped,
@@ -218,7 +218,7 @@ pub(super) fn check_watchdogs(
     Ok(())
 }
 
-/// Refuses homings that fail at the stop or may hit it too hard, and warns of those that may fail.
+/// Refuses homings that fail at the stop or may hit it too hard, and warns of homings that may fail.
 pub(super) fn check_homing_loads(
     config: &CanAdapterConfig,
     equipped: &Equipped,

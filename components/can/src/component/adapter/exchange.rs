@@ -13,23 +13,23 @@ use crate::bus::{Bus, Received};
 use crate::component::{interfaces, wire};
 use crate::{Frame, RealBus, Table};
 
-/// Longest time for disabling drives at the end, ns: an ODrive confirms it in its next heartbeat.
+/// Longest time spent disabling drives at the end, ns: an ODrive confirms in its next heartbeat.
 const RELEASE_NS: u64 = 300_000_000;
-/// Time that each round of orders has for its answers, ns.
+/// Time for the answers to each round of orders, ns.
 const RELEASE_EVERY_NS: u64 = 5_000_000;
 /// Rounds after the first one.
 const RELEASES: u32 = 2;
 
-/// The exchange of frames.
+/// Channel through which frames are exchanged.
 pub(super) enum Exchange {
     /// Simulated buses: frames pass through topics, and answers arrive in a later step.
     Topics(Box<Topics>),
-    /// The buses are real: answers are waited for within the step.
+    /// Real buses: the step waits for the answers.
     Sockets(Sockets),
 }
 
 impl Exchange {
-    /// Takes all frames that have been received, and the conditions of the buses.
+    /// Processes all received frames, and updates the conditions of the buses.
     pub(super) fn collect(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
         match self {
             Self::Topics(topics) => topics.collect(adapter, buses),
@@ -37,7 +37,8 @@ impl Exchange {
         }
     }
 
-    /// Sends the batch of this cycle. Rejected frames are discarded: the next cycle has newer commands.
+    /// Sends the batch of this cycle. Frames that are not accepted are dropped: the next cycle has newer
+    /// commands.
     pub(super) fn send(
         &mut self,
         tick: &Tick,
@@ -54,7 +55,7 @@ impl Exchange {
         }
     }
 
-    /// Waits for the answers to this cycle's batch, where this step does.
+    /// Waits for the answers to this cycle's batch, if this order of a step requires it.
     pub(super) fn await_answers(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
         if let Self::Sockets(sockets) = self {
             sockets.await_answers(adapter, buses);
@@ -62,7 +63,7 @@ impl Exchange {
     }
 }
 
-/// The topics of simulated buses.
+/// Topics of simulated buses.
 pub(super) struct Topics {
     pub(super) received: SliceInput<CanFrame>,
     pub(super) sent: SliceOutput<CanFrame>,
@@ -80,7 +81,7 @@ impl Topics {
                 let Some(bus) = buses.get_mut(frame.bus as usize) else { continue };
                 if let Some(news) = wire::news_of(frame) {
                     bus.apply(&news);
-                    // without sending there are no commands: the watchdogs disable the drives
+                    // an adapter that cannot send cannot command; the drives' watchdogs disable them
                     if !bus.condition.can_send() {
                         adapter.trip();
                     }
@@ -118,14 +119,13 @@ impl Topics {
     }
 }
 
-/// The sockets of real buses.
+/// Sockets of real buses.
 pub(super) struct Sockets {
     buses: Vec<RealBus>,
     inbox: Vec<Received>,
     waiting: Waiting,
     clock: RunClock,
-    /// Longest time for which a step waits for answers; `None` if it does not, as they are read in the next
-    /// step.
+    /// Longest wait of a step for answers; `None` if they are read in the next step.
     answer_within_ns: Option<u64>,
 }
 
@@ -141,7 +141,7 @@ impl Sockets {
         Ok(Self { buses, inbox: vec![Received::default(); BATCH], waiting, clock, answer_within_ns })
     }
 
-    /// Adapts the expectations of the adapter to buses without bit times.
+    /// Configures the adapter for buses without bit times.
     pub(super) fn prepare(&self, adapter: &mut Adapter) {
         for (index, _) in self.buses.iter().enumerate().filter(|(_, bus)| bus.is_virtual()) {
             adapter.without_bit_times(index);
@@ -158,13 +158,13 @@ impl Sockets {
                     let time_ns = received.time_ns.saturating_sub(start_ns);
                     adapter.take(index, &Received { frame: received.frame, time_ns });
                 }
-                // a bus that never falls silent must not hold the loop up
+                // a bus with continuous traffic must not hold up the loop
                 if count < self.inbox.len() {
                     break;
                 }
             }
             account.follow(bus);
-            // without sending there are no commands: the watchdogs disable the drives
+            // an adapter that cannot send cannot command; the drives' watchdogs disable them
             if !bus.condition().can_send() {
                 adapter.trip();
             }
@@ -182,8 +182,8 @@ impl Sockets {
         }
     }
 
-    /// Sends the order to disable until each drive has answered that it is off, for at most [`RELEASE_NS`];
-    /// returns whether all have.
+    /// Orders the released drives to disable until each has confirmed that it is off, for at most
+    /// [`RELEASE_NS`]. Returns `true` if all have confirmed.
     pub(super) fn release(
         &mut self,
         adapter: &mut Adapter,
@@ -191,7 +191,7 @@ impl Sockets {
         frames: &mut Vec<Frame>,
     ) -> bool {
         let until_ns = self.clock.now_ns() + RELEASE_NS;
-        // an answer to an earlier frame is ignored: the orders are sent again after it
+        // an answer to an earlier frame proves nothing, so the orders are sent again
         for round in 0.. {
             self.send(adapter, accounts, frames);
             self.receive_for(adapter, accounts, RELEASE_EVERY_NS, |_| false);
@@ -203,7 +203,7 @@ impl Sockets {
         adapter.is_released()
     }
 
-    /// Receives until all queried drives have answered or the time is over.
+    /// Receives until all queried drives have answered, or the time is over.
     fn await_answers(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
         if let Some(within_ns) = self.answer_within_ns {
             self.receive_for(adapter, accounts, within_ns, Adapter::has_all_answers);
@@ -224,7 +224,7 @@ impl Sockets {
             if left_ns == 0 || is_enough(adapter) {
                 return;
             }
-            // an interface that is down would end the wait at once
+            // an interface that is down would end the wait immediately
             let up = self.buses.iter().filter(|bus| bus.condition().can_send());
             self.waiting.wait(up.map(std::os::fd::AsFd::as_fd), left_ns);
         }

@@ -1,21 +1,21 @@
-//! The time from the publication of a command until its frames are sent.
+//! Time from the publication of a command until its frames are sent.
 
 use motorium::state::Stamp;
 use motorium::telemetry::Histogram;
 
-/// The time from the publication of a command until the frames made of it have been handed to all buses, of
-/// each command that the drives follow. One that is sent again, because there is no newer one, counts once.
+/// Time from the publication of a command until its frames have been handed to all buses, for each command
+/// that the drives follow. A command that is sent again, for lack of a newer one, counts once.
 #[derive(Default)]
 pub(super) struct HandOver {
     times: Box<Histogram>,
-    /// Publisher, restart count and sequence of the command that was taken last.
+    /// Publisher, restart count and sequence number of the last command used.
     last: Option<(u32, u32, u64)>,
-    /// Time at which the command of this cycle was published, where it is a new one, ns.
+    /// Publication time of this cycle's command if it is new, ns.
     published_ns: Option<u64>,
 }
 
 impl HandOver {
-    /// The command that this cycle follows; `None` if there is none.
+    /// Records the command that this cycle follows; `None` if it follows none.
     pub(super) fn take(&mut self, stamp: Option<Stamp>) {
         self.published_ns = None;
         let Some(stamp) = stamp else { return };
@@ -25,7 +25,7 @@ impl HandOver {
         }
     }
 
-    /// The frames of this cycle have been handed over at `now_ns` on the clock of stamps.
+    /// Records that the frames of this cycle were handed over at `now_ns`, on the clock of stamps.
     pub(super) fn sent(&mut self, now_ns: u64) {
         if let Some(published_ns) = self.published_ns.take() {
             self.times.record(now_ns.saturating_sub(published_ns));
@@ -60,7 +60,7 @@ mod tests {
     fn each_command_counts_once_until_its_first_frames() {
         let mut hand_over = HandOver::default();
         assert_eq!(hand_over.result(), None);
-        // the second is repeated in the next cycle, and the last cycle has none
+        // the second command is sent twice, and the last cycle has no command
         let cycles = [
             (command(1, 1_000), 3_000),
             (command(2, 10_000), 17_000),

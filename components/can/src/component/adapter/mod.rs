@@ -25,12 +25,12 @@ use exchange::{Exchange, Sockets, Topics};
 use hand_over::HandOver;
 use order::StepOrder;
 
-/// Frames that one batch of all buses holds at most.
+/// Largest number of frames in one batch of all buses.
 pub(super) const BATCH: usize = 128;
 
-/// A component that commands drives on CAN buses.
+/// Component that commands drives on CAN buses.
 pub struct CanAdapter {
-    /// `None` where it only listens.
+    /// `None` for an adapter that only listens.
     drive: Option<(Input<JointCommand>, CommandGate)>,
     joint_state: Output<JointState>,
     health: Output<JointHealth>,
@@ -46,24 +46,25 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
-    /// Some joints are being homed or have no known position; the gate restarts once all are known.
+    /// Joints are being homed, or their positions are not yet known again. The gate is reset once all are
+    /// known.
     awaits_homing: bool,
     leaves_enabled: bool,
-    /// Each drive has answered at the end that it is off; `None` if none was disabled.
+    /// Each drive has confirmed at the end that it is off; `None` if none was disabled.
     is_released: Option<bool>,
 }
 
-/// The efforts that hold the robot against gravity.
+/// Efforts that hold the robot against gravity.
 struct Weight {
     model: Model,
     dynamics: Dynamics,
-    /// Acceleration of free fall, m/s2.
+    /// Gravitational acceleration, m/s2.
     gravity: Vector3<f64>,
 }
 
 impl Weight {
-    /// Gravity efforts of each joint at these positions; zero with a floating base, whose drives report
-    /// neither its orientation nor its contacts.
+    /// Writes the effort of each joint at these positions. They are zero for a floating base, whose
+    /// orientation and contacts the drives do not report.
     fn efforts(&mut self, position: &[f64], effort: &mut [f64]) {
         let Self { model, dynamics, gravity } = self;
         match model.base().floating {
@@ -200,12 +201,12 @@ impl Component for CanAdapter {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Self { exchange, adapter, buses, .. } = self;
-        // with answers within the step these are late; otherwise they answer the last step's batch
+        // late answers if answers are read within the step, otherwise the answers to the previous batch
         exchange.collect(adapter, buses);
         if !self.order.answers_within_step() {
             let waits = self.order.command_within;
             if let (Some(_), Some((command, _))) = (waits, &mut self.drive) {
-                // one that came too late for the step before is no answer to the state of this one
+                // a command that was too late for the previous step does not answer the state of this one
                 let _ = command.latest();
             }
             let is_told = self.end_cycle(tick)?;
@@ -224,7 +225,7 @@ impl Component for CanAdapter {
         self.publish_health(tick)
     }
 
-    /// Lets the drives go, after their safe state has settled: one without a watchdog would stay on.
+    /// Disables the drives after their safe state has settled: a drive without a watchdog would stay on.
     fn stop(&mut self) {
         let Self { exchange, adapter, buses, frames, .. } = self;
         let is_on =
@@ -244,10 +245,10 @@ impl Component for CanAdapter {
 }
 
 impl CanAdapter {
-    /// Ends the cycle of commands and answers, publishes the state of the joints if it is known, and returns
-    /// whether it is.
+    /// Ends the cycle of commands and answers, and publishes the joint state if it is known. Returns `true`
+    /// if it was published.
     fn end_cycle(&mut self, tick: &Tick) -> Result<bool, StepError> {
-        // drives that are simulated end with the run, in the middle of a cycle too
+        // simulated drives end with the run, even in the middle of a cycle
         self.adapter.end_cycle(!tick.settling && !self.clock.is_settling());
         if let Some((joint, wrong)) = self.adapter.wrong_setting() {
             let name = &self.names[joint];
@@ -275,15 +276,15 @@ impl CanAdapter {
         state.publish_from(self.clock.stamp_ns(oldest_ns))
     }
 
-    /// Passes the newest command through the gate to the drives. Before every joint is known nothing is
-    /// commanded.
+    /// Passes the newest command through the gate to the drives. Until every joint's position is known,
+    /// nothing is commanded.
     fn apply_command(&mut self, settling: bool) {
         if !self.adapter.is_known() {
             self.await_homing(settling);
             return;
         }
         if core::mem::take(&mut self.awaits_homing) {
-            // its safe state was computed from positions that were not the joints'
+            // its safe state was based on readings that were not joint positions
             if let Some((_, gate)) = &mut self.drive {
                 gate.relocate();
             }
@@ -302,7 +303,7 @@ impl CanAdapter {
         if resumes != self.resumes {
             self.resumes = resumes;
             if self.adapter.has_tripped() {
-                // From where the joints are now, not from where they were held before they were damped.
+                // Starts from the present positions, not from those held before the joints were damped.
                 gate.reset();
                 self.adapter.resume();
                 return;
@@ -311,9 +312,9 @@ impl CanAdapter {
         apply(&mut self.adapter, gate);
     }
 
-    /// A step in which some joints are not homed yet, or some are held and others unknown: no command is
-    /// checked. While the run is stopped, moving joints are disabled, and held joints enter the graph's safe
-    /// state.
+    /// Runs a step in which joints still have to be homed, or some are held while others are unknown;
+    /// commands are ignored. While the run is stopped, joints being homed are disabled, and held joints apply
+    /// the safe state of the graph.
     fn await_homing(&mut self, settling: bool) {
         let is_let_go = |link: &Link| link.is_homed() && link.phase() != Phase::Enabled;
         if self.adapter.links().iter().all(is_let_go) {
@@ -326,7 +327,7 @@ impl CanAdapter {
         for ((link, position), velocity) in adapter.links().iter().zip(&mut *position).zip(&mut *velocity) {
             (*position, *velocity, _) = link.state();
         }
-        // where it is not known how all of them lie, their weight is not known
+        // the weight is unknown until the positions of all joints are known
         let mut weightless = |effort: &mut [f64]| effort.fill(0.0);
         if adapter.has_tripped() {
             gate.trip();
@@ -338,7 +339,7 @@ impl CanAdapter {
         }
         let is_stopped = settling || clock.is_settling() || clock.is_latched() || gate.is_latched();
         if is_stopped && adapter.allows_homing() {
-            // from where the joints are now
+            // starts from the present joint positions
             gate.relocate();
             gate.withhold(Measured { position, velocity, gravity: &mut weightless });
         }

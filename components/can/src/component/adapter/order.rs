@@ -1,4 +1,4 @@
-//! The order of a step: who waits for whom.
+//! Order of a step: which part waits for which.
 
 use std::time::Duration;
 
@@ -7,29 +7,29 @@ use motorium::declare::ConfigError;
 use super::CanAdapterConfig;
 use crate::Table;
 
-/// The order in which a step sends commands, reads answers and publishes the state.
+/// Order in which a step sends commands, reads answers and publishes the state.
 ///
 /// | buses | `command_within` | a step |
 /// |---|---|---|
-/// | over topics | both | reads previous answers, publishes, waits for a command, sends |
+/// | simulated over topics | either | reads previous answers, publishes, waits for the command, sends |
 /// | real | without | sends the newest command, waits for the answers, publishes |
-/// | real | with | reads previous answers, publishes, waits for a command, sends |
+/// | real | with | reads previous answers, publishes, waits for the command, sends |
 ///
-/// One cycle always passes between a measured state and the effect of the command computed from it. The
-/// orders differ in the position of the pause: before the command is sent, or before the state is published.
+/// In each case one cycle passes between a measured state and the effect of its command. The difference is
+/// the position of the pause: before the command is sent, or before the state is published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct StepOrder {
-    /// Longest time for which a step waits for answers after it has sent its batch; `None` if it does not.
+    /// Longest wait of a step for answers after it has sent its batch; `None` if it does not wait.
     pub(super) answer_within: Option<Duration>,
-    /// Longest time for which it waits for the command made of the state that it has just published; `None`
-    /// if it does not.
+    /// Longest wait of a step for the command computed from the state it has just published; `None` if it
+    /// does not wait.
     pub(super) command_within: Option<Duration>,
     is_real: bool,
 }
 
 impl StepOrder {
-    /// Returns the order of a configuration, for real or simulated buses. Without a period, times are used
-    /// unchecked.
+    /// Derives the order from a configuration; `is_real` says whether the buses of the table are real.
+    /// Without a period, configured times are not checked against it.
     pub(super) fn from_config(
         config: &CanAdapterConfig,
         table: &Table,
@@ -38,7 +38,7 @@ impl StepOrder {
     ) -> Result<Self, ConfigError> {
         let (answer, command) =
             (config.answer_within.map(Duration::from), config.command_within.map(Duration::from));
-        // a line without receive times must be read when a frame arrives
+        // a line without receive timestamps must be read as soon as frames arrive
         let waits_for_answers = is_real && (command.is_none() || !table.tells_times());
         if answer.is_some() && !waits_for_answers {
             let (message, advice) = match is_real {
@@ -93,17 +93,17 @@ impl StepOrder {
         Ok(())
     }
 
-    /// True if a step waits for the answers to its own batch, and publishes them.
+    /// Returns `true` if a step waits for the answers to its own batch, and publishes them.
     pub(super) fn answers_within_step(&self) -> bool {
         self.is_real && self.command_within.is_none()
     }
 
-    /// Longest time for which a step waits.
+    /// Longest total wait of a step.
     pub(super) fn waits(&self) -> Duration {
         self.answer_within.unwrap_or_default() + self.command_within.unwrap_or_default()
     }
 
-    /// Time that answers have from the batch to the place where they are read, of a cycle of this length.
+    /// Time that answers have from sending the batch until they are read, in a cycle of this length.
     pub(super) fn answers_have(&self, cycle: Duration) -> Duration {
         match self.answer_within {
             Some(within) => within,

@@ -1,13 +1,13 @@
-//! The result of `can.adapter`.
+//! Result of `can.adapter`.
 
 use super::CanAdapter;
 use crate::adapter::{HomingState, Phase};
 
-/// Second answers to one frame from which on another drive with the same number is the likely cause.
+/// Number of duplicate answers from which another drive with the same number is the likely cause.
 const TWIN_ANSWERS: u64 = 10;
 
 impl CanAdapter {
-    /// The joint on a bus whose frames are answered twice again and again, and the next step.
+    /// Names the joint on a bus whose frames are repeatedly answered twice, and the next step.
     fn twins(&self, bus: usize, name: &str) -> Option<String> {
         let links = self.names.iter().zip(self.adapter.links()).filter(|(_, link)| link.bus() == bus);
         let mut twice = links.filter(|(_, link)| link.counts().duplicate >= TWIN_ANSWERS);
@@ -19,7 +19,7 @@ impl CanAdapter {
         ))
     }
 
-    /// Counts of the whole run, of buses and joints.
+    /// Counters of the whole run, for buses and joints.
     pub(super) fn results(&self) -> serde_json::Value {
         let mut joints = serde_json::Map::new();
         for (name, link) in self.names.iter().zip(self.adapter.links()) {

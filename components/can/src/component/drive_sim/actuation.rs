@@ -1,5 +1,5 @@
-//! The inner loops of the drives, and the stages between the torque of a simulated drive and the effort on
-//! its joint.
+//! Inner loops of the drives, and the actuator between the torque of a simulated drive and the effort on its
+//! joint.
 
 use std::path::Path;
 
@@ -9,10 +9,11 @@ use motorium::declare::{ConfigError, StepError};
 use motorium::units::TimeSpan;
 use motorium_robots::{Actuator, ActuatorSettings, ActuatorTable, Delay, DriveCommand, Model, Motor};
 
-/// Velocity gain of a closed brake, N m s/rad or N s/m: it gives the joint's full effort at a creep.
+/// Velocity gain of a closed brake, N m s/rad or N s/m: it applies the joint's full effort at a very low
+/// velocity.
 const BRAKE: f64 = 1e5;
 
-/// The actuator of a joint behind a simulated drive.
+/// Actuator of a joint behind a simulated drive.
 pub(super) struct Actuation {
     actuator: Actuator,
     delay: Delay<f64>,
@@ -20,14 +21,14 @@ pub(super) struct Actuation {
     command: Option<DriveCommand>,
 }
 
-/// An effort on a joint: `effort - damping * v` at its velocity `v`.
+/// Effort on a joint: `effort - damping * v` at its velocity `v`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Effort {
     pub(super) effort: f64,
     pub(super) damping: f64,
 }
 
-/// The actuators of the joints of a model; `None` for an ideal one.
+/// Actuators of the joints of a model; `None` for an ideal one.
 pub(super) fn actuations(
     config: &DriveSimulationConfig,
     model: &Model,
@@ -60,8 +61,8 @@ impl Actuation {
         Ok(Self { actuator, delay: Delay::new(settings.delay, 0.0), command: None })
     }
 
-    /// Returns the motor after a step of `h` \[s\], given the joint's position and the `effort` on it from
-    /// physics.
+    /// State of the motor after a step of `h` \[s\]. Physics reports the state of the `joint` and the
+    /// `effort` that acted on it.
     pub(super) fn motor(&mut self, joint: Motor, effort: f64, h: f64) -> Motor {
         self.actuator.begin(joint);
         if let Some(command) = self.command.take() {
@@ -70,12 +71,12 @@ impl Actuation {
         self.actuator.motor().unwrap_or(joint)
     }
 
-    /// Effort on the joint in the next step of `h` \[s\], in which the drive requests `wanted`; a closed
-    /// brake damps the motor.
+    /// Effort on the joint in the next step of `h` \[s\] for the drive's torque; a closed brake damps the
+    /// motor.
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);
         self.delay.advance(wanted, h);
-        // The motor does not make the effort of a brake: that counts within the motor's limits only where
+        // The motor does not produce the effort of a brake. That counts within the motor's limits only if
         // both are on one shaft.
         let command = DriveCommand { kd: brake, ..DriveCommand::effort(acting) };
         if let Some(law) = self.actuator.joint_law(&command, joint, h) {
@@ -87,7 +88,7 @@ impl Actuation {
 }
 
 impl DriveSimulation {
-    /// Runs the inner loop of every drive on the newest state of its joint, `h` \[s\] after the one before.
+    /// Runs the inner loop of every drive on the newest state of its joint, `h` \[s\] after the previous one.
     pub(super) fn run_loops(&mut self, now_ns: u64, h: f64) -> Result<(), StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(()) };
         let joints = self.axes.len();

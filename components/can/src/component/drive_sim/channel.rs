@@ -4,7 +4,7 @@ use super::Axis;
 use crate::component::adapter::BATCH;
 use crate::{Condition, Frame, SimulatedBus, Table};
 
-/// One bus: node 0 is the adapter, nodes from 1 on are drives, followed by a babbling node and a twin of a
+/// One bus. Node 0 is the adapter, nodes from 1 on are drives, followed by a babbling node and a twin of a
 /// drive.
 pub(super) struct Channel {
     pub(super) bus: SimulatedBus,
@@ -15,27 +15,28 @@ pub(super) struct Channel {
     pub(super) condition: Condition,
     pub(super) is_down: bool,
     pub(super) was_off: bool,
-    /// The nodes that are on the bus, unless their errors drove them off.
+    /// Nodes that are connected to the bus, whether or not they are bus-off.
     connected: Vec<bool>,
-    /// Frames of the adapter that wait at most, as in the queue of an interface of Linux and its controller.
+    /// Largest number of queued frames of the adapter, like the queue of a Linux interface and its
+    /// controller.
     room: usize,
     pub(super) unsent: u8,
     pub(super) is_unacknowledged: bool,
 }
 
 impl Channel {
-    /// Frames of the computer that it has room for.
+    /// Free space in the queue, frames.
     pub(super) fn room(&self) -> usize {
         self.room.saturating_sub(self.bus.waiting(0))
     }
 
-    /// Hands a frame of the computer over; one that finds no room is not sent.
+    /// Queues a frame of the computer; a frame without room is dropped.
     pub(super) fn hand_over(&mut self, frame: Frame, ready_ns: u64) {
         let fits = self.room() > 0 && self.bus.enqueue(0, frame, ready_ns);
         self.unsent = self.unsent.saturating_add(u8::from(!fits));
     }
 
-    /// Plugs a node in or out; a returning node restarts.
+    /// Connects or disconnects a node; a reconnected node restarts.
     pub(super) fn connect(&mut self, node: usize, is_connected: bool) {
         match (self.connected[node], is_connected) {
             (true, false) => self.bus.switch_off(node),
@@ -46,10 +47,10 @@ impl Channel {
     }
 }
 
-/// Frames that an interface of Linux keeps: ten in its queue, two in its controller.
+/// Frames that a Linux interface holds: ten in its queue, two in its controller.
 const ROOM: usize = 12;
 
-/// Simulated buses; each drive gets its node.
+/// Creates the simulated buses, and assigns a node to each drive.
 pub(super) fn channels(table: &Table, axes: &mut [Axis]) -> Vec<Channel> {
     let channel = |index: usize| {
         let mut nodes = 1;

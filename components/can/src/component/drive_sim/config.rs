@@ -1,4 +1,4 @@
-//! The configuration of `can.drive_sim`.
+//! Configuration of `can.drive_sim`.
 
 use std::collections::BTreeMap;
 
@@ -26,17 +26,17 @@ use crate::{BusEntry, DriveEntry};
 pub struct DriveSimulationConfig {
     /// The drive table: the file that the adapter reads, too. Instead of `bus` and `drive`.
     pub drives: Option<String>,
-    /// The buses, where no file has them.
+    /// The buses, if there is no drive table file.
     #[serde(default)]
     pub bus: Vec<BusEntry>,
-    /// The drives, where no file has them.
+    /// The drives, if there is no drive table file.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// Interfaces of buses by name, replacing the drive table's, so that one table serves simulated and real
-    /// buses. Default none.
+    /// Interfaces of buses by name, replacing the drive table's, so that one table serves both simulated and
+    /// real buses. Default none.
     #[serde(default)]
     pub interfaces: BTreeMap<String, String>,
-    /// Time from the last bit of a command to the answer's place in the queue of the drive. Default 50 us.
+    /// Time from the last bit of a command until its answer is queued in the drive. Default 50 us.
     #[serde(default = "delay")]
     pub delay: TimeSpan,
     /// Largest random addition to `delay`. Default none.
@@ -51,7 +51,7 @@ pub struct DriveSimulationConfig {
     pub brakes: bool,
     /// Stages between the drives and the joints: lag, limits, elasticity. Default: none.
     pub actuator: Option<ActuatorTable<TimeSpan>>,
-    /// The same for single joints by their names, in place of `actuator`.
+    /// The same for single joints by name, instead of `actuator`.
     #[serde(default)]
     pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
     /// Drives with settings that differ from the table.

@@ -1,4 +1,4 @@
-//! The endpoints of simulated buses: topics to the adapter, or sockets and terminals that any program opens.
+//! Endpoints of simulated buses: topics to the adapter, or sockets and terminals that any program can open.
 
 use motorium::prelude::*;
 use motorium::state::CanFrame;
@@ -11,11 +11,11 @@ use crate::component::adapter::BATCH;
 use crate::component::{interfaces, wire};
 use crate::{Frame, Report, Table};
 
-/// The endpoints of simulated buses.
+/// Endpoints of simulated buses.
 pub(super) enum Endpoints {
-    /// Topics, one batch for all buses.
+    /// Topics, with one batch for all buses.
     Topics(Box<Topics>),
-    /// Sockets and terminals on which each bus is offered.
+    /// Sockets and terminals that offer the buses.
     Offers(Offers),
 }
 
@@ -27,11 +27,11 @@ pub(super) struct Topics {
     lost: u64,
 }
 
-/// Simulated buses as other programs open them.
+/// Simulated buses offered to other programs.
 pub(super) struct Offers {
     offers: Vec<Offer>,
     inbox: Vec<Received>,
-    /// Time at which the run began, ns.
+    /// Start time of the run, ns.
     start_ns: u64,
 }
 
@@ -41,13 +41,13 @@ impl Endpoints {
         Self::Topics(Box::new(Topics { sent, received, answers, lost: 0 }))
     }
 
-    /// Offers the buses of a table at their places.
+    /// Offers the buses of a table at their addresses.
     pub(super) fn offers(table: &Table) -> Result<Self, ConfigError> {
         let offers = interfaces::offer(table)?;
         Ok(Self::Offers(Offers { offers, inbox: vec![Received::default(); BATCH], start_ns: 0 }))
     }
 
-    /// Hands the frames of the computer to their buses, at the time at which it sent them.
+    /// Queues the frames of the computer on their buses, at the time when they were sent.
     pub(super) fn receive(&mut self, start_ns: u64, buses: &mut [Channel]) {
         match self {
             Self::Topics(topics) => {
@@ -64,8 +64,8 @@ impl Endpoints {
             Self::Offers(all) => {
                 all.start_ns = start_ns;
                 for (offer, channel) in all.offers.iter_mut().zip(buses) {
-                    // a socket forwards everything, and the interface drops frames beyond its capacity; a
-                    // terminal keeps them, like the line of an adapter
+                    // a socket delivers all frames, and the interface drops those without room; a terminal
+                    // keeps them, as the line of an adapter does
                     let room = match offer {
                         Offer::Socket(_) => BATCH,
                         Offer::Terminal(_) => channel.room().min(BATCH),
@@ -79,7 +79,7 @@ impl Endpoints {
         }
     }
 
-    /// Lets the adapter receive a frame.
+    /// Delivers a frame to the adapter.
     pub(super) fn deliver(&mut self, bus: usize, frame: &Frame, time_ns: u64) {
         match self {
             Self::Topics(topics) => topics.push(wire::to_topic(frame, bus, time_ns)),
@@ -89,7 +89,8 @@ impl Endpoints {
         }
     }
 
-    /// Lets it receive a report of its controller, with the number of frames that it had no room for.
+    /// Delivers a report of its controller to the adapter, with the number of frames that did not fit into
+    /// its queue.
     pub(super) fn report(&mut self, bus: usize, report: &Report, unsent: u8, now_ns: u64) {
         match self {
             Self::Topics(topics) => topics.push(wire::report(report, unsent, bus, now_ns)),
@@ -97,17 +98,17 @@ impl Endpoints {
         }
     }
 
-    /// Takes its interface down, or up again.
+    /// Takes the adapter's interface down, or brings it up.
     pub(super) fn set_link_down(&mut self, bus: usize, is_down: bool, now_ns: u64) {
         match self {
             Self::Topics(topics) if is_down => topics.push(wire::down(bus, now_ns)),
-            // the report of the controller announces that it is up again
+            // the controller's report announces that the interface is up
             Self::Topics(_) => {}
             Self::Offers(Offers { offers, .. }) => offers[bus].set_link_down(is_down),
         }
     }
 
-    /// Delivers received frames; returns the number for which there was no room.
+    /// Sends everything that is queued. Returns the number of frames lost for lack of room.
     pub(super) fn publish(&mut self) -> Result<u64, StepError> {
         match self {
             Self::Topics(topics) => topics.publish(),
@@ -117,7 +118,7 @@ impl Endpoints {
 }
 
 impl Topics {
-    /// Appends to the adapter's received frames; frames beyond its batch are lost, as with a full buffer.
+    /// Appends a frame to the adapter's batch. A frame without room is lost, as with a full buffer.
     fn push(&mut self, frame: CanFrame) {
         if self.answers.len() < BATCH {
             self.answers.push(frame);

@@ -1,11 +1,11 @@
-//! The injection of faults into the frames that drives send.
+//! Injection of faults into the frames sent by drives.
 
 use super::config::DriveSimulationConfig;
 use super::{Axis, Drive};
 use crate::component::faults::{Fault, FaultKind};
 use crate::{Frame, Id};
 
-/// The node of a drive that sends a frame.
+/// Drive that sends a frame, and its node.
 #[derive(Clone, Copy)]
 pub(super) struct DriveNode {
     entry: usize,
@@ -19,7 +19,7 @@ impl DriveNode {
     }
 }
 
-/// The injector of delays, losses and faults between a drive and its bus.
+/// Injector of delays, losses and faults into the frames from a drive to its bus.
 pub(super) struct FaultInjector<'a> {
     pub(super) faults: &'a [Fault],
     pub(super) config: &'a DriveSimulationConfig,
@@ -28,7 +28,7 @@ pub(super) struct FaultInjector<'a> {
 }
 
 impl FaultInjector<'_> {
-    /// Sends a frame of a drive `delay_ns` after `time_ns`, with the faults that the script has for it then.
+    /// Sends a frame of a drive `delay_ns` after `time_ns`, with the faults scripted for that time.
     pub(super) fn send(
         &mut self,
         drive: DriveNode,
@@ -68,17 +68,17 @@ impl FaultInjector<'_> {
     }
 }
 
-/// The node that sends an answer.
+/// Node that sends an answer.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Sender {
-    /// A drive of the table.
+    /// The drive itself.
     Drive(usize),
     /// Another drive with the same number.
     Twin,
 }
 
 impl Sender {
-    /// Node number of the drive; `twin` is the other drive's.
+    /// Index of the node; `twin` is the node of the other drive.
     pub(super) fn node(self, twin: usize) -> usize {
         match self {
             Self::Drive(node) => node,
@@ -87,7 +87,7 @@ impl Sender {
     }
 }
 
-/// The answer of another drive with the same number, from a different shaft position.
+/// Answer of another drive with the same number, at a different position.
 fn elsewhere(mut answer: Frame) -> Frame {
     if let Some(position) = answer.data_mut().get_mut(1) {
         *position ^= 0x20;
@@ -95,7 +95,7 @@ fn elsewhere(mut answer: Frame) -> Frame {
     answer
 }
 
-/// An answer with a device, a state or a number that there is not.
+/// Answer with an invalid device, state or number.
 fn corrupt(mut answer: Frame, is_odrive: bool) -> Frame {
     let is_heartbeat = matches!(answer.id, Id::Standard(id) if id & 0x1f == 0x01);
     match answer.data_mut() {
@@ -107,7 +107,7 @@ fn corrupt(mut answer: Frame, is_odrive: bool) -> Frame {
     answer
 }
 
-/// A number that looks random, from 0 to 1: splitmix64.
+/// Pseudo-random number from 0 to 1 (splitmix64).
 fn uniform(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;

@@ -1,4 +1,4 @@
-//! `can.drive_sim`: buses and drives of a robot that physics simulates.
+//! `can.drive_sim`: buses and drives of a robot simulated by a physics component.
 
 mod actuation;
 mod channel;
@@ -30,14 +30,14 @@ use fault_injector::{DriveNode, FaultInjector, Sender};
 use simulated::Simulated;
 use sockets::Sockets;
 
-/// Time from one frame of a babbling node to the next, ns: shorter than a frame.
+/// Time between two frames of a babbling node, ns: shorter than a frame.
 const BABBLE_NS: u64 = 50_000;
 
-/// A component that simulates the buses and drives of a robot.
+/// Component that simulates the buses and drives of a robot.
 ///
 /// Each step advances the buses to the present, lets each drive receive frames and answer, runs the inner
-/// loops on the latest joint state from physics, and publishes the efforts. Drives on an interface of the
-/// computer receive its frames, and answer on it.
+/// loops on the joint state just published by physics, and publishes the efforts. Drives on an interface of
+/// the computer receive its frames and answer on it.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
     lines: Lines,
@@ -51,7 +51,7 @@ pub struct DriveSimulation {
     last_ns: Option<u64>,
 }
 
-/// The lines between adapter and drives.
+/// Lines between adapter and drives.
 enum Lines {
     Simulated(Box<Simulated>),
     Sockets(Sockets),
@@ -62,21 +62,21 @@ struct Axis {
     name: String,
     drive: Drive,
     gear: Transmission,
-    /// Between the drive and the joint, where it is not ideal.
+    /// Actuator between the drive and the joint, unless it is ideal.
     actuation: Option<Actuation>,
     bus: usize,
-    /// Its node on the bus.
+    /// Node of the drive on the bus.
     node: usize,
-    /// Its index in the table.
+    /// Index of the drive in the table.
     entry: usize,
-    /// It had no power in the previous step.
+    /// The drive had no power in the previous step.
     was_off: bool,
-    /// Its controller has left the bus, or its cable is unplugged.
+    /// The drive's controller is bus-off, or its cable is unplugged.
     is_cut_off: bool,
 }
 
 impl Axis {
-    /// Returns `true` if it receives the frames of the bus.
+    /// Returns `true` if the drive receives the traffic of the bus.
     fn is_on_bus(&self) -> bool {
         !self.was_off && !self.is_cut_off
     }
@@ -214,7 +214,7 @@ impl Component for DriveSimulation {
     }
 }
 
-/// The drives, as a frame reaches them.
+/// Drives as receivers of a frame.
 struct Drives<'a> {
     axes: &'a mut [Axis],
     faults: &'a [Fault],
@@ -224,8 +224,8 @@ struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    /// All drives of a bus receive a frame; addressed drives answer: the node, its answer, and the time when
-    /// it is ready.
+    /// Delivers a frame to all drives of a bus. Passes the answer of each addressed drive to `answer_with`,
+    /// with its node and the time when it is ready.
     fn receive(
         &mut self,
         index: usize,
@@ -242,7 +242,8 @@ impl Drives<'_> {
         }
     }
 
-    /// The other drives of a serial line observe the frame of one of them; the next in turn answers at once.
+    /// Delivers the frame of one servo to the others on its serial line; the next one in turn answers
+    /// immediately.
     fn observe(
         &mut self,
         index: usize,
@@ -258,7 +259,7 @@ impl Drives<'_> {
         }
     }
 
-    /// Frames that the drives of a bus send unasked until `now_ns`.
+    /// Collects the unsolicited frames of the drives of a bus until `now_ns`.
     fn report(&mut self, index: usize, now_ns: u64, answer_with: &mut dyn FnMut(Sender, Frame, u64)) {
         let Self { axes, faults, config, random, lost } = self;
         let mut injector = FaultInjector { faults, config, random, lost };

@@ -10,7 +10,7 @@ use crate::bus::simulated::Event;
 use crate::component::faults::FaultKind;
 use crate::{Condition, ErrorState, Form, Frame, Id, Report};
 
-/// Simulated buses, with their topics or addresses.
+/// Simulated buses with their endpoints.
 pub(super) struct Simulated {
     endpoints: Endpoints,
     buses: Vec<Channel>,
@@ -21,7 +21,7 @@ impl Simulated {
         Self { endpoints, buses }
     }
 
-    /// Advances the buses to the present, and publishes the frames received by the adapter.
+    /// Advances the buses to the present, and publishes the frames that the adapter receives.
     pub(super) fn run(
         &mut self,
         drives: &mut Drives<'_>,
@@ -38,7 +38,7 @@ impl Simulated {
         Ok(())
     }
 
-    /// The faults of buses, and the nodes that are on them.
+    /// Applies the faults of buses, and connects or disconnects their nodes.
     fn begin_faults(&mut self, drives: &mut Drives<'_>, now_ns: u64) {
         let faults = drives.faults;
         for (index, channel) in self.buses.iter_mut().enumerate() {
@@ -64,7 +64,7 @@ impl Simulated {
                 channel.bus.disturb(1);
             }
             if is_on(FaultKind::Babbling) {
-                // it continues where it was, without accumulating time
+                // the node continues from its last frame, without accumulating a backlog
                 channel.babbled_ns = channel.babbled_ns.max(now_ns.saturating_sub(1_000_000));
                 while channel.babbled_ns < now_ns {
                     let noise = Frame::classic(Id::Standard(0), &[0xff; 8]);
@@ -110,7 +110,7 @@ impl Simulated {
         self.report_interface(index, now_ns);
     }
 
-    /// Reports to the adapter how its interface has changed since the last step.
+    /// Reports changes of the adapter's interface since the last step to the adapter.
     fn report_interface(&mut self, index: usize, now_ns: u64) {
         let channel = &mut self.buses[index];
         let state = channel.bus.state(0);

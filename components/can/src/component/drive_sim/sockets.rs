@@ -1,4 +1,4 @@
-//! Simulated drives on real buses: they receive frames of an interface and answer on it.
+//! Simulated drives on real buses: they receive frames from an interface and answer on it.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -10,11 +10,11 @@ use crate::component::faults::{Fault, FaultKind};
 use crate::component::interfaces;
 use crate::{Condition, ErrorState, Frame, Id, RealBus, Report, Table};
 
-/// The interfaces that the drives are on.
+/// Interfaces of the drives.
 pub(super) struct Sockets {
     lines: Vec<Line>,
     inbox: Vec<Received>,
-    /// Answers that are not due yet: time, bus, frame.
+    /// Delayed answers: time, bus, frame.
     pending: Vec<(u64, usize, Frame)>,
     clock: RunClock,
 }
@@ -22,13 +22,13 @@ pub(super) struct Sockets {
 struct Line {
     bus: RealBus,
     babbled_ns: u64,
-    /// The state that the fault script gives the controllers of the bus.
+    /// Controller state of the bus according to the fault script.
     state: ErrorState,
 }
 
-/// Answers that may wait for their time.
+/// Largest number of delayed answers.
 const PENDING: usize = 4 * BATCH;
-/// Frames of a babbling node in one step.
+/// Frames of a babbling node per step.
 const NOISE: usize = 32;
 
 impl Sockets {
@@ -70,7 +70,7 @@ impl Sockets {
         Ok(Self { lines, inbox, pending: Vec::with_capacity(PENDING), clock })
     }
 
-    /// The faults of buses.
+    /// Applies the faults of buses.
     pub(super) fn begin_faults(&mut self, faults: &[Fault], now_ns: u64) {
         for (index, line) in self.lines.iter_mut().enumerate() {
             let is_on = |kind| faults.iter().any(|fault| fault.befalls(kind, index, now_ns));
@@ -87,7 +87,7 @@ impl Sockets {
                     counters: (state == ErrorState::Passive).then_some([136, 0]),
                     ..Report::default()
                 };
-                // an interface that is down has no listener
+                // an interface that is down has no participants
                 if line.bus.inject(&report).is_ok() {
                     line.state = state;
                 }
@@ -105,7 +105,8 @@ impl Sockets {
         }
     }
 
-    /// Passes each received frame to the drives, and lets them report; their answers are sent when due.
+    /// Delivers each received frame to the drives and lets them report. Their answers are sent when they are
+    /// due.
     pub(super) fn receive(&mut self, drives: &mut Drives<'_>, now_ns: u64) {
         let start_ns = self.clock.stamp_ns(0);
         let Self { lines, inbox, pending, .. } = self;
@@ -131,7 +132,7 @@ impl Sockets {
         drives.lost += lost;
     }
 
-    /// Sends the due answers; returns the number rejected by the interfaces.
+    /// Sends the answers that are due. Returns the number of frames that the interfaces did not accept.
     pub(super) fn send(&mut self, now_ns: u64) -> u64 {
         let Self { lines, pending, .. } = self;
         let mut lost = 0;

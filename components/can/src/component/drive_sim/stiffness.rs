@@ -1,4 +1,4 @@
-//! Loops of simulated drives that are too stiff for the time between two of their steps.
+//! Loops of simulated drives that are too stiff for their step size.
 
 use motorium_robots::Dynamics;
 use nalgebra::DMatrix;
@@ -6,12 +6,12 @@ use nalgebra::DMatrix;
 use crate::component::Equipped;
 use crate::table::ControlMode;
 
-/// `kd dt / I` from which a velocity loop in discrete time makes every error larger: it rattles from one end
-/// of its torque to the other.
+/// `kd dt / I` from which a discrete velocity loop amplifies every error: its torque alternates between both
+/// limits.
 const UNSTABLE: f64 = 2.0;
 
-/// The first drive whose own loop is unstable over this time \[s\]: `kd dt / I` with the gain of its loop at
-/// the joint and the inertia that an effort of the joint meets at home.
+/// Names the first drive whose own loop is unstable for a step of `dt` \[s\]: `kd dt / I`, with the gain of
+/// its loop at the joint and the joint's effective inertia in the home pose.
 pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let (model, joints) = (&robot.model, robot.model.joint_count());
@@ -19,7 +19,7 @@ pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
     let home = robot.profile.as_ref().and_then(|profile| profile.configuration(model, &profile.home).ok());
     let q = home.map_or_else(|| model.neutral(), |home| home.as_slice().to_vec());
     Dynamics::new(model).crba(model, &q, &mut mass);
-    // inertia moved by an effort at this joint alone
+    // effective inertia when an effort acts on this joint alone
     let inverse = mass.try_inverse()?;
     (0..joints).find_map(|i| {
         let entry = &table.drives[order[i]];

@@ -1,45 +1,45 @@
-//! The largest value of a function of the positions of joints, within their ranges.
+//! Maximisation of a function of joint positions within their ranges.
 
 use core::f64::consts::TAU;
 
-/// Rounds over all coordinates, after which a search ends.
+/// Largest number of rounds over all coordinates in a search.
 pub(super) const ROUNDS: usize = 32;
-/// Gain of a round, relative to the value, from which on there is another.
+/// Gain of a round, relative to the value, above which another round follows.
 const GAIN: f64 = 1e-9;
-/// Places over a range at which a function without a known form is tried.
+/// Sample positions over a range for a function of unknown shape.
 const PLACES: usize = 9;
-/// Maximum number of evaluations of the function along one coordinate.
+/// Largest number of function evaluations per coordinate.
 pub(super) const VALUES: usize = 3 * PLACES;
-/// Further steps in the direction of a round.
+/// Largest number of extrapolation steps in the direction of a round.
 pub(super) const FURTHER: usize = 8;
 
-/// The form of a function along one coordinate, the others held.
+/// Shape of a function along one coordinate, with the others fixed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Shape {
-    /// A sum of sines and cosines of the angle and of twice the angle. It describes weights and inertias over
-    /// a rotating joint: the positions of the carried bodies are linear in both, weights are linear in these
-    /// positions, and inertias quadratic.
+    /// A sum of sines and cosines of the angle and of twice the angle: weights and inertias over a revolute
+    /// joint. The positions of the bodies it carries are linear in sine and cosine of the angle; weights are
+    /// linear in these positions, and inertias quadratic.
     Turning,
-    /// A polynomial of the second degree: the same over a joint that slides.
+    /// A polynomial of the second degree: weights and inertias over a prismatic joint.
     Sliding,
-    /// Another one, such as where a second joint follows the coordinate with a ratio.
+    /// Any other shape, such as when a second joint follows the coordinate with a ratio.
     Unknown,
 }
 
-/// A coordinate over which is searched.
+/// Search coordinate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axis {
-    /// Its place among the positions.
+    /// Index of the coordinate among the positions.
     pub(super) index: usize,
     pub(super) range: [f64; 2],
     pub(super) shape: Shape,
 }
 
-/// The largest value of a function, sought from each of these positions.
+/// Returns the largest value of a function, searched from each of these starting positions.
 ///
-/// Each coordinate in turn moves to the maximum of the function along it, which is exact for a known form,
-/// until no single coordinate gains anything, or after [`ROUNDS`]. So from each start the search ends where
-/// every single joint leads down.
+/// Each coordinate in turn moves to its maximum, which is exact for a known shape. The search ends when no
+/// single coordinate improves the value, or after [`ROUNDS`]. So each start leads to a position that no
+/// single joint can improve.
 pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMut(&[f64]) -> f64) -> f64 {
     let mut most = f64::NEG_INFINITY;
     for mut at in starts {
@@ -59,9 +59,9 @@ pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMu
     most
 }
 
-/// Continues in the direction of a round that started at `from`, with growing steps as long as the function
-/// grows, and returns the value there. Along a ridge, where all coordinates must move together, a single
-/// round makes only small steps.
+/// Extrapolates in the direction of a round that started at `from`, with growing steps as long as the
+/// function increases. On a ridge, where all coordinates have to move together, rounds alone make small
+/// steps. Returns the value at the new position.
 fn go_on(
     axes: &[Axis],
     from: &[f64],
@@ -86,7 +86,7 @@ fn go_on(
     best
 }
 
-/// Moves one coordinate to where the function is larger than `best`, if it is anywhere; returns its value
+/// Moves one coordinate to where the function exceeds `best`, if there is such a position. Returns the value
 /// there.
 fn raise(axis: &Axis, at: &mut [f64], best: f64, value: &mut impl FnMut(&[f64]) -> f64) -> f64 {
     let (i, [lower, upper], mut best) = (axis.index, axis.range, best);
@@ -146,10 +146,10 @@ struct Wave {
 }
 
 impl Wave {
-    /// Steps over a range between which a wave has one highest place.
+    /// Number of intervals over a range; near the best sample a wave has a single maximum.
     const STEPS: usize = 64;
 
-    /// The wave with these values at 0, 72, 144, 216 and 288 degrees.
+    /// Returns the wave with these values at 0, 72, 144, 216 and 288 degrees.
     fn through(values: [f64; 5]) -> Self {
         let sum = |factor: fn(f64) -> f64, times: f64| {
             let terms = values.iter().enumerate();
@@ -164,12 +164,12 @@ impl Wave {
         c0 + c1 * cos + s1 * sin + c2 * (cos * cos - sin * sin) + s2 * 2.0 * sin * cos
     }
 
-    /// The place in a range at which it is highest.
+    /// Returns its maximiser in a range.
     fn highest(&self, lower: f64, upper: f64) -> f64 {
         let step = (upper - lower) / Self::STEPS as f64;
         let places = (0..=Self::STEPS).map(|k| lower + step * k as f64);
         let best = places.max_by(|a, b| self.evaluate(*a).total_cmp(&self.evaluate(*b))).unwrap_or(lower);
-        // thirds: apart from the maximum it has one local maximum
+        // ternary search: around the best sample there is one maximum
         let (mut a, mut b) = ((best - step).max(lower), (best + step).min(upper));
         for _ in 0..60 {
             let (x, y) = (a + (b - a) / 3.0, b - (b - a) / 3.0);

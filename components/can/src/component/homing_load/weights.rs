@@ -1,4 +1,4 @@
-//! The weights and inertias of a joint over the poses of its robot.
+//! Weights and inertias of a joint over the poses of its robot.
 
 use core::f64::consts::PI;
 
@@ -9,16 +9,15 @@ use super::search::{self, Axis, Shape};
 use crate::HomingEntry;
 use crate::component::Equipped;
 
-/// Number of poses, spread over the ranges, from which a search starts, in addition to the ends, the middles
-/// and home.
+/// Spread poses from which a search starts, in addition to the ends and middles of the ranges and home.
 const SPREAD: usize = 4;
 
-/// The places at which the other joints are.
+/// Positions of the other joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Others {
     /// Home.
     AtHome,
-    /// Anywhere within their limits, except joints homed before.
+    /// Anywhere within their limits, except for the joints homed before.
     Anywhere,
 }
 
@@ -31,14 +30,14 @@ impl Others {
     }
 }
 
-/// The least and the largest value over some poses.
+/// Smallest and largest value over a set of poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bounds {
     pub(super) least: f64,
     pub(super) most: f64,
 }
 
-/// The weights of one joint.
+/// Weights of one joint.
 pub(super) struct Weights<'a> {
     model: &'a Model,
     dynamics: Dynamics,
@@ -47,15 +46,15 @@ pub(super) struct Weights<'a> {
     /// Direction to its stop.
     sign: f64,
     stop: f64,
-    /// Positions of all joints at home; joints homed before are where they ended.
+    /// Home positions of all joints; for joints homed before, their final positions.
     home: Vec<f64>,
-    /// Range of each joint; joints homed before have none.
+    /// Range of each joint; a single position for joints homed before.
     ranges: Vec<[f64; 2]>,
-    /// The joints on whose positions its weight depends.
+    /// Joints on whose positions the weight depends.
     related: Vec<usize>,
-    /// The joints carried by it, on which its inertia depends.
+    /// Those carried by the joint, on which its inertia depends.
     carried: Vec<usize>,
-    /// Configuration, efforts and mass matrix that are worked on.
+    /// Working storage: configuration, efforts and mass matrix.
     q: Vec<f64>,
     efforts: Vec<f64>,
     mass: DMatrix<f64>,
@@ -71,7 +70,7 @@ impl<'a> Weights<'a> {
     ) -> Self {
         let model = &equipped.robot.model;
         let profile = equipped.robot.profile.as_ref();
-        // a joint that turns without end has been everywhere after a turn
+        // a continuous joint covers all positions within a turn
         let or = |limit: f64, turn: f64| if limit.is_finite() { limit } else { turn };
         let ends = |i: usize| [or(model.lower()[i], -PI), or(model.upper()[i], PI)];
         let mut ranges: Vec<[f64; 2]> = (0..model.joint_count()).map(ends).collect();
@@ -115,7 +114,7 @@ impl<'a> Weights<'a> {
         if self.is_prismatic() { "N" } else { "N m" }
     }
 
-    /// The effort that holds the joint at its stop in the direction to it.
+    /// Effort that holds the joint at its stop, in the direction to the stop.
     pub(super) fn at_stop(&mut self, others: Others) -> Bounds {
         let stop = Some(self.stop);
         Bounds {
@@ -124,22 +123,22 @@ impl<'a> Weights<'a> {
         }
     }
 
-    /// The largest effort that holds the joint anywhere within its limits, in the direction to its stop.
+    /// Largest effort that holds the joint anywhere within its limits, in the direction to its stop.
     pub(super) fn on_the_way(&mut self, others: Others) -> f64 {
         self.largest(Of::Weight, others, None, Self::against)
     }
 
-    /// The largest effort with which its weight pulls the joint to its stop.
+    /// Largest effort with which the weight pulls the joint towards its stop.
     pub(super) fn helping(&mut self) -> f64 {
         self.largest(Of::Weight, Others::Anywhere, None, |weights, q| -weights.against(q))
     }
 
-    /// The largest inertia at its stop, kg m2 or kg.
+    /// Largest inertia at the stop, kg m2 or kg.
     pub(super) fn inertia_at_stop(&mut self) -> f64 {
         self.largest(Of::Inertia, Others::Anywhere, Some(self.stop), Self::inertia)
     }
 
-    /// The effort that holds the joint at these positions, in the direction to its stop.
+    /// Effort that holds the joint at these positions, in the direction to its stop.
     fn against(&mut self, joints: &[f64]) -> f64 {
         let Self { model, dynamics, gravity, joint, sign, q, efforts, .. } = self;
         let spring = model.joint(*joint).dynamics;
@@ -156,7 +155,7 @@ impl<'a> Weights<'a> {
         (weight - pull) * *sign
     }
 
-    /// The inertia that meets the stop with the others held, rotors included, kg m2 or kg.
+    /// Inertia at the stop with the other joints fixed, rotors included, kg m2 or kg.
     fn inertia(&mut self, joints: &[f64]) -> f64 {
         let Self { model, dynamics, joint, q, mass, .. } = self;
         let first = q.len() - joints.len();
@@ -166,8 +165,8 @@ impl<'a> Weights<'a> {
         mass[(place, place)]
     }
 
-    /// The largest value of a function of the positions, with the joint anywhere, or at `place`. Coordinates
-    /// that do not matter or have no range are left out.
+    /// Largest value of a function of the positions, with the joint anywhere or at `place`. Coordinates that
+    /// are irrelevant or have no range are left out.
     fn largest(
         &mut self,
         of: Of,
@@ -194,12 +193,12 @@ impl<'a> Weights<'a> {
         };
         let mut starts: Vec<Vec<f64>> = [0.0, 1.0, 0.5].map(|share| pose(&|_| share)).into();
         starts.push(home);
-        // multiples of the golden ratio lie evenly
+        // multiples of the golden ratio are evenly distributed
         starts.extend((1..=SPREAD).map(|k| pose(&|i| ((i + 1) as f64 * k as f64 * 0.618_034).fract())));
         search::largest(starts, &axes, |at| value(self, at))
     }
 
-    /// The form of its weight or inertia over the position of a joint.
+    /// Shape of the weight or inertia over the position of a joint.
     fn shape(&self, of: Of, joint: usize) -> Shape {
         let follow = self.model.bodies().iter().filter(|body| body.joint.coordinate.index() == joint).count();
         let has_spring = joint == self.joint && self.joint().dynamics.stiffness != 0.0;
@@ -211,15 +210,15 @@ impl<'a> Weights<'a> {
     }
 }
 
-/// A quantity of which the largest value is sought.
+/// Quantity to maximise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Of {
     Weight,
     Inertia,
 }
 
-/// The joints that the bodies moved by a joint carry, including itself. With `above` also the joints between
-/// the base and these bodies.
+/// Joints on the bodies that a joint carries, including itself. With `above`, also the joints between the
+/// base and these bodies.
 fn related(model: &Model, joint: usize, above: bool) -> Vec<usize> {
     let bodies = model.bodies();
     // parents precede children
@@ -253,13 +252,13 @@ mod tests {
         weights.against(joints)
     }
 
-    /// A robot of these joints, each with the link that carries it; links of 1 kg lie along x, joints turn
-    /// about y by up to 2 rad.
+    /// Robot with these joints, each with the link that carries it. Links of 1 kg extend along x, and joints
+    /// rotate about y by up to 2 rad.
     fn robot(joints: &[(&str, &str)]) -> Model {
         bent_robot(joints, |_| 0.0)
     }
 
-    /// The same, with each joint turned by an angle where it is at zero.
+    /// Robot whose joints are rotated by an angle at position zero.
     fn bent_robot(joints: &[(&str, &str)], bend: fn(usize) -> f64) -> Model {
         let mut text = String::from("<robot name=\"chain\"><link name=\"base\"/>");
         for (i, (name, parent)) in joints.iter().enumerate() {
@@ -278,7 +277,7 @@ mod tests {
                          node = 1\nwatchdog = \"20 ms\"\nranges = { position = 12.5, velocity = 30.0, torque = 8.0 }\n\
                          homing = { by = \"stop\", velocity = 0.1, effort = 0.4, position = 1.5 }\n";
 
-    /// A chain of this many joints, `j3` of which is homed.
+    /// Chain of `count` joints, of which `j3` is homed.
     fn chain(count: usize, bend: fn(usize) -> f64) -> Equipped {
         let names: Vec<String> = (0..count).map(|i| format!("j{i}")).collect();
         let parents = std::iter::once("base").chain(names.iter().map(String::as_str));
@@ -311,7 +310,7 @@ mod tests {
     #[test]
     fn bounds_of_any_chain_are_those_when_it_is_stretched() {
         for count in [4, 8, 12, 16, 24] {
-            // stretched where no joint is at zero, in the middle or at an end of its range
+            // extended where no joint is at zero, or at the middle or an end of its range
             let equipped = chain(count, |i| 0.37 + 0.9 * (1.7 * i as f64).sin());
             let entry = equipped.table.drives[0].homing.clone().unwrap();
             let others = vec![None; count];

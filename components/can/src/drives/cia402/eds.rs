@@ -1,14 +1,14 @@
-//! Electronic data sheets of CANopen devices (CiA 306): EDS files, and DCF files, which have the values of
+//! Electronic data sheets of CANopen devices (CiA 306): EDS files, and DCF files, which hold the values of
 //! one device.
 //!
-//! A data sheet is a text of sections: one for each object of the dictionary, `[6076]` or `[1A00sub1]`, with
-//! its name, type, access, limits and value.
+//! A data sheet is a text of sections, such as `[6076]` or `[1A00sub1]`. Each section describes one object of
+//! the dictionary with its name, type, access, limits and value.
 
 use std::collections::BTreeMap;
 
 use super::Object;
 
-/// The electronic data sheet of a device.
+/// Electronic data sheet of a device.
 ///
 /// ```
 /// use motorium_can::cia402::Object;
@@ -26,7 +26,7 @@ pub struct Eds {
     entries: BTreeMap<(u16, u8), Entry>,
 }
 
-/// An object of a data sheet.
+/// Object of a data sheet.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Entry {
     name: String,
@@ -37,29 +37,29 @@ pub struct Entry {
     high: Option<Number>,
 }
 
-/// A number of a data sheet, which may be relative to the node's number.
+/// Number in a data sheet, which may be relative to the node ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Number {
     adds_node: bool,
     number: i64,
 }
 
-/// A data sheet that cannot be read.
+/// Error of reading a data sheet.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {message}")]
 pub struct EdsError {
-    /// The line, from 1.
+    /// Line, from 1.
     pub line: usize,
-    /// The text found, and that expected.
+    /// Text found, and text expected.
     pub message: String,
 }
 
 impl Number {
-    /// Reads a number: decimal, hexadecimal `0x1F`, octal `017`, `$NODEID`, or `$NODEID+0x180`.
+    /// Parses a number: decimal, hexadecimal `0x1F`, octal `017`, `$NODEID`, or `$NODEID+0x180`.
     fn parse(text: &str) -> Option<Self> {
         let upper = text.trim().to_ascii_uppercase();
         let Some(rest) = upper.strip_prefix("$NODEID") else {
-            // some write the node at the end
+            // some tools write the node ID at the end
             return match upper.split_once('+') {
                 Some((number, node)) if node.trim() == "$NODEID" => {
                     Some(Self { adds_node: true, number: integer(number)? })
@@ -94,7 +94,7 @@ fn integer(text: &str) -> Option<i64> {
     number.ok().map(|number| if negative { -number } else { number })
 }
 
-/// The object described by a section, if any.
+/// Object of a section, if the section describes one.
 fn object_of(section: &str) -> Option<(u16, u8)> {
     let lower = section.to_ascii_lowercase();
     let (index, subindex) = lower.split_once("sub").unwrap_or((&lower, "0"));
@@ -108,7 +108,7 @@ impl Eds {
     /// Reads a data sheet.
     ///
     /// # Errors
-    /// A line is no section and has no value, or there is no object at all.
+    /// Returns an error if a line is neither a section nor a key with a value, or if there are no objects.
     pub fn parse(text: &str) -> Result<Self, EdsError> {
         let mut sheet = Self::default();
         let (mut object, mut section) = (None, String::new());
@@ -129,7 +129,7 @@ impl Eds {
                 continue;
             }
             let Some((key, value)) = text.split_once('=') else {
-                // comments of a vendor may be plain text
+                // vendor comments may be plain text
                 if object.is_none() {
                     continue;
                 }
@@ -149,27 +149,27 @@ impl Eds {
         Ok(sheet)
     }
 
-    /// Name of the product; empty if missing.
+    /// Name of the product; empty if it is missing.
     pub fn product(&self) -> &str {
         &self.product
     }
 
-    /// An object; `None` if the device does not have it.
+    /// Returns an object; `None` if the device does not have it.
     pub fn entry(&self, object: Object) -> Option<&Entry> {
         self.entries.get(&(object.index, object.subindex))
     }
 
-    /// The value of an object for this node, if it has one.
+    /// Returns the value of an object for this node, if it has one.
     pub fn value(&self, index: u16, subindex: u8, node: u8) -> Option<i64> {
         self.entry(Object { index, subindex })?.value(node)
     }
 
-    /// The number of objects, each subindex counted.
+    /// Number of objects, counting each subindex.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Returns `true` if there are no objects, which never holds for a parsed data sheet.
+    /// Returns `true` if there are no objects; always `false` for a parsed data sheet.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
@@ -177,13 +177,13 @@ impl Eds {
 
 impl Entry {
     fn take(&mut self, key: &str, value: &str) {
-        // texts, domains and reals have values, too, which are no numbers
+        // strings, domains and reals have values that are not integers
         let number = || Number::parse(value);
         match key {
             "parametername" => self.name = value.into(),
             "accesstype" => self.access = value.to_ascii_lowercase(),
             "defaultvalue" if self.value.is_none() => self.value = number(),
-            // the value of this device, and not of all
+            // the value of this device takes precedence over the default
             "parametervalue" => self.value = number().or(self.value),
             "lowlimit" => self.low = number(),
             "highlimit" => self.high = number(),
@@ -191,32 +191,32 @@ impl Entry {
         }
     }
 
-    /// Its name.
+    /// Name of the object.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The line of its section.
+    /// Line of its section.
     pub fn line(&self) -> usize {
         self.line
     }
 
-    /// True if it can be written.
+    /// Returns `true` if the object is writable.
     pub fn is_writable(&self) -> bool {
         matches!(self.access.as_str(), "rw" | "rww" | "rwr" | "wo")
     }
 
-    /// Its value for this node: the device's, or else the default.
+    /// Returns the value for this node: the device's, or else the default.
     pub fn value(&self, node: u8) -> Option<i64> {
         self.value.map(|value| value.for_node(node))
     }
 
-    /// Its lowest value.
+    /// Lowest value.
     pub fn low(&self, node: u8) -> Option<i64> {
         self.low.map(|low| low.for_node(node))
     }
 
-    /// Its highest value.
+    /// Highest value.
     pub fn high(&self, node: u8) -> Option<i64> {
         self.high.map(|high| high.for_node(node))
     }

@@ -1,8 +1,8 @@
-//! CANopen, as far as drives of the profile CiA 402 need it: network management, heartbeat, synchronisation,
-//! expedited service data, process data in the cyclic modes.
+//! CANopen, as far as drives with the CiA 402 profile require it: network management, heartbeat,
+//! synchronisation, expedited service data, and process data in the cyclic modes.
 //!
-//! `controlword` 0x6040 moves a drive through its state machine, and `statusword` 0x6041 reports its state.
-//! Setpoints are sent once per synchronisation, and take effect with it.
+//! The controlword 0x6040 drives the state machine of a drive, and the statusword 0x6041 reports its state.
+//! Setpoints are sent once per synchronisation and take effect with it.
 
 pub mod eds;
 mod service;
@@ -11,7 +11,7 @@ use crate::frame::{DecodeError, Frame, Id, exactly};
 
 pub use service::{Mapping, Object, Service, Value};
 
-/// A node of the network, 1 to 127.
+/// Node of the network, 1 to 127.
 ///
 /// ```
 /// use motorium_can::cia402::{NetworkCommand, Node};
@@ -23,37 +23,37 @@ pub use service::{Mapping, Object, Service, Value};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node(u8);
 
-/// A command of network management.
+/// Network management command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NetworkCommand {
-    /// To *operational*: process data flow.
+    /// Enters *operational*: process data are exchanged.
     Start = 0x01,
-    /// To *stopped*: nothing but network management and heartbeat.
+    /// Enters *stopped*: only network management and heartbeat remain active.
     Stop = 0x02,
-    /// To *pre-operational*: service data, no process data.
+    /// Enters *pre-operational*: service data, no process data.
     PreOperational = 0x80,
-    /// Starts the device again.
+    /// Restarts the device.
     Reset = 0x81,
-    /// Starts its communication again.
+    /// Restarts the communication of the device.
     ResetCommunication = 0x82,
 }
 
-/// State of a node, as reported by its heartbeat.
+/// State of a node, reported by its heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NetworkState {
-    /// Just started.
+    /// The node has just started.
     BootUp = 0x00,
-    /// Nothing but network management and heartbeat.
+    /// Only network management and heartbeat are active.
     Stopped = 0x04,
-    /// Process data flow.
+    /// Process data are exchanged.
     Operational = 0x05,
     /// Service data, no process data.
     PreOperational = 0x7f,
 }
 
-/// A cyclic mode: the drive follows the setpoint of each synchronisation.
+/// Cyclic mode: the drive follows the setpoint of each synchronisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Mode {
@@ -65,32 +65,32 @@ pub enum Mode {
     Torque = 10,
 }
 
-/// The state of a drive's state machine.
+/// State of a drive's state machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveState {
-    /// Starting.
+    /// *Not ready to switch on*: the drive is starting.
     NotReady,
-    /// Cannot be switched on yet.
+    /// *Switch on disabled*: the drive cannot be switched on yet.
     SwitchOnDisabled,
-    /// Can be switched on.
+    /// *Ready to switch on*.
     ReadyToSwitchOn,
-    /// Has power.
+    /// *Switched on*: the drive has power.
     SwitchedOn,
-    /// Follows setpoints.
+    /// *Operation enabled*: the drive follows setpoints.
     Enabled,
-    /// Stopping.
+    /// *Quick stop active*: the drive is stopping.
     QuickStop,
-    /// Stopping because of a fault.
+    /// *Fault reaction active*: the drive is stopping because of a fault.
     FaultReaction,
-    /// Disabled because of a fault.
+    /// *Fault*: the drive is disabled because of a fault.
     Fault,
 }
 
 impl DriveState {
-    /// The state in a statusword.
+    /// Decodes the state in a statusword.
     ///
     /// # Errors
-    /// The bits belong to no state.
+    /// Returns an error if the bits do not represent a state.
     pub fn from_statusword(statusword: u16) -> Result<Self, DecodeError> {
         Ok(match (statusword & 0x4f, statusword & 0x6f) {
             (0x00, _) => Self::NotReady,
@@ -105,7 +105,8 @@ impl DriveState {
         })
     }
 
-    /// The controlword of the next step towards enabled, or back to the beginning of that sequence.
+    /// Controlword for the next transition towards *operation enabled*; from *quick stop active*, back to
+    /// *switch on disabled*.
     ///
     /// ```
     /// use motorium_can::cia402::DriveState;
@@ -118,37 +119,37 @@ impl DriveState {
             Self::SwitchOnDisabled => Some(0x06),
             Self::ReadyToSwitchOn => Some(0x07),
             Self::SwitchedOn | Self::Enabled => Some(0x0f),
-            // to switch-on disabled
+            // to *switch on disabled*
             Self::QuickStop => Some(0x00),
-            // a fault is reset by a person's decision only
+            // an operator decides about the reset of a fault
             Self::NotReady | Self::FaultReaction | Self::Fault => None,
         }
     }
 }
 
-/// The controlword that resets a fault, at its rising edge.
+/// Controlword that resets a fault at its rising edge.
 pub const FAULT_RESET: u16 = 0x80;
-/// The controlword that removes the power from the motor.
+/// Controlword that removes power from the motor.
 pub const DISABLE_VOLTAGE: u16 = 0x00;
 
-/// The mode of operation in which a drive looks for its mark.
+/// Mode of operation for homing.
 pub const HOMING_MODE: u8 = 6;
 /// Bit of the controlword that starts a homing.
 pub const HOMING_START: u16 = 1 << 4;
 
-/// The progress of a homing, in bits 10, 12 and 13 of the statusword.
+/// Progress of a homing, in bits 10, 12 and 13 of the statusword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HomingStatus {
-    /// Running, or not started.
+    /// Homing is running, or has not been started.
     Running,
     /// The mark has been found, and the drive is at rest.
     Attained,
-    /// Failed.
+    /// Homing has failed.
     Failed,
 }
 
 impl HomingStatus {
-    /// The progress in a statusword.
+    /// Decodes the progress in a statusword.
     ///
     /// ```
     /// use motorium_can::cia402::HomingStatus;
@@ -165,28 +166,28 @@ impl HomingStatus {
     }
 }
 
-/// Setpoints of one cycle: the first process data that a node receives.
+/// Setpoints of one cycle: the first receive process data of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setpoint {
-    /// The controlword.
+    /// Controlword.
     pub controlword: u16,
-    /// The setpoint of the mode, in the drive's units: increments, increments per second, or thousandths of
-    /// the rated torque, which have 16 bits.
+    /// Setpoint of the mode in units of the drive: increments, increments per second, or thousandths of the
+    /// rated torque, which have 16 bits.
     pub target: i32,
 }
 
-/// The process data that a node sends in each cycle, in two frames: statusword and position, then velocity
-/// and torque.
+/// Process data that a node sends in each cycle, in two frames: statusword and position, then velocity and
+/// torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Process {
-    /// The first process data of a node.
+    /// First transmit process data of a node.
     Position {
-        /// The statusword.
+        /// Statusword.
         statusword: u16,
         /// Actual position, increments.
         position: i32,
     },
-    /// The second process data of a node.
+    /// Second transmit process data of a node.
     Motion {
         /// Actual velocity, increments per second.
         velocity: i32,
@@ -195,51 +196,52 @@ pub enum Process {
     },
 }
 
-/// The frame of a synchronisation.
+/// Synchronisation frame.
 pub fn sync() -> Frame {
     Frame::classic(Id::Standard(0x080), &[])
 }
 
-/// Heartbeat frame of the adapter, node 127: the drives disable themselves without it.
+/// Heartbeat frame of the adapter, node 127. Drives disable themselves when it is missing.
 pub fn adapter_heartbeat() -> Frame {
     Frame::classic(Id::Standard(0x700 | u16::from(ADAPTER)), &[NetworkState::Operational as u8])
 }
 
-/// The number of the adapter among the nodes.
+/// Node ID of the adapter.
 pub const ADAPTER: u8 = 127;
 
-/// An emergency message: error code, error register.
+/// Emergency message: error code and error register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emergency {
-    /// The error code; 0 when the last error is gone.
+    /// Error code; 0 when the last error has cleared.
     pub code: u16,
-    /// The error register, object 0x1001.
+    /// Error register, object 0x1001.
     pub register: u8,
 }
 
 impl Node {
-    /// The node with the lowest number.
+    /// Node with the lowest ID.
     pub(crate) const FIRST: Self = Self(1);
 
-    /// The node with this number; `None` for 0 and beyond 127.
+    /// Creates the node with this ID; `None` for 0 and beyond 127.
     pub fn new(node: u8) -> Option<Self> {
         (1..128).contains(&node).then_some(Self(node))
     }
 
-    /// The identifier of one of its messages.
+    /// Identifier of one of its messages.
     pub(crate) fn id(self, base: u16) -> Id {
         Id::Standard(base | u16::from(self.0))
     }
 
-    /// The frame of a command of network management.
+    /// Frame of a network management command.
     pub fn network(self, command: NetworkCommand) -> Frame {
         Frame::classic(Id::Standard(0x000), &[command as u8, self.0])
     }
 
-    /// The node's side: the command in a frame, if it is for this node or for all.
+    /// Node side: decodes the command in a frame for this node or for all nodes.
     ///
     /// # Errors
-    /// Another kind of frame, for another node, or with an unknown command.
+    /// Returns an error if the frame is not a network management command, is for another node, or has an
+    /// unknown command.
     pub fn network_command(self, frame: &Frame) -> Result<NetworkCommand, DecodeError> {
         let [command, node] = *exactly(frame, Id::Standard(0x000))?;
         if node != 0 && node != self.0 {
@@ -256,15 +258,15 @@ impl Node {
         found.ok_or(DecodeError::Field { field: "the network command", found: command.into() })
     }
 
-    /// The node's side: its heartbeat.
+    /// Node side: heartbeat frame.
     pub fn heartbeat_frame(self, state: NetworkState) -> Frame {
         Frame::classic(self.id(0x700), &[state as u8])
     }
 
-    /// The state in a heartbeat.
+    /// Decodes the state in a heartbeat.
     ///
     /// # Errors
-    /// Not a heartbeat of this node, or an unknown state.
+    /// Returns an error if the frame is not a heartbeat of this node, or if the state is unknown.
     pub fn heartbeat(self, frame: &Frame) -> Result<NetworkState, DecodeError> {
         match *exactly(frame, self.id(0x700))? {
             [0x00] => Ok(NetworkState::BootUp),
@@ -275,22 +277,22 @@ impl Node {
         }
     }
 
-    /// The emergency message in a frame.
+    /// Decodes an emergency message.
     ///
     /// # Errors
-    /// Not an emergency message of this node.
+    /// Returns an error if the frame is not an emergency message of this node.
     pub fn emergency(self, frame: &Frame) -> Result<Emergency, DecodeError> {
         let [low, high, register, ..]: [u8; 8] = *exactly(frame, self.id(0x080))?;
         Ok(Emergency { code: u16::from_le_bytes([low, high]), register })
     }
 
-    /// The node's side: the frame of an emergency message.
+    /// Node side: frame of an emergency message.
     pub fn emergency_frame(self, emergency: &Emergency) -> Frame {
         let [low, high] = emergency.code.to_le_bytes();
         Frame::classic(self.id(0x080), &[low, high, emergency.register, 0, 0, 0, 0, 0])
     }
 
-    /// The frame of the setpoints of one cycle: 6 bytes, in the torque mode 4.
+    /// Frame of the setpoints of one cycle: 6 bytes, or 4 in the torque mode.
     pub fn setpoint(self, mode: Mode, setpoint: &Setpoint) -> Frame {
         let ([c0, c1], [a, b, c, d]) = (setpoint.controlword.to_le_bytes(), setpoint.target.to_le_bytes());
         if mode == Mode::Torque {
@@ -301,10 +303,10 @@ impl Node {
         Frame::classic(self.id(0x200), &[c0, c1, a, b, c, d])
     }
 
-    /// The node's side: the setpoints in a frame.
+    /// Node side: decodes the setpoints in a frame.
     ///
     /// # Errors
-    /// Not such a frame of this node, or of another mode.
+    /// Returns an error if the frame does not hold setpoints for this node, or belongs to another mode.
     pub fn setpoint_of(self, mode: Mode, frame: &Frame) -> Result<Setpoint, DecodeError> {
         let word = |low, high| u16::from_le_bytes([low, high]);
         if mode == Mode::Torque {
@@ -316,7 +318,7 @@ impl Node {
         Ok(Setpoint { controlword: word(c0, c1), target: i32::from_le_bytes([a, b, c, d]) })
     }
 
-    /// The node's side: a frame of its process data.
+    /// Node side: frame of process data.
     pub fn process_frame(self, process: &Process) -> Frame {
         match *process {
             Process::Position { statusword, position } => {
@@ -330,10 +332,11 @@ impl Node {
         }
     }
 
-    /// The process data in a frame.
+    /// Decodes process data.
     ///
     /// # Errors
-    /// No process data of this node, another length, or a statusword without a state.
+    /// Returns an error if the frame is not process data of this node, has another length, or has a
+    /// statusword without a valid state.
     pub fn process(self, frame: &Frame) -> Result<Process, DecodeError> {
         if frame.id == self.id(0x280) {
             let [a, b, c, d, t0, t1]: [u8; 6] = *exactly(frame, self.id(0x280))?;

@@ -1,77 +1,77 @@
-//! Expedited service data: objects of up to four bytes, read and written in one frame per direction.
+//! Expedited service data: objects of up to four bytes, read and written with one frame in each direction.
 
 use super::{Mode, Node};
 use crate::frame::{DecodeError, Frame, exactly};
 
-/// An entry of the object dictionary.
+/// Entry of the object dictionary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Object {
-    /// Its index.
+    /// Index.
     pub index: u16,
-    /// Its subindex.
+    /// Subindex.
     pub subindex: u8,
 }
 
 impl Object {
-    /// The heartbeats that the node waits for: node in bits 16 to 22, time in ms in bits 0 to 15.
+    /// Monitored heartbeat: node ID in bits 16 to 22, time in ms in bits 0 to 15.
     pub const HEARTBEAT_CONSUMER: Self = Self { index: 0x1016, subindex: 1 };
-    /// The time between its own heartbeats, ms.
+    /// Period of the node's own heartbeat, ms.
     pub const HEARTBEAT_PRODUCER: Self = Self { index: 0x1017, subindex: 0 };
-    /// The command of the state machine.
+    /// Command of the state machine.
     pub const CONTROLWORD: Self = Self { index: 0x6040, subindex: 0 };
-    /// The state of the state machine.
+    /// State of the state machine.
     pub const STATUSWORD: Self = Self { index: 0x6041, subindex: 0 };
-    /// The mode of operation.
+    /// Mode of operation.
     pub const MODE: Self = Self { index: 0x6060, subindex: 0 };
-    /// The mode of operation in force.
+    /// Active mode of operation.
     pub const MODE_DISPLAY: Self = Self { index: 0x6061, subindex: 0 };
-    /// The position at the mark of a homing, increments.
+    /// Position at the homing mark, increments.
     pub const HOME_OFFSET: Self = Self { index: 0x607c, subindex: 0 };
-    /// The method of homing.
+    /// Homing method.
     pub const HOMING_METHOD: Self = Self { index: 0x6098, subindex: 0 };
-    /// The velocity towards the mark, increments per second.
+    /// Velocity towards the mark, increments per second.
     pub const HOMING_VELOCITY: Self = Self { index: 0x6099, subindex: 1 };
-    /// The velocity at the mark, increments per second.
+    /// Velocity at the mark, increments per second.
     pub const HOMING_CREEP_VELOCITY: Self = Self { index: 0x6099, subindex: 2 };
-    /// The acceleration of a homing, increments per second squared.
+    /// Acceleration of a homing, increments per second squared.
     pub const HOMING_ACCELERATION: Self = Self { index: 0x609a, subindex: 0 };
-    /// The rated torque of the motor, thousandths of N m.
+    /// Rated torque of the motor, thousandths of N m.
     pub const RATED_TORQUE: Self = Self { index: 0x6076, subindex: 0 };
-    /// The largest current of the motor, thousandths of the rated one.
+    /// Maximum current of the motor, thousandths of the rated current.
     pub const MAX_CURRENT: Self = Self { index: 0x6073, subindex: 0 };
-    /// The rated current of the motor, mA.
+    /// Rated current of the motor, mA.
     pub const RATED_CURRENT: Self = Self { index: 0x6075, subindex: 0 };
-    /// The time between two setpoints: units.
+    /// Time between two setpoints: number of units.
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
-    /// The time between two setpoints: power of ten of the unit in seconds.
+    /// Time between two setpoints: power of ten of the unit in seconds.
     pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
-    /// The cyclic modes that the drive knows, a bit each.
+    /// Supported cyclic modes, one bit each.
     pub const SUPPORTED_MODES: Self = Self { index: 0x6502, subindex: 0 };
 
-    /// Returns `true` if it defines the objects of a frame of process data.
+    /// Returns `true` for an object that defines the content of a process data frame.
     pub fn is_mapping(self) -> bool {
         matches!(self.index, 0x1600..=0x17ff | 0x1a00..=0x1bff)
     }
 }
 
-/// A frame of process data that is set up: its parameters, and the objects mapped into it.
+/// Configurable frame of process data: its parameters and the objects mapped into it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {
-    /// Controlword and setpoint, which the node receives.
+    /// Controlword and setpoint, received by the node.
     Setpoint,
-    /// Statusword and position, which it sends.
+    /// Statusword and position, sent by the node.
     Position,
-    /// Velocity and torque, which it sends.
+    /// Velocity and torque, sent by the node.
     Motion,
 }
 
 impl Mapping {
-    /// All of them.
+    /// All mappings.
     pub const ALL: [Self; 3] = [Self::Setpoint, Self::Position, Self::Motion];
-    /// Services that set one up.
+    /// Number of services that configure one mapping.
     pub const STEPS: u8 = 7;
 
-    /// Indices of its parameters and of its objects, the identifier of node 0, and the objects with their
+    /// Indices of its parameters and its mapping, the identifier of node 0, and the mapped objects with their
     /// bits in the lowest byte.
     fn objects(self, mode: Mode) -> (u16, u16, u32, [u32; 2]) {
         let target = match mode {
@@ -86,8 +86,8 @@ impl Mapping {
         }
     }
 
-    /// The service of a step towards this mapping, sent and received with each synchronisation: the frame is
-    /// disabled, its objects are written, and it is enabled.
+    /// Service of step `step` in configuring this mapping: the frame is switched off, its objects are mapped,
+    /// it is made synchronous, and switched on.
     pub fn step(self, node: Node, mode: Mode, step: u8) -> Service {
         const OFF: u32 = 1 << 31;
         let (parameters, objects, id, mapped) = self.objects(mode);
@@ -106,7 +106,7 @@ impl Mapping {
     }
 }
 
-/// A service of up to four bytes, in one frame per direction.
+/// Service of up to four bytes, with one frame in each direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Service {
     /// Reads an object.
@@ -115,7 +115,7 @@ pub enum Service {
     Write(Object, Value),
 }
 
-/// The value of an object, little-endian.
+/// Value of an object, least significant byte first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Value {
     bytes: [u8; 4],
@@ -123,35 +123,35 @@ pub struct Value {
 }
 
 impl Value {
-    /// A value of one byte.
+    /// Value of one byte.
     pub fn byte(value: u8) -> Self {
         Self { bytes: [value, 0, 0, 0], length: 1 }
     }
 
-    /// A value of two bytes.
+    /// Value of two bytes.
     pub fn word(value: u16) -> Self {
         let [a, b] = value.to_le_bytes();
         Self { bytes: [a, b, 0, 0], length: 2 }
     }
 
-    /// A value of four bytes.
+    /// Value of four bytes.
     pub fn long(value: u32) -> Self {
         Self { bytes: value.to_le_bytes(), length: 4 }
     }
 
-    /// The number, without a sign.
+    /// Unsigned value.
     pub fn number(self) -> u32 {
         u32::from_le_bytes(self.bytes)
     }
 
-    /// Bytes of the value, 1 to 4.
+    /// Number of bytes, 1 to 4.
     pub fn length(self) -> usize {
         self.length.into()
     }
 }
 
 impl Node {
-    /// The frame of a service.
+    /// Frame of a service.
     ///
     /// ```
     /// use motorium_can::cia402::{Mode, Node, Object, Service, Value};
@@ -170,10 +170,11 @@ impl Node {
         Frame::classic(self.id(0x600), &[command, low, high, object.subindex, a, b, c, d])
     }
 
-    /// The node's side: the service requested by a frame.
+    /// Node side: decodes the requested service.
     ///
     /// # Errors
-    /// Not a service of this node, not expedited, or reserved bits are set.
+    /// Returns an error if the frame is not a service for this node, is not expedited, or has reserved bits
+    /// set.
     pub fn service_request(self, frame: &Frame) -> Result<Service, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id(0x600))?;
         let object = object(data);
@@ -184,8 +185,7 @@ impl Node {
         }
     }
 
-    /// The node's side: the frame that answers a service with this value (of a reading), or with a code that
-    /// refuses it.
+    /// Node side: frame that answers a service with this value (of a read), or with an abort code.
     pub fn service_answer(self, service: &Service, answer: Result<Value, u32>) -> Frame {
         let (of, answer) = match (*service, answer) {
             (Service::Read(of) | Service::Write(of, _), Err(code)) => (of, (0x80, code.to_le_bytes())),
@@ -196,10 +196,11 @@ impl Node {
         Frame::classic(self.id(0x580), &[command, low, high, of.subindex, a, b, c, d])
     }
 
-    /// The answer to a service: of a reading the value.
+    /// Decodes the answer to a service. Returns the value of a read.
     ///
     /// # Errors
-    /// Not an answer of this node, about another object, not expedited, or the node refused.
+    /// Returns an error if the frame is not an answer of this node, concerns another object, or is not
+    /// expedited, or if the node refused the service.
     pub fn service_result(self, service: &Service, frame: &Frame) -> Result<Option<Value>, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id(0x580))?;
         let (Service::Read(asked) | Service::Write(asked, _)) = *service;
@@ -223,7 +224,7 @@ fn object(data: &[u8; 8]) -> Object {
     Object { index: u16::from_le_bytes([data[1], data[2]]), subindex: data[3] }
 }
 
-/// The value of an expedited transfer; the bytes that it does not use must be zero.
+/// Value of an expedited transfer; unused bytes must be zero.
 fn value(data: &[u8; 8]) -> Result<Value, DecodeError> {
     let length = 4 - (data[0] >> 2 & 0x3);
     let bytes = [data[4], data[5], data[6], data[7]];

@@ -1,10 +1,10 @@
-//! The protocol of the MIT mini cheetah, and of the drives that took it over: CubeMars, Damiao, RobStride.
+//! Protocol of the MIT mini cheetah, and of drives that adopted it: CubeMars, Damiao, RobStride.
 //!
 //! A command is one frame of eight bytes with position (16 bits), velocity, position gain, velocity gain and
-//! torque (12 bits each), most significant bit first; the drive answers every command with one frame.
-//! Enabling, disabling and setting the zero position are commands of seven bytes 0xFF and a code.
+//! torque (12 bits each), most significant bit first. The drive answers every command with one frame.
+//! Commands for enabling, disabling and setting the zero position have seven bytes 0xFF and a code.
 //!
-//! Numbers are mapped to [`Ranges`] stored in the drive: a wrong range scales them silently.
+//! Numbers are mapped to the [`Ranges`] configured in the drive: a wrong range scales them without any error.
 
 mod ranges;
 mod state;
@@ -16,7 +16,7 @@ pub use ranges::{CommandFields, Ranges};
 pub use state::{Fault, State};
 use state::{cubemars_code, cubemars_state, damiao_code, damiao_state};
 
-/// The command of a drive, in the units of its output shaft.
+/// Command of a drive, in units of the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Command {
     /// Position setpoint, rad.
@@ -32,7 +32,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// The torque that a drive gives for it at this position \[rad\] and velocity \[rad/s\], within no
+    /// Torque that a drive applies for this command at this position \[rad\] and velocity \[rad/s\], without
     /// limits, N m.
     ///
     /// ```
@@ -46,12 +46,12 @@ impl Command {
     }
 }
 
-/// A frame to a drive.
+/// Frame to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
     /// Setpoints and gains.
     Command(Command),
-    /// The drive begins to follow commands.
+    /// The drive starts following commands.
     Enable,
     /// The drive is disabled.
     Disable,
@@ -59,14 +59,14 @@ pub enum Instruction {
     SetZero,
 }
 
-/// The form of a drive's answer.
+/// Format of a drive's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reply {
     /// Six bytes: device, position, velocity, torque.
     MiniCheetah,
-    /// Eight bytes: as before, then an unused byte and the supply voltage over 40 V.
+    /// Eight bytes: as above, then an unused byte and the supply voltage, scaled to 40 V.
     MiniCheetahVoltage,
-    /// Eight bytes: as before, then temperature (signed, degrees Celsius) and error.
+    /// Eight bytes: as above, then temperature (signed, degrees Celsius) and error.
     CubeMars,
     /// Eight bytes: device and state in one byte, position, velocity, torque, temperatures of transistors and
     /// rotor.
@@ -76,13 +76,13 @@ pub enum Reply {
 }
 
 impl Reply {
-    /// Bytes of the answer.
+    /// Length of the answer, bytes.
     pub fn length(self) -> usize {
         if self == Self::MiniCheetah { 6 } else { 8 }
     }
 }
 
-/// A drive's answer, in the units of its output shaft.
+/// Answer of a drive, in units of the output shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feedback {
     /// Position, rad.
@@ -91,15 +91,15 @@ pub struct Feedback {
     pub velocity: f64,
     /// Torque, N m.
     pub torque: f64,
-    /// Temperature of the drive, degrees Celsius, if reported.
+    /// Temperature of the drive, degrees Celsius, if it is reported.
     pub temperature: Option<f64>,
-    /// Supply voltage, V, if reported.
+    /// Supply voltage, V, if it is reported.
     pub voltage: Option<f64>,
-    /// Its state.
+    /// State of the drive.
     pub state: State,
 }
 
-/// One drive as both ends of the bus see it: identifiers, ranges, form of its answer.
+/// One drive as known to both ends of the bus: identifiers, ranges, format of its answers.
 ///
 /// ```
 /// use motorium_can::{Id, mit};
@@ -111,11 +111,11 @@ pub struct Feedback {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// Number of the drive: the identifier of its commands.
+    /// ID of the drive, which is the identifier of its commands.
     pub node: u8,
     /// Identifier of its answers.
     pub reply_id: Id,
-    /// Form of its answers.
+    /// Format of its answers.
     pub reply: Reply,
     /// Form of its frames on the wire.
     pub form: Form,
@@ -126,64 +126,65 @@ pub struct Drive {
 const ENABLE: u8 = 0xfc;
 const DISABLE: u8 = 0xfd;
 const SET_ZERO: u8 = 0xfe;
-/// Supply voltage encoded by the largest byte, V.
+/// Supply voltage field, whose largest byte represents this voltage, V.
 const VOLTAGE: Fields<1> = Range::from_zero(40.0).field(8);
 
-/// The data of the frame with this code.
+/// Data of the frame with this code.
 const fn code(code: u8) -> [u8; 8] {
     [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, code]
 }
 
 impl Drive {
-    /// A drive with these ranges, and answers of this identifier and form.
+    /// Creates a drive with these ranges, and answers with this identifier and format.
     pub const fn new(node: u8, reply_id: Id, reply: Reply, ranges: Ranges) -> Self {
         Self { node, reply_id, reply, form: Form::Classic, ranges, fields: ranges.fields() }
     }
 
-    /// A drive with the published firmware of the mini cheetah: ranges of [`Ranges::MINI_CHEETAH`], answers
-    /// of six bytes with identifier 0.
+    /// Creates a drive with the published firmware of the mini cheetah: ranges of [`Ranges::MINI_CHEETAH`],
+    /// answers of six bytes with identifier 0.
     pub const fn mini_cheetah(node: u8) -> Self {
         Self::new(node, Id::Standard(0), Reply::MiniCheetah, Ranges::MINI_CHEETAH)
     }
 
-    /// A Damiao drive with these ranges, whose answers have the identifier `master`.
+    /// Creates a Damiao drive with these ranges, whose answers have the identifier `master`.
     pub const fn damiao(node: u8, master: u16, ranges: Ranges) -> Self {
         Self::new(node, Id::Standard(master & 0x7ff), Reply::Damiao, ranges)
     }
 
-    /// The same with other ranges.
+    /// Replaces the ranges.
     #[must_use]
     pub const fn with_ranges(self, ranges: Ranges) -> Self {
         Self { ranges, fields: ranges.fields(), ..self }
     }
 
-    /// The ranges of the fields.
+    /// Ranges of the fields.
     pub const fn ranges(&self) -> &Ranges {
         &self.ranges
     }
 
-    /// The fields of its frames.
+    /// Fields of its frames.
     pub const fn fields(&self) -> &CommandFields {
         &self.fields
     }
 
-    /// The identifier of its commands.
+    /// Identifier of its commands.
     #[inline]
     pub fn id(&self) -> Id {
         Id::Standard(u16::from(self.node))
     }
 
-    /// Encodes a command as a frame. Values outside the ranges are sent as their end.
-    // in place: a frame that is returned is copied, and the copy waits until its parts are stored
+    /// Frame of a command. Values outside the ranges are clamped.
+    // built in place: a returned frame is copied, and the copy stalls until all parts are stored
     #[inline(always)]
     pub fn command(&self, command: &Command) -> Frame {
         let packed = self.fields.pack(command);
-        // All fields at their maximum would encode enabling, disabling or zeroing: the torque is reduced.
+        // All fields at their maximum would be the code for enabling, disabling or zeroing, so the torque is
+        // reduced.
         let is_code = packed >= u64::from_be_bytes(code(ENABLE));
         self.frame(if is_code { code(ENABLE - 1) } else { packed.to_be_bytes() })
     }
 
-    /// The frame of an instruction.
+    /// Frame of an instruction.
     pub fn instruct(&self, instruction: &Instruction) -> Frame {
         self.frame(code(match instruction {
             Instruction::Command(command) => return self.command(command),
@@ -198,10 +199,10 @@ impl Drive {
         Frame::of_eight(self.id(), self.form, data)
     }
 
-    /// The drive's side: decodes the request of a frame.
+    /// Drive side: decodes the instruction in a frame.
     ///
     /// # Errors
-    /// The frame is for another drive, has another length, or ends in a code that there is not.
+    /// Returns an error if the frame is for another drive, has another length, or ends in an unknown code.
     pub fn instruction(&self, frame: &Frame) -> Result<Instruction, DecodeError> {
         let data: &[u8; 8] = exactly(frame, self.id())?;
         if data[..7] == [0xff; 7] {
@@ -216,7 +217,7 @@ impl Drive {
         Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
-    /// The drive's side: encodes an answer. Values without a field in its form are omitted.
+    /// Drive side: frame of an answer. Values without a field in its format are left out.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
         let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);
         let [_, _, _, p1, p0, v1, v_t, t0] = motion.to_be_bytes();
@@ -243,14 +244,15 @@ impl Drive {
         Frame::classic(self.reply_id, &data[..self.reply.length()]).in_form(self.form)
     }
 
-    /// The values of an answer.
+    /// Decodes an answer.
     ///
     /// # Errors
-    /// The frame has another identifier or length, comes from another drive, or has an unknown code.
-    // in place, as commands
+    /// Returns an error if the frame has another identifier or length, comes from another drive, or has an
+    /// unknown code.
+    // decoded in place, like commands
     #[inline(always)]
     pub fn reply(&self, frame: &Frame) -> Result<Feedback, DecodeError> {
-        // most significant byte first, with or without the last two
+        // the first byte is the most significant, with or without the last two
         let packed = match self.reply {
             Reply::MiniCheetah => {
                 let [device, p1, p0, v1, v_t, t0] = *exactly::<6>(frame, self.reply_id)?;

@@ -1,9 +1,9 @@
-//! The ranges of the numbers in frames of the MIT family, and the fields that cover them.
+//! Ranges of the numbers in MIT frames, and the fields that represent them.
 
 use super::Command;
 use crate::drives::range::{Fields, Range};
 
-/// The ranges of the fields, in the units of the drive's output shaft.
+/// Ranges of the fields, in units of the drive's output shaft.
 ///
 /// ```
 /// use motorium_can::mit::Ranges;
@@ -25,14 +25,15 @@ pub struct Ranges {
 }
 
 impl Ranges {
-    /// Ranges of the published firmware of the mini cheetah's drives.
+    /// Ranges of the published firmware for the mini cheetah's drives.
     pub const MINI_CHEETAH: Self = Self::new(12.5, 65.0, 18.0);
     /// Ranges of the CubeMars AK80-64.
     pub const AK80_64: Self = Self::new(12.5, 8.0, 144.0);
     /// Ranges of the RobStride RS00.
     pub const RS00: Self = Self::new(12.57, 33.0, 14.0);
 
-    /// Ranges from the largest position, velocity and torque, with gains up to 500 N m/rad and 5 N m s/rad.
+    /// Creates ranges from the largest position, velocity and torque, with gains up to 500 N m/rad and 5 N m
+    /// s/rad.
     pub const fn new(position: f64, velocity: f64, torque: f64) -> Self {
         Self {
             position: Range::symmetric(position),
@@ -43,7 +44,7 @@ impl Ranges {
         }
     }
 
-    /// A command with each field brought within its range.
+    /// Clamps each field of a command to its range.
     pub fn clamped(&self, command: &Command) -> Command {
         Command {
             position: self.position.nearest(command.position),
@@ -54,31 +55,32 @@ impl Ranges {
         }
     }
 
-    /// The fields of a frame that cover them.
+    /// Fields of a frame that represent these ranges.
     pub const fn fields(&self) -> CommandFields {
         let ranges = [self.position, self.velocity, self.kp, self.kd, self.torque];
         CommandFields(Fields::new(ranges, [16, 12, 12, 12, 12]))
     }
 
-    /// The same with other largest gains.
+    /// Replaces the largest gains.
     #[must_use]
     pub const fn with_gains(self, kp: f64, kd: f64) -> Self {
         Self { kp: Range::from_zero(kp), kd: Range::from_zero(kd), ..self }
     }
 }
 
-/// The fields of a command frame, with the factors of their [`Ranges`]; an answer has three of them.
+/// Fields of a frame with the factors of their [`Ranges`]: the fields of a command, three of which also occur
+/// in an answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandFields(Fields<5>);
 
-/// The lowest twelve bits of a number from this one on.
+/// Twelve bits of a number, starting with bit `from`.
 #[inline]
 const fn twelve(packed: u64, from: u32) -> u16 {
     (packed >> from) as u16 & 0xfff
 }
 
 impl CommandFields {
-    /// A command as the drive reads it: each field within its range, and rounded to its bits.
+    /// Command as the drive decodes it: each field clamped to its range and rounded to its resolution.
     ///
     /// ```
     /// use motorium_can::mit::{Command, Ranges};
@@ -92,16 +94,17 @@ impl CommandFields {
         self.command(self.pack(command))
     }
 
-    /// The fields of a command as one number, the first byte of its frame the most significant.
+    /// Packs the fields of a command into one number, with the first byte of its frame as the most
+    /// significant one.
     #[inline]
     pub(super) fn pack(&self, command: &Command) -> u64 {
         let Command { position, velocity, kp, kd, torque } = *command;
         let [p, v, kp, kd, t] = self.0.encode_from_end([position, velocity, kp, kd, torque]);
-        // they fill the whole number, so that all are inverted at once
+        // the fields fill the whole number, so all are inverted together
         !(p << 48 | v << 36 | kp << 24 | kd << 12 | t)
     }
 
-    /// The command of such a number.
+    /// Unpacks a command.
     #[inline]
     pub(super) fn command(&self, packed: u64) -> Command {
         Command {
@@ -113,13 +116,13 @@ impl CommandFields {
         }
     }
 
-    /// Position, velocity and torque of an answer as one number, from the lowest bit on.
+    /// Packs position, velocity and torque of an answer into one number, from the lowest bit on.
     pub(super) fn pack_motion(&self, position: f64, velocity: f64, torque: f64) -> u64 {
         let [p, v, _, _, t] = self.0.encode([position, velocity, 0.0, 0.0, torque]);
         p << 24 | v << 12 | t
     }
 
-    /// Position, velocity and torque of such a number.
+    /// Unpacks position, velocity and torque.
     #[inline]
     pub(super) fn motion(&self, packed: u64) -> [f64; 3] {
         [

@@ -1,21 +1,21 @@
-//! The states and faults that drives report, and their codes.
+//! States and faults reported by drives, and their codes.
 
 use crate::frame::DecodeError;
 
-/// The state that a drive reports.
+/// State reported by a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// Not reported.
     Unknown,
-    /// Disabled.
+    /// The drive is disabled.
     Disabled,
-    /// Follows commands.
+    /// The drive follows commands.
     Enabled,
-    /// Disabled because of a fault.
+    /// The drive disabled itself because of a fault.
     Fault(Fault),
 }
 
-/// The fault of a drive.
+/// Fault of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The supply voltage is too high.
@@ -28,18 +28,18 @@ pub enum Fault {
     HotTransistors,
     /// The motor is too hot.
     HotMotor,
-    /// No command came for the time of its watchdog.
+    /// No command arrived within the watchdog time.
     CommunicationLost,
-    /// The motor could not give the torque for too long.
+    /// The motor could not deliver the torque for too long.
     Overload,
     /// The encoder failed.
     Encoder,
-    /// Another one, by the code that the drive has for it.
+    /// Any other fault, with the drive's code.
     Other(u32),
 }
 
 impl Fault {
-    /// The fault in a few words.
+    /// Short description of the fault.
     pub fn description(self) -> &'static str {
         match self {
             Self::OverVoltage => "supply voltage too high",
@@ -54,7 +54,7 @@ impl Fault {
         }
     }
 
-    /// The drive's own code of a fault without a name here.
+    /// Drive-specific code of a fault that has no name here.
     pub fn code(self) -> Option<u32> {
         match self {
             Self::Other(code) => Some(code),
@@ -86,7 +86,7 @@ pub(super) fn cubemars_code(state: State) -> u8 {
         State::Fault(Fault::Encoder) => 5,
         State::Fault(Fault::HotTransistors) => 6,
         State::Fault(Fault::Overload) => 7,
-        // it has no code for the others
+        // it has no code for other faults
         _ => 0,
     }
 }

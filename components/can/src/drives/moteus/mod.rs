@@ -1,8 +1,8 @@
 //! moteus: registers over CAN FD.
 //!
-//! A frame holds subframes: a number of registers from a first one on are written or read, in one of four
-//! resolutions. Positions are in turns of the output. Without a command for the time in the last command, the
-//! drive disables itself and stays disabled.
+//! A frame holds subframes. Each one writes or queries consecutive registers in one of four resolutions.
+//! Positions are in turns of the output. The drive disables itself, and stays disabled, when no command
+//! arrives within the time specified in the last command.
 
 mod registers;
 
@@ -15,41 +15,41 @@ use registers::{
     VELOCITY, VOLTAGE, WATCHDOG, WRITE, Writer, registers,
 };
 
-/// The state of a drive.
+/// State of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Mode {
-    /// Stopped.
+    /// The drive is disabled.
     Stopped = 0,
-    /// Stopped by a fault.
+    /// The drive disabled itself because of a fault.
     Fault = 1,
-    /// About to follow commands.
+    /// The drive is about to follow commands.
     Enabling = 2,
-    /// Calibrating.
+    /// Calibration is running.
     Calibrating = 3,
-    /// Calibrated.
+    /// Calibration is complete.
     CalibrationComplete = 4,
-    /// Applying duty cycles.
+    /// The drive applies duty cycles.
     Pwm = 5,
-    /// Applying voltages.
+    /// The drive applies voltages.
     Voltage = 6,
-    /// Applying a voltage at a phase.
+    /// The drive applies a voltage at a phase.
     VoltageFoc = 7,
-    /// Applying voltages in the frame of the rotor.
+    /// The drive applies voltages in the rotor frame.
     VoltageDq = 8,
-    /// Controlling currents.
+    /// The drive controls currents.
     Current = 9,
-    /// Following positions.
+    /// The drive follows positions.
     Position = 10,
-    /// Timed out without a command; follows nothing until it is stopped.
+    /// No command arrived in time; the drive ignores commands until it is stopped.
     Timeout = 11,
-    /// Holding zero velocity.
+    /// The drive holds the velocity at zero.
     ZeroVelocity = 12,
-    /// Staying within bounds.
+    /// The drive stays within bounds.
     StayWithin = 13,
-    /// Measuring its inductance.
+    /// The drive measures its inductance.
     MeasureInductance = 14,
-    /// Its phases are shorted.
+    /// The phases are shorted.
     Brake = 15,
 }
 
@@ -74,16 +74,16 @@ impl Mode {
     ];
 }
 
-/// The place from which the position of a drive is counted.
+/// Reference of a drive's position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Home {
-    /// That at which its power came on.
+    /// Position at power-up.
     Relative = 0,
-    /// Zero of the encoder of the rotor: behind a gear there are as many such places as the rotor turns per
-    /// turn of the output.
+    /// Zero of the rotor encoder: with a gearbox, there is one such position for each rotor turn per output
+    /// turn.
     Rotor = 1,
-    /// Zero of the output, by an encoder there or by an explicit position.
+    /// Zero of the output, from an output encoder or because the position has been set.
     Output = 2,
 }
 
@@ -101,28 +101,28 @@ impl core::fmt::Display for Home {
     }
 }
 
-/// A command of the position mode.
+/// Command of the position mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// Position of the output, rad; NaN for wherever it is.
+    /// Position of the output, rad; NaN for the present position.
     pub position: f64,
     /// Velocity, rad/s.
     pub velocity: f64,
     /// Feed-forward torque, N m.
     pub torque: f64,
-    /// Share of the drive's position gain, 0 to 1.
+    /// Share of the position gain stored in the drive, 0 to 1.
     pub kp_scale: f64,
-    /// Share of its velocity gain, 0 to 1.
+    /// Share of the velocity gain, 0 to 1.
     pub kd_scale: f64,
-    /// Largest torque, N m; NaN for the drive's.
+    /// Largest torque, N m; NaN for the drive's own limit.
     pub max_torque: f64,
-    /// Time without a command after which the drive disables itself, s; 0 for the drive's default
+    /// Time without a command after which the drive disables itself, s; 0 for the drive's own setting
     /// (`servo.default_timeout_s`), NaN for never.
     pub watchdog: f64,
 }
 
 impl Default for Command {
-    /// To hold wherever it is, with the gains and limits of the drive.
+    /// Holds the present position with the gains and limits of the drive.
     fn default() -> Self {
         Self {
             position: f64::NAN,
@@ -136,26 +136,26 @@ impl Default for Command {
     }
 }
 
-/// Registers from the temperature of the motor to the fault.
+/// Number of registers from the temperature of the motor to the fault.
 const TOLD: usize = (FAULT - MOTOR_TEMPERATURE + 1) as usize;
 
-/// A message to a drive.
+/// Message to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// Stop, which also ends a fault or a time-out.
+    /// Disable the drive, which also clears a fault or a time-out.
     Stop,
-    /// To short its phases.
+    /// Short the phases.
     Brake,
-    /// To follow a position.
+    /// Follow a position.
     Position(Command),
-    /// Report the state and continue.
+    /// Report the state without changing it.
     Query,
 }
 
-/// A drive's answer.
+/// Answer of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// Its mode.
+    /// Mode.
     pub mode: Mode,
     /// Position of the output, rad.
     pub position: f64,
@@ -165,17 +165,17 @@ pub struct State {
     pub torque: f64,
     /// Supply voltage, V.
     pub voltage: f64,
-    /// Temperature of its board, degrees Celsius.
+    /// Temperature of the board, degrees Celsius.
     pub temperature: f64,
-    /// Temperature of its motor, degrees Celsius, if reported.
+    /// Temperature of the motor, degrees Celsius, if it is reported.
     pub motor_temperature: Option<f64>,
-    /// Reference of its position, if reported.
+    /// Reference of the position, if it is reported.
     pub home: Option<Home>,
-    /// Fault code, up to 127; 0 for none. From 96 on it is no fault, but an active limit.
+    /// Fault code, up to 127; 0 for none. Codes from 96 on indicate an active limit instead of a fault.
     pub fault: u8,
 }
 
-/// A drive by its number, 1 to 126.
+/// Drive by its ID, 1 to 126.
 ///
 /// ```
 /// use motorium_can::moteus::{Instruction, Node, Resolution};
@@ -189,26 +189,26 @@ pub struct State {
 pub struct Node(u8);
 
 impl Node {
-    /// The drive with the lowest number.
+    /// Drive with the lowest ID.
     pub(crate) const FIRST: Self = Self(1);
 
-    /// The drive with this number; `None` for 0, which is the host, and beyond 126.
+    /// Creates the drive with this ID; `None` for 0, which is the host, and beyond 126.
     pub fn new(node: u8) -> Option<Self> {
         (1..127).contains(&node).then_some(Self(node))
     }
 
-    /// Identifier of messages to it that request an answer.
+    /// Identifier of messages to the drive that request an answer.
     pub fn id(self) -> Id {
         Id::Extended(0x8000 | u32::from(self.0))
     }
 
-    /// The identifier of its answers: of 11 bits if the number fits.
+    /// Identifier of its answers, with 11 bits if the number fits.
     pub fn reply_id(self) -> Id {
         let id = u16::from(self.0) << 8;
         Id::standard(id).unwrap_or(Id::Extended(id.into()))
     }
 
-    /// The frame of a message, which requests the state in the same resolution; temperatures, home reference,
+    /// Frame of a message. It queries the state in the same resolution; temperatures, position reference,
     /// voltage and fault in 8 bits.
     pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
@@ -235,11 +235,11 @@ impl Node {
         out.frame(self.id())
     }
 
-    /// The drive's side: the message in a frame.
+    /// Drive side: decodes the message in a frame.
     ///
     /// # Errors
-    /// The frame is for another drive, is cut off, or names a mode, a register or a subframe that is not
-    /// known here.
+    /// Returns an error if the frame is for another drive, is truncated, or contains an unsupported mode,
+    /// register or subframe.
     pub fn instruction(self, frame: &Frame) -> Result<Instruction, DecodeError> {
         if frame.id != self.id() {
             return Err(DecodeError::Id { found: frame.id, expected: self.id() });
@@ -274,7 +274,7 @@ impl Node {
         }
     }
 
-    /// The drive's side: the frame of an answer.
+    /// Drive side: frame of an answer.
     pub fn reply_frame(self, state: &State, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         out.head(REPLY, Resolution::Int8, MODE, 1);
@@ -287,7 +287,7 @@ impl Node {
             .for_each(|(value, register)| out.value(value, register, resolution));
         out.head(REPLY, Resolution::Int8, MOTOR_TEMPERATURE, TOLD);
         out.value(state.motor_temperature.unwrap_or(0.0), MOTOR_TEMPERATURE, Resolution::Int8);
-        // no trajectory is limited here: each is complete
+        // no trajectories are limited here, so each one is complete
         out.put(&[1, state.home.unwrap_or(Home::Relative) as u8]);
         out.value(state.voltage, VOLTAGE, Resolution::Int8);
         out.value(state.temperature, TEMPERATURE, Resolution::Int8);
@@ -295,10 +295,11 @@ impl Node {
         out.frame(self.reply_id())
     }
 
-    /// The values of an answer, in any resolution; unrequested registers are skipped.
+    /// Decodes an answer of any resolutions; registers that were not queried are skipped.
     ///
     /// # Errors
-    /// The frame comes from another drive, is truncated, is a refusal, lacks a value, or has an invalid one.
+    /// Returns an error if the frame comes from another drive, is truncated, is a refusal, lacks a value, or
+    /// has an invalid value.
     pub fn reply(self, frame: &Frame) -> Result<State, DecodeError> {
         if frame.id != self.reply_id() {
             return Err(DecodeError::Id { found: frame.id, expected: self.reply_id() });

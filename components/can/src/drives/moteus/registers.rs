@@ -1,17 +1,17 @@
-//! Subframes: registers within a frame.
+//! Subframes: registers as encoded in a frame.
 
 use crate::frame::{DecodeError, Form, Frame, Id};
 
-/// The form in which registers travel.
+/// Encoding of registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resolution {
     /// 8 bits.
     Int8,
-    /// 16 bits: positions to 0.0001 turns, up to 3.3 of them.
+    /// 16 bits: positions resolve 0.0001 turns, up to 3.3 turns.
     Int16,
     /// 32 bits.
     Int32,
-    /// Floating-point numbers of 32 bits.
+    /// 32-bit floating-point numbers.
     Float,
 }
 
@@ -33,7 +33,7 @@ impl Resolution {
     }
 }
 
-/// The quantity in a register, from which its scales follow.
+/// Quantity in a register, which determines its scales.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Quantity {
     Number,
@@ -47,7 +47,7 @@ enum Quantity {
 }
 
 impl Quantity {
-    /// Quantity in a register that is known here.
+    /// Quantity in a supported register.
     fn from_register(register: u32) -> Option<Self> {
         Some(match register {
             MODE | HOME | FAULT => Self::Number,
@@ -62,7 +62,7 @@ impl Quantity {
         })
     }
 
-    /// The value of one step of a whole number.
+    /// Value of one integer step.
     fn step(self, resolution: Resolution) -> f64 {
         let steps = match self {
             Self::Number => [1.0; 3],
@@ -87,16 +87,16 @@ pub(super) const MODE: u32 = 0x00;
 pub(super) const POSITION: u32 = 0x01;
 pub(super) const VELOCITY: u32 = 0x02;
 pub(super) const TORQUE: u32 = 0x03;
-/// Celsius, where a thermistor is connected and switched on; else 0.
+/// Celsius, if a thermistor is connected and enabled; otherwise 0.
 pub(super) const MOTOR_TEMPERATURE: u32 = 0x0a;
-/// State of the reference of the position: the rotor since power-on, the joint, or a homed place.
+/// Position reference: power-up position, rotor or output.
 pub(super) const HOME: u32 = 0x0c;
 pub(super) const VOLTAGE: u32 = 0x0d;
 pub(super) const TEMPERATURE: u32 = 0x0e;
 pub(super) const FAULT: u32 = 0x0f;
 pub(super) const COMMAND: u32 = 0x20;
 pub(super) const WATCHDOG: u32 = 0x27;
-/// Registers of a command: position, velocity, torque, gains, largest torque, the time to stop at, watchdog.
+/// Registers of a command: position, velocity, torque, gains, largest torque, stop position, watchdog.
 pub(super) const COMMANDED: u32 = 8;
 
 pub(super) const WRITE: u8 = 0x00;
@@ -106,7 +106,7 @@ pub(super) const WRITE_ERROR: u8 = 0x30;
 pub(super) const READ_ERROR: u8 = 0x31;
 pub(super) const NOTHING: u8 = 0x50;
 
-/// Data as it is written.
+/// Output buffer.
 #[derive(Debug)]
 pub(super) struct Writer {
     data: [u8; 64],
@@ -125,7 +125,7 @@ impl Writer {
         self.length += bytes.len();
     }
 
-    /// The beginning of a subframe about `count` registers.
+    /// Writes the header of a subframe with `count` registers.
     pub(super) fn head(&mut self, kind: u8, resolution: Resolution, register: u32, count: usize) {
         let kind = kind | resolution.bits() << 2;
         if (1..=3).contains(&count) {
@@ -137,7 +137,7 @@ impl Writer {
 
     pub(super) fn value(&mut self, value: f64, register: u32, resolution: Resolution) {
         let step = Quantity::from_register(register).unwrap_or(Quantity::Number).step(resolution);
-        // the smallest number means a missing value
+        // the smallest number represents a missing value
         let whole = |most: f64| if value.is_nan() { -most - 1.0 } else { (value / step).clamp(-most, most) };
         match resolution {
             Resolution::Int8 => self.put(&(whole(127.0) as i8).to_le_bytes()),
@@ -155,10 +155,10 @@ impl Writer {
     }
 }
 
-/// A register of a frame: the operation, its number, and its value if any.
+/// Register in a frame: operation, register number, and value if present.
 pub(super) type Register = (u8, u32, f64);
 
-/// Hands each register of a frame to `take`, in their order.
+/// Passes each register of a frame to `take`, in their order.
 pub(super) fn registers(
     data: &[u8],
     mut take: impl FnMut(Register) -> Result<(), DecodeError>,
@@ -195,7 +195,7 @@ pub(super) fn registers(
         let first = u32::from(next(1)?[0]);
         read += 1;
         if first >= 0x80 || count == 0 {
-            // longer register numbers are not used here
+            // multi-byte register numbers are not used here
             return Err(DecodeError::Field { field: "the register", found: first });
         }
         for register in (first..).take(count.into()) {

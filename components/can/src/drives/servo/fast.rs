@@ -1,36 +1,35 @@
-//! The common packet with which servos of protocol 2 answer a fast read: the first one begins it, and each
-//! adds its share after the previous servo's.
+//! Common packet with which protocol 2.0 servos answer a fast read together: the first servo begins it, and
+//! each appends its share after the share of the previous servo.
 
 use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
 use crate::frame::DecodeError;
 
-/// Bytes of the head of the packet.
+/// Bytes of the packet header.
 pub const FAST_HEAD: usize = 8;
-/// Bytes of a share in addition to its data: error, number and checksum.
+/// Bytes of a share besides its data: error, number and checksum.
 pub const FAST_AROUND: usize = 4;
 
-/// The turn of a servo in the common packet.
+/// Turn of a servo in the common packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FastTurn {
-    /// First in the packet of this many servos.
+    /// The servo begins the packet.
     First {
         /// Number of servos that answer.
         servos: usize,
     },
-    /// Others have spoken before.
+    /// Other servos have already answered.
     After {
-        /// Sum of all previous bytes: [`fast_sum`].
+        /// Checksum of all their bytes: [`fast_sum`].
         sum: u16,
     },
 }
 
-/// The sum of a common packet after these bytes of it; 0 before its first one.
+/// Checksum of a common packet after these bytes; `sum` is 0 before its first byte.
 pub fn fast_sum(sum: u16, bytes: &[u8]) -> u16 {
     crc_from(sum, bytes)
 }
 
-/// The servo's side: writes its share of the common packet; returns the number of bytes, or `None` if it does
-/// not fit.
+/// Servo side: writes its share of the common packet. Returns the number of bytes; `None` if they do not fit.
 ///
 /// ```
 /// use motorium_can::servo::{FastTurn, LONGEST, fast_sum, write_fast_status};
@@ -65,7 +64,7 @@ pub fn write_fast_status(
     Some(out.length)
 }
 
-/// A reader of common packets, share by share: shares before a silent servo or damaged bytes are read, too.
+/// Reader of common packets, share by share, including the shares before a silent or damaged one.
 ///
 /// ```
 /// use motorium_can::servo::FastReader;
@@ -79,12 +78,12 @@ pub fn write_fast_status(
 pub struct FastReader {
     bytes: [u8; LONGEST],
     length: usize,
-    /// The first byte of the next share; 0 before the head, beyond all bytes once the packet is over.
+    /// First byte of the next share; 0 before the header, beyond all bytes once the packet is complete.
     next: usize,
-    /// The byte behind the last share.
+    /// End of the last share.
     end: usize,
     sum: u16,
-    /// Bytes of data of each servo.
+    /// Data bytes per servo.
     count: usize,
 }
 
@@ -97,12 +96,12 @@ impl Default for FastReader {
 }
 
 impl FastReader {
-    /// The next packet answers a request for this many bytes of each servo.
+    /// Prepares for an answer with `count` bytes per servo.
     pub fn expect(&mut self, count: u8) {
         (self.length, self.next, self.count) = (0, 0, count.into());
     }
 
-    /// Takes bytes of the packet, however it was cut.
+    /// Appends bytes of the packet, split at any position.
     pub fn push(&mut self, bytes: &[u8]) {
         let end = self.length + bytes.len();
         match self.bytes.get_mut(self.length..end) {
@@ -114,10 +113,11 @@ impl FastReader {
         }
     }
 
-    /// The next share, once it is whole.
+    /// Returns the next complete share.
     ///
     /// # Errors
-    /// The packet is no such answer, or the checksum is wrong: nothing more is read of this packet.
+    /// Returns an error if the packet is not such an answer, or if the checksum is wrong. The rest of the
+    /// packet is then discarded.
     #[allow(clippy::should_implement_trait)] // a share borrows the reader
     pub fn next(&mut self) -> Option<Result<Status<'_>, DecodeError>> {
         if self.next == 0 {

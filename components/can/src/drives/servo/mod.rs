@@ -1,7 +1,8 @@
 //! Packets of serial servo buses: Feetech (STS and SCS) and Dynamixel protocol 1.0, Dynamixel protocol 2.0.
 //!
-//! A servo is a table of registers, read and written for one servo or for many at once. All servos share one
-//! line and only answer requests. Packets of both protocols may share a line: [`Reader`] reads either.
+//! A servo is a table of registers, which can be read and written for one servo or for many at once. All
+//! servos share one line and answer when queried. Packets of both protocols may share a line: [`Reader`]
+//! reads either.
 
 mod fast;
 mod packet;
@@ -10,64 +11,65 @@ use crate::frame::DecodeError;
 pub use fast::{FAST_AROUND, FAST_HEAD, FastReader, FastTurn, fast_sum, write_fast_status};
 pub use packet::Packet;
 
-/// The number that all servos receive.
+/// Broadcast number.
 pub const EVERYBODY: u8 = 0xfe;
-/// Bytes of the longest packet that is read or written.
+/// Bytes of the longest supported packet.
 pub const LONGEST: usize = 256;
 
-/// The protocol of a packet.
+/// Protocol of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
-    /// Feetech, and Dynamixel 1.0: a checksum of eight bits, registers of 0 to 255.
+    /// Feetech, and Dynamixel 1.0: an 8-bit checksum, registers 0 to 255.
     One,
-    /// Dynamixel 2.0: a checksum of 16 bits, registers of 0 to 65535.
+    /// Dynamixel 2.0: a 16-bit checksum, registers 0 to 65535.
     Two,
 }
 
-/// A request to servos.
+/// Request to servos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instruction<'a> {
-    /// To answer.
+    /// Answer without data.
     Ping,
     /// Read `count` bytes starting at this register.
     Read {
-        /// The first register.
+        /// First register.
         register: u16,
         /// Number of bytes.
         count: u8,
     },
-    /// To take these bytes from this register on.
+    /// Write these bytes starting at this register.
     Write {
-        /// The first register.
+        /// First register.
         register: u16,
-        /// The bytes.
+        /// Bytes.
         data: &'a [u8],
     },
-    /// Write to many servos at once, without an answer: each gets its bytes from this register on.
+    /// Write to many servos at once, without answers: each one stores its bytes starting at this register.
     WriteMany {
-        /// The first register.
+        /// First register.
         register: u16,
-        /// Number of bytes of each servo.
+        /// Number of bytes per servo.
         each: u8,
-        /// The number of each servo, and its bytes.
+        /// Number of each servo, followed by its bytes.
         data: &'a [u8],
     },
-    /// To many servos at once, which answer one after the other: `count` bytes from this register on.
+    /// Read `count` bytes from many servos, which answer one after the other.
     ReadMany {
-        /// The first register.
+        /// First register.
         register: u16,
         /// Number of bytes.
         count: u8,
-        /// The numbers of the servos.
+        /// Numbers of the servos.
         servos: &'a [u8],
     },
-    /// The same, answered in one common packet: [`FastReader`]. Of protocol 2, if the firmware supports it.
+    /// Read from many servos, which answer together in one packet: [`FastReader`]. Protocol 2.0 only, if the
+    /// firmware supports it.
     FastReadMany {
-        /// The first register.
+        /// First register.
         register: u16,
         /// Number of bytes.
         count: u8,
-        /// The numbers of the servos.
+        /// Numbers of the servos.
         servos: &'a [u8],
     },
 }
@@ -80,7 +82,7 @@ const READ_MANY: u8 = 0x82;
 const WRITE_MANY: u8 = 0x83;
 const FAST_READ_MANY: u8 = 0x8a;
 
-/// A packet as it is written.
+/// Packet under construction.
 struct Writer<'a> {
     bytes: &'a mut [u8; LONGEST],
     length: usize,
@@ -102,7 +104,7 @@ impl Writer<'_> {
     }
 }
 
-/// Writes a packet for a servo; returns the number of bytes, or `None` if it does not fit.
+/// Writes a packet for a servo. Returns the number of bytes; `None` if they do not fit into a packet.
 ///
 /// ```
 /// use motorium_can::servo::{Instruction, LONGEST, Protocol, write};
@@ -161,7 +163,7 @@ pub fn write(
     end(protocol, out)
 }
 
-/// The servo's side: writes its answer.
+/// Servo side: writes its answer.
 pub fn write_status(
     protocol: Protocol,
     servo: u8,
@@ -196,7 +198,7 @@ fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
             out.put(&[sum])?;
         }
         Protocol::Two => {
-            // bytes that look like a packet header get a stuffing byte
+            // a sequence that looks like a packet header gets a stuffing byte
             let mut at = 7;
             while at + 3 <= out.length {
                 if out.bytes[at..at + 3] == [0xff, 0xff, 0xfd] {
@@ -215,17 +217,17 @@ fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
     Some(out.length)
 }
 
-/// The inverse of the lowest eight bits of the sum.
+/// Inverted lowest eight bits of the sum.
 fn checksum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }
 
-/// The checksum of 16 bits with the polynomial 0x8005, the highest bit first.
+/// 16-bit checksum with the polynomial 0x8005, highest bit first.
 fn crc(bytes: &[u8]) -> u16 {
     crc_from(0, bytes)
 }
 
-/// The same, after bytes that have this checksum.
+/// Continues a checksum with more bytes.
 fn crc_from(before: u16, bytes: &[u8]) -> u16 {
     bytes.iter().fold(before, |crc, byte| {
         (0..8).fold(
@@ -237,20 +239,20 @@ fn crc_from(before: u16, bytes: &[u8]) -> u16 {
     })
 }
 
-/// A servo's answer.
+/// Answer of a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status<'a> {
-    /// Its protocol.
+    /// Protocol.
     pub protocol: Protocol,
-    /// Its number.
+    /// Number of the servo.
     pub servo: u8,
-    /// Its error flags; 0 for none.
+    /// Error flags; 0 for none.
     pub error: u8,
-    /// The requested bytes.
+    /// Requested bytes.
     pub data: &'a [u8],
 }
 
-/// A reader of answers, byte by byte. Other bytes are skipped.
+/// Reader of answers, byte by byte. Other bytes are skipped.
 #[derive(Clone, Debug)]
 pub struct Reader {
     bytes: [u8; LONGEST],
@@ -264,10 +266,10 @@ impl Default for Reader {
 }
 
 impl Reader {
-    /// Takes a byte; the answer that it ends, if it ends one.
+    /// Appends a byte. Returns the answer that it completes, if any.
     ///
     /// # Errors
-    /// A packet ends with it whose checksum is wrong, or which is no answer.
+    /// Returns an error if the byte completes a packet with a wrong checksum, or one that is not an answer.
     pub fn push(&mut self, byte: u8) -> Option<Result<Status<'_>, DecodeError>> {
         let (protocol, whole) = self.end(byte)?;
         Some(match protocol {
@@ -276,26 +278,26 @@ impl Reader {
         })
     }
 
-    /// Takes a byte; the number of the servo and the bytes of the packet that it ends, if it ends one,
-    /// whatever they hold.
+    /// Appends a byte. Returns the servo number and the bytes of the packet that it completes, if any,
+    /// whatever its content.
     pub(crate) fn push_raw(&mut self, byte: u8) -> Option<(u8, &[u8])> {
         let (protocol, whole) = self.end(byte)?;
         let servo = self.bytes[if protocol == Protocol::One { 2 } else { 4 }];
         Some((servo, &self.bytes[..whole]))
     }
 
-    /// Forgets a common answer of many servos that has begun: one that is silent leaves it without an end.
+    /// Discards an incomplete common answer, whose end is missing if a servo is silent.
     pub(crate) fn drop_common(&mut self) {
         if matches!(self.bytes[..self.length], [0xff, 0xff, 0xfd, 0, EVERYBODY, _, _, STATUS, ..]) {
             self.length = 0;
         }
     }
 
-    /// Takes a byte; the protocol and the length of the packet that it ends.
+    /// Appends a byte. Returns the protocol and length of the packet that it completes.
     fn end(&mut self, byte: u8) -> Option<(Protocol, usize)> {
         self.bytes[self.length] = byte;
         self.length += 1;
-        // a head may begin at any byte
+        // a header may begin at any byte
         while !self.may_begin() {
             self.bytes.copy_within(1..self.length, 0);
             self.length -= 1;
@@ -308,11 +310,11 @@ impl Reader {
         Some((protocol, whole))
     }
 
-    /// Returns `true` if these bytes can be the beginning of a packet.
+    /// Returns `true` if the bytes so far may begin a packet.
     fn may_begin(&self) -> bool {
         match &self.bytes[..self.length] {
             [] | [0xff] | [0xff, 0xff] => true,
-            // a third 0xFF is no servo: the head begins a byte later
+            // a third 0xFF is not a servo number: the header begins one byte later
             [0xff, 0xff, servo] => *servo != 0xff,
             [0xff, 0xff, 0xfd, 0, ..] => {
                 self.length < 7 || self.whole().is_some_and(|(_, whole)| whole <= LONGEST)
@@ -322,7 +324,7 @@ impl Reader {
         }
     }
 
-    /// The protocol of the packet that has begun, and its bytes in all, once they are known.
+    /// Protocol and total length of the current packet, once they are known.
     fn whole(&self) -> Option<(Protocol, usize)> {
         match &self.bytes[..self.length] {
             [0xff, 0xff, 0xfd, 0, _, low, high, ..] => {

@@ -1,4 +1,4 @@
-//! Whole packets: answers as the adapter finds them on its line, instructions as a servo does.
+//! Whole packets: answers received by the adapter, and instructions received by a servo.
 
 use super::{
     FAST_READ_MANY, Instruction, LONGEST, PING, Protocol, READ, READ_MANY, Status, WRITE, WRITE_MANY,
@@ -6,7 +6,7 @@ use super::{
 };
 use crate::frame::DecodeError;
 
-/// The bytes of one packet, with room to remove byte stuffing.
+/// Bytes of one packet, which can be unstuffed in place.
 ///
 /// ```
 /// use motorium_can::servo::Packet;
@@ -28,7 +28,7 @@ impl Default for Packet {
 }
 
 impl Packet {
-    /// Takes the bytes of a packet of either protocol, head and checksum among them.
+    /// Copies a packet of either protocol, with header and checksum.
     fn take(&mut self, packet: &[u8]) -> Result<(Protocol, &mut [u8]), DecodeError> {
         let found = packet.len();
         let (protocol, expected) = match packet {
@@ -48,10 +48,10 @@ impl Packet {
         Ok((protocol, bytes))
     }
 
-    /// The answer in a packet.
+    /// Decodes the answer in a packet.
     ///
     /// # Errors
-    /// Not such a packet, followed by another one, or a wrong checksum.
+    /// Returns an error if the bytes are not exactly one answer packet, or if the checksum is wrong.
     pub fn status(&mut self, packet: &[u8]) -> Result<Status<'_>, DecodeError> {
         match self.take(packet)? {
             (Protocol::One, bytes) => one(bytes),
@@ -59,7 +59,7 @@ impl Packet {
         }
     }
 
-    /// The servo's side: the protocol, the number of the servo and the instruction in a packet.
+    /// Servo side: decodes the protocol, servo number and instruction of a packet.
     ///
     /// ```
     /// use motorium_can::servo::{Instruction, Packet, Protocol};
@@ -72,7 +72,8 @@ impl Packet {
     /// ```
     ///
     /// # Errors
-    /// Not such a packet, a wrong checksum, or an unknown instruction.
+    /// Returns an error if the bytes are not an instruction packet, if the checksum is wrong, or if the
+    /// instruction is not supported.
     pub fn instruction(&mut self, packet: &[u8]) -> Result<(Protocol, u8, Instruction<'_>), DecodeError> {
         let (protocol, bytes) = self.take(packet)?;
         let (servo, code, data) = match protocol {
@@ -90,7 +91,7 @@ impl Packet {
             }
         };
         let unknown = DecodeError::Field { field: "the instruction", found: code.into() };
-        // registers and counts have one byte or two
+        // registers and counts have one or two bytes
         let word = |at: usize| match protocol {
             Protocol::One => data.get(at).map(|byte| u16::from(*byte)),
             Protocol::Two => Some(u16::from_le_bytes([*data.get(2 * at)?, *data.get(2 * at + 1)?])),
@@ -120,7 +121,7 @@ impl Packet {
     }
 }
 
-/// Checks the sum of a packet of protocol 2; where its data end.
+/// Verifies the checksum of a protocol 2.0 packet. Returns the end of its data.
 pub(super) fn checked(packet: &[u8]) -> Result<usize, DecodeError> {
     let end = packet.len() - 2;
     let sum = u16::from_le_bytes([packet[end], packet[end + 1]]);
@@ -130,7 +131,7 @@ pub(super) fn checked(packet: &[u8]) -> Result<usize, DecodeError> {
     Ok(end)
 }
 
-/// Removes the byte stuffing; returns the end of the data.
+/// Removes stuffing bytes. Returns the new end of the data.
 pub(super) fn unstuff(packet: &mut [u8], end: usize) -> usize {
     let (mut length, mut at) = (end, 7);
     while at + 4 <= length {

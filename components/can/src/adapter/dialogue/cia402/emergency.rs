@@ -1,10 +1,10 @@
-//! Emergency messages of drives of CiA 402.
+//! Emergency messages of CiA 402 drives.
 
 use super::super::Response;
 use crate::cia402::Emergency;
 use crate::mit::Fault;
 
-/// The content of an emergency message: an error, or that one is over, with a code of 0x00xx.
+/// Content of an emergency message: an error, or the end of one, with a code of 0x00xx.
 pub(super) fn response(emergency: Emergency) -> Response {
     match emergency.code >> 8 {
         0 => Response::Other,
@@ -12,7 +12,7 @@ pub(super) fn response(emergency: Emergency) -> Response {
     }
 }
 
-/// The fault that an error code of CiA 402 names.
+/// Fault for a CiA 402 error code.
 pub(super) fn fault(code: u16) -> Fault {
     match code {
         0x8130 => Fault::CommunicationLost,

@@ -1,9 +1,9 @@
-//! The homing of a drive of CiA 402, by its mode 6.
+//! Homing of a CiA 402 drive in mode 6.
 //!
-//! Its objects are written while the drive is checked. The mode is changed by service data in parallel to the
-//! process data, while the drive is disabled, and read back from the object that displays the active one.
-//! Then the state machine is moved to enabled, and bit 4 of the controlword starts the homing, whose progress
-//! the statusword reports.
+//! The homing objects are written while the drive is checked. While the drive is disabled, service data sent
+//! alongside the process data change the mode, and the mode display is read back. Then the state machine is
+//! brought to *operation enabled*, and bit 4 of the controlword starts the homing. The statusword reports its
+//! progress.
 
 use super::Cia402;
 use crate::adapter::HomingFault;
@@ -12,24 +12,25 @@ use crate::cia402::{
 };
 use crate::frame::{DecodeError, Frame};
 
-/// Cycles after which an unanswered service is repeated.
+/// Cycles after which an unanswered service is requested again.
 const ASK_AGAIN: u16 = 20;
-/// Cycles from the start to the first statusword that counts: it may show the homing before.
+/// Cycles from the start to the first statusword that counts; earlier ones may still show the previous
+/// homing.
 const SETTLES: u16 = 8;
 
-/// The stage of a homing.
+/// Stage of a homing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Stage {
-    /// None is running.
+    /// No homing is running.
     #[default]
     None,
-    /// This mode is written and read back; then homing begins, or it is over.
+    /// This mode is written and read back; then homing begins, or is finished.
     Mode { mode: u8, is_written: bool, asked: u16 },
     /// The drive is being enabled.
     Enabling,
-    /// Searching for its mark, for this many cycles, and seen running or not.
+    /// The drive has been searching for its mark for `cycles`; `was_seen` once it reported the search.
     Running { cycles: u16, was_seen: bool },
-    /// Complete.
+    /// The homing is finished.
     Over(Result<(), HomingFault>),
 }
 
@@ -51,7 +52,7 @@ impl Stage {
 }
 
 impl Cia402 {
-    /// The service requested by the stage.
+    /// Service that the stage requires.
     fn homing_service(&self) -> Option<Service> {
         match self.homing {
             Stage::Mode { mode, is_written: false, .. } => {
@@ -62,12 +63,12 @@ impl Cia402 {
         }
     }
 
-    /// The controlword of a cycle of homing; a service is sent in parallel.
+    /// Controlword of a homing cycle; a service may be sent alongside it.
     pub(super) fn home(&mut self, frames: &mut Vec<Frame>) -> u16 {
         if let Some(service) = self.homing_service()
             && let Stage::Mode { asked, .. } = &mut self.homing
         {
-            // two at a time would be answered in any order
+            // two requests at once could be answered in any order
             if *asked == 0 {
                 frames.push(self.node.service(&service));
             }
@@ -75,7 +76,7 @@ impl Cia402 {
         }
         match (self.homing, self.state) {
             (Stage::Enabling, DriveState::Enabled) => {
-                // a method that adopts the present position ends at once
+                // a method that uses the present position as the mark finishes immediately
                 let is_here = self.homes.is_some_and(|homes| matches!(homes.method, 35 | 37));
                 self.homing = Stage::Running { cycles: 0, was_seen: is_here };
                 0x0f | HOMING_START
@@ -89,7 +90,7 @@ impl Cia402 {
         }
     }
 
-    /// Takes the answer to a service.
+    /// Processes the answer to a service.
     pub(super) fn take_homing_service(&mut self, frame: &Frame) {
         let Some(service) = self.homing_service() else { return };
         let value = match self.node.service_result(&service, frame) {
@@ -98,7 +99,7 @@ impl Cia402 {
                 self.homing = Stage::Over(Err(HomingFault::Refused(code)));
                 return;
             }
-            // an answer to an earlier one
+            // an answer to an earlier service
             Err(_) => return,
         };
         let Stage::Mode { mode, is_written, asked } = &mut self.homing else { return };
@@ -111,7 +112,7 @@ impl Cia402 {
         }
     }
 
-    /// Takes the statusword of a cycle.
+    /// Processes the statusword of a cycle.
     pub(super) fn take_homing_status(&mut self, statusword: u16) {
         let Stage::Running { cycles, was_seen } = &mut self.homing else { return };
         let status = HomingStatus::from_statusword(statusword);
@@ -124,7 +125,7 @@ impl Cia402 {
         match status {
             _ if cycles < SETTLES => {}
             HomingStatus::Running => {}
-            // from the previous homing
+            // left over from the previous homing
             HomingStatus::Attained if !was_seen => {}
             HomingStatus::Attained => self.homing = Stage::mode(self.cyclic() as u8),
             HomingStatus::Failed => self.homing = Stage::Over(Err(HomingFault::Drive)),
@@ -137,7 +138,7 @@ mod tests {
     use super::*;
     use crate::table::Table;
 
-    /// A statusword of an enabled drive, and the same with the mark attained.
+    /// Statusword of an enabled drive, and the same with the mark attained.
     const UNDER_WAY: u16 = 0x0237;
     const ATTAINED: u16 = 0x1637;
 
@@ -153,7 +154,7 @@ mod tests {
         drive
     }
 
-    /// Lets cycles pass with this statusword.
+    /// Runs cycles with this statusword.
     fn pass(drive: &mut Cia402, cycles: u16, statusword: u16) {
         for _ in 0..cycles {
             drive.home(&mut Vec::new());

@@ -7,15 +7,15 @@ use crate::adapter::{Link, OnTrip};
 use crate::frame::Frame;
 use crate::servo::{self, Instruction, LONGEST};
 
-/// Bytes of the longest packet that goes out.
+/// Length of the longest outgoing packet, bytes.
 const PACKET: usize = 64;
-/// Largest numbers of registers that are written and queried.
+/// Largest number of register blocks written, and of blocks read.
 const MOST: usize = 6;
 
 impl Servo {
-    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each was
-    /// queried. They answer together if possible, unless one was silent, which would silence the following
-    /// ones.
+    /// Writes the packets of a cycle for all servos of a line, and records for each servo the number of
+    /// frames after which it has been queried. Servos answer together where supported, unless one was silent:
+    /// the servos behind it would be silent, too.
     pub(in crate::adapter) fn write_line(
         links: &mut [Link],
         common: Option<&mut CommonAnswer>,
@@ -28,7 +28,7 @@ impl Servo {
             Dialogue::Servo(servo) if link.bus() == bus => Some(servo.maker),
             _ => None,
         });
-        // all servos of a line are of one maker
+        // all servos of a line have the same manufacturer
         let Some(maker) = first else { return };
         let mut out = Packets { protocol: maker.protocol(), frames };
         let mut groups = [const { Group::new(0, 0) }; MOST];
@@ -44,7 +44,7 @@ impl Servo {
             servo.write(&order, &mut |group, bytes| groups[group].add(number, bytes, &mut out));
         }
         groups.iter_mut().for_each(|group| group.write(&mut out));
-        // one question a cycle: two would be answered at once
+        // one query per cycle: two would be answered at once
         let blocks = askable.iter().filter(|is| **is).count() as u64;
         let Some(chosen) = (0..MOST).filter(|block| askable[*block]).nth((cycle % blocks.max(1)) as usize)
         else {
@@ -63,7 +63,7 @@ impl Servo {
                 count += 1;
             }
         }
-        // they answer in this order, and the lowest first on a simulated line
+        // they answer in this order, and on a simulated line the lowest number answers first
         servos[..count].sort_unstable();
         let (register, bytes) = maker.asked()[chosen];
         let servos = &servos[..count];
@@ -76,7 +76,7 @@ impl Servo {
     }
 }
 
-/// The packets that go out.
+/// Outgoing packets.
 struct Packets<'a> {
     protocol: servo::Protocol,
     frames: &'a mut Vec<Frame>,
@@ -92,7 +92,7 @@ impl Packets<'_> {
     }
 }
 
-/// The same registers of many servos, in as few packets as possible.
+/// The same registers of several servos, in as few packets as possible.
 struct Group {
     register: u16,
     each: u8,
@@ -100,8 +100,7 @@ struct Group {
     length: usize,
 }
 
-/// Bytes of a packet in addition to the servos' data, including byte stuffing; for protocol 2, which has
-/// more.
+/// Bytes of a packet besides the servo data, including the byte stuffing of protocol 2, which needs more.
 const AROUND: usize = 20;
 
 impl Group {
