@@ -42,7 +42,7 @@ impl CanAdapter {
                 "lost": counts.lost,
                 "lost_in_cycle": counts.lost_in,
                 "faults": counts.faults,
-                "fault": link.fault().map(crate::mit::Fault::words),
+                "fault": link.fault().map(crate::mit::Fault::description),
                 "fault_code": link.fault().and_then(crate::mit::Fault::code),
                 "temperature_celsius": link.temperature(),
             });
