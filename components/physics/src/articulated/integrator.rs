@@ -32,8 +32,8 @@ use crate::{Integrator, JointCommand};
 /// current modes is solved until its solution confirms the modes. The modes of the last step are the first
 /// guess and nearly always right.
 ///
-/// The drive acts at the end of the step, which adds damping: a drive with Kp and Kd behaves like one with Kd
-/// + h Kp. A drive without damping therefore comes to rest.
+/// The drive acts at the end of the step, which adds damping: a drive with Kp and Kd behaves like one
+/// with Kd + h Kp. A drive without damping therefore comes to rest.
 ///
 /// [`Integrator::Midpoint`] is of second order. It evaluates the inertia and the bias at the midpoint of the
 /// step, the bias with the mean of the velocities before and after:
