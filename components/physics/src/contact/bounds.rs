@@ -10,7 +10,7 @@ use super::objects::FreeBody;
 /// Smallest margin within which contact points are found \[m\].
 pub(super) const FORESIGHT: f64 = 0.002;
 
-/// Extra share of the distance covered at the current speed.
+/// Margin per distance covered at the current speed.
 const HASTE: f64 = 1.5;
 
 /// Motion of a collider.
