@@ -1,4 +1,4 @@
-//! Drives with actuators that are not ideal.
+//! Drives with non-ideal actuators.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use motorium_physics::{
 };
 use motorium_robots::{ActuatorSettings, Envelope, load};
 
-/// A rod of 1 kg and 1 m without gravity, that begins at rest.
+/// A rod of 1 kg and 1 m without gravity, initially at rest.
 fn rod(settings: ActuatorSettings) -> ArticulatedSimulator {
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let setup = RobotSetup { actuators: vec![Some(settings)], ..RobotSetup::from(model) };
@@ -30,7 +30,7 @@ fn the_effort_lags_behind_the_command_by_its_time_constant() {
         let expected = 3.0 * (1.0 - (-1e-4 * f64::from(step) / lag).exp());
         assert!((rod.efforts()[0] - expected).abs() < 0.01, "step {step}: {}, {expected}", rod.efforts()[0]);
     }
-    // the effort that is told is the one that acts
+    // the reported effort is the acting one
     assert!((INERTIA * rod.velocities()[0] - impulse).abs() < 1e-9);
 }
 

@@ -1,4 +1,4 @@
-//! Worlds of graphs: files in several folders, and the places of mistakes.
+//! Worlds of graphs: files in several folders, and the locations of errors.
 
 use std::path::Path;
 
@@ -68,7 +68,7 @@ objects = [{ name = "rock", position = [1.0, 0.0, 3.0], shape = { mesh = { file 
     assert!(refused.contains("rock.obj") && refused.contains("own"), "{refused}");
 }
 
-/// A graph with this world, checked: what is said of it.
+/// Checks a graph with this world and returns the messages.
 fn said(world: &str) -> String {
     let text = format!("{BASE}\n{world}");
     let checked = check(Path::new("world.toml"), text, &[], &registry(), &Machine::detect());
