@@ -5,7 +5,8 @@ use motorium_algebra::left_singular;
 
 /// Number of rounds; the weights have converged by then.
 const ROUNDS: usize = 8;
-/// Lower bound of the error, relative to the median. Bounds the weight of a movement that is met exactly.
+/// Lower bound of the error, relative to the median. It bounds the weight of a movement that is reproduced
+/// exactly.
 const FLOOR: f64 = 0.1;
 
 impl MotionLibrary {
@@ -39,7 +40,7 @@ impl MotionLibrary {
                 sorted[sorted.len() / 2]
             };
             if median <= 0.0 {
-                // n eigenforces hold at least half of the movements exactly
+                // n eigenforces reproduce at least half of the movements exactly
                 break;
             }
             errors.iter_mut().for_each(|error| *error = (*error / median + FLOOR).sqrt().recip());

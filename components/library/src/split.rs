@@ -1,4 +1,4 @@
-//! Parts of a body out of a library of the whole.
+//! Splitting of a library into body parts.
 
 use nalgebra::DMatrix;
 
