@@ -193,7 +193,7 @@ fn cleaning_up_in_another_namespace_spares_a_live_run() {
     assert!(!output.stdout.is_empty(), "{}", text(&output));
     assert_eq!(leftovers(&id), before);
     assert!(run.folder.is_alive());
-    // Whatever was left in place is still usable.
+    // The remaining files are still usable.
     let controller = run.pid_of("controller");
     kill(controller);
     let killed = Instant::now();

@@ -144,8 +144,8 @@ assert not any("depth" in name for name in info["features"])
 print(frames, "frames of", len(set(info["features"]) & set(stats)), "features")
 "#;
 
-/// LeRobot opens the dataset and returns each frame with its pictures like those of its own datasets: alone,
-/// in batches, with frames before and after it, and for chosen episodes. Its tools split the dataset, and its
+/// LeRobot opens the dataset and returns each frame with its pictures, as for its own datasets: alone, in
+/// batches, with frames before and after it, and for chosen episodes. Its tools split the dataset, and its
 /// recorder appends to it.
 const WITH_LEROBOT: &str = r#"
 import sys

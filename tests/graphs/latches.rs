@@ -30,7 +30,7 @@ fn stop_now_works_while_the_launcher_is_stopped() {
     let (code, text) = motorium(&run, &["resume"]);
     assert!(code == Some(1) && text.contains("is not stopped"), "{text}");
     signal(run.launcher(), Signal::CONT);
-    // the launcher reports what it has observed
+    // the launcher reports its observations
     std::thread::sleep(Duration::from_millis(200));
     for command in [&["stop", "--now"][..], &["resume"]] {
         let (code, text) = motorium(&run, command);

@@ -75,7 +75,7 @@ pub struct LibraryParts {
 /// let blend = first.blend(&second, 0.5).placed(None, None, Some(2.0));
 /// assert_eq!(blend.path(&library).shape(), (60, 2));
 ///
-/// // A letter written anew is recognised.
+/// // A newly written letter is recognised.
 /// let written = letters(1, Variation { points: 0.0, shape: 0.0, pace: 0.0 }, 9);
 /// let found = Recogniser::new(&library, 8).recognise(&written.trajectories[0]);
 /// let (nearest, _) = found.nearest.unwrap();

@@ -59,8 +59,8 @@ impl Trajectory {
         if rows < 3 || rows == samples {
             return self.clone();
         }
-        // second derivatives per squared sample, 0 at the ends: m[k-1] + 4 m[k] + m[k+1] = 6 (y[k-1] - 2 y[k] +
-        // y[k+1])
+        // second derivatives per squared sample, 0 at the ends:
+        // m[k-1] + 4 m[k] + m[k+1] = 6 (y[k-1] - 2 y[k] + y[k+1])
         let mut curvature = DMatrix::<f64>::zeros(rows, columns);
         let mut pivots = vec![0.0; rows];
         for k in 1..rows - 1 {

@@ -13,8 +13,8 @@
 /// *end* of the step (implicitly), so gains of any size are stable. A drive without `kd` is damped by the
 /// integration.
 ///
-/// A joint that moves beyond `min_velocity` or `max_velocity` brakes, whatever the rest of the command. The
-/// highest effort in the direction of motion falls from `limit` at the velocity limit to `-limit` over a
+/// A joint that moves beyond `min_velocity` or `max_velocity` brakes, regardless of the rest of the command.
+/// The highest effort in the direction of motion falls from `limit` at the velocity limit to `-limit` over a
 /// velocity band of one twentieth of the larger limit.
 ///
 /// # Example

@@ -252,7 +252,7 @@ fn synthetic_letters_need_few_eigenforces() {
     assert!(error(16) < 0.5 * error(8) && error(16) < 0.15, "{} {}", error(8), error(16));
 }
 
-/// A few outliers bend the eigenforces of the mean square towards them, but not those of the mean.
+/// A few outliers bend the eigenforces of the mean square towards them, but not the eigenforces of the mean.
 #[test]
 fn balanced_eigenforces_resist_outliers() {
     let (seen, held) = letters::letters(12, letters::Variation::default(), 3).hold_out(3);

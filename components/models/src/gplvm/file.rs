@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `latents` | number of latent dimensions |
 //! | `x` | latent points, row by row |
-//! | `spaces` | name, columns, mean, scale, kernel, noise, and standardised poses (`targets`, column by column) of each space |
+//! | `spaces` | per space: name, columns, mean, scale, kernel, noise, and `targets`: standardised poses by column |
 //! | `back` | the back constraint, or null |
 //!
 //! Numbers are written so that reading restores them bit for bit.

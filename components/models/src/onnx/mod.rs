@@ -42,7 +42,7 @@ pub enum OnnxError {
     Tensor {
         /// Name of the tensor.
         name: String,
-        /// The defect, and what was expected.
+        /// The defect, and the expected value.
         message: String,
     },
     /// An operator is not supported.
@@ -62,7 +62,7 @@ pub enum OnnxError {
         node: String,
         /// The operator.
         operator: String,
-        /// The defect, and what was expected.
+        /// The defect, and the expected value.
         message: String,
     },
     /// The shape of an input is invalid.
@@ -70,7 +70,7 @@ pub enum OnnxError {
     Input {
         /// Name of the input.
         name: String,
-        /// The defect, and what was expected.
+        /// The defect, and the expected shape.
         message: String,
     },
     /// No node computes this output.

@@ -40,7 +40,8 @@ use crate::{Integrator, JointCommand};
 ///
 /// ```text
 /// q_m = q + h/2 v
-/// M(q_m) (v+ - v) / h + C(q_m, v_m) v_m + g(q_m) = tau(q + h v+, v+) - D v+ + friction(v+)      v_m = (v + v+) / 2
+/// M(q_m) (v+ - v) / h + C(q_m, v_m) v_m + g(q_m) = tau(q + h v+, v+) - D v+ + friction(v+)
+/// v_m = (v + v+) / 2
 /// q+ = q_m + h/2 v+
 /// ```
 ///

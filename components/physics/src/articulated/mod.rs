@@ -63,7 +63,8 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// Each integration step of length h finds the end velocity `v+` of
 ///
 /// ```text
-/// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+) + J' lambda / h
+/// M(q) (v+ - v) / h + C(q, v) v + g(q)
+///     = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+) + J' lambda / h
 /// q+ = q + h v+
 /// ```
 ///

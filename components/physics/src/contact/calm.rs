@@ -15,7 +15,7 @@ const PAUSE: u32 = 16;
 /// Bounds of the distances that the colliders of robots have travelled since the pairs were last inspected,
 /// from the changes of the joints.
 ///
-/// A revolute joint moves what it carries by at most its angle times the distance from its origin, which is
+/// A revolute joint moves its descendants by at most its angle times the distance from its origin, which is
 /// at most the length of the links in between. As long as the joints between two colliders have not used up
 /// the distance between them, nothing touches, and no collider pose is needed.
 #[derive(Clone, Debug)]

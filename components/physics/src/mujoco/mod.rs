@@ -315,7 +315,7 @@ impl Engine for Mujoco {
             }
             ObjectPlace::Placed(mocap) => self.native.set_mocap(mocap, p.into(), [r.w, r.i, r.j, r.k]),
         }
-        // The next step finds what the object comes close to.
+        // The next step finds contacts near the object.
         self.seen.near = true;
     }
 

@@ -112,7 +112,7 @@ fn a_network_computes_effort_from_its_history() {
         let wanted = if step < 200 { 0.2 } else { -0.3 };
         let (error, v) = (wanted - rod.positions()[0], rod.velocities()[0]);
         errors.push(error);
-        // the network's gains apply, whatever the gains of the command
+        // the network uses its own gains and ignores the gains of the command
         rod.commands_mut()[0] = JointCommand::hold(wanted, 7.0, 1.0);
         rod.step(1e-3).unwrap();
         let before = errors[errors.len().saturating_sub(5)];

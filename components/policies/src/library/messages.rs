@@ -14,8 +14,8 @@ motorium::state_buffer! {
         pub label: [u8; 32],
         /// Number of weights. With a label, the number of eigenforces to use (0: as configured).
         pub count: u64,
-        /// Weights of the first eigenforces, if there is no label. Start, goal and duration are those of the
-        /// previous movement.
+        /// Weights of the first eigenforces, if there is no label. Start, goal and duration are copied from
+        /// the previous movement.
         pub weights: [f64; 64],
     }
 }

@@ -44,7 +44,8 @@ const DENSE_FREE: usize = 12;
 /// For each contact point with normal n and relative surface velocity w at the end of the step
 ///
 /// ```text
-/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0      target = -distance / h, apart
+/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0
+/// target = -distance / h, apart
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
