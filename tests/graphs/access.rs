@@ -51,7 +51,7 @@ fn another_user_can_read_and_write_no_object_of_a_run() {
     assert!(find(&[]).len() > 5, "the objects of the run are seen: {:?}", find(&[]));
     assert_eq!(find(&["-readable"]), Vec::<String>::new());
     assert_eq!(find(&["-writable"]), Vec::<String>::new());
-    // Nor does any of them depend only on the permissions of a parent folder.
+    // None of them depends only on the permissions of a parent folder either.
     let open: Vec<String> = leftovers(&id)
         .into_iter()
         .filter(|name| {
@@ -98,7 +98,7 @@ fn a_run_folder_of_another_user_is_refused_untouched() {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert_eq!(fs::read_dir(&squat.0).expect("it is there").count(), 0, "nothing was made in it");
-    // Nor is anything in it recognised as a run of this user.
+    // Nothing in it is recognised as a run of this user either.
     fs::create_dir(squat.0.join("panda-reach-0123456789")).expect("a false run");
     let output = motorium(&["topic", "list"]).uid(NOBODY).gid(NOBODY).output().expect("motorium starts");
     assert!(self::text(&output).contains("no graph is running"), "{}", self::text(&output));

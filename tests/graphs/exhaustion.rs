@@ -150,8 +150,8 @@ fn a_launcher_without_descriptors_stops_safely() {
     let restart = ["--for", "60 s", "--set", "controller.restart.when=failure"];
     let run = Run::start(&panda_reach(), &restart);
     let id = run.folder.id().to_string();
-    // As many as it has open, so that none is available for another one. Descriptors that it releases at the
-    // end are used for its clean-up.
+    // The limit equals the number of open descriptors, so that none is available for another one. Descriptors
+    // that the launcher releases at the end are used for its clean-up.
     let is_open = |number: &u64| Path::new(&format!("/proc/{}/fd/{number}", run.launcher())).exists();
     let open = (0..1_000_000).find(|number| !is_open(number));
     let none = Rlimit { current: open, maximum: open };

@@ -99,7 +99,7 @@ pub enum Operand {
     Aligned,
     /// The same number for all outputs.
     Single,
-    /// At these offsets.
+    /// Numbers at these offsets.
     At(Vec<u32>),
 }
 

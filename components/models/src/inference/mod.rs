@@ -104,7 +104,7 @@ pub struct Port {
     pub name: String,
     /// Length along each axis.
     pub shape: Vec<usize>,
-    /// Its buffer.
+    /// Buffer of the tensor.
     pub(crate) buffer: Buffer,
 }
 

@@ -21,25 +21,25 @@ pub struct Sequence {
 pub enum Gates {
     /// Update, reset and candidate; the reset gate scales the recurrent product (as in PyTorch).
     Gru {
-        /// From inputs to the three gates.
+        /// Map from inputs to the three gates.
         input: Packed,
-        /// From the state to the three gates.
+        /// Map from the state to the three gates.
         state: Packed,
     },
     /// Update, reset and candidate; the reset gate scales the state.
     GruResetFirst {
-        /// From inputs to the three gates.
+        /// Map from inputs to the three gates.
         input: Packed,
-        /// From the state to update and reset.
+        /// Map from the state to update and reset.
         state: Packed,
-        /// From the scaled state to the candidate.
+        /// Map from the scaled state to the candidate.
         candidate: Packed,
     },
     /// Input, output, forget and cell.
     Lstm {
-        /// From inputs to the four gates.
+        /// Map from inputs to the four gates.
         input: Packed,
-        /// From the state to the four gates.
+        /// Map from the state to the four gates.
         state: Packed,
     },
 }

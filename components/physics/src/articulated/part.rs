@@ -24,7 +24,7 @@ pub(super) struct Part {
     pub(super) frame_jacobian: DMatrix<f64>,
     /// Momentum at the start of an integration step in the air.
     pub(super) momentum: Option<Momentum>,
-    /// Its modes must be guessed again.
+    /// True if the modes must be guessed again.
     pub(super) pending: bool,
     pub(super) settled: bool,
     /// Length of the next integration step \[s\]; zero if its step is complete.

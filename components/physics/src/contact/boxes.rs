@@ -288,7 +288,7 @@ mod tests {
             let second = pose(away.into(), [wave(0.9) * 3.0, wave(1.3), wave(1.9) * 3.0]);
             let (least, found) = points((half.0, first), (half.1, second));
             let (swapped, _) = points((half.1, second), (half.0, first));
-            // Which box has the reference face may depend on the preference.
+            // The choice of the reference box may depend on the preference.
             assert!((least - swapped).abs() < PREFERENCE + 1e-12, "{index}: {least} {swapped}");
             // Estimate the distance from samples on the surface of one box against the other.
             let mut distance = f64::INFINITY;

@@ -70,7 +70,7 @@ pub(crate) enum Motion {
     Moves,
     /// Part of the world, or asleep.
     Rests,
-    /// Its step is complete.
+    /// The step of the collider is complete.
     Done,
 }
 

@@ -78,7 +78,7 @@ pub struct RobotIntervals {
     pub effort_limit: Option<Interval>,
     /// Displacement of the start of each joint, rad or m.
     pub start: Option<Interval>,
-    /// Its actuators.
+    /// Actuators of the robot.
     pub actuator: ActuatorIntervals,
 }
 
@@ -191,7 +191,7 @@ pub(super) enum Allowed {
     Positive,
     /// A factor from 0.
     Factor,
-    /// From 0 to 1.
+    /// A value from 0 to 1.
     Share,
     /// A displacement.
     Displacement,

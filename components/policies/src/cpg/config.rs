@@ -112,7 +112,7 @@ impl Default for MatsuokaConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LegConfig {
-    /// Its moving joints, at least one.
+    /// Moving joints of the leg, at least one.
     pub joints: Vec<JointOscillationConfig>,
 }
 

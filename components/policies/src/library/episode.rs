@@ -45,7 +45,7 @@ pub(super) enum Stage {
         /// Seconds since it came to rest.
         time: f64,
     },
-    /// In a movement.
+    /// Executing a movement.
     Moving,
     /// At the end of the last movement, permanently.
     Finished,

@@ -27,7 +27,7 @@ motorium::state_buffer! {
         pub sequence: u64,
         /// Index of the nearest movement of the library.
         pub movement: u64,
-        /// Its label (or id, if it has none) in UTF-8, padded with 0.
+        /// Label of that movement (or id, if it has no label) in UTF-8, padded with 0.
         pub label: [u8; 32],
         /// Distance of the weights from the weights of that movement, relative to their norm.
         pub distance: f64,
@@ -37,7 +37,7 @@ motorium::state_buffer! {
         pub duration: f64,
         /// Number of weights.
         pub count: u64,
-        /// Its weights.
+        /// Weights of the recognised movement.
         pub weights: [f64; 64],
     }
 }
