@@ -1,5 +1,5 @@
-//! An arm on one classic bus behind a simulated adapter on a pseudo-terminal, on which the driver of the
-//! kernel sits: the desk simulates arm, drives and bus, and the graph of the arm is that of a real one.
+//! An arm on one classic bus behind a simulated adapter on a pseudo-terminal, used by the kernel driver. The
+//! desk simulates arm, drives and bus; the graph of the arm is the same as for real hardware.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use serde_json::Value;
 pub(crate) fn write(folder: &Path) {
     let put = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
     let panda = std::fs::read_to_string(folder.join("drives/panda-vcan.toml")).expect("the drive table");
-    // the driver of the kernel carries classic frames
+    // the kernel driver supports classic frames only
     let classic: Vec<&str> = panda.lines().filter(|line| !line.starts_with("data_bitrate")).collect();
     let classic = classic.join("\n");
     put("drives/desk.toml", classic.replace("\"vcan0\"", "\"pty:/tmp/can0\""));
@@ -44,7 +44,7 @@ rate   = "200 Hz"
 config = { drives = "drives/slcan.toml" }
 "#;
 
-/// The results of the arm and of the desk in a row; `None` if it was not run.
+/// The results of the arm and of the desk in a row; `None` if the row was not run.
 fn both(name: &str) -> Option<(Value, Value)> {
     let (arm, desk) = (row(name)?, row(&format!("{name}_desk"))?);
     Some((arm.results(), desk.results()))

@@ -1,7 +1,7 @@
-//! Text of drive tables, and of the graph of an arm that is simulated together with its drives on interfaces
-//! of the kernel.
+//! Drive tables, and the graph of an arm that is simulated together with its drives on kernel interfaces.
 
-/// A graph of this name: the arm of `urdf`, and its drives at `rate` on the buses of the drive table `table`.
+/// A graph with this name: the arm of `urdf`, and its drives at `rate` on the buses of the drive table
+/// `table`.
 pub(crate) fn graph(name: &str, urdf: &str, rate: &str, table: &str) -> String {
     format!(
         r#"
@@ -32,14 +32,14 @@ config    = {{ drives = "{table}" }}
     )
 }
 
-/// A bus of 1 Mbit/s, of CAN FD with 5 Mbit/s for the data where `fast`.
+/// A bus of 1 Mbit/s; if `fast`, a CAN FD bus with a data bit rate of 5 Mbit/s.
 pub(crate) fn bus(name: &str, interface: &str, fast: bool) -> String {
     let data = if fast { "data_bitrate = 5_000_000\n" } else { "" };
     format!("[[bus]]\nname = \"{name}\"\ninterface = \"{interface}\"\nbitrate = 1_000_000\n{data}\n")
 }
 
-/// A drive whose keys of its protocol are `protocol`, with the ranges of its frames: position \[rad\],
-/// velocity \[rad/s\] and torque \[N m\].
+/// A drive with the protocol keys `protocol`, and with the ranges of its frames: position \[rad\], velocity
+/// \[rad/s\] and torque \[N m\].
 pub(crate) fn drive(
     joint: &str,
     bus: &str,

@@ -1,18 +1,18 @@
-//! The end of the virtual machine with the program that started it.
+//! The virtual machine ends together with the program that started it.
 
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// True if a process has this text in its command line.
+/// Returns `true` if a process has this text in its command line.
 fn runs(text: &str) -> bool {
     let processes = std::fs::read_dir("/proc").expect("/proc").filter_map(Result::ok);
     let line = |entry: std::fs::DirEntry| std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
     processes.map(line).any(|line| line.windows(text.len()).any(|part| part == text.as_bytes()))
 }
 
-/// Waits until it does, or does not any more; false if that takes longer than a minute.
+/// Waits until such a process runs, or no longer runs. Returns `false` after a minute.
 fn awaited(text: &str, is_running: bool) -> bool {
     let until = Instant::now() + Duration::from_secs(60);
     while runs(text) != is_running {
@@ -44,7 +44,7 @@ fn the_machine_ends_with_a_killed_program() {
         .process_group(0)
         .spawn()
         .expect("bash starts");
-    // the emulator writes what it prints into the folder
+    // the emulator writes its output into the folder
     let emulator = format!("file:{}", folder.display());
     let has_started = awaited(&emulator, true);
     program.kill().expect("it is killed");

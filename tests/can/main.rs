@@ -1,9 +1,9 @@
-//! CAN on a real kernel: an arm under control over SocketCAN, in virtual machines, with every fault that a
-//! bus can have.
+//! CAN on a real kernel: an arm under control over SocketCAN, in virtual machines, with every kind of bus
+//! fault.
 //!
-//! Two machines are started once (`vm.sh`), run all rows (`rows.sh`), and their reports are looked at here.
-//! Their time is virtual: all that is asserted are counts and states. Where there is no machine to be had,
-//! such as without the network, each test says that it was not run.
+//! Two machines are started once (`vm.sh`) and run all rows (`rows.sh`); the tests check their reports. Their
+//! time is virtual, so the tests assert only counts and states. If no machine is available, for example
+//! without a network, each test reports that it was skipped.
 
 mod adapters;
 mod arms;
@@ -34,7 +34,7 @@ fn twelve_joints_at_1_khz_lose_no_reply_in_the_kernel() {
     for bus in ["left", "right"] {
         assert_eq!(adapter["buses"][bus]["condition"], "active");
         assert_eq!(adapter["buses"][bus]["unsent"], 0);
-        // six drives of two frames of CAN FD, 98 to 114 us each pair
+        // six drives with two CAN FD frames each, 98 to 114 us per pair
         let load = adapter["buses"][bus]["load"].as_f64().expect("a number");
         assert!((0.5..0.7).contains(&load), "{bus}: {load}");
         let highest = adapter["buses"][bus]["highest_load"].as_f64().expect("a number");
@@ -58,7 +58,7 @@ fn a_silent_node_is_lost_in_its_third_cycle() {
     let adapter = &row.results()["adapter"];
     let joint = &adapter["joints"]["panda_joint4"];
     assert_eq!((number(&joint["lost"]), &adapter["tripped"]), (1, &Value::from(true)), "{adapter}");
-    // every cycle since the first silent one is missing; `lost_in_cycle` is the third of them
+    // every cycle since the first silent one is missing; `lost_in_cycle` is the third of these
     let since = number(&adapter["cycles"]) - number(&joint["lost_in_cycle"]) + 3;
     let missing = number(&joint["missing_replies"]);
     assert!(missing > 3 && missing <= since, "{missing} of {since}");
@@ -94,12 +94,13 @@ fn answers_of_a_duplicate_drive_are_ignored() {
     let Some(row) = row("twice") else { return };
     let adapter = &row.results()["adapter"];
     let joint = &adapter["joints"]["panda_joint2"];
-    // each cycle of 0.4 s has one too many; its position is too far away to be believed
+    // each cycle of the 0.4 s has one extra reply, whose position is too far away to be accepted
     let second = number(&joint["duplicate_replies"])
         + number(&joint["late_replies"])
         + number(&adapter["implausible_frames"]);
     assert!(second > 100, "{adapter}");
-    // taken for its position, one of them would be a jump of a third of a radian that no gate lets pass
+    // accepted as a position, one of them would be a discontinuity of a third of a radian, which no gate
+    // passes
     row.assert_steady(adapter);
 }
 
@@ -140,14 +141,14 @@ fn one_resume_releases_a_tripped_adapter() {
 
 #[test]
 fn a_command_goes_out_in_the_cycle_in_which_it_is_published() {
-    // In virtual time an instruction takes a nanosecond: these are instructions of a build for tests. A
-    // command that came in time and yet waited for the next cycle would take at least the cycle, of 2 and 1
-    // ms, less `command_within`.
+    // In virtual time an instruction takes a nanosecond, so these are instructions of a test build. A command
+    // that arrived in time but waited for the next cycle would take at least the cycle, of 2 and 1 ms, minus
+    // `command_within`.
     for (name, longest_us) in [("twice", 300.0), ("twelve", 550.0)] {
         let Some(row) = row(name) else { return };
         let adapter = &row.results()["adapter"];
         let times = &adapter["command_to_frame_us"];
-        // of nearly every cycle in which the drives follow
+        // one for nearly every cycle in which the drives follow
         assert!(number(&times["count"]) + 250 > number(&adapter["cycles"]), "{name}: {adapter}");
         assert!(times["p99"].as_f64().is_some_and(|p99| p99 < longest_us), "{name}: {times}");
     }
@@ -157,7 +158,7 @@ fn a_command_goes_out_in_the_cycle_in_which_it_is_published() {
 fn a_babbling_node_is_counted_and_the_drives_still_answer() {
     let Some(row) = row("disturbed") else { return };
     let adapter = &row.results()["adapter"];
-    // a frame each 50 us for 200 ms
+    // one frame every 50 us for 200 ms
     assert!(number(&adapter["stray_frames"]) > 3_000, "{adapter}");
     row.assert_steady(adapter);
 }
@@ -262,7 +263,7 @@ fn a_lost_controller_leads_to_the_safe_state() {
 #[test]
 fn nothing_is_sent_after_the_launcher_is_killed() {
     let Some(row) = row("launcher_killed") else { return };
-    // the log after two seconds is empty, and so is the list of processes
+    // the log is empty after two seconds, and so is the list of processes
     assert_eq!((row.code, row.errors.split_whitespace().collect::<Vec<_>>()), (1, vec!["0", "0"]), "{row:?}");
     assert!(row.text.lines().count() >= 16, "{row:?}");
 }

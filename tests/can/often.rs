@@ -1,10 +1,10 @@
-//! An adapter that is killed, and hangs, again and again in one run.
+//! An adapter that is killed, and that hangs, repeatedly in one run.
 
 use serde_json::Value;
 
 use super::{drives, number, row};
 
-/// Times that the adapter is killed, and hung, in one run.
+/// Number of times that the adapter is killed, and hung, in one run.
 pub(crate) fn kills() -> u64 {
     std::env::var("MOTORIUM_CAN_KILLS").map_or(3, |kills| kills.parse().expect("a number of kills"))
 }
@@ -15,7 +15,7 @@ fn drives_follow_again_after_each_adapter_restart() {
         let Some(row) = row(name) else { return };
         let results = row.results();
         let trips = |drive: &Value| number(&drive["watchdog_trips"]);
-        // and once more when the run ends while the drives still look at the bus
+        // and once more if the run ends while the drives still monitor the bus
         let acted = drives(&results, |drive| (kills()..=kills() + 1).contains(&trips(drive)));
         assert_eq!(acted, 8, "{name}: {results}");
         let adapter = &results["adapter"];

@@ -1,4 +1,4 @@
-//! Rows of the virtual machines: run once, and read back.
+//! Rows of the virtual machines, which run once and are then parsed.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -12,17 +12,17 @@ use serde_json::Value;
 
 use super::{adapters, often, scans, twelve};
 
-/// A row as it came out.
+/// The output of a row.
 #[derive(Debug)]
 pub(crate) struct Row {
     pub(crate) code: i32,
-    /// Its report.
+    /// Report of the row.
     pub(crate) text: String,
-    /// Standard error of its run.
+    /// Standard error of the row.
     pub(crate) errors: String,
-    /// When it began and ended, in seconds of the machine.
+    /// Start and end, in seconds of machine time.
     within: [f64; 2],
-    /// Leaps of the clock of its machine meanwhile, ms.
+    /// Clock discontinuities of the machine during the row, ms.
     pub(crate) leaps_ms: Vec<f64>,
 }
 
@@ -38,9 +38,9 @@ impl Row {
 }
 
 impl Row {
-    /// Asserts that no reply is missing and nothing has tripped. Where the clock of the machine leapt
-    /// meanwhile, which is printed, each drive may miss the one cycle that was under way; and over its
-    /// watchdog's time it lets go.
+    /// Asserts that no reply is missing and nothing has tripped. If the machine's clock jumped during the
+    /// row, which is printed, each drive may miss the current cycle; if it jumped by more than the watchdog
+    /// time, each drive may trip.
     pub(crate) fn assert_steady(&self, adapter: &Value) {
         let joints = adapter["joints"].as_object().expect("joints").len();
         let missing = number(&adapter["missing_replies"]);
@@ -50,20 +50,20 @@ impl Row {
     }
 }
 
-/// Time of the watchdogs of all drives, ms.
+/// Watchdog time of all drives, ms.
 const WATCHDOG_MS: f64 = 20.0;
 
 /// Results of a run of virtual machines.
 pub(crate) struct Machine {
     pub(crate) rows: BTreeMap<String, Row>,
-    /// The end of the first that failed.
+    /// Error of the first failed row.
     pub(crate) end: Result<(), String>,
-    /// Where the time went, row by row, and the leaps of their clocks.
+    /// Durations of the rows, and the clock discontinuities.
     pub(crate) times: String,
 }
 
-/// Rows of two virtual machines after their one run, whichever rows failed in them; `None` where they cannot
-/// be started. They run side by side: each keeps one core of the host busy.
+/// Returns the rows of two virtual machines after their only run, even if some rows failed; `None` if the
+/// machines cannot be started. They run in parallel, and each keeps one core of the host busy.
 pub(crate) fn machine() -> Option<&'static Machine> {
     static MACHINE: OnceLock<Option<Machine>> = OnceLock::new();
     let run = || {
@@ -77,7 +77,7 @@ pub(crate) fn machine() -> Option<&'static Machine> {
     MACHINE.get_or_init(run).as_ref()
 }
 
-/// The row of this name; `None`, with the reason printed, if there was no machine to run it on.
+/// Returns the row with this name; `None`, with the reason printed, if there was no machine to run it on.
 pub(crate) fn row(name: &str) -> Option<&'static Row> {
     let Some(Machine { rows, end, .. }) = machine() else {
         eprintln!("NOT RUN: `{name}` needs a virtual machine");
@@ -87,21 +87,21 @@ pub(crate) fn row(name: &str) -> Option<&'static Row> {
         || panic!("no row `{name}` among {:?}: {}", rows.keys(), end.as_ref().err().map_or("", |end| end));
     let row = rows.get(name).unwrap_or_else(missing);
     if !row.leaps_ms.is_empty() {
-        // shown where the test fails
+        // shown if the test fails
         println!("during `{name}` the clock of the machine leapt, ms: {:?}", row.leaps_ms);
     }
     Some(row)
 }
 
-/// The command that a machine emulates: for the rows beside the twelve joints that of
-/// `MOTORIUM_CAN_PROGRAM=target/release/motorium`, as users run it, else the one under test, which asserts
-/// more and is three times as slow.
+/// Returns the command that a machine emulates. The rows other than the twelve joints use the release build
+/// in `MOTORIUM_CAN_PROGRAM=target/release/motorium`, if set, as users run it. Otherwise it is the command
+/// under test, which has more assertions and is three times as slow.
 fn program(rows: &str) -> PathBuf {
     let named = std::env::var_os("MOTORIUM_CAN_PROGRAM").filter(|_| rows == "serial");
     named.map_or_else(|| env!("CARGO_BIN_EXE_motorium-under-test").into(), PathBuf::from)
 }
 
-/// Runs those rows in a machine.
+/// Runs these rows in a machine.
 fn run(rows: &str) -> Option<Machine> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let scratch = tempfile::tempdir().expect("a folder");
@@ -114,7 +114,7 @@ fn run(rows: &str) -> Option<Machine> {
     // a longer run of the twelve joints: `MOTORIUM_CAN_SECONDS=60 cargo only vcan`
     let seconds = std::env::var("MOTORIUM_CAN_SECONDS");
     std::fs::write(graphs.join("seconds"), seconds.as_deref().unwrap_or("5")).expect("a file");
-    // `MOTORIUM_CAN_KILLS=100 cargo only vcan often`: more deaths of the adapter
+    // `MOTORIUM_CAN_KILLS=100 cargo only vcan often`: more kills of the adapter
     std::fs::write(graphs.join("kills"), often::kills().to_string()).expect("a file");
     std::fs::write(graphs.join("rows"), rows).expect("a file");
     let put = |from: &Path, to: &str| format!("{}:{to}", from.display());
@@ -161,21 +161,21 @@ fn run(rows: &str) -> Option<Machine> {
     Some(Machine { rows: found, end, times })
 }
 
-/// Reads the rows that a machine printed, of which each ended so many seconds after its start, and writes
-/// where the time went.
+/// Parses the rows printed by a machine, each of which ended this number of seconds after its start, and
+/// formats the durations.
 fn read(text: &str, ended_s: &[f64]) -> (BTreeMap<String, Row>, String) {
     let mut rows = BTreeMap::new();
     let mut times =
         String::from("row                    real s  until it runs  runs  computes (s of the machine)\n");
     let mut before_s = 0.0;
     for (part, ended_s) in text.split("=== ").skip(1).zip(ended_s) {
-        // a machine that was ended may have been in the middle of a row
+        // a terminated machine may have been in the middle of a row
         let Some((head, rest)) = part.split_once('\n') else { continue };
         let Some((name, code)) = head.split_once(' ') else { continue };
         let Ok(code) = code.trim().parse() else { continue };
         let Some((rest, printed)) = rest.split_once("--- times\n") else { continue };
         let (text, errors) = rest.split_once("--- errors\n").unwrap_or((rest, ""));
-        // what stands below is of the commands of the next row
+        // everything below belongs to the commands of the next row
         let printed = printed.lines().next().unwrap_or_default();
         let numbers = printed.split_whitespace().filter_map(|number| number.parse().ok());
         let [began, idle_before, ran, ended, idle] = numbers.collect::<Vec<f64>>()[..] else { continue };
@@ -205,22 +205,22 @@ fn read(text: &str, ended_s: &[f64]) -> (BTreeMap<String, Row>, String) {
     (rows, times)
 }
 
-/// A time in which nothing ran, although a thread of the highest priority was to: the processor was idle, so
-/// that only its clock can have leapt over it.
+/// An interval in which nothing ran although a thread of the highest priority was ready: the processor was
+/// idle, so the clock must have jumped.
 #[derive(Debug)]
 struct Leap {
-    /// Its end, in seconds of the machine.
+    /// End of the interval, in seconds of machine time.
     at: f64,
     length_ms: f64,
 }
 
 impl Leap {
-    /// Reads a line of `clock-watch`; `None` if the processor was busy: then the kernel held the thread up,
-    /// and no clock leapt.
+    /// Parses a line of `clock-watch`. Returns `None` if the processor was busy: then the kernel delayed the
+    /// thread, and no clock jumped.
     fn read(line: &str) -> Option<Self> {
         let numbers: Vec<f64> = line.split_whitespace().filter_map(|number| number.parse().ok()).collect();
         let [at, length_ms, idle_ms] = numbers[..] else { return None };
-        // idle time is told in steps of 10 ms
+        // idle time is reported in steps of 10 ms
         (idle_ms > 0.0 && idle_ms + 10.0 >= length_ms - 1.0).then_some(Self { at, length_ms })
     }
 
@@ -233,7 +233,7 @@ pub(crate) fn number(value: &Value) -> u64 {
     value.as_u64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// The drives of which this is true.
+/// Returns the number of drives for which this is true.
 pub(crate) fn drives(results: &Value, is: impl Fn(&Value) -> bool) -> usize {
     results["drives"]["drives"].as_object().expect("drives").values().filter(|drive| is(drive)).count()
 }
@@ -246,7 +246,7 @@ fn machine_output_is_read_with_clock_leaps() {
     let (rows, times) = read(text, &[10.0, 14.0, 15.0, 15.0]);
     let of = |name: &str| (rows[name].code, rows[name].leaps_ms.clone());
     assert_eq!(rows.keys().collect::<Vec<_>>(), ["one", "two"]);
-    // that of 20 ms has another reason: the processor was busy
+    // the interval of 20 ms has another reason: the processor was busy
     assert_eq!((of("one"), of("two")), ((0, vec![98.1]), (3, vec![7.0])));
     assert_eq!((rows["one"].text.as_str(), rows["one"].errors.as_str()), ("report\n", "said\n"));
     let fields = |line: usize| times.lines().nth(line).unwrap().split_whitespace().collect::<Vec<_>>();

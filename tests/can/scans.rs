@@ -1,4 +1,4 @@
-//! Searches for drives on interfaces of the kernel: two moteus on one of CAN FD, and a drive that sends
+//! Searches for drives on kernel interfaces: two moteus drives on a CAN FD interface, and a drive with
 //! classic frames on another.
 
 use std::path::Path;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::arms;
 
-/// Writes its model, its drive table and its graph, and a drive table whose interface there is not.
+/// Writes its model, drive table and graph, and a drive table whose interface does not exist.
 pub(crate) fn write(folder: &Path) {
     let put = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
     put("twelve.urdf", urdf());
@@ -47,7 +47,8 @@ fn table() -> String {
     arms::bus("left", "vcan0", true) + &arms::bus("right", "vcan1", true) + &drives
 }
 
-/// The adapter, the trajectory policy whose commands it sends to the drives, and the safety of their graph.
+/// The adapter, the trajectory policy whose commands it sends to the drives, and the safety settings of their
+/// graph.
 const CONTROL: &str = r#"
 [component.adapter]
 kind      = "can.adapter"

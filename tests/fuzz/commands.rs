@@ -1,8 +1,8 @@
-//! Commands that read a user's file, run on damaged ones as a user would run them.
+//! Commands that read a user's file, run with damaged files as a user would run them.
 //!
-//! Each input gets 5 s of processor time and 200 MB of memory for data, which the system enforces. A command
-//! that needs more, or panics, or waits for ever, fails. `MOTORIUM_FUZZ_CASES` sets the number of damaged
-//! inputs of all commands together (about 10,000 for a thorough run); without it each command gets one batch.
+//! Each input gets 5 s of processor time and 200 MB of data memory, enforced by the system. A command that
+//! needs more, panics, or waits for ever fails. `MOTORIUM_FUZZ_CASES` sets the total number of damaged inputs
+//! of all commands (about 10,000 for a thorough run); without it each command gets one batch.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -10,12 +10,12 @@ use std::process::{Command, Stdio};
 use crate::target::{Length, cases, files, target_for, workspace};
 
 const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium-under-test");
-/// Processor time of one command, s.
+/// Largest processor time of one command, s.
 const LONGEST_S: u32 = 5;
-/// Memory for data of one command, kB.
+/// Largest data memory of one command, kB.
 const LARGEST_KB: u32 = 200 * 1024;
 
-/// A reader: arguments of `motorium` in which `FILE` is the damaged file, the ending of that, and its
+/// A reader: arguments of `motorium` in which `FILE` is the damaged file, the file extension, and its
 /// undamaged files.
 struct Reader {
     arguments: &'static [&'static str],
@@ -27,12 +27,12 @@ fn reader(arguments: &'static [&'static str], ending: &'static str, corpus: Vec<
     Reader { arguments, ending, corpus }
 }
 
-/// The command under the limits of one input. A shell sets them, since they pass to the program that it
-/// becomes.
+/// Returns the command under the limits of one input. A shell sets them, because they pass to the program
+/// that replaces it.
 fn limited(arguments: &[String], folder: &Path) -> Command {
     let limits = format!("ulimit -c 0; ulimit -t {LONGEST_S}; ulimit -d {LARGEST_KB}; exec \"$@\"");
     let mut command = Command::new("timeout");
-    // A command that waits for ever uses no processor time.
+    // A command that waits for ever uses no processor time, so limit the wall time as well.
     command.args(["--signal=KILL", "120", "sh", "-c", &limits, "sh", MOTORIUM]).args(arguments);
     command.current_dir(folder).stdin(Stdio::null()).env("RUST_BACKTRACE", "0");
     command
@@ -42,7 +42,7 @@ fn run(folder: &Path, arguments: &[&str], file: &str) {
     let arguments: Vec<String> = arguments.iter().map(|argument| argument.replace("FILE", file)).collect();
     let output = limited(&arguments, folder).output().expect("the command starts");
     let errors = String::from_utf8_lossy(&output.stderr);
-    // 101 is a panic; beyond 123 the command was killed, aborted or never began.
+    // 101 is a panic; above 123 the command was killed, aborted or not started.
     let is_orderly = output.status.code().is_some_and(|code| code < 100);
     assert!(is_orderly && !errors.contains("panicked"), "{arguments:?}: {}\n{errors}", output.status);
 }
@@ -63,13 +63,13 @@ fn try_all(name: &str, readers: Vec<Reader>) {
     }
 }
 
-/// Number of commands below, among which the inputs are divided.
+/// Number of commands below, which share the inputs.
 const COMMANDS: u64 = 34;
-/// Frames as `candump -L` prints them.
+/// Frames in the output format of `candump -L`.
 const LOG: &str = "(1436509052.249713) vcan0 044#2A366C2BBA\n(1436509052.449847) vcan0 0F6#7ADFE07BD2\n\
     (1436509052.850018) vcan0 1F334455#1122334455667788\n(1436509053.100000) can1 123##50011223344\n";
 
-/// Undamaged files that refer to the damaged one, or that a command needs beside it.
+/// Undamaged files that refer to the damaged one, or that a command needs in addition.
 fn companions(file: &str) -> [(&'static str, String); 4] {
     let world = format!(
         r#"name = "world"
@@ -130,7 +130,7 @@ fn files_of_robots_and_worlds() {
 #[test]
 fn graphs_and_tables_of_drives() {
     let graphs = || -> Vec<Vec<u8>> {
-        // One with a program would start whatever the damage makes of its path.
+        // A graph with a program would start whatever path the damage produces.
         let all = files(&["graphs", "tests/fuzz/corpus/graphs"], &[".toml"]);
         all.into_iter().filter(|bytes| !bytes.windows(4).any(|word| word == b"exec")).collect()
     };
@@ -146,7 +146,7 @@ fn graphs_and_tables_of_drives() {
     );
 }
 
-/// A world with a part of each kind that is read.
+/// A world with a part of each supported kind.
 const SDF: &str = r#"<?xml version="1.0"?><sdf version="1.9"><world name="w"><gravity>0 0 -1.62</gravity>
 <model name="stone"><pose degrees="true">0 0 5 0 90 0</pose><link name="l"><inertial auto="true"><density>1000</density></inertial>
 <collision name="c"><pose>0.1 0 0 0 0 0</pose><geometry><sphere><radius>0.1</radius></sphere></geometry>
@@ -252,8 +252,7 @@ fn motion_libraries() {
     );
 }
 
-/// A recording of a graph that users run, and the same with its checksums removed: damage then reaches what
-/// lies behind them.
+/// A recording of a typical graph, with and without checksums. Without them damage reaches the content.
 fn recordings() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("run.mcap");
@@ -267,7 +266,7 @@ fn recordings() -> Vec<Vec<u8>> {
     vec![whole, unsummed]
 }
 
-/// An MCAP file whose checksums are 0, which stands for none.
+/// Returns an MCAP file whose checksums are 0, which marks missing checksums.
 fn without_sums(file: &[u8]) -> Vec<u8> {
     const MAGIC: usize = 8;
     const HEAD: usize = 9;
@@ -277,7 +276,7 @@ fn without_sums(file: &[u8]) -> Vec<u8> {
         let start = place + HEAD;
         let end = start + usize::try_from(u64::from_le_bytes(length)).expect("a length");
         match kind {
-            // A chunk: behind its times and its size.
+            // A chunk: after its times and its size.
             0x06 => bytes[start + 24..start + 28].fill(0),
             // An attachment, the end of the data, the footer: at the end.
             0x09 | 0x0f | 0x02 => bytes[end - 4..end].fill(0),

@@ -1,8 +1,8 @@
-//! Damages of an input: what happens to files, and what is most likely to find a mistake in a reader.
+//! Damages of an input: typical file damage, and changes that are most likely to find a bug in a reader.
 
 use proptest::prelude::*;
 
-/// Numbers at the edges of what readers can hold, and words that are none.
+/// Numbers at the limits of readers, and texts that are not numbers.
 const EXTREMES: [&str; 24] = [
     "0",
     "-0.0",
@@ -30,24 +30,24 @@ const EXTREMES: [&str; 24] = [
     "",
 ];
 
-/// One damage. Places are fractions of the input: they hold whatever was done to it before.
+/// One damage. Positions are fractions of the input, so they remain valid after earlier damages.
 #[derive(Debug, Clone)]
 pub(crate) enum Damage {
-    /// Turns bits of a byte.
+    /// Flips bits of a byte.
     Flip { at: prop::sample::Index, bits: u8 },
-    /// Puts a byte in.
+    /// Inserts a byte.
     Insert { at: prop::sample::Index, byte: u8 },
-    /// Cuts a part out.
+    /// Removes a part.
     Cut { at: prop::sample::Index, length: usize },
-    /// Cuts the end off.
+    /// Removes the end.
     Truncate { at: prop::sample::Index },
     /// Repeats a part.
     Repeat { at: prop::sample::Index, length: usize, times: usize },
-    /// Puts a part of another input in.
+    /// Inserts a part of another input.
     Splice { at: prop::sample::Index, from: prop::sample::Index, start: prop::sample::Index, length: usize },
-    /// Puts an extreme in the place of a number of the text.
+    /// Replaces a number in the text by an extreme value.
     Number { which: prop::sample::Index, extreme: usize },
-    /// Puts an extreme in the place of eight bytes.
+    /// Replaces eight bytes by an extreme value.
     Word { at: prop::sample::Index, value: u64 },
 }
 
@@ -78,7 +78,7 @@ pub(crate) fn damage() -> impl Strategy<Value = Damage> {
 }
 
 impl Damage {
-    /// Does it to an input; `corpus` holds the others.
+    /// Applies the damage to an input; `corpus` contains the others.
     pub(crate) fn apply(&self, bytes: &mut Vec<u8>, corpus: &[Vec<u8>]) {
         let place = |at: &prop::sample::Index, bytes: &[u8]| at.index(bytes.len() + 1);
         match self {
@@ -122,7 +122,7 @@ impl Damage {
     }
 }
 
-/// Places of the numbers in a text.
+/// Returns the positions of the numbers in a text.
 fn numbers(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     let mut found: Vec<std::ops::Range<usize>> = Vec::new();
     for (at, byte) in bytes.iter().enumerate() {

@@ -8,7 +8,7 @@ use crate::target::{files, target, workspace};
 #[test]
 fn graphs() {
     let corpus = files(&["graphs", "graphs/broken", "tests/fuzz/corpus/graphs"], &[".toml"]);
-    // One of a program would start whatever the damage makes of its path.
+    // A graph with a program would start whatever path the damage produces.
     let corpus: Vec<_> = corpus.into_iter().filter(|bytes| !starts_a_program(bytes)).collect();
     let (registry, machine) = (motorium_tools::registry(), Machine::detect());
     let path = workspace().join("graphs/fuzzed.toml");
@@ -34,7 +34,7 @@ fn starts_a_program(bytes: &[u8]) -> bool {
     bytes.windows(4).any(|word| word == b"exec")
 }
 
-/// Damage to a file that is laid over a graph, or that extends one.
+/// Damages a file that overlays a graph, or that extends one.
 #[test]
 fn overlays() {
     let corpus = files(&["graphs/overlays", "runtime/tests/graph_file/overlays", "graphs"], &[".toml"]);

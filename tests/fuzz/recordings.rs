@@ -6,7 +6,7 @@ use motorium_recordings::{Selection, read_text};
 
 use crate::target::{files, target};
 
-/// Reads texts as recordings with this ending.
+/// Reads texts as recordings with this file extension.
 fn recordings_as(ending: &str) {
     let corpus = files(&["tests/fuzz/corpus/recordings"], &[ending]);
     let selection = Selection { rate: Some(100.0), ..Selection::default() };
@@ -14,7 +14,7 @@ fn recordings_as(ending: &str) {
         let text = String::from_utf8_lossy(bytes);
         for selection in [&selection, &Selection::default()] {
             match read_text(&format!("recording{ending}"), &text, selection) {
-                // Whatever has an even grid of samples.
+                // Any recording with an even grid of samples.
                 Ok(recording) => drop(recording.evenly(20, None)),
                 Err(error) => assert!(!error.to_string().is_empty()),
             }
@@ -46,7 +46,7 @@ fn primitives() {
     });
 }
 
-/// The bytes at an address that is a multiple of 8, as a mapped file has.
+/// Copies the bytes to an address that is a multiple of 8, as in a mapped file.
 fn aligned(bytes: &[u8], read: impl FnOnce(&[u8])) {
     let mut words = vec![0_u64; bytes.len().div_ceil(8)];
     let place = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..bytes.len()];
@@ -66,7 +66,7 @@ fn libraries() {
     target("libraries", &files(&["tests/fuzz/corpus/libraries"], &[".mtlib"]), read_library);
 }
 
-/// A damage that its writer has made: length and checksum agree with it.
+/// Damage made by the writer itself: length and checksum are consistent.
 #[test]
 fn libraries_with_the_right_checksum() {
     let corpus = files(&["tests/fuzz/corpus/libraries"], &[".mtlib"]);

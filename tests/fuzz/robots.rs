@@ -4,7 +4,7 @@ use motorium_robots::{Dynamics, Kinematics, LoadOptions, Model, parse_mjcf, pars
 
 use crate::target::{files, target};
 
-/// First computations of every reader of a model.
+/// First computations after loading a model.
 fn use_model(model: &Model) {
     let q = model.neutral();
     Kinematics::new(model).update(model, &q);

@@ -14,13 +14,13 @@ use motorium::transport::Tap;
 
 use crate::target::{target, workspace};
 
-/// The plan of a graph that users run.
+/// The plan of a typical graph.
 fn plan() -> Plan {
     let path = workspace().join("graphs/panda-reach.toml");
     motorium::graph::load(&path, &[], &motorium_tools::registry()).expect("the graph is good").plan
 }
 
-/// Looks at everything in a control block, as `top`, the metrics and the report do.
+/// Reads everything in a control block, as `top`, the metrics and the report do.
 fn look(region: &Region) {
     let header = region.header();
     let _ = (header.command(), format!("{header:?}").len());
@@ -105,8 +105,8 @@ fn topics() {
     let mut input = reader.input::<JointState>(&port).expect("it opens");
     let mut tap = Tap::open(&domain, &topic).expect("there is a place");
     let next = Cell::new(0);
-    // Damaged are the memories of all topics, each as long as it was: one is open, and readers hold places in
-    // it.
+    // The damaged files are the memories of all topics, with unchanged lengths: one is open, and readers hold
+    // slots in it.
     let output = std::cell::RefCell::new(&mut output);
     let others = std::cell::RefCell::new((&mut input, &mut tap));
     target("topics", &whole, |bytes| {

@@ -1,4 +1,4 @@
-//! The loop of a fuzzer: inputs, damages, verdict.
+//! The loop of a fuzzer: inputs, damages, verdicts.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -8,9 +8,9 @@ use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, Test
 
 use crate::damage::{Damage, damage};
 
-/// Longest processor time for one input, ns.
+/// Largest processor time for one input, ns.
 const LONGEST_NS: u64 = 1_000_000_000;
-/// Cases between two looks at the clock.
+/// Number of cases between two checks of the clock.
 const BATCH: u32 = 16;
 
 pub(crate) fn workspace() -> PathBuf {
@@ -21,7 +21,7 @@ fn number(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// The files of folders of the workspace whose names end so, in the order of their names.
+/// Returns the files in folders of the workspace whose names have one of these endings, sorted by name.
 pub(crate) fn files(folders: &[&str], endings: &[&str]) -> Vec<Vec<u8>> {
     let mut paths: Vec<PathBuf> = folders
         .iter()
@@ -34,7 +34,7 @@ pub(crate) fn files(folders: &[&str], endings: &[&str]) -> Vec<Vec<u8>> {
     paths.into_iter().map(|path| std::fs::read(path).expect("the file can be read")).collect()
 }
 
-/// Reads one input; an error if it took too long.
+/// Reads one input. Returns an error if it took too long.
 fn try_one(read: &dyn Fn(&[u8]), bytes: &[u8]) -> Result<(), TestCaseError> {
     let before = motorium::os::thread_cpu_ns();
     read(bytes);
@@ -43,7 +43,7 @@ fn try_one(read: &dyn Fn(&[u8]), bytes: &[u8]) -> Result<(), TestCaseError> {
     if took > LONGEST_NS { Err(TestCaseError::fail(text())) } else { Ok(()) }
 }
 
-/// The end of a target.
+/// End condition of a target.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Length {
     /// After this time.
@@ -52,18 +52,18 @@ pub(crate) enum Length {
     Cases(u64),
 }
 
-/// Damaged inputs of all commands together, where `MOTORIUM_FUZZ_CASES` sets them.
+/// Returns the total number of damaged inputs of all commands, if `MOTORIUM_FUZZ_CASES` sets it.
 pub(crate) fn cases() -> Option<u64> {
     std::env::var("MOTORIUM_FUZZ_CASES").ok().and_then(|text| text.parse().ok())
 }
 
-/// Reads the inputs as they are, then damaged ones until the time is over.
+/// Reads the undamaged inputs, then damaged ones until the time is over.
 pub(crate) fn target(name: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
     let length = Length::Time(Duration::from_secs(number("MOTORIUM_FUZZ_SECONDS", 1)));
     target_for(name, corpus, length, &read);
 }
 
-/// Reads the inputs as they are, then damaged ones.
+/// Reads the undamaged inputs, then damaged ones.
 pub(crate) fn target_for(name: &str, corpus: &[Vec<u8>], length: Length, read: &dyn Fn(&[u8])) {
     for bytes in corpus {
         try_one(read, bytes).unwrap_or_else(|error| panic!("{name}: {error}"));

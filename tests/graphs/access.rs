@@ -1,4 +1,4 @@
-//! Access to a run: by other users, from other namespaces, and to the places where runs lie.
+//! Access to a run by other users and from other namespaces, and to the folders that contain runs.
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, chown};
@@ -15,7 +15,7 @@ use crate::support::{
 
 /// A user without any rights.
 const NOBODY: u32 = 65_534;
-/// Another one.
+/// Another user without rights.
 const STRANGER: u32 = 64_123;
 
 fn motorium(arguments: &[&str]) -> Command {
@@ -28,7 +28,7 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
-/// True if the program under test can be started by other users.
+/// Returns `true` if other users can start the program under test.
 fn others_can_start() -> bool {
     let mut command = motorium(&["--version"]);
     command.uid(NOBODY).gid(NOBODY).output().is_ok_and(|output| output.status.success())
@@ -51,7 +51,7 @@ fn another_user_can_read_and_write_no_object_of_a_run() {
     assert!(find(&[]).len() > 5, "the objects of the run are seen: {:?}", find(&[]));
     assert_eq!(find(&["-readable"]), Vec::<String>::new());
     assert_eq!(find(&["-writable"]), Vec::<String>::new());
-    // Nor does any of them depend on a folder above it alone.
+    // None of them depends only on the permissions of a parent folder either.
     let open: Vec<String> = leftovers(&id)
         .into_iter()
         .filter(|name| {
@@ -63,7 +63,7 @@ fn another_user_can_read_and_write_no_object_of_a_run() {
     drop(run);
 }
 
-/// Makes the folder in which a user's runs lie, of another user and open to all, and removes it at the end.
+/// Creates the folder for a user's runs with another owner and open to all, and removes it at the end.
 struct Squat(PathBuf);
 
 impl Squat {
@@ -98,13 +98,13 @@ fn a_run_folder_of_another_user_is_refused_untouched() {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert_eq!(fs::read_dir(&squat.0).expect("it is there").count(), 0, "nothing was made in it");
-    // Nor is anything in it taken for a run of this user.
+    // Nothing in it is recognised as a run of this user either.
     fs::create_dir(squat.0.join("panda-reach-0123456789")).expect("a false run");
     let output = motorium(&["topic", "list"]).uid(NOBODY).gid(NOBODY).output().expect("motorium starts");
     assert!(self::text(&output).contains("no graph is running"), "{}", self::text(&output));
 }
 
-/// A run whose folder lies in `place`, once it steps.
+/// Returns the run whose folder is in `place`, once it steps.
 fn await_run_in(place: &Path, child: &mut Child) -> RunFolder {
     let started = Instant::now();
     loop {
@@ -156,7 +156,7 @@ fn a_run_uses_the_runtime_folder_of_the_session() {
     assert!(ended.status.success(), "{}{}", text(&ended), String::from_utf8_lossy(&ended.stderr));
     assert_eq!(leftovers(&id), Vec::<String>::new());
     assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
-    // One that others can write is no such place.
+    // A folder that others can write to is not used.
     fs::set_permissions(session.path(), fs::Permissions::from_mode(0o777)).expect("it is opened");
     let output = inside(&["run", "graphs/panda-reach.toml", "--for", "50 ms", "--force"])
         .args(ANY_LOSS)
@@ -166,7 +166,8 @@ fn a_run_uses_the_runtime_folder_of_the_session() {
     assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
 }
 
-/// The command in a process namespace of its own, as a container that shares `/dev/shm` with its host.
+/// Returns the command in a separate process namespace, as in a container that shares `/dev/shm` with its
+/// host.
 fn contained(arguments: &[&str]) -> Command {
     let mut command = Command::new("unshare");
     command.args(["--pid", "--fork", "--kill-child", "--mount-proc", MOTORIUM]).args(arguments);
@@ -192,7 +193,7 @@ fn cleaning_up_in_another_namespace_spares_a_live_run() {
     assert!(!output.stdout.is_empty(), "{}", text(&output));
     assert_eq!(leftovers(&id), before);
     assert!(run.folder.is_alive());
-    // What was left alone is still of use.
+    // The remaining files are still usable.
     let controller = run.pid_of("controller");
     kill(controller);
     let killed = Instant::now();
@@ -255,7 +256,7 @@ fn a_graph_runs_in_a_user_namespace_of_its_own() {
     if !unshared("true", &[]).status.success() {
         return eprintln!("skipped: no user namespaces on this machine");
     }
-    // The folder of root itself, which is of another user in there.
+    // The folder of root itself, which belongs to another user inside the namespace.
     let outside = Run::start(&panda_reach(), &["--for", "60 s", "--force"]);
     let arguments = ["run", "graphs/panda-reach.toml", "--for", "100 ms", "--force"];
     let output = unshared(MOTORIUM, &[&arguments[..], &ANY_LOSS].concat());
@@ -283,7 +284,7 @@ fn a_run_of_another_user_is_reported() {
     };
     let has_priorities =
         folder.region().is_ok_and(|region| region.components().iter().all(|block| priority(block) > 0));
-    // Its folder and its plan are closed to others; that it has real-time threads on the core is not.
+    // Its folder and its plan are closed to others; the real-time threads on its core are visible.
     let ours = crate::support::run(&panda_reach(), &["--for", "100 ms", "--force"]);
     rustix::process::kill_process(rustix::process::Pid::from_child(&child), rustix::process::Signal::INT)
         .expect("it is there");
@@ -312,7 +313,7 @@ fn the_ids_of_runs_cannot_be_guessed_and_can_be_typed() {
     for id in [&first, &second] {
         assert!(tail(id).len() == 10 && tail(id).chars().all(|c| c.is_ascii_alphanumeric()), "{id}");
     }
-    // Only the random part distinguishes two runs started at the same moment: its characters all vary.
+    // Only the random part distinguishes two runs started at the same moment: all its characters vary.
     let same = tail(&first).chars().zip(tail(&second).chars()).filter(|(a, b)| a == b).count();
     assert!(same < 6, "{first} {second}");
 }

@@ -1,4 +1,4 @@
-//! Python programs of the book and of graphs beside a running graph.
+//! Python programs of the book and of graphs, in parallel to a running graph.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -7,7 +7,8 @@ use crate::program::printed;
 use crate::support::{Run, leftovers, machine, workspace};
 use motorium::launcher::Exit;
 
-/// A Python with iceoryx2's wheel: `MOTORIUM_PYTHON`, which must then have it, or the system's Python.
+/// Returns a Python with iceoryx2's wheel: `MOTORIUM_PYTHON`, which must then have it, or the system's
+/// Python.
 fn python() -> Option<PathBuf> {
     let named = std::env::var_os("MOTORIUM_PYTHON").map(PathBuf::from);
     let python = named.clone().unwrap_or_else(|| "python3".into());
@@ -17,7 +18,7 @@ fn python() -> Option<PathBuf> {
     works.then_some(python)
 }
 
-/// The program in the page of the bridge.
+/// Returns the program on the bridge's page.
 fn example() -> String {
     let page = workspace().join("docs/src/kinds/bridge-iceoryx2.md");
     let page = std::fs::read_to_string(page).expect("the page is there");
@@ -25,7 +26,7 @@ fn example() -> String {
     program.expect("the page holds a program").to_string()
 }
 
-/// Python with the wheel, or a remark that the test is skipped.
+/// Returns a Python with the wheel, or reports that the test is skipped.
 fn python_or_skip() -> Option<PathBuf> {
     let python = python();
     if python.is_none() {
@@ -52,7 +53,7 @@ fn the_python_program_of_the_book_leads_the_arm() {
 
     let run = Run::start(Path::new("graphs/panda-bridge.toml"), &["--for", "6 s"]);
     let name = run.folder.id().to_string();
-    // the first is killed at once: its place must be free for the next
+    // the first program is killed immediately: its slot must be free for the next
     let mut killed = program().spawn().expect("python starts");
     std::thread::sleep(std::time::Duration::from_millis(700));
     killed.kill().expect("it runs");
@@ -75,7 +76,7 @@ fn the_python_program_of_the_book_leads_the_arm() {
     let (first, last) = (joints[0].1, joints[joints.len() - 1].1);
     assert!((first - last).abs() > 0.005, "joint 2 from {first} to {last} rad");
     let counts = &report.results["bridge"]["in"]["panda/target"];
-    // the bridge shares its core with all else: only the limit is certain
+    // the bridge shares its core with everything else: only the limit is certain
     assert!((Some(10)..=Some(600)).contains(&counts["published"].as_u64()), "{counts}");
     assert_eq!(counts["refused"]["not_finite"].as_u64(), Some(0), "{counts}");
     assert_eq!(leftovers(&name), Vec::<String>::new());
@@ -89,7 +90,7 @@ fn chunks_of_a_python_program_move_the_arm() {
     std::fs::write(folder.path().join("motorium_types.py"), printed(&["schema", "python"])).expect("written");
     let run = Run::start(Path::new("graphs/panda-chunks.toml"), &["--for", "8 s"]);
     let name = run.folder.id().to_string();
-    // it ends before the run: the arm holds then
+    // it ends before the run, and then the arm holds
     let output = Command::new(&python)
         .arg(workspace().join("graphs/panda-chunks/play.py"))
         .arg("4")
@@ -103,7 +104,7 @@ fn chunks_of_a_python_program_move_the_arm() {
     let result = &report.results["controller"];
     let count = |key: &str| result["chunks"][key].as_u64().unwrap_or_else(|| panic!("no {key} in {result}"));
     assert!(count("played") >= 3 && count("refused") == 0, "{result}");
-    // every chunk is at least 50 ms late, more than a period of its actions
+    // every chunk is at least 50 ms late, which is more than a period of its actions
     assert!(count("late_actions") >= count("played"), "{result}");
     assert!(result["stale"].as_u64() >= Some(1), "the chunks end before the run: {result}");
     assert_eq!(leftovers(&name), Vec::<String>::new());

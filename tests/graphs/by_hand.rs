@@ -1,4 +1,4 @@
-//! Runs that a person has named, looks at, and does damage to.
+//! Runs that a person names, inspects, and damages.
 
 use std::time::{Duration, Instant};
 
@@ -18,14 +18,14 @@ fn a_component_killed_by_hand_restarts_in_the_named_run() {
     );
     assert!(run.folder.id().starts_with("killed-by-hand-"), "{}", run.folder.id());
 
-    // another run of this user may be the newest: of all that are offered, ours is one
+    // another run of this user may be the newest: ours is one of those listed
     assert!(completed(&["topic", "list", "--run", "killed-"]).iter().any(|id| id == run.folder.id()));
     let is_newest = || printed(&["topic", "list", "--json"]).contains("panda/joint_command");
     let of_the_newest = is_newest().then(|| {
         let topics = completed(&["topic", "echo", "panda/joint_c"]);
         (topics, completed(&["param", "get", "policy."]))
     });
-    // it may have begun in between
+    // another run may have started in between
     if let Some((topics, parameters)) = of_the_newest.filter(|_| is_newest()) {
         assert_eq!(topics, ["panda/joint_command"]);
         assert!(parameters.contains(&"policy.speed".to_string()), "{parameters:?}");

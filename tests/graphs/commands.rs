@@ -1,4 +1,4 @@
-//! The command gate between processes: outages and the way back, commands out of any range.
+//! The command gate between processes: outages and recovery, and commands out of range.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -59,7 +59,7 @@ pub(crate) fn motorium(run: &Run, arguments: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), text)
 }
 
-/// The shipped graph with one more process that sees every step of the simulation.
+/// The shipped graph with one additional process that observes every step of the simulation.
 fn watched_reach(measure_from: u64) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let text = std::fs::read_to_string(panda_reach()).expect("the graph is there");
@@ -77,7 +77,7 @@ fn watched_reach(measure_from: u64) -> (tempfile::TempDir, PathBuf) {
 fn the_arm_comes_back_within_limits_after_an_outage() {
     let _machine = machine();
     for away_ms in [500, 3_000] {
-        // The recovery is measured, from shortly before the controller continues.
+        // The recovery is measured, starting shortly before the controller continues.
         let (_folder, graph) = watched_reach(900 + away_ms);
         // Long enough that the stopped controller does not count as hung.
         let run = Run::start(&graph, &["--for", "16 s", "--set", "realtime.hang_after=10 s"]);
@@ -92,7 +92,7 @@ fn the_arm_comes_back_within_limits_after_an_outage() {
         assert_eq!(ended.report().exit, Exit::Finished, "{}", ended.stderr);
         let (fastest, hardest) = (numbers(&ended, "watch", "fastest"), numbers(&ended, "watch", "hardest"));
         assert!(share(&fastest, &VELOCITY) <= 1.0, "{away_ms} ms: {fastest:?} rad/s");
-        // From step to step; a jump to the command would be 24 times the limit.
+        // From step to step; a step change to the command would be 24 times the limit.
         assert!(share(&hardest, &ACCELERATION) <= 1.0, "{away_ms} ms: {hardest:?} rad/s^2");
         assert!(physics(&ended).gate.as_ref().expect("a gate").entries >= 1);
     }
@@ -126,8 +126,8 @@ fn the_arm_survives_a_pause_of_machine_or_actuator() {
 fn the_arm_follows_a_moving_goal_within_limits() {
     let _machine = machine();
     for (away, within) in [(60, 1_500), (500, 2_500), (3_000, 3_500)] {
-        // The controller no longer sees the joints: it commands nothing, and starts again from where the arm
-        // is.
+        // The controller no longer receives the joint state: it commands nothing, and restarts from the arm's
+        // current position.
         let (_folder, graph) = watched_reach(1_000 + away);
         let text = std::fs::read_to_string(&graph).expect("the graph can be read");
         let text = text.replace(
@@ -154,7 +154,7 @@ fn the_arm_follows_a_moving_goal_within_limits() {
     }
 }
 
-/// A Panda that is commanded by a rogue.
+/// A Panda under the commands of a rogue.
 pub(crate) fn rogue(config: &str, program: &Path, more: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let graph = folder.path().join("rogue.toml");
@@ -248,7 +248,8 @@ fn refused_commands_beyond_a_limit_lead_to_the_safe_state() {
     assert_eq!((gate.state, gate.entries), (GateState::Following, 1));
 }
 
-/// Two Pandas of one simulation, the left one commanded by a rogue, under `refuse` and `stop_together`.
+/// Two Pandas of one simulation, the left one under the commands of a rogue, with `refuse` and
+/// `stop_together`.
 fn two_robots(folder: &Path, config: &str) -> PathBuf {
     let arm = |name: &str, side: f64, config: &str| {
         format!(

@@ -1,6 +1,6 @@
-//! Random bytes in the shared files of a run: whatever they do, the launcher and the actuator crash of none.
+//! Random bytes in the shared files of a run: launcher and actuator must not crash for any of them.
 //!
-//! `MOTORIUM_FUZZ_ROUNDS` sets the number of rounds for each sort of file (3), `MOTORIUM_FUZZ_SEED` the first
+//! `MOTORIUM_FUZZ_ROUNDS` sets the number of rounds for each kind of file (3), `MOTORIUM_FUZZ_SEED` the first
 //! seed (1).
 
 use std::fs::OpenOptions;
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::support::{Run, leftovers, machine, panda_reach, signal};
 
-/// A sequence of numbers that a seed repeats.
+/// A reproducible random sequence.
 struct Random(u64);
 
 impl Random {
@@ -30,7 +30,7 @@ fn number(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// The shared files of a run whose names end so.
+/// Returns the shared files of a run whose names have one of these endings.
 fn files(run: &Run, endings: &[&str]) -> Vec<PathBuf> {
     let id = run.folder.id();
     let mut found: Vec<PathBuf> = leftovers(id)
@@ -45,7 +45,7 @@ fn files(run: &Run, endings: &[&str]) -> Vec<PathBuf> {
     found
 }
 
-/// Writes random bytes, single ones and runs of them, into files, never beyond their ends.
+/// Writes random bytes, single ones and sequences, into files, never beyond their ends.
 fn damage(files: &[PathBuf], random: &mut Random) {
     for _ in 0..40 {
         let path = &files[random.below(files.len() as u64) as usize];
@@ -62,8 +62,8 @@ fn damage(files: &[PathBuf], random: &mut Random) {
     }
 }
 
-/// Waits, up to a limit, until a component steps again in another process than `before` or the run has ended.
-/// The limit is needed because the words that show this may be damaged themselves.
+/// Waits, up to a limit, until a component steps again in a process other than `before` or the run has ended.
+/// The limit is needed because the fields that show this may be damaged, too.
 fn await_return(run: &mut Run, before: u32) {
     let started = Instant::now();
     let mut last = None;
@@ -77,9 +77,9 @@ fn await_return(run: &mut Run, before: u32) {
     }
 }
 
-/// Damages a running graph, then has a component restarted and ends the run.
+/// Damages a running graph, then restarts a component and ends the run.
 fn round(endings: &[&str], seed: u64) {
-    // Lost steps are another matter: a component that is away loses some.
+    // Lost steps do not matter here: a restarting component loses some.
     let settings = ["controller.restart.when=failure", "realtime.lost_steps=1"];
     let settings = settings.into_iter().flat_map(|one| ["--set", one]);
     let arguments: Vec<&str> = ["--for", "60 s", "--force"].into_iter().chain(settings).collect();
@@ -94,7 +94,7 @@ fn round(endings: &[&str], seed: u64) {
         std::thread::sleep(Duration::from_millis(50));
     }
     let told = format!("seed {seed}, {endings:?}, launcher {launcher}, physics {physics}");
-    // A component that the damage has not ended is killed: its places are freed, it joins again.
+    // A component that survived the damage is killed: its slots are freed, and it joins again.
     if let Some(pid) = rustix::process::Pid::from_raw(controller as i32) {
         let _ = rustix::process::kill_process(pid, rustix::process::Signal::KILL);
     }
@@ -104,7 +104,7 @@ fn round(endings: &[&str], seed: u64) {
     }
     let ended = run.finish();
     let text = format!("{told}: {:?}\n{}{}", ended.code, ended.stdout, ended.stderr);
-    // Its own end, or a safe stop that names its cause; a signal has no code, a panic has 101.
+    // A regular end, or a safe stop that names its cause; a signal has no code, a panic has 101.
     assert!(matches!(ended.code, Some(0 | 1 | 4)), "{text}");
     assert!(!ended.stderr.contains("the launcher of"), "the guard had to act: {text}");
     for crash in ["SIGSEGV", "SIGBUS", "SIGABRT", "panicked"] {

@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use crate::exposition::Family;
 
-/// Each metric that the Grafana dashboard names is one of the run, with the labels that the dashboard asks of
-/// it; and it shows all that there are.
+/// Checks that each metric of the Grafana dashboard exists in the run, with the labels that the dashboard
+/// uses, and that the dashboard shows all metrics.
 pub(crate) fn asks_for_what_there_is(scraped: &BTreeMap<String, Family>) {
     let dashboard: Value = serde_json::from_str(include_str!("../../docs/grafana/motorium.json"))
         .expect("the dashboard is JSON");
@@ -31,7 +31,7 @@ pub(crate) fn asks_for_what_there_is(scraped: &BTreeMap<String, Family>) {
             let family = family.unwrap_or_else(|| panic!("there is no metric `{name}`: {expression}"));
             shown.push(family);
             let series = scraped[family].series();
-            // Labels of the legend are those that the expression keeps.
+            // Labels of the legend are among the labels that the expression keeps.
             let asked =
                 legend.unwrap_or_default().split("{{").skip(1).filter_map(|rest| rest.split("}}").next());
             for label in asked.chain(["run"]) {

@@ -1,4 +1,4 @@
-//! Datasets with pictures, read back by pyarrow and Python's zlib, and by LeRobot itself where
+//! Datasets with pictures, read back by pyarrow and Python's zlib, and by LeRobot itself if
 //! `MOTORIUM_LEROBOT` names an interpreter that has it: its packages are several gigabytes.
 
 use std::fs;
@@ -29,7 +29,7 @@ height = 48
 mount  = { frame = "world", position = [1.4, 0.0, 0.8], rpy = [0.0, 0.5, 3.14159] }
 "#;
 
-/// Two episodes of a Panda with an eye in its hand and another beside it, each of 400 ms.
+/// Two episodes of a Panda with a camera in its hand and another next to it, each of 400 ms.
 pub(crate) fn recorded(folder: &Path) -> PathBuf {
     let (file, overlay) = (folder.join("eyes.mcap"), folder.join("depth.toml"));
     fs::write(&overlay, DEPTH).expect("written");
@@ -41,8 +41,8 @@ pub(crate) fn recorded(folder: &Path) -> PathBuf {
     file
 }
 
-/// Pixels as red, green and blue of the newest picture of a topic at each frame of an episode that begins in
-/// the recording at a time: the first frame is there when all that the dataset is made of is there.
+/// Returns the pixels (red, green, blue) of a topic's newest picture at each frame of an episode that begins
+/// at `from_ns` in the recording. The first frame is at the time when all topics of the dataset have values.
 fn expected(recording: &Recording, topic: &str, cameras: &[&str], from_ns: u64, frames: u64) -> Vec<Vec<u8>> {
     let of_topic = |topic: &str| {
         let index = recording.pictures().iter().position(|pictures| pictures.topic == topic).expect(topic);
@@ -144,8 +144,8 @@ assert not any("depth" in name for name in info["features"])
 print(frames, "frames of", len(set(info["features"]) & set(stats)), "features")
 "#;
 
-/// LeRobot opens the dataset and returns each frame with its pictures like those of its own datasets: alone,
-/// in batches, with frames before and after it, and for chosen episodes. Its tools split the dataset, and its
+/// LeRobot opens the dataset and returns each frame with its pictures, as for its own datasets: alone, in
+/// batches, with frames before and after it, and for chosen episodes. Its tools split the dataset, and its
 /// recorder appends to it.
 const WITH_LEROBOT: &str = r#"
 import sys

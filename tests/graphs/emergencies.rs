@@ -1,4 +1,4 @@
-//! The emergency-stop topic when it is fed from outside of the graph: by datagrams, by a program that dies.
+//! The emergency-stop topic fed from outside the graph: by datagrams, and by a program that dies.
 
 use std::net::UdpSocket;
 use std::path::PathBuf;
@@ -13,8 +13,8 @@ use motorium::region::{GateState, Latch};
 use crate::commands::{await_gate, gate, motorium};
 use crate::support::{MOTORIUM, Run, await_that, machine, panda_reach};
 
-/// The Panda with an emergency stop by datagrams; the folder that holds the graph, and the socket of the
-/// feeder.
+/// The Panda with an emergency stop by datagrams; returns the folder that contains the graph, the graph, and
+/// the socket of the feeder.
 fn graph() -> (tempfile::TempDir, PathBuf, UdpSocket) {
     // a port that was free a moment ago
     let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
@@ -72,7 +72,7 @@ fn nothing_moves_before_the_feeder_and_silence_latches() {
         gate(&run).latch.is_none() || motorium(&run, &["resume"]).0 == Some(0)
     });
     follow(&run, &feeder);
-    // The feeder dies: it sends nothing any more.
+    // The feeder dies: it sends nothing more.
     await_gate(&run, "its silence is noticed", |gate| gate.latch == Some(Latch::EmergencyStop));
     assert_eq!(motorium(&run, &["resume"]).0, Some(1), "it is still silent");
     assert_eq!(motorium(&run, &["stop"]).0, Some(0));
@@ -92,7 +92,7 @@ fn every_press_latches_however_short_it_is() {
             gate(&run).latch.is_none() || motorium(&run, &["resume"]).0 == Some(0)
         });
         follow(&run, &feeder);
-        // In one step of the receiver, and of the gate: pressed, and released at once.
+        // In one step of the receiver and of the gate: pressed and immediately released.
         feeder.send(&(press + 1).to_ne_bytes()).unwrap();
         feeder.send(&0_u64.to_ne_bytes()).unwrap();
         await_that("the press is latched", || {
@@ -105,7 +105,7 @@ fn every_press_latches_however_short_it_is() {
     run.finish();
 }
 
-/// A program that feeds the value "released". It dies when it is dropped.
+/// A program that feeds the value "released". It is killed on drop.
 enum Feeder {
     Datagrams(Arc<AtomicBool>, Option<JoinHandle<()>>),
     Program(Child),
@@ -147,13 +147,14 @@ impl Drop for Feeder {
     }
 }
 
-/// Time for which each way to press is tried, in seconds: `MOTORIUM_PRESS_SECONDS`, 3 if not set.
+/// Returns the time for which each method of pressing is tried: `MOTORIUM_PRESS_SECONDS` in seconds, default
+/// 3.
 fn pressing() -> Duration {
     let seconds = std::env::var("MOTORIUM_PRESS_SECONDS").ok().and_then(|text| text.parse().ok());
     Duration::from_secs(seconds.unwrap_or(3))
 }
 
-/// Presses at random moments, and ends the feeder at others; each must latch. The graph grants the feeder 1
+/// Presses at random moments, and ends the feeder at others; each must latch. The timeout of the feeder is 1
 /// s.
 fn press_at_random(run: &Run, feed: &dyn Fn() -> Feeder, press: &dyn Fn(u64)) {
     let mut seed = 5_u64;
@@ -169,7 +170,7 @@ fn press_at_random(run: &Run, feed: &dyn Fn() -> Feeder, press: &dyn Fn(u64)) {
         await_that("the robot follows", || {
             let gate = gate(run);
             if gate.latch.is_some() {
-                // Refused while the feeder is silent.
+                // Rejected while the feeder is silent.
                 motorium(run, &["resume"]);
             }
             gate.latch.is_none() && gate.state == GateState::Following

@@ -1,4 +1,4 @@
-//! The log of events of a run: what is in it, who reads it, and that it changes nothing.
+//! The event log of a run: its content, its readers, and its lack of side effects.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -11,7 +11,7 @@ use rustix::process::Signal;
 
 use crate::support::{Ended, MOTORIUM, Run, kill, machine, panda_reach, run, signal, workspace};
 
-/// The events that `motorium events ARGUMENTS --json` prints of a run.
+/// Returns the events that `motorium events ARGUMENTS --json` prints for a run.
 fn events(run: &str, arguments: &[&str]) -> Vec<LoggedEvent> {
     let output = Command::new(MOTORIUM).args(["events", run, "--json"]).args(arguments).output();
     let output = output.expect("motorium starts");
@@ -31,7 +31,7 @@ fn event_of_kind(events: &[LoggedEvent], kind: EventKind) -> &LoggedEvent {
     events.iter().find(|event| event.kind == kind).unwrap_or_else(|| panic!("{kind:?} in {events:#?}"))
 }
 
-/// Follows the events of a run until it is over.
+/// Follows the events of a run until the run ends.
 fn follow(run: &str) -> Child {
     let mut command = Command::new(MOTORIUM);
     command.args(["events", run, "--follow", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -54,7 +54,7 @@ fn a_failure_and_its_restart_are_in_the_event_log() {
     assert!(failed.text.contains("SIGKILL") && failed.text.contains("restarting"), "{}", failed.text);
     let restarted = event_of_kind(&shown, EventKind::Restarted);
     assert!(restarted.time_s > failed.time_s && restarted.value > 0.0, "{restarted:?}");
-    // Two more ways to ask for the same.
+    // Two more equivalent commands.
     let of_controller = events(&id, &["--component", "controller", "--severity", "error"]);
     assert_eq!(kinds(&of_controller), [EventKind::Failed]);
     assert_eq!(kinds(&events(&id, &["--kind", "restarted", "-n", "1"])), [EventKind::Restarted]);
@@ -126,7 +126,7 @@ fn the_log_of_a_run_that_a_crash_left_behind_is_read_by_its_id() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s"]);
     let id = run.folder.id().to_string();
-    // A launcher that runs would replace its guard.
+    // A running launcher would replace its guard.
     signal(run.launcher(), Signal::STOP);
     kill(run.guard());
     kill(run.launcher());
@@ -183,8 +183,7 @@ fn lockstep_events(graph: &Path, arguments: &[&str]) -> Ended {
 /// Kind, simulated time, episode, component and text of an event.
 type Told = (EventKind, Option<f64>, Option<u64>, Option<String>, String);
 
-/// The part that does not depend on the machine: everything but times in real time, and lines that were
-/// printed.
+/// Returns the machine-independent part: everything except times in real time and printed lines.
 fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
     let told = events.iter().filter(|event| !matches!(event.kind, EventKind::Output | EventKind::Created));
     told.map(|event| {

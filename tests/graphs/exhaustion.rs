@@ -1,4 +1,4 @@
-//! Resources that run out: each is named, and nothing is left behind.
+//! Exhausted resources: each is named in an error, and nothing is left behind.
 
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
@@ -23,12 +23,12 @@ fn shell(line: &str) -> Command {
     command
 }
 
-/// The name of each run in this file, which shows whether the run has left anything behind; other runs may
-/// exist at the same time.
+/// Name of each run in this file, which shows whether the run has left anything behind; other runs may exist
+/// at the same time.
 const NAME: &str = "short-of-something";
 
-/// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays
-/// behind: in a `/dev/shm` of its own where mounts are allowed, else by its name.
+/// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words. Nothing may stay
+/// behind: checked in a separate `/dev/shm` if mounts are allowed, otherwise by name.
 fn limited(limit: &str, words: &[&str]) -> bool {
     let line = format!(
         "{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 200ms --set realtime.lost_steps=1"
@@ -57,7 +57,7 @@ fn too_few_descriptors_are_named_and_nothing_is_left_behind() {
         .map(|n| limited(&format!("ulimit -n {n}"), &words))
         .into();
     assert_eq!((ran.first(), ran.last()), (Some(&false), Some(&true)), "{ran:?}");
-    // A soft limit is raised as far as it may be.
+    // A soft limit is raised as far as permitted.
     assert!(limited("ulimit -S -n 12", &words));
 }
 
@@ -78,7 +78,7 @@ fn too_few_processes_are_named_and_nothing_is_left_behind() {
         return eprintln!("skipped: needs root, and a program that other users can start");
     }
     let mut ran = Vec::new();
-    // The shell is one, and each process of the graph has some threads.
+    // The shell is one process, and each process of the graph has several threads.
     for processes in [1, 2, 3, 4, 6, 8, 10, 12, 16, 17, 18, 19, 20, 200] {
         let line = format!(
             "ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 200ms --set realtime.lost_steps=1"
@@ -123,7 +123,7 @@ fn a_run_asks_for_as_many_processes_and_threads_as_it_takes() {
     let takes = threads(run.launcher(), Some(&["relay", "ending"]))
         + threads(run.guard(), None)
         + components.map(|component| threads(run.pid_of(component), None)).iter().sum::<u64>();
-    // One more frees the places of dead processes.
+    // One more frees the slots of dead processes.
     assert_eq!(needs, takes + 1, "{told}");
 }
 
@@ -150,8 +150,8 @@ fn a_launcher_without_descriptors_stops_safely() {
     let restart = ["--for", "60 s", "--set", "controller.restart.when=failure"];
     let run = Run::start(&panda_reach(), &restart);
     let id = run.folder.id().to_string();
-    // As many as it has, so that none is left for another one; what it releases at the end is used for its
-    // clean-up.
+    // The limit equals the number of open descriptors, so that none is available for another one. Descriptors
+    // that the launcher releases at the end are used for its clean-up.
     let is_open = |number: &u64| Path::new(&format!("/proc/{}/fd/{number}", run.launcher())).exists();
     let open = (0..1_000_000).find(|number| !is_open(number));
     let none = Rlimit { current: open, maximum: open };
@@ -166,7 +166,8 @@ fn a_launcher_without_descriptors_stops_safely() {
     assert_eq!(leftovers(&id), Vec::<String>::new());
 }
 
-/// Runs a shell line with a `/dev/shm` of its own, of so many bytes and files; what is left there comes last.
+/// Runs a shell line with a separate `/dev/shm` of this size and number of files; the remaining files are
+/// printed last.
 fn with_shared_memory(size: &str, files: u32, line: &str) -> Output {
     let script = format!(
         "mount -t tmpfs -o size={size},nr_inodes={files},mode=1777 tmpfs /dev/shm || exit 77\n{line}\nrc=$?\n\
@@ -218,7 +219,7 @@ fn too_little_shared_memory_is_named_before_the_start() {
     }
 }
 
-/// The run continues while `fill` works; then the controller is killed.
+/// The run continues while `fill` runs; then the controller is killed.
 fn killed_after(fill: &str) -> String {
     let line = format!(
         "\"$MOTORIUM\" run graphs/panda-reach.toml --force --no-expect --for 5s --json --set realtime.lost_steps=1 --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
@@ -251,7 +252,7 @@ fn a_restart_that_finds_no_memory_names_it() {
     if !mounts_are_allowed() {
         return eprintln!("skipped: no mounts for this user");
     }
-    // What is kept for restarts is taken, too: its object cut, the room filled.
+    // The memory reserved for restarts is taken, too: its object truncated, the space filled.
     let text = killed_after("truncate -s 0 /dev/shm/mt_*_spare; cat /dev/zero > /dev/shm/fill 2>/dev/null");
     assert!(text.contains("/dev/shm is full"), "{text}");
 }

@@ -1,4 +1,4 @@
-//! Recordings exported for other programs, and read back by those: Parquet and datasets by pyarrow, pictures
+//! Recordings exported for other programs, and read back by them: Parquet and datasets by pyarrow, pictures
 //! by Python's zlib.
 
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path of text")
 }
 
-/// Returns the interpreter with these modules; prints a clear message and returns `None` if there is none.
+/// Returns the interpreter with these modules; prints the reason and returns `None` if there is none.
 pub(crate) fn python(modules: &str) -> Option<PathBuf> {
     let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
     let check = Command::new(&python).args(["-c", &format!("import {modules}")]).output();
@@ -31,7 +31,7 @@ pub(crate) fn python(modules: &str) -> Option<PathBuf> {
     None
 }
 
-/// Output of a script of which the arguments are paths.
+/// Returns the output of a script whose arguments are paths.
 pub(crate) fn printed(python: &Path, script: &str, arguments: &[&Path]) -> String {
     let output = Command::new(python).args(["-c", script]).args(arguments).output().expect("python runs");
     let errors = String::from_utf8_lossy(&output.stderr);
@@ -48,7 +48,7 @@ fn recorded(folder: &Path) -> PathBuf {
     file
 }
 
-/// The Parquet table and the CSV table hold the same numbers.
+/// The Parquet table and the CSV table contain the same numbers.
 const TABLES: &str = r#"
 import csv, sys
 import pyarrow.parquet as parquet
@@ -66,7 +66,7 @@ for index, row in enumerate(rows):
 print(len(rows), len(table["position"][0]))
 "#;
 
-/// The files of a dataset as the specification of version 3.0 has them.
+/// The files of a dataset as required by the specification of version 3.0.
 const DATASET: &str = r#"
 import json, math, sys
 from pathlib import Path

@@ -1,5 +1,5 @@
-//! A reader of the OpenMetrics text format (version 1.0), written from its specification: it refuses what a
-//! scraper would.
+//! A reader of the OpenMetrics text format (version 1.0), written from its specification: it rejects whatever
+//! a scraper would reject.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -107,13 +107,13 @@ fn check(name: &str, family: &Family) {
 }
 
 impl Family {
-    /// The sets of labels, without the bounds of buckets.
+    /// Returns the sets of labels, without the bounds of buckets.
     pub(crate) fn series(&self) -> BTreeSet<Labels> {
         let without = |labels: &Labels| labels.clone().into_iter().filter(|(name, _)| name != "le").collect();
         self.samples.iter().map(|(_, labels, _)| without(labels)).collect()
     }
 
-    /// The value of the only series with these labels among its own.
+    /// Returns the value of the only series that contains these labels.
     pub(crate) fn value(&self, wanted: &[(&str, &str)]) -> f64 {
         let fits = |labels: &Labels| {
             wanted.iter().all(|(name, value)| labels.get(*name).map(String::as_str) == Some(value))
@@ -124,7 +124,7 @@ impl Family {
         found[0]
     }
 
-    /// Count and sum of a histogram, whose buckets are checked on the way.
+    /// Returns count and sum of a histogram, and checks its buckets.
     pub(crate) fn histogram(&self, series: &Labels) -> (f64, f64) {
         let (mut last, mut bound, mut count, mut sum) = (0.0, f64::NEG_INFINITY, None, None);
         for (name, labels, value) in &self.samples {

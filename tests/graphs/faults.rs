@@ -1,4 +1,4 @@
-//! Reactions of a graph to death and faults: real processes, real signals.
+//! Reactions of a graph to process deaths and faults: real processes, real signals.
 
 use std::io::Read as _;
 use std::path::PathBuf;
@@ -75,7 +75,7 @@ fn the_guard_makes_safe_when_the_launcher_is_killed() {
     assert_eq!(leftovers(&id), Vec::<String>::new());
 }
 
-/// Longest time that a core may take to leave its idle state, us; `None` if this user may not ask for one.
+/// Longest permitted exit latency of a core's idle state, us; `None` if this user may not request one.
 fn idle_exit_us() -> Option<i32> {
     let mut limits = std::fs::File::options().read(true).write(true).open("/dev/cpu_dma_latency").ok()?;
     let mut bytes = [0; 4];
@@ -123,7 +123,7 @@ fn components_end_when_launcher_and_guard_die() {
     let id = run.folder.id().to_string();
     let workers: Vec<u32> = COMPONENTS.iter().map(|component| run.pid_of(component)).collect();
     let (guard, launcher) = (run.guard(), run.launcher());
-    // A launcher that is awake would replace its guard at once.
+    // A running launcher would replace its guard immediately.
     signal(launcher, rustix::process::Signal::STOP);
     kill(guard);
     kill(launcher);
@@ -135,7 +135,7 @@ fn components_end_when_launcher_and_guard_die() {
     assert_eq!(leftovers(&id), Vec::<String>::new());
 }
 
-/// The Panda with a user's own component between encoder and policy that goes wrong.
+/// The Panda with a faulty user component between encoder and policy.
 pub(crate) fn faulty(fault: &str, settings: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("faulty.toml");
@@ -248,7 +248,7 @@ fn a_hung_configuration_can_be_interrupted() {
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
 
     let forgotten = start(&["--clock", "lockstep"]);
-    // Others may have the machine: nothing steps in this run, which takes half a minute.
+    // Release the machine: nothing steps in this run, which takes half a minute.
     drop(machine);
     let ended = Ended::from_output(&forgotten.wait_with_output().expect("it ends"));
     assert_eq!(ended.code, Some(1));
@@ -296,10 +296,11 @@ fn late_publications_are_withheld_if_the_graph_says_so() {
         let misses = &faulty.misses;
         let late = misses.long_step + misses.late_wake + misses.stolen;
         assert!(late > 10, "{policy}: {faulty:?}");
-        // each step that stalls ends 19 ms after its deadline, and only what it publishes then is withheld
+        // each stalled step ends 19 ms after its deadline, and only its publications after the deadline are
+        // withheld
         let refused = if withheld { late..=faulty.steps - 200 } else { 0..=0 };
         assert!(refused.contains(&faulty.refused), "{policy}: {faulty:?}");
-        // publications that came meanwhile are one wake-up
+        // publications in the meantime count as one wake-up
         assert!(misses.skipped > 5 * late, "{policy}: {faulty:?}");
     }
 }

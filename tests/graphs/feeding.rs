@@ -1,4 +1,4 @@
-//! `motorium topic pub`: values from outside reach a topic that the bridge publishes, and no other.
+//! `motorium topic pub`: external values reach a topic that the bridge publishes, and no other.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn an_outside_value_reaches_only_the_topic_of_its_bridge() {
     let once = newest();
     assert_eq!(once["value"]["position"], serde_json::json!([0.35, 0.0, 0.55]));
     assert_eq!((&once["value"]["goal"], &once["publisher"]), (&7.into(), &"bridge".into()));
-    // fields may be given one by one, and the value again and again
+    // fields may be given one by one, and the value may be published repeatedly
     let fields = ["position=[0.36, 0, 0.55]", "orientation=[1, 0, 0, 0]", "goal=8"];
     let repeated =
         [&["topic", "pub", "panda/target"], &fields[..], &["--run", &id, "--rate", "50", "--for", "1s"]];

@@ -1,4 +1,4 @@
-//! Robots that go by themselves: whole graphs.
+//! Walking robots: whole graphs.
 
 use std::process::Command;
 use std::time::Duration;
@@ -105,7 +105,7 @@ fn the_quadruped_trots_up_a_slope_by_sensing_with_its_feet() {
     let ended = run(&graph, &["--clock", "lockstep"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let planner = &ended.report().results["planner"];
-    // the slope of the terrain, as far as stones let it be seen
+    // the slope of the terrain, as far as it is visible between the stones
     let slope = planner["ground_slope"][0].as_f64().expect("a number");
     assert!((slope - 0.12_f64.tan()).abs() < 0.06, "{planner}");
     let count = |key: &str| planner[key].as_u64().expect("a number");

@@ -1,13 +1,13 @@
-//! One gravity for all components of a graph, wherever the world states it.
+//! One gravity for all components of a graph, regardless of where the world specifies it.
 
 use std::path::Path;
 
 use crate::support::{machine, run, workspace};
 
-/// A world on the Moon, of nothing but its gravity.
+/// A world on the Moon that specifies only its gravity.
 const MOON: &str = r#"<mujoco><option gravity="0 0 -1.62"/></mujoco>"#;
 
-/// The state hash of a sample laid under a world of its own.
+/// Returns the state hash of a sample with another world.
 fn hash(folder: &Path, sample: &str, world: &str) -> String {
     let below = workspace().join("graphs").join(sample);
     let path = folder.join(format!("moon-{sample}"));
@@ -21,8 +21,8 @@ fn the_gravity_of_a_world_file_reaches_every_component() {
     let _machine = machine();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("moon.xml"), MOON).unwrap();
-    // Between them: control.qp, control.mpc, control.multirotor, control.wheels, force-torque sensor, IMU,
-    // estimator, trajectory, pattern generator.
+    // Together they cover: control.qp, control.mpc, control.multirotor, control.wheels, force-torque sensor,
+    // IMU, estimator, trajectory, pattern generator.
     for sample in [
         "panda-wrist.toml",
         "quadruped-mpc.toml",

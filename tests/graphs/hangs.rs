@@ -1,5 +1,5 @@
-//! Components that hang, loop, are stopped or lose steps: nothing of it goes unnoticed, and none of it keeps
-//! the robot from its safe state.
+//! Components that hang, loop, are stopped or lose steps: every fault is detected, and the robot still
+//! reaches its safe state.
 
 use std::time::Duration;
 
@@ -64,7 +64,7 @@ fn a_stopped_component_leads_to_the_safe_state() {
         "{reason}"
     );
     assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
-    // its rate counts to the end, not to its own last step
+    // its rate is measured until the end of the run, not until its last step
     let components = &ended.report().components;
     let rate = |name: &str| components.iter().find(|c| c.name == name).expect("it is reported").rate_hz;
     assert!(rate("controller") < 0.9 * rate("physics"), "{} Hz", rate("controller"));
@@ -98,7 +98,7 @@ fn an_endless_loop_above_the_actuator_is_ended_by_the_kernel() {
         "{reason}"
     );
     assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
-    // nobody else waited for as long as the watchdog would have taken
+    // no other component waited for as long as the watchdog time
     let physics = &ended.report().components[0];
     assert!(physics.lateness_ns.max < 200_000_000, "{physics:?}");
     assert!(ended.report().components.iter().any(|c| c.fifo_priority > physics.fifo_priority));
@@ -206,7 +206,7 @@ fn a_segmentation_fault_is_told_and_restarted() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "policy.restart.when=failure"]);
     let policy = run.pid_of("policy");
-    // Rust's handler for stack overflows takes the first one that comes from outside for an accident
+    // Rust's handler for stack overflows treats the first external signal as an accident
     signal(policy, Signal::SEGV);
     std::thread::sleep(Duration::from_millis(50));
     if is_alive(policy) {
@@ -232,7 +232,7 @@ fn an_infeasible_graph_is_refused_unless_forced() {
     assert!(told, "{}", second.stderr);
     let forced = run(&panda_reach(), &["--for", "500 ms", "--force"]);
     assert_eq!(forced.report().exit, Exit::Finished, "{}", forced.stderr);
-    // on cores of their own they do not meet
+    // on separate cores they do not interfere
     let elsewhere = ["--for", "500 ms", "--set", "cores={ realtime = [0], shared = [1] }"];
     let apart = run(&panda_reach(), &elsewhere);
     assert_eq!(apart.report().exit, Exit::Finished, "{}", apart.stderr);

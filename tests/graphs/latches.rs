@@ -30,7 +30,7 @@ fn stop_now_works_while_the_launcher_is_stopped() {
     let (code, text) = motorium(&run, &["resume"]);
     assert!(code == Some(1) && text.contains("is not stopped"), "{text}");
     signal(run.launcher(), Signal::CONT);
-    // the launcher reports what it can see
+    // the launcher reports its observations
     std::thread::sleep(Duration::from_millis(200));
     for command in [&["stop", "--now"][..], &["resume"]] {
         let (code, text) = motorium(&run, command);
@@ -44,7 +44,7 @@ fn stop_now_works_while_the_launcher_is_stopped() {
     is_told_stopped_and_resumed(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
 }
 
-/// The launcher reported the stop, and its end, in these words.
+/// Asserts that the launcher reported the stop and its end with these words.
 fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
     let stopped = ended.stderr.lines().position(|line| line.contains("stopped:") && line.contains(words));
     let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot comes back"));
@@ -55,7 +55,7 @@ fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
 #[test]
 fn a_latched_outage_lasts_until_resume() {
     let _machine = machine();
-    // Commands are stale after so long that no stall of the machine is taken for an outage.
+    // Commands become stale so late that no stall of the machine counts as an outage.
     let settings = ["safety.resume=latch", "safety.stale_after=2 s", "safety.source_stale_after=2 s"];
     let settings = settings.into_iter().chain(["realtime.hang_after=10 s"]).flat_map(|one| ["--set", one]);
     let arguments: Vec<&str> = ["--for", "60 s"].into_iter().chain(settings).collect();
@@ -81,7 +81,7 @@ fn an_adapter_tripped_by_a_drive_is_latched_until_resume() {
     let _machine = machine();
     let fault = r#"component.drives.config.faults=[{ at = "1 s", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]"#;
     let graph = workspace().join("graphs/panda-can-sim.toml");
-    // in lockstep: no stall of the machine is taken for an outage
+    // in lockstep: no stall of the machine counts as an outage
     let run = Run::start(&graph, &["--for", "3600 s", "--set", fault]);
     let await_latch = |latch: Option<Latch>, state: GateState| {
         let started = Instant::now();
@@ -94,7 +94,7 @@ fn an_adapter_tripped_by_a_drive_is_latched_until_resume() {
     std::thread::sleep(Duration::from_millis(500));
     await_latch(Some(Latch::SafeState), GateState::Safe);
     let (code, text) = motorium(&run, &["resume"]);
-    // The command reports the state of that moment.
+    // The command reports the state at that moment.
     let reports = ["follows its commands again", "is resuming", "is released"];
     assert!(code == Some(0) && reports.iter().any(|report| text.contains(report)), "{text}");
     await_latch(None, GateState::Following);
@@ -130,7 +130,7 @@ homing = { by = "stop", velocity = 1.5, effort = 2.0, position = 2.8973, back_of
     let arguments = settings.iter().flat_map(|one| ["--set", one.as_str()]).chain(["--for", "3600 s"]);
     let arguments: Vec<&str> = arguments.collect();
     for is_resumed in [false, true] {
-        // in lockstep: no stall of the machine is taken for an outage
+        // in lockstep: no stall of the machine counts as an outage
         let run = Run::start(&workspace().join("graphs/panda-can-sim.toml"), &arguments);
         kill(run.pid_of("adapter"));
         await_that("it is latched", || gate_of(&run, "adapter").latch == Some(Latch::SafeState));

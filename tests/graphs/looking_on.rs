@@ -1,4 +1,4 @@
-//! A crate made by `motorium new`, its graph checked and run, and looked at while it runs.
+//! A crate made by `motorium new`, whose graph is checked, run, and observed while it runs.
 
 use std::path::{Path, PathBuf};
 use std::process::Child;
@@ -11,7 +11,7 @@ use serde_json::Value;
 /// The component that `motorium new` writes.
 const NEW_COMPONENT: &str = env!("CARGO_BIN_EXE_new-component");
 
-/// A crate as `motorium new` makes it, but for its program: the same component, built with these tests.
+/// A crate as created by `motorium new`, except for its program: the same component, built with these tests.
 fn made(parent: &Path, name: &str) -> PathBuf {
     let parent = parent.to_str().expect("a path of text");
     let made = json(&["new", name, "--path", parent, "--json"]);
@@ -24,7 +24,7 @@ fn made(parent: &Path, name: &str) -> PathBuf {
     graph
 }
 
-/// A running graph, ended when the test is over, whichever way.
+/// A running graph, which is ended on drop.
 struct Running(Child);
 
 impl Running {
@@ -88,7 +88,7 @@ fn a_running_graph_shows_its_topics_and_takes_parameters() {
 fn lists_topics(run: &str) {
     let rows = json(&["topic", "list", "--run", run, "--json"]);
     let rows = rows.as_array().expect("rows");
-    // Those of the graph, and the log of events.
+    // The topics of the graph, and the log of events.
     assert_eq!(rows.len(), 3);
     assert_eq!(rows[2]["name"], "motorium/events");
     let state = rows.iter().find(|row| row["name"] == "panda/joint_state").expect("the state");
@@ -96,7 +96,8 @@ fn lists_topics(run: &str) {
     assert_eq!(state["pattern"], "state");
     assert_eq!(state["writer"], "physics");
     assert_eq!(state["readers"], serde_json::json!(["controller"]));
-    // The grid of 1 kHz is never overtaken; how much of it a busy machine holds is another matter.
+    // The rate never exceeds the 1 kHz grid; how much of the grid a busy machine reaches does not matter
+    // here.
     let rate = state["rate_hz"].as_f64().expect("a rate");
     assert!(rate > 0.0 && rate < 1500.0, "{rate}");
     assert!(state["age_ns"].is_u64());
@@ -130,7 +131,7 @@ fn echoes_samples(run: &str) {
         let numbers = value[field].as_array().expect(field);
         assert!(numbers.len() == 8 && numbers.iter().all(Value::is_f64), "{field}: {numbers:?}");
     }
-    // The arm rests in its ready pose but for the base.
+    // The arm rests in its ready pose except for the base.
     let elbow = value["position"][3].as_f64().expect("a number");
     assert!((elbow + 2.356).abs() < 0.05, "{elbow}");
     assert!(value.get("reserved").is_none());

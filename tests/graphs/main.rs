@@ -1,5 +1,5 @@
-//! Whole graphs: real processes, real signals, real faults. One program, so that the tests share their
-//! helpers and are linked once; every test in real time takes the machine for itself.
+//! Whole graphs: real processes, real signals, real faults. All tests are in one program, so that they share
+//! their helpers and are linked once. Every real-time test uses the machine exclusively.
 
 mod access;
 mod bridge;

@@ -1,4 +1,4 @@
-//! Robots that drive, fly and move their joints: whole graphs, measured by what the simulation knows.
+//! Robots that drive, fly and move their joints: whole graphs, measured by the simulation's true values.
 
 use crate::support::{Ended, run, workspace};
 
@@ -26,7 +26,7 @@ fn a_square_of_two_metres_is_driven_accurately() {
     assert_eq!(number(&ended, "policy", "goals_reached"), 4.0);
     assert!(number(&ended, "policy", "position_error_m") < 0.02);
     assert!(number(&ended, "policy", "yaw_error_rad") < 1.0_f64.to_radians());
-    // the simulation's own word for it, at the last corner
+    // the true position in the simulation, at the last corner
     let base = &ended.report().results["physics"]["base_position"];
     let place = |axis: usize| base[axis].as_f64().expect("a number");
     assert!(place(0).hypot(place(1)) < 0.02, "{base}");
@@ -36,8 +36,8 @@ fn a_square_of_two_metres_is_driven_accurately() {
 
 #[test]
 fn a_square_that_is_missed_is_no_success() {
-    // wheels of another angle than it believes: the odometry is right about the way, and wrong about the
-    // world
+    // the robot starts at a different angle from the configured one: the odometry is right about the distance
+    // travelled, but wrong about the world
     let ended = whole("drive-square.toml", &["--set", "controller.config.start.yaw=0.1", "--for", "25 s"]);
     assert_eq!(ended.code, Some(8), "{}", ended.stderr);
     assert!(number(&ended, "policy", "position_error_m") > 0.1);
@@ -89,7 +89,8 @@ fn a_panda_puts_a_nut_into_a_tray_that_both_are_meshes() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let nut = &ended.report().results["physics"]["objects"]["cube"];
     let place = |axis: usize| nut["position"][axis].as_f64().expect("a number");
-    // On the bottom of the tray, 10.6 cm high, of parts that are up to a 64th of 17 cm larger than the mesh.
+    // On the bottom of the tray, 10.6 cm high, made of parts that are larger than the mesh by up to a 64th of
+    // 17 cm.
     assert!((place(2) - 0.121).abs() < 3e-3, "{nut}");
     assert!((place(0) - 0.45).abs() < 0.05 && (place(1) + 0.25).abs() < 0.05, "{nut}");
     assert_nothing_allocates(&ended);
@@ -101,7 +102,7 @@ fn a_belt_brings_a_cube_to_the_bin_and_a_ball_rolls_to_rest() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let objects = &ended.report().results["physics"]["objects"];
     assert_eq!(objects["cube"]["touching"][0], "bin", "{objects}");
-    // Down 0.497 m of ramp with g (sin a - cos a b / r) / 1.4, round the corner with (cos a + 0.4) / 1.4 of
+    // Down 0.497 m of ramp with g (sin a - cos a b / r) / 1.4, around the corner with (cos a + 0.4) / 1.4 of
     // the speed, and on for 0.7 r v^2 / (b g).
     let (angle, radius, arm, g) = (0.2_f64, 0.04, 0.002, 9.81);
     let squared = 2.0 * 0.497 * g * (angle.sin() - angle.cos() * arm / radius) / 1.4;

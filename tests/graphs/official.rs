@@ -1,12 +1,12 @@
-//! Recordings as the programs of others read them: by Foxglove's own classes for Python.
+//! Recordings read by third-party programs: by Foxglove's own Python classes.
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use crate::recording::{recorded, text};
 
-/// Reads each message of Foxglove's with the class that they generate themselves, and by the schema in the
-/// file; prints how many.
+/// Reads each Foxglove message with Foxglove's generated class, and with the schema in the file; prints the
+/// number of messages.
 const READER: &str = r#"
 import importlib, sys
 from google.protobuf.json_format import MessageToDict

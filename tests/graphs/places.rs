@@ -1,4 +1,4 @@
-//! The places of observers in topics: the places of killed observers become free again.
+//! Observer slots in topics: the slots of killed observers become free again.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use crate::support::{FAULTY, MOTORIUM, Run, kill, machine, panda_reach};
 
-/// More than a topic has places for observers.
+/// More than the observer slots of a topic.
 const OBSERVERS: usize = 9;
 
-/// `motorium topic echo`, once it has shown a value.
+/// Starts `motorium topic echo` and waits until it has shown a value.
 fn observer(run: &Run, topic: &str) -> Child {
     let mut child = Command::new(MOTORIUM)
         .args(["topic", "echo", topic, "--json", "--run", run.folder.id()])
@@ -29,7 +29,7 @@ fn observer(run: &Run, topic: &str) -> Child {
     child
 }
 
-/// The Panda with a component that passes its state on as a stream as well.
+/// The Panda with a component that also forwards its state as a stream.
 fn with_stream() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("stream.toml");

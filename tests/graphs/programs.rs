@@ -1,4 +1,4 @@
-//! Programs of the user: what `motorium kinds --exec` knows of them, and where their mistakes are shown.
+//! Programs of the user: the output of `motorium kinds --exec` for them, and the display of their errors.
 
 use std::process::Command;
 

@@ -1,4 +1,4 @@
-//! The thread of a recorder that reads, as the system schedules it.
+//! The reading thread of a recorder, as scheduled by the system.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -7,13 +7,14 @@ use crate::MOTORIUM;
 use crate::recording::text;
 use crate::support::{machine, workspace};
 
-/// Scheduling policy and real-time priority of a thread of this name among the descendants of a process.
+/// Returns scheduling policy and real-time priority of a thread with this name among the descendants of a
+/// process.
 fn scheduling(process: u32, thread: &str) -> Option<(u32, u32)> {
     let folder = PathBuf::from(format!("/proc/{process}/task"));
     for task in std::fs::read_dir(&folder).ok()?.flatten().map(|entry| entry.path()) {
         let read = |name: &str| std::fs::read_to_string(task.join(name)).unwrap_or_default();
         if read("comm").trim_end() == thread {
-            // behind the name in parentheses field 3 is the first, see proc_pid_stat(5)
+            // field 3 is the first after the name in parentheses, see proc_pid_stat(5)
             let stat = read("stat");
             let mut fields = stat.rsplit_once(") ")?.1.split(' ').skip(37).map(str::parse);
             return Some((fields.next()?.ok()?, fields.next()?.ok()?))
@@ -51,7 +52,7 @@ fn the_recorder_thread_is_not_delayed_by_ordinary_programs() {
     let output = run.wait_with_output().expect("its report");
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("a report");
     let components = report["components"].as_array().expect("components");
-    // where the components may have no real-time priority, nor may this thread
+    // if the components may not have real-time priority, neither may this thread
     let is_allowed = components.iter().any(|component| component["fifo_priority"] != 0);
     const FIFO: u32 = 1;
     assert_eq!(seen, Some(if is_allowed { (FIFO, 1) } else { (0, 0) }));

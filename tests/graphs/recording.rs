@@ -1,4 +1,4 @@
-//! Recordings of whole graphs: run again to the last bit, read by the official reader for Python, ended by a
+//! Recordings of whole graphs: reproduced to the last bit, read by the official Python reader, ended by a
 //! full disk.
 
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path of text")
 }
 
-/// Records a graph in lockstep; gives its recording.
+/// Records a graph in lockstep and returns its recording.
 pub(crate) fn recorded(folder: &Path, graph: &str, arguments: &[&str]) -> PathBuf {
     let file = folder.join("a.mcap");
     let arguments = [&["--clock", "lockstep", "--overwrite", "--record", text(&file)], arguments].concat();
@@ -55,8 +55,8 @@ fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let mut bytes = std::fs::read(&file).expect("readable");
-    // A target is at rest at first, so many samples hold the same position. The one of a sample in the middle
-    // is changed.
+    // A target is at rest at first, so many samples have the same position. One sample in the middle is
+    // changed.
     let recording = motorium_bridges::recording::Recording::open(&file).expect("a recording");
     let topic = recording.topic("panda/target").expect("recorded");
     let sample = recording
@@ -149,7 +149,7 @@ fn a_recording_holds_the_world_of_an_mjcf_file_in_its_colours() {
     assert_eq!(colours, expected);
 }
 
-/// A disk that is full: files of this process can have a megabyte, the shared memory of a run needs less.
+/// A full disk: files of this process are limited to one megabyte, and the shared memory of a run needs less.
 #[test]
 fn a_full_disk_ends_the_recording_and_not_the_run() {
     let _machine = machine();

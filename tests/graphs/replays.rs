@@ -1,4 +1,4 @@
-//! Recordings that are replayed into live graphs: robots that are led to their start and to rest, and
+//! Recordings replayed into live graphs: robots that move to the start of the recording and come to rest, and
 //! episodes.
 
 use std::path::Path;
@@ -17,18 +17,19 @@ use crate::support::machine;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// The report of a replay, and what was said.
+/// Returns the report of a replay and its messages.
 fn replay(file: &Path, arguments: &[&str]) -> (serde_json::Value, String) {
     let output = motorium(&[&["replay", text(file), "--speed", "0", "--json"], arguments].concat());
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     (serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{errors}")), errors)
 }
 
-/// The plan of a replay to a Panda that starts so far from home in each joint \[rad or m\]; and home.
+/// Returns the plan of a replay to a Panda that starts this far from home in each joint \[rad or m\], and the
+/// home pose.
 fn to_a_panda_elsewhere(recording: &Recording, offset: f64) -> (Plan, Vec<f64>) {
     let panda = motorium_robots::load("panda", Path::new(".")).expect("in the catalogue");
     let home = panda.profile.as_ref().expect("a profile").home(&panda.model).expect("a pose");
-    // The fingers stay where they are.
+    // The fingers keep their positions.
     let there: Vec<f64> = home.iter().enumerate().map(|(i, q)| if i < 7 { q + offset } else { *q }).collect();
     let live = ["physics".to_string(), "encoder".to_string()];
     let mut plan = replayed(recording, &live, None).expect("a plan");
@@ -52,7 +53,7 @@ fn a_replay_finds_all_of_its_memory_before_it_steps() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "1 s"]);
     let (report, said) = replay(&file, &[]);
-    // A recorded state has some 200 places; each was a page fault or half of one at its first use.
+    // A recorded state has about 200 slots, each of which caused up to one page fault at its first use.
     let faults: u64 = report["components"]
         .as_array()
         .expect("components")
@@ -84,14 +85,14 @@ fn an_arm_is_led_to_the_start_of_a_recording_and_to_rest() {
         for (joint, most) in fastest.iter_mut().enumerate() {
             let [v, last] = [&now, &before].map(|state| state.velocity()[joint]);
             *most = most.max(v.abs());
-            // The recorded stiffness follows the quintic: within 1 % of a rad/s, half of the limit is kept.
+            // The recorded stiffness follows the quintic: half of the limit is kept, within 1 % of a rad/s.
             assert!(v.abs() <= 0.5 * panda.velocity_limit()[joint] + 0.01, "joint {joint} at {step} ms: {v}");
             assert!((v - last).abs() < 7.5e-3 * 1.5, "joint {joint} at {step} ms: from {last} to {v}");
         }
         before = now;
     }
     // 0.3 rad in 2 s at 15/8 of the mean speed: 0.281 rad/s. The drives follow within a fifth of that,
-    // because the effort against gravity comes from the recording only and is faded in.
+    // because gravity compensation comes only from the recording and is faded in.
     let mean = 0.3 / 2.0;
     assert!(fastest.iter().all(|v| (v / (1.875 * mean) - 1.0).abs() < 0.2), "{fastest:?}");
     for (joint, (q, home)) in before.position().iter().zip(&home).enumerate().take(7) {
@@ -136,7 +137,7 @@ fn the_command_says_which_robots_are_led_and_which_are_not() {
     assert_eq!(report["duration_s"], 1.0, "{said}");
     let controller = &report["results"]["controller"];
     assert_eq!((&controller["left"], &controller["refused"]), (&0.into(), &0.into()), "{controller}");
-    // A command at each of 500 and of 300 ticks, give or take those at the seams.
+    // A command at each of 500 and of 300 ticks, plus or minus a few at the transitions.
     let eased = controller["eased"].as_u64().expect("a number");
     assert!((795..=805).contains(&eased), "{controller}");
 
@@ -197,7 +198,7 @@ fn an_episode_that_was_over_early_is_over_early_in_its_replay() {
         let duration_ns = episode["duration_s"].as_f64().expect("a number") * 1e9;
         assert!((duration_ns - last_ns as f64).abs() < 1.1e6, "{duration_ns} and {last_ns}");
     }
-    // The recording of what ended the episodes ends them, too.
+    // The recorded end conditions of the episodes end the replayed episodes, too.
     let (code, said) = verified(&file, &["--replace", "policy"]);
     assert_eq!(code, Some(0), "{said}");
 }

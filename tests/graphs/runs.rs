@@ -46,18 +46,18 @@ fn in_steady_state_no_built_in_component_allocates_or_faults() {
     }
 }
 
-/// Purpose of a system call of a worker.
+/// Purpose of a worker's system call.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Call {
     Wait,
     Wake,
-    /// Reads the CPU time of its thread: the first thing that a worker does when a step is over.
+    /// Reads the CPU time of its thread; the first call of a worker after a step.
     Charge,
-    /// Reads other accounts of its thread.
+    /// Reads other accounting of its thread.
     Account,
 }
 
-/// Reads a line of strace.
+/// Parses a line of strace.
 fn call(line: &str) -> Option<Call> {
     let name = line.split('(').next().unwrap_or_default();
     match name {
@@ -70,7 +70,7 @@ fn call(line: &str) -> Option<Call> {
     }
 }
 
-/// True if a wake comes before the next wait.
+/// Returns `true` if a wake comes before the next wait.
 fn wakes_next(calls: &[Call]) -> bool {
     calls.iter().find(|call| matches!(call, Call::Wait | Call::Wake)) == Some(&Call::Wake)
 }
@@ -84,7 +84,7 @@ fn a_step_makes_only_the_wait_and_wake_system_calls() {
     }
     let run = Run::start(&panda_reach(), &["--for", "8 s"]);
     for component in ["physics", "encoder", "policy", "controller"] {
-        // At the end of its warm-up, after 100 steps, each worker once asks for its page faults.
+        // At the end of its warm-up, after 100 steps, each worker reads its page faults once.
         crate::support::await_that("the warm-up is over", || run.steps_of(component) > 120);
         let trace = tempfile::NamedTempFile::new().expect("a file");
         let traced = Command::new("timeout")
@@ -98,13 +98,13 @@ fn a_step_makes_only_the_wait_and_wake_system_calls() {
             eprintln!("skipped: strace may not trace here: {}", String::from_utf8_lossy(&traced.stderr));
             continue;
         }
-        // the last line may be cut, and others than calls are about signals and the end
+        // the last line may be truncated, and some lines are about signals and the end instead of calls
         let lines: Vec<&str> =
             text.lines().filter(|line| line.contains('(') && line.contains(" = ")).collect();
         let mut calls: Vec<Call> =
             lines.iter().map(|line| call(line).unwrap_or_else(|| panic!("{component}: {line}"))).collect();
-        // A component that has not slept for long rests: it asks before and after whether it has slept, which
-        // is waiting.
+        // A component that has not slept for long yields: it checks before and after whether it has slept,
+        // which counts as waiting.
         let asks = |at: usize| lines[at].starts_with("getrusage");
         for at in 2..calls.len() {
             if asks(at) && calls[at - 1] == Call::Wait && asks(at - 2) {
@@ -112,14 +112,14 @@ fn a_step_makes_only_the_wait_and_wake_system_calls() {
             }
         }
         assert!(calls.iter().filter(|call| **call == Call::Charge).count() > 100, "{component}: {text}");
-        // After a wait comes the wake, or, of a step whose follower was awake, the charge: never another
-        // account.
+        // A wait is followed by the wake, or, if the step's follower was awake, by the charge; never by other
+        // accounting.
         let after_wait = |at: &usize| *at > 0 && calls[at - 1] == Call::Wait && calls[*at] != Call::Wait;
         let first: Vec<usize> = (0..calls.len()).filter(after_wait).collect();
         let too_early = first.iter().find(|at| calls[**at] == Call::Account);
         assert_eq!(too_early.map(|at| &lines[at.saturating_sub(6)..=*at]), None, "{component}");
-        // The charge comes before a wake only where the step had nobody to wake and the next one began at
-        // once.
+        // The charge comes before a wake only if the step had nobody to wake and the next one began
+        // immediately.
         let charged_first =
             first.iter().filter(|at| calls[**at] == Call::Charge && wakes_next(&calls[**at..]));
         assert!(charged_first.count() <= first.len() / 10, "{component}: charged before its wake: {text}");
@@ -179,7 +179,7 @@ fn without_privileges_a_run_completes_and_says_what_it_lost() {
         return;
     }
     use std::os::unix::process::CommandExt as _;
-    // The build folder may be closed to other users: a copy of the program is not.
+    // The build folder may be closed to other users, but a copy of the program is not.
     let folder = tempfile::tempdir().expect("a folder");
     let open = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(folder.path(), open).expect("the folder can be opened to all");
@@ -218,7 +218,7 @@ fn a_strict_graph_refuses_to_run_without_privileges() {
 fn tools_look_at_a_running_graph_without_disturbing_it() {
     let _machine = machine();
     let run = Run::start(&panda_reach(), &["--for", "4 s"]);
-    // The guard of a run that a test has just killed may still be at work: name the one that is meant.
+    // The guard of a run that a test has just killed may still be active, so name the run.
     let id = run.folder.id().to_string();
     let tool = |arguments: &[&str]| {
         let mut command = Command::new(MOTORIUM);
@@ -246,7 +246,7 @@ fn commands_with_an_old_source_are_refused_unless_allowed() {
         let gate = report.components.iter().find_map(|component| component.gate.as_ref()).expect("a gate");
         gate.refused.iter().filter(|refused| refused.reason == Refusal::StaleSource).map(|r| r.count).sum()
     };
-    // commands are made from the newest reading, whether or not there is a new target
+    // commands are computed from the newest reading, whether or not there is a new target
     let trigger = "controller.trigger=panda/joint_state";
     let latency = ["--for", "500 ms", "--set", "encoder.config.latency=30 ms", "--set", trigger];
     let allowed = [&latency[..], &["--set", "safety.source_stale_after=45 ms"]].concat();

@@ -1,4 +1,4 @@
-//! The safe state of an arm whose controller commands nothing, for its constraints contradict each other.
+//! The safe state of an arm whose controller commands nothing, because its constraints contradict each other.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use crate::support::workspace;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// A hand that is to follow its target exactly, and joints that are to be slow.
+/// A hand that must follow its target exactly, with joints that must be slow.
 const SETTINGS: [&str; 5] = [
     "clock=lockstep",
     "controller.config.inverse_dynamics={ on_infeasible = \"safe_stop\" }",
@@ -48,7 +48,7 @@ impl Arm {
         }
     }
 
-    /// A step of 1 ms with the hand led to a place, if one is given; the true state after it.
+    /// Runs a step of 1 ms with the hand's target at `place`, if given; returns the true state after it.
     fn step(&mut self, place: Option<([f64; 3], [f64; 3])>) -> JointState {
         if let Some((position, linear_velocity)) = place {
             let target = PoseTarget {
@@ -69,7 +69,7 @@ impl Arm {
             .value
     }
 
-    /// Place and orientation of the hand.
+    /// Returns position and orientation of the hand.
     fn hand(&self, q: &[f64]) -> ([f64; 3], [f64; 4]) {
         let mut kinematics = Kinematics::new(&self.model);
         kinematics.update(&self.model, q);
@@ -77,7 +77,7 @@ impl Arm {
         (pose.translation.vector.into(), pose.rotation.coords.into())
     }
 
-    /// Largest difference of the efforts of a state from the weight of the arm, Nm.
+    /// Returns the largest difference between the efforts of a state and gravity compensation, Nm.
     fn beyond_weight(&mut self, state: &JointState) -> f64 {
         let mut weight = vec![0.0; self.model.nv()];
         let gravity = [0.0, 0.0, -9.81].into();
@@ -92,7 +92,7 @@ fn an_arm_stopped_without_a_solution_resumes_without_a_jump() {
     let first = arm.step(None);
     let (home, orientation) = arm.hand(first.position());
     arm.orientation = orientation;
-    // its acceleration is what the last torques before the stop are for
+    // its acceleration results from the last torques before the stop
     let mut state = first;
     for tick in 1..=300 {
         let t = f64::from(tick) * 1e-3;
@@ -101,7 +101,7 @@ fn an_arm_stopped_without_a_solution_resumes_without_a_jump() {
     }
     assert!(arm.beyond_weight(&state) > 0.2, "it accelerates: {}", arm.beyond_weight(&state));
     let (at, _) = arm.hand(state.position());
-    // no drive is as strong
+    // no drive is that strong
     let far = [at[0], at[1] + 5.0, at[2]];
     let (mut last, mut still) = (state, None);
     for tick in 0..1500 {
@@ -118,7 +118,7 @@ fn an_arm_stopped_without_a_solution_resumes_without_a_jump() {
     let (stopped, orientation) = arm.hand(last.position());
     arm.orientation = orientation;
     assert!((stopped[1] - at[1]).abs() < 0.1, "it went on by {} m", stopped[1] - at[1]);
-    // a target that it can follow: from where it is, slowly on
+    // a feasible target: slowly on from the current pose
     let (mut fastest, mut before) = (0.0_f64, last);
     for tick in 1..=3000 {
         let t = f64::from(tick) * 1e-3;

@@ -1,10 +1,10 @@
-//! Scores of recordings: of tasks that leave something free, and of targets that nobody goes to.
+//! Scores of recordings: of tasks that leave some freedom, and of unreached targets.
 
 use std::path::Path;
 
 use crate::recording::{motorium, recorded, text};
 
-/// The score of a recording as JSON, and as text.
+/// Returns the score of a recording as JSON and as text.
 fn scored(file: &Path) -> (serde_json::Value, String) {
     let run = |options: &[&str]| {
         let output = motorium(&[&["score", text(file)], options].concat());

@@ -1,4 +1,4 @@
-//! Runs that a program drives: hosting, episodes, pace, and what they leave behind.
+//! Runs controlled by a program: hosting, episodes, pace, and clean-up.
 
 use std::process::Command;
 use std::time::Duration;
@@ -13,7 +13,7 @@ use rustix::process::Signal;
 
 use crate::support::{MOTORIUM, Run, leftovers, machine, panda_reach, run, workspace};
 
-/// The plan of a graph file in lockstep.
+/// Returns the plan of a graph file in lockstep.
 fn plan(file: &str, settings: &[&str]) -> Plan {
     let path = workspace().join("graphs").join(file);
     let text = std::fs::read_to_string(&path).expect("the graph is there");
@@ -74,7 +74,8 @@ fn episodes_are_equal_exactly_if_their_seeds_are() {
     }
 }
 
-/// Drives the arm of a session to a goal in the place of its policy: the joint states on the way, bit by bit.
+/// Moves the arm of a session to a goal in place of its policy; returns the joint states along the motion,
+/// bit by bit.
 fn reach(session: &mut Session<'_>, height: f64) -> Vec<Vec<u64>> {
     let mut seen = Vec::new();
     session.step_until(5 * MS).expect("it steps");
@@ -295,7 +296,7 @@ fn a_held_run_advances_by_granted_rounds_until_released() {
     assert_eq!(run.finish().report().exit, Exit::Finished);
 }
 
-/// Counts, and fails in step 5: with an error, by a panic, or when it is reset.
+/// Counts steps, and fails in step 5: with an error, by a panic, or on reset.
 struct Failing {
     count: Output<Wrench>,
     how: How,

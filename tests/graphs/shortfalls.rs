@@ -1,4 +1,4 @@
-//! Runs that ended in good order and did not do their job: each has a warning and exit code 7.
+//! Runs that ended regularly without completing their task: each has a warning and exit code 7.
 
 use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Stdio};
@@ -12,7 +12,7 @@ use crate::commands::motorium;
 use crate::recording::text;
 use crate::support::{Ended, Run, await_that, kill, machine, panda_reach, run, signal, workspace};
 
-/// The run ended in good order, with exit code 7 and a warning of these words.
+/// Asserts that the run ended regularly, with exit code 7 and a warning that contains these words.
 fn is_short_of(ended: &Ended, words: &[&str]) {
     let report = ended.report();
     assert!(matches!(report.exit, Exit::Finished | Exit::Interrupted), "{:?}", report.exit);

@@ -1,4 +1,4 @@
-//! Kinds that another installed program hosts: found beside `motorium` or on `PATH`, asked once, and run as
+//! Kinds hosted by another installed program: found next to `motorium` or on `PATH`, queried once, and run as
 //! its processes.
 
 use std::os::unix::fs::PermissionsExt as _;
@@ -12,7 +12,7 @@ use crate::support::{ANY_LOSS, Ended, machine};
 
 const SIBLING: &str = env!("CARGO_BIN_EXE_sibling-program");
 
-/// A folder with `motorium`, and a graph that pushes twice by a kind of `motorium-bridges`.
+/// A folder with `motorium`, and a graph with two pushes of a kind from `motorium-bridges`.
 struct Installed(tempfile::TempDir);
 
 impl Installed {
@@ -38,7 +38,7 @@ impl Installed {
         std::fs::write(self.path("graph.toml"), text).unwrap();
     }
 
-    /// A program of this name that is a script.
+    /// Adds a script as a program with this name.
     fn script(&self, name: &str, text: &str) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -59,7 +59,7 @@ impl Installed {
         )
     }
 
-    /// The digest of the layout of shared memory that programs of this version answer with.
+    /// Returns the digest of the shared memory layout that programs of this version report.
     fn memory(&self) -> String {
         let answer =
             Command::new(SIBLING).arg("motorium-kinds").output().expect("the program answers").stdout;
@@ -67,7 +67,7 @@ impl Installed {
         answer["memory"].as_str().expect("a digest").to_string()
     }
 
-    /// Complaint of `check`, without the folder.
+    /// Returns the error of `check`, without the folder.
     fn complaint(&self) -> String {
         let output = self.motorium(&["check", "graph.toml"]);
         assert!(!output.status.success(), "it should be refused");
@@ -77,7 +77,7 @@ impl Installed {
     }
 }
 
-/// A link to a program, or a copy.
+/// Creates a link to a program, or a copy.
 fn link_or_copy(program: &str, at: &Path) {
     std::fs::create_dir_all(at.parent().unwrap()).unwrap();
     if std::fs::hard_link(program, at).is_err() {
@@ -199,7 +199,7 @@ fn configuration_mistakes_of_siblings_are_shown_in_the_file() {
             && text.contains("did you mean `bridge.push`?"),
         "{text}"
     );
-    // a path starts in the folder of the file in which it stands
+    // a path is relative to the folder of the file that contains it
     std::fs::create_dir(installed.path("below")).unwrap();
     std::fs::write(installed.path("below/there"), "").unwrap();
     let over = "extends = \"../graph.toml\"\n[component.left.config]\nfile = \"there\"\n";

@@ -1,4 +1,4 @@
-//! `sensor.udp` and the activation by a descriptor: datagrams over loopback become values of a topic, in real
+//! `sensor.udp` and activation by a descriptor: datagrams over loopback become values of a topic, in real
 //! time, with real processes.
 
 use std::net::UdpSocket;
@@ -13,8 +13,8 @@ use serde_json::Value;
 use crate::program::printed;
 use crate::support::{Ended, Run, await_end, await_that, kill, leftovers, machine, signal};
 
-/// A graph that receives wrenches, with these settings of the receiving component; the folder that holds it,
-/// and a socket that sends to it.
+/// A graph that receives wrenches, with these settings of the receiving component; returns the folder that
+/// contains it, the graph, and a socket that sends to it.
 fn receiver(settings: &str) -> (tempfile::TempDir, PathBuf, UdpSocket) {
     // a port that was free a moment ago
     let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
@@ -49,7 +49,8 @@ config   = {{ type = "motorium.Wrench", port = {} }}
     (folder, graph, sender)
 }
 
-/// Starts the graph; it is ready when what only the clock releases steps, and nothing has come yet.
+/// Starts the graph. It is ready when the components released only by the clock step; no datagram has arrived
+/// yet.
 fn start(graph: &std::path::Path, arguments: &[&str]) -> Run {
     Run::start_when(graph, arguments, |plan, region| {
         let clock = plan.components.iter().position(|component| component.name == "clock").unwrap();
@@ -58,7 +59,7 @@ fn start(graph: &std::path::Path, arguments: &[&str]) -> Run {
     })
 }
 
-/// Sends a datagram that introduces the socket of the sender, and is not published.
+/// Sends a datagram that introduces the sender's socket and is not published.
 fn introduce(run: &Run, sender: &UdpSocket) {
     let before = run.steps_of("grip");
     sender.send(&payload(0.0)).unwrap();
@@ -138,7 +139,7 @@ fn a_burst_is_merged_into_steps_that_are_min_interval_apart() {
     assert_eq!(last["value"]["force"][0], 399.0, "the newest is the one that is published");
     let (_, grip, result) = end(run);
     let count = |name: &str| result[name].as_u64().unwrap();
-    // one step at its beginning, and then one in each interval
+    // one step at the beginning, and then one in each interval
     let most = elapsed.as_millis() as u64 / 2 + 2;
     assert!((10..=most).contains(&grip.steps), "{} steps in {elapsed:?}", grip.steps);
     assert!(grip.deferred > 0 && grip.deferred < grip.steps, "{grip:?}");
@@ -191,7 +192,7 @@ fn a_run_ends_at_once_while_no_datagram_comes() {
     let _machine = machine();
     let (_folder, graph, _sender) = receiver("");
     let text = std::fs::read_to_string(&graph).unwrap();
-    // hosted in threads the launcher interrupts the thread itself
+    // hosted in threads, the launcher interrupts the thread itself
     for (interval, hosting) in [("2 ms", "processes"), ("30 s", "processes"), ("30 s", "threads")] {
         std::fs::write(&graph, text.replace("2 ms", interval)).unwrap();
         let began = Instant::now();
@@ -259,12 +260,12 @@ fn a_killed_or_stopped_receiver_binds_again() {
     assert!(ended.stderr.contains("stopped by a signal"), "{}", ended.stderr);
 }
 
-/// True if a line of strace is of this system call.
+/// Returns `true` if a line of strace is this system call.
 fn is(call: &str, name: &str) -> bool {
     call.split('(').next() == Some(name)
 }
 
-/// True if a system call has received a datagram of the test below.
+/// Returns `true` if a system call has received a datagram of the test below.
 fn took(call: &str) -> bool {
     is(call, "recvmsg") && call.ends_with("= 48")
 }
@@ -276,7 +277,7 @@ fn the_wait_is_one_system_call_and_a_datagram_two_more() {
         return eprintln!("skipped: there is no strace");
     }
     let (folder, graph, sender) = receiver("");
-    // without the look at the owners of local sockets
+    // without checking the owners of local sockets
     let text = std::fs::read_to_string(&graph).unwrap();
     std::fs::write(&graph, text.replace("config   = {", "config   = { local_users = \"any\",")).unwrap();
     let run = start(&graph, &["--for", "60 s"]);
@@ -307,7 +308,7 @@ fn the_wait_is_one_system_call_and_a_datagram_two_more() {
     for waited in lines.split(|call| is(call, "ppoll")).skip(1).filter(|calls| !calls.is_empty()) {
         let received: Vec<_> = waited.iter().take_while(|call| is(call, "recvmsg")).collect();
         let datagrams = received.iter().filter(|call| took(call)).count();
-        // two that came while the host was away are one step
+        // two datagrams that arrived during a stall of the host are one step
         assert!(datagrams > 0 && received.len() == datagrams + 1, "{calls}");
     }
     end(run);

@@ -1,5 +1,5 @@
-//! Launchers and guards that are stopped, killed, asked to end or not read: the robot reaches its safe state
-//! all the same.
+//! Launchers and guards that are stopped, killed, terminated or not read: the robot still reaches its safe
+//! state.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -22,7 +22,7 @@ fn the_actuator_stays_safe_for_the_settling_time() {
     let run = Run::start(&panda_reach(), &["--for", "60 s", "--set", "safety.settle=900 ms"]);
     let id = run.folder.id().to_string();
     let (physics, guard) = (run.pid_of("physics"), run.guard());
-    // as `systemctl stop` does
+    // like `systemctl stop`
     let asked = Instant::now();
     for component in COMPONENTS {
         signal(run.pid_of(component), Signal::TERM);
@@ -118,7 +118,7 @@ fn a_stopped_guard_is_replaced_and_the_new_one_guards() {
     await_that("another guard", || run.guard() != first);
     await_end(first);
     let second = run.guard();
-    // The launcher prints on a thread of its own, which dies with it.
+    // The launcher prints on a separate thread, which dies with it.
     std::thread::sleep(Duration::from_millis(300));
     kill(run.launcher());
     await_end(second);
@@ -177,7 +177,7 @@ fn a_stopped_launcher_resumes_supervision() {
 #[test]
 fn the_guard_ends_the_run_of_a_stopped_launcher() {
     let _machine = machine();
-    // also of what ends before the guard has noticed the silence, which lasts 1 s
+    // also for components that end before the guard detects the silence, which takes 1 s
     for (how, after_ms) in
         [(Signal::KILL, 1_200), (Signal::STOP, 1_200), (Signal::KILL, 60), (Signal::KILL, 700)]
     {
@@ -229,7 +229,7 @@ fn everything_stopped_and_continued_comes_back() {
     let guard = run.guard();
     let all = [&components[..], &[guard, run.launcher()]].concat();
     for _ in 0..2 {
-        // as a stopped container, or a virtual machine that its host keeps from its cores
+        // like a stopped container, or a virtual machine that its host does not schedule
         all.iter().for_each(|pid| signal(*pid, Signal::STOP));
         let steps = run.steps_of("physics");
         std::thread::sleep(Duration::from_millis(1_500));

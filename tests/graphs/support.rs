@@ -1,4 +1,4 @@
-//! Starting graphs as a user would, and looking at what becomes of them.
+//! Helpers that start graphs as a user would and observe the results.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -13,7 +13,7 @@ pub(crate) use crate::program::machine;
 
 pub(crate) const FAULTY: &str = env!("CARGO_BIN_EXE_faulty-component");
 
-/// The workspace.
+/// Returns the root of the workspace.
 pub(crate) fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the workspace").to_path_buf()
 }
@@ -26,11 +26,10 @@ pub(crate) fn is_root() -> bool {
     rustix::process::getuid().is_root()
 }
 
-/// Options of a run of which the host may take any number of steps: whether there was time for them is no
-/// part of the test.
+/// Options of a run that may lose any number of steps: the test does not depend on the load of the host.
 pub(crate) const ANY_LOSS: [&str; 2] = ["--set", "realtime.lost_steps=1"];
 
-/// A run that has been started.
+/// A started run.
 pub(crate) struct Run {
     child: Option<Child>,
     pub(crate) folder: RunFolder,
@@ -53,7 +52,7 @@ impl Run {
         let child = Command::new(MOTORIUM)
             .arg("run")
             .arg(graph)
-            // What is broken misses its goals.
+            // A broken graph misses its goals.
             .args(["--json", "--no-expect"])
             .args(ANY_LOSS)
             .args(arguments)
@@ -103,7 +102,7 @@ impl Run {
         region.components()[index].pid.load(std::sync::atomic::Ordering::Relaxed)
     }
 
-    /// Waits until a component steps and the launcher has had the time to see it.
+    /// Waits until a component steps and the launcher has had time to notice it.
     pub(crate) fn await_running(&self, component: &str) {
         let plan = self.folder.plan().expect("the run has a plan");
         let index = plan.components.iter().position(|c| c.name == component).expect("the component exists");
@@ -117,7 +116,7 @@ impl Run {
         std::thread::sleep(Duration::from_millis(100));
     }
 
-    /// True if it has ended.
+    /// Returns `true` if the run has ended.
     pub(crate) fn has_ended(&mut self) -> bool {
         let child = self.child.as_mut().expect("the run has a process");
         child.try_wait().expect("the process can be asked").is_some()
@@ -132,18 +131,18 @@ impl Run {
         Some((block.pid.load(std::sync::atomic::Ordering::Relaxed), steps(block)))
     }
 
-    /// Waits for the end; exit code, report, standard error.
+    /// Waits for the end and returns exit code, report and standard error.
     pub(crate) fn finish(mut self) -> Ended {
         let output = self.child.take().expect("the run has a process").wait_with_output().expect("it ends");
         Ended::from_output(&output)
     }
 
-    /// Number of steps that a component has done.
+    /// Returns the number of steps that a component has completed.
     pub(crate) fn steps_of(&self, component: &str) -> u64 {
         self.look(component, steps)
     }
 
-    /// True if a component applies its safe state.
+    /// Returns `true` if a component applies its safe state.
     pub(crate) fn is_safe(&self, component: &str) -> bool {
         self.look(component, |block| block.safe.load(std::sync::atomic::Ordering::Relaxed) != 0)
     }
@@ -165,7 +164,7 @@ impl Drop for Run {
         if let Some(mut child) = self.child.take() {
             let _ = child.kill();
             let _ = child.wait();
-            // Its guard ends the run, which would otherwise be in the way of the next one.
+            // Its guard ends the run, which would otherwise disturb the next one.
             let killed = Instant::now();
             while self.folder.is_alive() && killed.elapsed() < Duration::from_secs(10) {
                 std::thread::sleep(Duration::from_millis(5));
@@ -225,7 +224,7 @@ pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
     rustix::process::kill_process(pid, signal).expect("the process is there");
 }
 
-/// Waits until something is so.
+/// Waits until a condition is true.
 pub(crate) fn await_that(what: &str, is_so: impl Fn() -> bool) {
     let started = Instant::now();
     while !is_so() {
@@ -245,7 +244,7 @@ pub(crate) fn await_end(pid: u32) {
     }
 }
 
-/// Everything of a run in shared memory: there must be nothing once it has ended.
+/// Returns everything of a run in shared memory, which must be empty once the run has ended.
 pub(crate) fn leftovers(run: &str) -> Vec<String> {
     std::fs::read_dir("/dev/shm")
         .expect("there is shared memory")

@@ -1,4 +1,4 @@
-//! A running graph looked at with `motorium top`, and its metrics, as a scraper reads them.
+//! A running graph observed with `motorium top`, and its metrics as read by a scraper.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
@@ -15,7 +15,7 @@ use serde_json::Value;
 const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/panda-reach.toml");
 const COMPONENTS: [&str; 4] = ["physics", "encoder", "policy", "controller"];
 
-/// A program that serves metrics; it is ended when the test is over, whichever way.
+/// A program that serves metrics, ended on drop.
 struct Serving {
     child: Child,
     errors: BufReader<ChildStderr>,
@@ -27,7 +27,7 @@ impl Serving {
         let mut child = command.spawn().expect("the program starts");
         let mut errors = BufReader::new(child.stderr.take().expect("it is caught"));
         let mut text = String::new();
-        // There may be warnings before.
+        // Warnings may come first.
         let address = loop {
             let start = text.len();
             assert!(errors.read_line(&mut text).expect("a line") > 0, "no address: {text}");
@@ -113,7 +113,7 @@ fn a_running_graph_is_looked_at_from_all_sides() {
     the_end_of_the_run_is_told(run, &name);
 }
 
-/// Compares data with a schema as far as objects and their keys go.
+/// Validates the objects of some data and their keys against a schema.
 fn assert_fits(data: &Value, schema: &Value, root: &Value, place: &str) {
     if let Some(name) = schema["$ref"].as_str() {
         let target = root.pointer(name.trim_start_matches('#')).expect("references lead somewhere");
@@ -143,7 +143,7 @@ fn assert_fits(data: &Value, schema: &Value, root: &Value, place: &str) {
     let allowed: Vec<&str> = match &schema["type"] {
         Value::String(one) => vec![one.as_str()],
         Value::Array(several) => several.iter().filter_map(Value::as_str).collect(),
-        // An enumeration of words.
+        // An enumeration of strings.
         _ => return,
     };
     let fits = allowed.contains(&is) || (is == "integer" && allowed.contains(&"number"));
@@ -201,7 +201,7 @@ fn tables_name_everything(name: &str) {
     assert!(lines.windows(4).filter(|four| *four == sorted).count() == 2, "both tables are sorted: {text}");
 }
 
-/// A topic has places for four observers.
+/// A topic has slots for four observers.
 fn looking_on_takes_no_place(name: &str) {
     let look =
         || motorium(&["top", name, "--once", "--interval", "400ms", "--json"]).spawn().expect("it starts");
@@ -307,7 +307,7 @@ fn wrong_names_are_refused(name: &str) {
 fn the_end_of_the_run_is_told(run: Serving, name: &str) {
     let lockstep = Serving::start(graph(&format!("{name}-b"), &["--clock", "lockstep"]));
     lockstep.comes_to_life();
-    // Two of ours are two at least, whatever else runs on this machine.
+    // Two of ours are at least two, whatever else runs on this machine.
     let text = complaint(&["param", "set", "no.such", "1"]);
     assert!(text.contains("several graphs are running") && text.contains(&format!("graph {name}")), "{text}");
     let newest = motorium(&["top", "--once", "--interval", "100ms"]).output().expect("the program starts");
@@ -345,13 +345,13 @@ fn every_field_of_the_data_is_in_the_book() {
     }
 }
 
-/// The page of the book.
+/// Returns the page of the book.
 fn page() -> String {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/top.md");
     std::fs::read_to_string(page).expect("the page is there")
 }
 
-/// Names of all properties in a schema.
+/// Collects the names of all properties in a schema.
 fn names(schema: &Value, found: &mut Vec<String>) {
     if let Some(properties) = schema["properties"].as_object() {
         found.extend(properties.keys().cloned());

@@ -1,5 +1,5 @@
-//! Traces of whole graphs: their files are read as Perfetto reads them, and compared with the report of the
-//! same run.
+//! Traces of whole graphs: their files are parsed like Perfetto parses them, and compared with the report of
+//! the same run.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,7 +15,7 @@ use serde_json::Value;
 use crate::MOTORIUM;
 use crate::support::{Ended, machine, panda_reach, run, workspace};
 
-/// Traces the Panda; its report, and the file.
+/// Traces the Panda; returns its report and the trace.
 fn traced(output: &Path, arguments: &[&str]) -> (Ended, Value) {
     let ended = Command::new(MOTORIUM)
         .args(["trace", "graphs/panda-reach.toml", "--for", "500 ms", "--json", "--output"])
@@ -39,13 +39,13 @@ fn events(trace: &Value) -> &[Value] {
     trace["traceEvents"].as_array().expect("events")
 }
 
-/// Beginning and end of the steps of a row, us.
+/// Returns start and end of the steps of a row, us.
 fn steps(trace: &Value, row: u64) -> Vec<(f64, f64, &Value)> {
     let steps = events(trace).iter().filter(|event| event["cat"] == "step" && event["tid"] == row);
     steps.map(|step| (number(&step["ts"]), number(&step["ts"]) + number(&step["dur"]), step)).collect()
 }
 
-/// The rows by the names of their components.
+/// Returns the rows by component name.
 fn rows(trace: &Value) -> BTreeMap<String, u64> {
     let names = events(trace).iter().filter(|event| event["name"] == "thread_name");
     names
@@ -55,7 +55,7 @@ fn rows(trace: &Value) -> BTreeMap<String, u64> {
         .collect()
 }
 
-/// Half a nanosecond: times are written in us.
+/// Half a nanosecond, because times are written in us.
 const ROUNDING: f64 = 5e-4;
 
 fn compared(ended: &Ended, trace: &Value) {
@@ -90,12 +90,12 @@ fn compared(ended: &Ended, trace: &Value) {
     let (tails, heads) = (arrows("s"), arrows("f"));
     assert_eq!(tails.keys().collect::<Vec<_>>(), heads.keys().collect::<Vec<_>>());
     assert!(tails.len() as u64 > report.components[0].steps, "{} arrows", tails.len());
-    // All of them take long in a debug build: every seventh.
+    // Checking all of them takes long in a debug build: check every seventh.
     for (tail, head) in tails.values().zip(heads.values()).step_by(7) {
         assert!(within(tail) <= within(head), "a sample is read after it was published: {tail} {head}");
         assert_eq!((&tail["name"], &tail["cat"]), (&head["name"], &head["cat"]));
     }
-    // Whoever is triggered is woken by each sample of its topic, to the end of the run.
+    // A triggered component is woken by each sample of its topic, until the end of the run.
     let woken =
         |topic: &str| tails.values().filter(|tail| tail["name"] == topic && tail["cat"] == "wakes").count();
     for (reader, topic) in [
@@ -198,7 +198,7 @@ fn overwritten_events_are_counted() {
     assert_eq!(events.len(), 15, "a ring of 16, less the slot that is written next");
     assert_eq!(numbers(&events), [45, 46, 47, 48, 49]);
     assert_eq!(reader.lost(), 47 * 3 - 15);
-    // The run ends, and what it wrote stays readable.
+    // The run ends, and its output stays readable.
     session.stop();
     assert_eq!(reader.read(&region), []);
 }

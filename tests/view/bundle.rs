@@ -1,4 +1,4 @@
-//! The page that is part of the program is the one that its sources make.
+//! The page embedded in the program equals the page built from its sources.
 
 use std::path::Path;
 use std::process::Command;

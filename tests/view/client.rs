@@ -18,31 +18,31 @@ pub(crate) enum Heard {
     Message(u32, u64, Vec<u8>),
     /// Call, answer.
     Answer(u32, Json),
-    /// Request, the file or what is wrong.
+    /// Request, and the file or an error message.
     Asset(u32, Result<Vec<u8>, String>),
-    /// State of a recording that is played.
+    /// State of a played recording.
     Playback(Playback),
 }
 
-/// State of a recording that is played.
+/// State of a played recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Playback {
-    /// 0 while it plays, 1 while it is held, 3 at its end.
+    /// 0 while playing, 1 while paused, 3 at the end.
     pub(crate) status: u8,
     pub(crate) time_ns: u64,
     pub(crate) speed: f32,
     pub(crate) did_seek: bool,
-    /// The request that it answers; empty if it answers none.
+    /// The answered request; empty if the state is not an answer.
     pub(crate) request: String,
 }
 
 pub(crate) struct Client {
     socket: WebSocket<TcpStream>,
-    /// Channels as they are advertised, by topic.
+    /// Advertised channels by topic.
     pub(crate) channels: BTreeMap<String, Json>,
     /// Services by name.
     pub(crate) services: BTreeMap<String, Json>,
-    /// Last words of the server about itself.
+    /// Last message of the server about itself.
     pub(crate) info: Json,
     number: u32,
 }
@@ -60,7 +60,7 @@ impl Client {
         Ok(Self { socket, channels, services, info: Json::Null, number: 0 })
     }
 
-    /// The next thing that the server sends.
+    /// Returns the next message of the server.
     pub(crate) fn hear(&mut self) -> Heard {
         loop {
             let long = |bytes: &[u8]| u64::from_le_bytes(bytes[..8].try_into().unwrap());
@@ -120,7 +120,7 @@ impl Client {
         }
     }
 
-    /// Hears until something is so.
+    /// Reads messages until a condition is met.
     pub(crate) fn hear_until<T>(
         &mut self,
         what: &str,
@@ -144,7 +144,7 @@ impl Client {
         }
     }
 
-    /// Subscribes to a topic that is advertised; the number of the subscription.
+    /// Subscribes to an advertised topic; returns the number of the subscription.
     pub(crate) fn subscribe(&mut self, topic: &str) -> u32 {
         self.number += 1;
         let channel = &self.channels[topic]["id"];
@@ -158,7 +158,7 @@ impl Client {
         self.send(&json!({ "op": "unsubscribe", "subscriptionIds": [subscription] }));
     }
 
-    /// The next JSON message of a topic.
+    /// Returns the next JSON message of a topic.
     pub(crate) fn next_json(&mut self, topic: &str) -> Json {
         let subscription = self.subscribe(topic);
         let found = self.hear_until(topic, |_, heard| match heard {
@@ -169,7 +169,7 @@ impl Client {
         found
     }
 
-    /// Asks for all parameters.
+    /// Requests all parameters.
     pub(crate) fn parameters(&mut self) -> Vec<Json> {
         self.send(&json!({ "op": "getParameters", "parameterNames": [], "id": "all" }));
         self.hear_until("parameters", |_, heard| match heard {
@@ -178,7 +178,7 @@ impl Client {
         })
     }
 
-    /// Sets a parameter; its value afterwards, or what the server says against it.
+    /// Sets a parameter; returns its value afterwards, or the error message of the server.
     pub(crate) fn set(&mut self, name: &str, value: &Json) -> Result<Json, String> {
         let parameters = json!([{ "name": name, "value": value }]);
         self.send(&json!({ "op": "setParameters", "parameters": parameters, "id": "set" }));
@@ -222,7 +222,7 @@ impl Client {
         })
     }
 
-    /// Asks that a recording is played or held, at a speed, from another place if one is given; the answer.
+    /// Requests that a recording plays or pauses, at a speed, from another time if given; returns the answer.
     pub(crate) fn control(&mut self, plays: bool, speed: f32, seek_ns: Option<u64>) -> Playback {
         self.number += 1;
         let request = format!("request {}", self.number);

@@ -1,5 +1,5 @@
-//! `motorium view` on running graphs: the protocol as a viewer of others speaks it, and the page in a
-//! headless browser.
+//! `motorium view` of running graphs: the protocol as used by third-party viewers, and the page in a headless
+//! browser.
 
 mod bundle;
 mod client;

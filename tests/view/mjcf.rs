@@ -1,4 +1,4 @@
-//! A robot that MJCF alone describes, and an object of a mesh, on the page in a headless browser.
+//! A robot described only by MJCF, and an object with a mesh, on the page in a headless browser.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::page::{until, without_browser};
 use crate::support::{Run, machine};
 use crate::viewer::Viewer;
 
-/// A capsule, a mesh of the file, and one from beside it.
+/// A capsule, a mesh in the file, and a mesh in another file next to it.
 const ROBOT: &str = r#"<mujoco model="crane">
   <asset>
     <mesh name="jib" vertex="0 0 0  0.4 0 0  0 0.1 0  0 0 0.1"/>
@@ -101,7 +101,7 @@ fn an_mjcf_robot_and_a_mesh_object_are_drawn_in_place() {
     let run = Run::start(&write(folder.path()), &["--for", "300s", "--clock", "lockstep", "--pace", "0.2"]);
     let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
     let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
-    // A capsule of rings, a tetrahedron, two cubes, the ground: meshes come after the robot.
+    // A capsule of rings, a tetrahedron, two cubes, the ground: meshes follow the robot.
     let state = until(&mut browser, "the robot is drawn with its meshes", |state| {
         let robot = &state["robots"][0];
         robot["drawn"] == true && robot["deviation_m"].is_number() && state["triangles"].as_u64() > Some(200)

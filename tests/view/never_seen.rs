@@ -1,5 +1,4 @@
-//! Runs that are over before the viewer has seen them. The command that runs the graph is one that ends at
-//! once.
+//! Runs that end before the viewer has found them. The command that runs the graph ends immediately.
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt as _;
@@ -9,7 +8,7 @@ use serde_json::json;
 
 use crate::VIEW;
 
-/// Exit code and standard error of the viewer whose runs are this line of a shell.
+/// Returns exit code and standard error of the viewer whose run command is this shell line.
 fn viewed(line: &str) -> (Option<i32>, String) {
     let folder = tempfile::tempdir().expect("a folder");
     let run = folder.path().join("run");

@@ -1,4 +1,4 @@
-//! The page in a headless browser. Left out where no Chromium can be had.
+//! The page in a headless browser. Skipped if no Chromium is available.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use crate::viewer::{Viewer, installed};
 
 const WITHIN: Duration = Duration::from_secs(90);
 
-/// True, with a word about it, where there is no browser.
+/// Returns `true`, and prints a message, if there is no browser.
 pub(crate) fn without_browser() -> bool {
     let missing = Browser::find().is_none();
     if missing {
@@ -149,7 +149,7 @@ fn the_page_commands_the_run_and_survives_its_end() {
     assert_eq!(errors, serde_json::json!([]));
 }
 
-/// What the legend of the plot says: names and values.
+/// Names and values in the legend of the plot.
 const LEGEND: &str = "[...document.querySelectorAll('#plot-legend div')].map((line) => [line.dataset.name, line.lastChild.textContent])";
 
 #[test]
@@ -159,7 +159,7 @@ fn humanoid_joints_are_plotted_by_group_with_their_values() {
     }
     let _machine = machine();
     let graph = workspace().join("graphs/humanoid-reach.toml");
-    // Slow enough that values and page are of one moment.
+    // Slow enough that values and page show the same moment.
     let run = Run::start(&graph, &["--for", "600s", "--clock", "lockstep", "--pace", "0.2"]);
     let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
     let mut browser = Browser::open(&viewer.address(), (1280, 860)).unwrap();

@@ -1,5 +1,5 @@
-//! Pictures of cameras on the page of a run and of a recording, in a headless browser. Left out where no
-//! Chromium can be had.
+//! Camera pictures on the page of a run and of a recording, in a headless browser. Skipped if no Chromium is
+//! available.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,7 +15,7 @@ use crate::page::{until, without_browser};
 use crate::support::{Run, machine, run, workspace};
 use crate::viewer::Viewer;
 
-/// A camera of depths and brightness next to a colour camera.
+/// A camera of depth and brightness next to a colour camera.
 const DEPTH: &str = r#"
 [component.scene]
 kind      = "sensor.depth_camera"
@@ -32,7 +32,7 @@ height = 48
 mount  = { frame = "world", position = [1.4, 0.0, 0.8], rpy = [0.0, 0.5, 3.14159] }
 "#;
 
-/// Pixels that are compared, in parts of the width and the height.
+/// Compared pixels, as fractions of the width and the height.
 const PLACES: [(f64, f64); 6] = [(0.0, 0.0), (0.3, 0.25), (0.5, 0.5), (0.6, 0.8), (0.99, 0.02), (0.97, 0.99)];
 
 fn places(image: &RawImage) -> impl Iterator<Item = (u32, u32)> {
@@ -40,14 +40,14 @@ fn places(image: &RawImage) -> impl Iterator<Item = (u32, u32)> {
     PLACES.iter().map(move |(x, y)| (picture_at(*x, image.width), picture_at(*y, image.height)))
 }
 
-/// The bytes of a pixel.
+/// Returns the bytes of a pixel.
 fn pixel(image: &RawImage, (x, y): (u32, u32), bytes: u32) -> &[u8] {
     let from = (y * image.step + x * bytes) as usize;
     &image.data[from..from + bytes as usize]
 }
 
-/// A picture as the page has painted it: its time, and of these places the colours of the canvas and the
-/// value under the pointer.
+/// Returns a picture as painted by the page: its time, and for each of these pixels the colour of the canvas
+/// and the value under the pointer.
 fn painted(browser: &mut Browser, topic: &str, places: &[(u32, u32)]) -> Json {
     let script = format!(
         "(() => {{ const canvas = document.querySelector('[data-pictures=\"{topic}\"] canvas'); \
@@ -64,7 +64,7 @@ fn time_of(image: &RawImage) -> Json {
     image.timestamp.map_or(Json::Null, |time| json!([time.sec(), time.nsec()]))
 }
 
-/// Waits until the page shows a picture of a time, and compares its pixels.
+/// Waits until the page shows the picture of a time, and compares its pixels.
 fn compare(browser: &mut Browser, topic: &str, image: &RawImage) {
     let all: Vec<(u32, u32)> = places(image).collect();
     let began = std::time::Instant::now();
@@ -96,7 +96,7 @@ fn compare(browser: &mut Browser, topic: &str, image: &RawImage) {
             _ => {
                 let depth = f32::from_le_bytes(pixel(image, *place, 4).try_into().unwrap());
                 assert_eq!(shown["value"][0].as_f64(), Some(f64::from(depth)), "{topic} {place:?}");
-                // Colours of turbo in matplotlib 3.10: of the nearest depth, and of the farthest.
+                // Colours of turbo in matplotlib 3.10: of the smallest depth and of the largest.
                 let known = [(near, [48, 18, 59, 255]), (far, [122, 4, 3, 255]), (0.0, [40, 40, 40, 255])];
                 if let Some((_, colours)) = known.iter().find(|(known, _)| *known == depth) {
                     assert_eq!(shown["colours"], json!(colours), "{topic} {place:?} {depth}");
@@ -106,7 +106,7 @@ fn compare(browser: &mut Browser, topic: &str, image: &RawImage) {
     }
 }
 
-/// The newest picture of a topic at a time.
+/// Returns the newest picture of a topic at a time.
 fn picture_at(recording: &Recording, topic: &str, time_ns: u64) -> RawImage {
     let index = recording.pictures().iter().position(|pictures| pictures.topic == topic).expect(topic);
     let of_topic = recording.images().filter(|picture| picture.pictures == index);
@@ -114,7 +114,7 @@ fn picture_at(recording: &Recording, topic: &str, time_ns: u64) -> RawImage {
     newest.and_then(|picture| picture.image()).expect("a picture")
 }
 
-/// A second of a Panda with an eye in its hand and another beside it.
+/// One second of a Panda with a camera in its hand and another next to it.
 fn recorded(folder: &std::path::Path) -> Recording {
     let (file, overlay) = (folder.join("eyes.mcap"), folder.join("depth.toml"));
     fs::write(&overlay, DEPTH).unwrap();
@@ -145,7 +145,7 @@ fn a_played_recording_shows_its_pictures_and_depths() {
         browser.evaluate("document.querySelector('#playback button').click()").unwrap();
     }
     until(&mut browser, "it is held", |state| state["playback"]["plays"] == false);
-    // One is shown; the others are not sent before somebody opens them.
+    // One is shown; the others are not sent until somebody opens them.
     let shown = browser.evaluate("motorium.state().cameras.map(({ shown }) => shown)").unwrap();
     assert_eq!(shown, json!([true, false, false]));
     browser
@@ -162,7 +162,7 @@ fn a_played_recording_shows_its_pictures_and_depths() {
             compare(&mut browser, &format!("{topic}/image"), &image);
         }
     }
-    // The extremes of a picture have the colours of the ends of the map, wherever they are.
+    // The extremes of a picture have the colours at the ends of the map, wherever they are.
     let ends = browser
         .evaluate(
             "(() => { const canvas = document.querySelector('[data-pictures=\"scene/depth/image\"] canvas'); \
@@ -186,7 +186,7 @@ fn the_page_follows_the_newest_picture_of_a_run() {
     let run = Run::start(&graph, &["--for", "300s", "--clock", "lockstep", "--pace", "0.5"]);
     let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
     let topic = "camera/image/image";
-    // Another client of the same viewer hears what the page hears.
+    // Another client of the same viewer receives the same values as the page.
     let mut client = Client::connect(viewer.port, "", "foxglove.sdk.v1").unwrap();
     client.await_channels(&[topic]);
     let subscription = client.subscribe(topic);

@@ -1,4 +1,4 @@
-//! `motorium view` of a recording: played by viewers of others and by the page.
+//! `motorium view` of a recording, played by third-party viewers and by the page.
 
 use std::path::{Path, PathBuf};
 
@@ -27,7 +27,7 @@ fn recorded(folder: &Path) -> PathBuf {
     file
 }
 
-/// The newest sample of a topic at a time.
+/// Returns the newest sample of a topic at a time.
 fn sample_at(recording: &Recording, topic: &str, time_ns: u64) -> RecordedSample {
     let index = recording.topic(topic).expect("the topic is recorded");
     let of_topic = recording.sorted().unwrap().into_iter().filter(|sample| sample.topic == index);
@@ -53,7 +53,7 @@ fn a_recording_is_played_from_the_requested_time_and_speed() {
     let time = |ns: u64| json!({ "sec": ns / 1_000_000_000, "nsec": ns % 1_000_000_000 });
     assert_eq!([&client.info["dataStartTime"], &client.info["dataEndTime"]], [&time(start), &time(end)]);
 
-    // held at a place, it shows the newest sample there
+    // paused at a time, it shows the newest sample at that time
     let derived = recording.topics()[recording.topic(STATE).unwrap()].derived();
     let subscription = client.subscribe(STATE);
     let shown = |client: &mut Client, wanted: &RecordedSample| {
@@ -74,7 +74,7 @@ fn a_recording_is_played_from_the_requested_time_and_speed() {
     let place = client.control(false, 1.0, None).time_ns;
     assert_eq!(place, start + (end - start) / 3, "it stays there");
 
-    // to the end, faster than it was recorded
+    // to the end, faster than recorded
     let state = client.control(true, 8.0, None);
     assert_eq!((state.status, state.speed), (PLAYING, 8.0));
     let (mut last, mut ended) = (None, None);

@@ -1,4 +1,4 @@
-//! The protocol, spoken by a client that knows nothing of the viewer: channels, values, parameters, commands,
+//! The protocol, used by a client without knowledge of the viewer: channels, values, parameters, commands,
 //! files.
 
 use std::collections::BTreeMap;
@@ -28,8 +28,7 @@ fn viewed() -> (Run, Viewer) {
 fn subscriptions_match_the_shared_memory_of_the_run() {
     let _machine = machine();
     let (run, viewer) = viewed();
-    // A client that connects before the viewer has found the run may be greeted with a session that belongs
-    // to no run.
+    // A client that connects before the viewer has found the run may get a session that belongs to no run.
     Client::connect(viewer.port, "", SUBPROTOCOL).unwrap().await_channels(&[STATE]);
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&[
@@ -81,7 +80,7 @@ fn subscriptions_match_the_shared_memory_of_the_run() {
             .filter_map(|(sequence, bytes)| Some((sequence, bytes, in_run.get(sequence)?)))
             .collect();
         for (sequence, bytes, of_run) in &both {
-            // Entries beyond the count mean nothing.
+            // Entries beyond the count are undefined.
             let positions = 8..8 + 8 * 8;
             assert_eq!(bytes[positions.clone()], of_run[positions], "sample {sequence}");
         }
@@ -111,7 +110,7 @@ fn camera_pictures_arrive_whole_in_the_announced_form() {
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&["camera/image/image", "camera/info/calibration"]);
     assert_eq!(client.channels["camera/image/image"]["schemaName"], "foxglove.RawImage");
-    // nobody asks for the form: the viewer looks at it by itself
+    // nobody requests the form: the viewer reads it on its own
     let pictures = client.subscribe("camera/image/image");
     let mut seen = 0;
     client.hear_until("five pictures", |_, heard| {
@@ -148,7 +147,7 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
     owner.await_channels(&["/motorium/graph"]);
     let graph = guest.next_json("/motorium/graph");
     let parameters = guest.parameters();
-    // a number with a range, of any component
+    // a parameter of any component with a range
     let (name, min, max) = graph["components"]
         .as_array()
         .unwrap()
@@ -177,7 +176,7 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
     };
     assert_eq!(value(&name), before);
     guest.send(&json!({ "op": "subscribeParameterUpdates", "parameterNames": [name] }));
-    // what a client sends is heard in order: once this is answered, the subscription stands
+    // client messages are processed in order: once this one is answered, the subscription is active
     guest.parameters();
     assert_eq!(owner.set(&name, &json!(wanted)), Ok(json!(wanted)));
     assert_eq!(value(&name), json!(wanted));
@@ -196,11 +195,11 @@ fn parameters_are_set_with_the_token_alone_and_told_to_all() {
     let table = ParameterTable::open(&run.folder.domain().unwrap(), run.folder.plan().unwrap()).unwrap();
     table.set(&name, min.into()).unwrap();
     told(&mut guest, min);
-    // beyond its range: refused, and the value stays
+    // beyond its range: rejected, and the value stays unchanged
     let refused = owner.set(&name, &json!(max + 1.0)).unwrap_err();
     assert!(refused.contains("expected from"), "{refused}");
     assert_eq!(value(&name), json!(min));
-    // the token may be given as a parameter, as viewers that cannot write it into the address do
+    // the token may be set as a parameter, as viewers do that cannot put it into the address
     assert!(guest.set("motorium/token", &json!("wrong")).unwrap_err().contains("token"));
     guest.send(&json!({ "op": "setParameters", "parameters": [{ "name": "motorium/token", "value": viewer.token }] }));
     assert_eq!(guest.set(&name, &json!(wanted)), Ok(json!(wanted)));

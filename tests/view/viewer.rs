@@ -1,4 +1,4 @@
-//! A viewer that has been started as `motorium view` by its user.
+//! A viewer started by a user with `motorium view`.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
@@ -65,18 +65,18 @@ impl Viewer {
         }
     }
 
-    /// Lines that it has printed since the last call.
+    /// Returns the lines printed since the last call.
     pub(crate) fn said(&self) -> String {
         self.lines.try_iter().collect::<Vec<_>>().join("\n")
     }
 
-    /// Asks it to end, as a service manager does, and waits for its end.
+    /// Requests termination, as a service manager does, and waits for the end.
     pub(crate) fn end(&mut self) -> ExitStatus {
         signal(self.child.id(), Signal::TERM);
         self.child.wait().expect("it ends")
     }
 
-    /// Processes that it has started, and theirs.
+    /// Returns the processes it has started, and their descendants.
     pub(crate) fn descendants(&self) -> Vec<u32> {
         let mut found = vec![self.child.id()];
         let mut next = 0;
@@ -94,12 +94,12 @@ impl Viewer {
         found.split_off(1)
     }
 
-    /// The address of the page, with the right to command.
+    /// Returns the address of the page, with the right to command.
     pub(crate) fn address(&self) -> String {
         format!("http://localhost:{}/?token={}", self.port, self.token)
     }
 
-    /// The answer to a request.
+    /// Returns the answer to a request.
     pub(crate) fn ask(&self, request: &str) -> String {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("somebody listens");
         stream.write_all(request.as_bytes()).expect("it is heard");

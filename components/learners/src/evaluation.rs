@@ -12,7 +12,7 @@ use crate::files::{self, FileError};
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError};
 
-/// Resamples of a bootstrap interval.
+/// Number of resamples of a bootstrap interval.
 const RESAMPLES: usize = 2000;
 
 /// Returns of a policy over episodes.
@@ -26,7 +26,7 @@ pub struct Evaluation {
     pub median: f64,
     /// Interquartile mean of the return: the mean of the middle half.
     pub iqm: f64,
-    /// Bootstrap interval of the interquartile mean that holds 95 %.
+    /// 95 % bootstrap interval of the interquartile mean.
     pub iqm_interval: [f64; 2],
     /// Mean length \[steps\].
     pub mean_length: f64,
@@ -47,25 +47,25 @@ pub enum EvaluationError {
     /// The policy is invalid.
     #[error("{}: {source}", file.display())]
     Policy {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Defect.
+        /// The reason.
         source: PolicyError,
     },
     /// The task is invalid.
     #[error("{}: {source}", file.display())]
     Task {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Defect.
+        /// The reason.
         source: TaskError,
     },
     /// The network is invalid.
     #[error("{}: {source}", file.display())]
     Network {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Defect.
+        /// The reason.
         source: OnnxError,
     },
     /// The policy was trained for other terms.
@@ -74,19 +74,19 @@ pub enum EvaluationError {
          help: evaluate it on the task that it was trained for"
     )]
     Terms {
-        /// Terms that differ.
+        /// The differing terms.
         what: &'static str,
     },
-    /// The network has another number of inputs or outputs.
+    /// The network has a different number of inputs or outputs.
     #[error("{}: {found} {what}, expected {expected}", file.display())]
     Width {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Numbers that were counted.
+        /// The counted quantity.
         what: &'static str,
-        /// Numbers found.
+        /// Number found.
         found: usize,
-        /// Numbers of the task.
+        /// Number required by the task.
         expected: usize,
     },
     /// The robot cannot be loaded.
@@ -176,7 +176,7 @@ fn sorted(values: &[f64]) -> Vec<f64> {
     sorted
 }
 
-/// A quantile, interpolated between the two nearest values.
+/// Returns a quantile, interpolated between the two nearest values.
 fn quantile(values: &[f64], share: f64) -> f64 {
     let sorted = sorted(values);
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
@@ -185,7 +185,7 @@ fn quantile(values: &[f64], share: f64) -> f64 {
     sorted[low] + (place - low as f64) * (sorted[high] - sorted[low])
 }
 
-/// Mean of the values without the lowest and the highest quarter, rounded down.
+/// Returns the mean of the values without the lowest and the highest quarter, rounded down.
 fn interquartile_mean(values: &[f64]) -> f64 {
     let sorted = sorted(values);
     let cut = sorted.len() / 4;
@@ -193,7 +193,7 @@ fn interquartile_mean(values: &[f64]) -> f64 {
     middle.iter().sum::<f64>() / middle.len() as f64
 }
 
-/// Interval of the interquartile mean that holds 95 % of its resamples.
+/// Returns the interval that contains 95 % of the resampled interquartile means.
 fn bootstrap(values: &[f64], seed: u64) -> [f64; 2] {
     let mut random = Counter { seed, ..Counter::default() }.stream(Purpose::Resample);
     let mut means = Vec::with_capacity(RESAMPLES);

@@ -3,13 +3,13 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A file operation that failed.
+/// A file operation failed.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {source}", file.display())]
 pub struct FileError {
-    /// The file.
+    /// Path of the file.
     pub file: PathBuf,
-    /// Reason.
+    /// The reason.
     pub source: io::Error,
 }
 
@@ -29,12 +29,12 @@ pub(crate) fn read_text(file: &Path) -> Result<String, FileError> {
     std::fs::read_to_string(file).map_err(|source| FileError::new(file, source))
 }
 
-/// Creates a folder and those above it.
+/// Creates a folder and its parents.
 pub(crate) fn create_folder(folder: &Path) -> Result<(), FileError> {
     std::fs::create_dir_all(folder).map_err(|source| FileError::new(folder, source))
 }
 
-/// Writes a file beside its name and renames it: readers see the old content or the new.
+/// Writes a file under a temporary name and renames it: readers see either the old or the new content.
 pub(crate) fn write(file: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let mut beside = file.as_os_str().to_owned();
     beside.push(".part");

@@ -1,11 +1,11 @@
-//! Learners of the weights of movements and of policies, without the runtime.
+//! Learners of movement weights and policies, without the runtime.
 //!
-//! - [`task`], [`environment`]: what is to be learned, and worlds in which to learn it.
+//! - [`task`], [`environment`]: definitions of tasks, and worlds in which to learn them.
 //! - [`ppo`]: proximal policy optimisation; [`evaluation`]: returns of a trained policy.
 //! - [`search`]: black-box search, from policy search by weighted exploration to Bayesian optimisation.
 //! - [`random`]: counter-based random numbers, so that a training run repeats to the bit.
-//! - [`perception`]: from the picture of a letter to the movement that writes it.
-//! - [`experiments`]: experiments of a thesis with them, as numbers.
+//! - [`perception`]: maps the picture of a letter to the movement that writes it.
+//! - [`experiments`]: experiments of a thesis, reproduced as numbers.
 
 pub mod environment;
 pub mod evaluation;

@@ -18,7 +18,7 @@ use rand::SeedableRng as _;
 use rand_pcg::Pcg64;
 use twox_hash::XxHash3_64;
 
-/// The use of random numbers. Numbers of different purposes are independent.
+/// The purpose of random numbers. Numbers of different purposes are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Candidates of a search.
@@ -41,7 +41,7 @@ pub enum Purpose {
     Resample = 9,
 }
 
-/// Place of a random number in a training run.
+/// Position of a random number in a training run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counter {
     /// Seed of the run.

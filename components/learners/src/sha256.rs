@@ -1,4 +1,4 @@
-//! SHA-256 of FIPS 180-4, by which trained weights are compared.
+//! SHA-256 of FIPS 180-4, used to compare trained weights.
 
 /// First 32 bits of the fractional parts of the cube roots of the first 64 primes.
 const ROUND: [u32; 64] = [
@@ -68,7 +68,7 @@ const ROUND: [u32; 64] = [
     0xc671_78f2,
 ];
 
-/// The SHA-256 of the bytes, as 64 hexadecimal digits.
+/// Returns the SHA-256 of the bytes as 64 hexadecimal digits.
 pub(crate) fn sha256_hex(bytes: &[u8]) -> String {
     let mut padded = bytes.to_vec();
     padded.push(0x80);

@@ -5,7 +5,8 @@ use motorium_algebra::left_singular;
 
 /// Number of rounds; the weights have converged by then.
 const ROUNDS: usize = 8;
-/// Lower bound of the error, relative to the median. Bounds the weight of a movement that is met exactly.
+/// Lower bound of the error, relative to the median. It bounds the weight of a movement that is reproduced
+/// exactly.
 const FLOOR: f64 = 0.1;
 
 impl MotionLibrary {
@@ -14,10 +15,10 @@ impl MotionLibrary {
     /// keeps as many eigenforces as `truncation` specifies.
     ///
     /// The method is iterative reweighting. With the error `r_k` that `n` eigenforces leave in movement `k`,
-    /// in the metric of the library, the next eigenforces belong to the movements scaled by `(r_k / median +
-    /// 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a singular value is the
-    /// norm of its eigenforce's weights. The weights of different eigenforces are correlated, however, so
-    /// splitting and merging such a library is approximate.
+    /// in the metric of the library, the next eigenforces come from the movements scaled by `c_k`, with
+    /// `c_k = (r_k / median + 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a
+    /// singular value is the norm of its eigenforce's weights. The weights of different eigenforces are
+    /// correlated, however, so splitting and merging such a library is approximate.
     ///
     /// # Errors
     /// All movements are at rest.
@@ -39,7 +40,7 @@ impl MotionLibrary {
                 sorted[sorted.len() / 2]
             };
             if median <= 0.0 {
-                // n eigenforces hold at least half of the movements exactly
+                // n eigenforces reproduce at least half of the movements exactly
                 break;
             }
             errors.iter_mut().for_each(|error| *error = (*error / median + FLOOR).sqrt().recip());

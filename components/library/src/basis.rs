@@ -1,11 +1,11 @@
-//! Bases for forces, side by side.
+//! Comparable bases for forces.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::{Layout, Metric, MotionLibrary, SampledSpring, Truncation};
 
-/// Basis functions of forces, with the analysis that gives their weights: `w = analysis^T f`, `f = functions
-/// w`.
+/// Basis functions of forces, with the analysis matrix that yields their weights: `w = analysis^T f`, `f =
+/// functions w`.
 #[derive(Clone, Debug)]
 pub struct Basis {
     functions: DMatrix<f64>,
@@ -13,7 +13,7 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// The first `n` eigenforces of a library.
+    /// Returns the first `n` eigenforces of a library.
     pub fn eigenforces(library: &MotionLibrary, n: usize) -> Self {
         let n = n.clamp(1, library.rank());
         let first = |matrix: &DMatrix<f64>| matrix.columns(0, n).into_owned();
@@ -35,8 +35,8 @@ impl Basis {
         Self::orthonormal(block_diagonal(&blocks.collect::<Vec<_>>()))
     }
 
-    /// The constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs` of them for
-    /// each DoF, made orthonormal on the samples.
+    /// Returns the constant, then cosines and sines of 1, 2, 3 ... periods in the duration: `n / dofs`
+    /// functions for each DoF, orthonormalised on the samples.
     pub fn fourier(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let steps = spring.forces();
         let each = (n / layout.dofs()).clamp(1, steps);
@@ -53,9 +53,9 @@ impl Basis {
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
     }
 
-    /// The normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n / dofs` of
-    /// them for each DoF: centres at even times, each kernel worth 0.8 at the centre of its successor, `s`
-    /// falling to 1 %. Fitted by least squares.
+    /// Returns the normalised radial kernels of a movement primitive, `s psi_i(s) / sum_j psi_j(s)`, `n /
+    /// dofs` of them for each DoF. Centres are evenly spaced in time, each kernel has the value 0.8 at the
+    /// centre of its successor, and `s` falls to 1 %. Weights are fitted by least squares.
     pub fn kernels(layout: &Layout, spring: &SampledSpring, n: usize) -> Self {
         let columns = kernel_functions(spring, (n / layout.dofs()).clamp(1, spring.forces()));
         Self::orthonormal(block_diagonal(&vec![columns.qr().q(); layout.dofs()]))
@@ -65,29 +65,30 @@ impl Basis {
         Self { analysis: functions.clone(), functions }
     }
 
-    /// Number of functions, and so of weights.
+    /// Returns the number of functions, which is the number of weights.
     pub fn size(&self) -> usize {
         self.functions.ncols()
     }
 
-    /// The functions, one a column.
+    /// Returns the functions, one per column.
     pub fn functions(&self) -> &DMatrix<f64> {
         &self.functions
     }
 
-    /// Weights of forces, one movement a column.
+    /// Returns the weights of forces, one movement per column.
     pub fn weights(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
         self.analysis.transpose() * forces
     }
 
-    /// Approximation of forces, one movement a column.
+    /// Returns the approximation of forces, one movement per column.
     pub fn approximate(&self, forces: &DMatrix<f64>) -> DMatrix<f64> {
         &self.functions * self.weights(forces)
     }
 }
 
-/// The normalised kernels of a discrete movement primitive over the steps of a spring, one a column: `s psi_i
-/// / sum psi_j`, centres at even times, each worth 0.8 at the centre of its successor, `s` falling to 1 %.
+/// Returns the normalised kernels of a discrete movement primitive over the steps of a spring, one per
+/// column: `s psi_i / sum psi_j`. Centres are evenly spaced in time, each kernel has the value 0.8 at the
+/// centre of its successor, and `s` falls to 1 %.
 pub fn kernel_functions(spring: &SampledSpring, count: usize) -> DMatrix<f64> {
     let decay = -(0.01_f64.ln());
     let phase = |progress: f64| (-decay * progress).exp();
@@ -135,8 +136,8 @@ impl MotionLibrary {
     }
 }
 
-/// Relative error of forces (degrees of freedom one after the other) approximated by `count` radial kernels
-/// for each degree of freedom, in the least squares.
+/// Returns the relative least-squares error of forces (degrees of freedom one after the other) approximated
+/// by `count` radial kernels for each degree of freedom.
 pub fn kernel_error(forces: &[f64], spring: &SampledSpring, count: usize) -> f64 {
     let steps = spring.forces();
     let q = kernel_functions(spring, count.min(steps)).qr().q();

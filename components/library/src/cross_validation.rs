@@ -10,13 +10,13 @@ use crate::{
 pub const FORCE: &str = "eigenforces, force";
 /// Name of the eigenforces in the metric of position.
 pub const POSITION: &str = "eigenforces, position";
-/// Names of the bases that are compared.
+/// Names of the compared bases.
 pub const BASES: [&str; 5] = [FORCE, POSITION, BALANCED, "fourier", "kernels"];
 
 /// Number of eigenforces whose share of the variance is reported.
 const EXPLAINED: usize = 10;
 
-/// Errors of one basis with one number of weights, one entry a split.
+/// Errors of one basis with one number of weights, one entry per split.
 #[derive(Clone, Debug)]
 pub struct BasisErrors {
     /// Name of the basis, one of [`BASES`].
@@ -25,15 +25,15 @@ pub struct BasisErrors {
     pub n: usize,
     /// Relative errors of force.
     pub force: Vec<f64>,
-    /// Errors of position over the spread, means over the movements.
+    /// Errors of position relative to the spread, means over the movements.
     pub position: Vec<f64>,
-    /// Their standard deviations over the movements.
+    /// Standard deviations of the position errors over the movements.
     pub deviation: Vec<f64>,
-    /// Their largest values.
+    /// Largest position errors.
     pub worst: Vec<f64>,
 }
 
-/// A cross validation of libraries.
+/// A cross-validation of libraries.
 ///
 /// ```
 /// use motorium_library::letters::{Variation, letters};
@@ -55,17 +55,17 @@ pub struct CrossValidation {
     splits: usize,
     errors: Vec<BasisErrors>,
     explained: Vec<Vec<f64>>,
-    /// Recognition rates in both metrics, one row a split, one entry for each number of weights.
+    /// Recognition rates in both metrics, one row per split, one entry for each number of weights.
     rates: Vec<Vec<[f64; 2]>>,
 }
 
 impl CrossValidation {
-    /// A cross validation with these numbers of weights, without a split yet.
+    /// Creates a cross-validation with these numbers of weights, without any split.
     pub fn new(eigenforces: Vec<usize>) -> Self {
         Self { eigenforces, splits: 0, errors: Vec::new(), explained: Vec::new(), rates: Vec::new() }
     }
 
-    /// Calls of `progress` in one [`add`](Self::add).
+    /// Returns the number of calls of `progress` in one [`add`](Self::add).
     pub fn progress_of_split(&self) -> usize {
         self.eigenforces.len() + 2
     }
@@ -114,36 +114,38 @@ impl CrossValidation {
         Ok(())
     }
 
-    /// Numbers of weights.
+    /// Returns the numbers of weights.
     pub fn eigenforces(&self) -> &[usize] {
         &self.eigenforces
     }
 
-    /// Number of splits.
+    /// Returns the number of splits.
     pub fn splits(&self) -> usize {
         self.splits
     }
 
-    /// Errors of every basis with every number of weights.
+    /// Returns the errors of every basis with every number of weights.
     pub fn errors(&self) -> &[BasisErrors] {
         &self.errors
     }
 
-    /// Mean error of position over the splits and its standard deviation, of one basis with `n` weights.
+    /// Returns the mean error of position over the splits and its standard deviation, for one basis with `n`
+    /// weights.
     pub fn position_error(&self, basis: &str, n: usize) -> Option<(f64, f64)> {
         let row = self.errors.iter().find(|row| row.basis == basis && row.n == n)?;
         Some(mean_and_deviation(&row.position))
     }
 
-    /// Parts of the variance of force that the first ten eigenforces explain each, means over the splits.
+    /// Returns the shares of the force variance that each of the first ten eigenforces explains, means over
+    /// the splits.
     pub fn explained(&self) -> Vec<f64> {
         let first = self.explained.iter().map(Vec::len).min().unwrap_or(0);
         let mean = |k: usize| self.explained.iter().map(|e| e[k]).sum::<f64>() / self.explained.len() as f64;
         (0..first).map(mean).collect()
     }
 
-    /// Recognition rates in the metrics of force and position by the `k`-th number of weights, means over the
-    /// splits; `None` without labels.
+    /// Returns the recognition rates in the metrics of force and position with the `k`-th number of weights,
+    /// means over the splits; `None` without labels.
     pub fn recognition(&self, k: usize) -> Option<[f64; 2]> {
         if self.rates.is_empty() || k >= self.eigenforces.len() {
             return None;

@@ -9,13 +9,13 @@ use crate::{Recordings, Trajectory};
 /// An error of [`Recordings::read`].
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// A file that cannot be read.
+    /// A file cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// No file.
+    /// There is no file.
     #[error("found no file, expected at least one")]
     NoFile,
-    /// A recording has other degrees of freedom than the first.
+    /// A recording has different degrees of freedom from the first.
     #[error(
         "recording `{id}` of {path} has the degrees of freedom {found}, the first one {expected}: choose common ones by name"
     )]
@@ -32,7 +32,7 @@ pub enum DataError {
 }
 
 impl From<&Recording> for Trajectory {
-    /// Evenly spaced samples of a recording, with the recording's number of samples.
+    /// Returns evenly spaced samples of a recording, with the recording's number of samples.
     fn from(recording: &Recording) -> Self {
         Self {
             id: recording.id().to_string(),
@@ -48,7 +48,7 @@ impl Recordings {
     /// formats.
     ///
     /// # Errors
-    /// A file that cannot be read, or recordings of different degrees of freedom.
+    /// A file cannot be read, or recordings have different degrees of freedom.
     pub fn read<P: AsRef<Path>>(
         paths: impl IntoIterator<Item = P>,
         selection: &Selection,

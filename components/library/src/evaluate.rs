@@ -15,13 +15,13 @@ pub struct Evaluation {
     pub n: usize,
     /// Root mean square of the residual forces, relative to the forces.
     pub force: f64,
-    /// Standard error of it over the movements.
+    /// Standard error of `force` over the movements.
     pub force_error: f64,
     /// Errors of the paths.
     pub position: PathError,
 }
 
-/// Errors of paths: root mean square over the samples of each, over the mean spread of all.
+/// Errors of paths: root mean square over the samples of each path, relative to the mean spread of all.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathError {
     /// Mean over the movements.
@@ -46,7 +46,7 @@ impl PathError {
     }
 }
 
-/// Forces of recordings, one a column, and their frames.
+/// Returns the forces of recordings, one per column, and their frames.
 pub(super) fn forces_of(
     recordings: &Recordings,
     spring: &SampledSpring,
@@ -62,7 +62,8 @@ pub(super) fn forces_of(
     (forces, frames)
 }
 
-/// Errors of a basis on recordings: of their forces and, followed by the spring, of their paths.
+/// Returns the errors of a basis on recordings: the errors of their forces and of the paths with which the
+/// spring follows them.
 pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) -> Evaluation {
     let (forces, _) = forces_of(recordings, spring);
     let left = &forces - basis.approximate(&forces);
@@ -83,7 +84,7 @@ pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) 
     }
 }
 
-/// The root mean square over the samples of the path that each column of left-out forces makes.
+/// Returns the root mean square over the samples of the path caused by each column of residual forces.
 pub fn path_errors(mut left: DMatrix<f64>, dofs: usize, spring: &SampledSpring) -> Vec<f64> {
     let each = spring.forces();
     left.column_iter_mut()
@@ -98,14 +99,14 @@ pub fn path_errors(mut left: DMatrix<f64>, dofs: usize, spring: &SampledSpring) 
         .collect()
 }
 
-/// The mean spread of recordings.
+/// Returns the mean spread of recordings.
 fn mean_spread(recordings: &Recordings, spring: &SampledSpring) -> f64 {
     let spreads = recordings.trajectories.iter().map(|t| Trajectory::spread(&t.sampled(spring)));
     spreads.sum::<f64>() / recordings.trajectories.len().max(1) as f64
 }
 
-/// The part of labelled recordings whose nearest movement of the library, in the first `n` weights, has their
-/// label.
+/// Returns the share of labelled recordings whose nearest movement of the library, in the first `n` weights,
+/// has the same label.
 pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, n: usize) -> f64 {
     let mut recogniser = super::Recogniser::new(library, n);
     let mut right = 0;
@@ -119,11 +120,11 @@ pub fn nearest_neighbour_rate(library: &MotionLibrary, recordings: &Recordings, 
     right as f64 / labelled.len().max(1) as f64
 }
 
-/// Name of the eigenforces that are [balanced](MotionLibrary::balanced), in [`compare`].
+/// Name of the [balanced](MotionLibrary::balanced) eigenforces in [`compare`].
 pub const BALANCED: &str = "eigenforces, balanced";
 
-/// Eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A library in
-/// the metric of position is there twice, the second time balanced for each number.
+/// Compares eigenforces, Fourier functions and kernels for each number of weights: `(name, evaluation)`. A
+/// library in the metric of position appears twice, the second time balanced for each number.
 pub fn compare(
     libraries: &[(&'static str, &MotionLibrary)],
     recordings: &Recordings,

@@ -1,9 +1,9 @@
-//! Generation of movements from weights: as a whole, or step by step in a control loop.
+//! Generation of movements from weights: as a whole path, or step by step in a control loop.
 
 use crate::{Frame, MotionLibrary, SampledSpring};
 use motorium_algebra::Simd;
 
-/// Weights and a frame: a movement to be generated.
+/// Weights and a frame, which define a movement to generate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Superposition {
     /// Weights of the first eigenforces.
@@ -13,14 +13,14 @@ pub struct Superposition {
 }
 
 impl Superposition {
-    /// A movement of the library by its first `eigenforces`.
+    /// Returns a movement of the library, reconstructed from its first `eigenforces`.
     pub fn from_entry(library: &MotionLibrary, entry: usize, eigenforces: usize) -> Self {
         let eigenforces = eigenforces.clamp(1, library.rank());
         let weights = library.weights().column(entry).rows(0, eigenforces).iter().copied().collect();
         Self { weights, frame: library.entries()[entry].frame.clone() }
     }
 
-    /// The mean of the movements of one label, by the first `eigenforces`.
+    /// Returns the mean of the movements of one label, reconstructed from the first `eigenforces`.
     pub fn mean_of(library: &MotionLibrary, label: &str, eigenforces: usize) -> Option<Self> {
         let members: Vec<usize> = (0..library.entries().len())
             .filter(|k| library.entries()[*k].label.as_deref() == Some(label))
@@ -59,7 +59,7 @@ impl Superposition {
         self
     }
 
-    /// The path: samples x DoFs.
+    /// Returns the path: samples x DoFs.
     pub fn path(&self, library: &MotionLibrary) -> nalgebra::DMatrix<f64> {
         super::movement::path(&self.frame, &library.forces(&self.weights), library.spring())
     }
@@ -68,7 +68,7 @@ impl Superposition {
 /// The movement cannot be started. The current one continues unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
-    /// More weights than eigenforces.
+    /// There are more weights than eigenforces.
     #[error("{found} weights for {rank} eigenforces")]
     Weights {
         /// Number of weights.
@@ -76,18 +76,18 @@ pub enum GenerateError {
         /// Number of eigenforces.
         rank: usize,
     },
-    /// A frame of other DoFs.
+    /// The number of DoFs differs.
     #[error("a frame of {found} degrees of freedom for a library of {expected}")]
     Dofs {
-        /// In the frame.
+        /// Number of DoFs in the frame.
         found: usize,
-        /// In the library.
+        /// Number of DoFs in the library.
         expected: usize,
     },
-    /// NaN or an infinite value.
+    /// A value is NaN or infinite.
     #[error("{0}, expected a finite number")]
     NotFinite(f64),
-    /// The duration is not a positive time.
+    /// The duration is not positive.
     #[error("a duration of {0} s, expected a positive time")]
     Duration(f64),
 }
@@ -104,7 +104,7 @@ pub struct Generator {
     eigenforces: Vec<f64>,
     rank: usize,
     forces: Vec<f64>,
-    /// Samples including the settling phase, DoF by DoF.
+    /// Samples including the settling phase, one DoF after the other.
     path: Vec<f64>,
     length: usize,
     duration: f64,
@@ -114,7 +114,7 @@ pub struct Generator {
 }
 
 impl Generator {
-    /// For movements of a library.
+    /// Creates a generator for movements of a library.
     pub fn new(library: &MotionLibrary) -> Self {
         let (dofs, spring) = (library.layout().dofs(), *library.spring());
         let length = spring.samples() + spring.samples() / 4;
@@ -189,27 +189,28 @@ impl Generator {
         self.read();
     }
 
-    /// Position of each DoF.
+    /// Returns the position of each DoF.
     pub fn position(&self) -> &[f64] {
         &self.position
     }
 
-    /// Velocity of each DoF, per second.
+    /// Returns the velocity of each DoF, per second.
     pub fn velocity(&self) -> &[f64] {
         &self.velocity
     }
 
-    /// Time since the start over the duration; 1 at the end of the movement, when settling starts.
+    /// Returns the time since the start divided by the duration; 1 at the end of the movement, when settling
+    /// starts.
     pub fn progress(&self) -> f64 {
         self.time / self.duration
     }
 
-    /// True once it has settled.
+    /// Returns `true` once the movement has settled.
     pub fn is_finished(&self) -> bool {
         self.progress() >= self.settled() - 1e-12
     }
 
-    /// Progress at the end of the settling phase.
+    /// Returns the progress at the end of the settling phase.
     fn settled(&self) -> f64 {
         (self.length - 1) as f64 * self.spring.step()
     }

@@ -11,41 +11,41 @@ pub struct Layout {
 /// A named part of a body: some of its DoFs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Its name.
+    /// Name of the part.
     pub name: String,
     /// Indices of its DoFs, ascending.
     pub dofs: Vec<usize>,
 }
 
-/// DoFs that cannot be.
+/// The DoFs are invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
-    /// No DoF at all.
+    /// There are no DoFs.
     #[error("no degree of freedom, expected at least one")]
     Empty,
-    /// Two of one name.
+    /// Two DoFs have the same name.
     #[error("two degrees of freedom are called `{0}`: give each a unique name")]
     Twice(String),
-    /// A pattern that matches nothing.
+    /// A pattern matches no DoF.
     #[error("part `{part}`: no degree of freedom matches `{pattern}`; there are {known}")]
     NoMatch {
-        /// The part.
+        /// Name of the part.
         part: String,
         /// The pattern.
         pattern: String,
         /// All names.
         known: String,
     },
-    /// The text is not of the form `name=pattern,...`.
+    /// The text does not have the form `name=pattern,...`.
     #[error("`{0}` is no part: expected NAME=PATTERN[,PATTERN...], such as arms=l_arm*,r_arm*")]
     Syntax(String),
 }
 
 impl Layout {
-    /// DoFs of these names, in this order.
+    /// Creates a layout of DoFs with these names, in this order.
     ///
     /// # Errors
-    /// No name, or one name twice.
+    /// There are no names, or a name occurs twice.
     pub fn new(names: Vec<String>) -> Result<Self, LayoutError> {
         if names.is_empty() {
             return Err(LayoutError::Empty);
@@ -58,12 +58,12 @@ impl Layout {
         Ok(Self { names })
     }
 
-    /// The names.
+    /// Returns the names.
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// Number of DoFs.
+    /// Returns the number of DoFs.
     pub fn dofs(&self) -> usize {
         self.names.len()
     }
@@ -71,7 +71,7 @@ impl Layout {
     /// Parses a part written as `name=pattern,pattern`. A pattern is a name, or a prefix followed by `*`.
     ///
     /// # Errors
-    /// The text has another form, or a pattern matches no DoF.
+    /// The text has a different form, or a pattern matches no DoF.
     pub fn part(&self, text: &str) -> Result<Part, LayoutError> {
         let (name, patterns) = text.split_once('=').ok_or_else(|| LayoutError::Syntax(text.to_string()))?;
         let mut dofs = Vec::new();
@@ -93,7 +93,7 @@ impl Layout {
         Ok(Part { name: name.trim().to_string(), dofs })
     }
 
-    /// The layout of some of the DoFs.
+    /// Returns the layout of some of the DoFs.
     pub(super) fn select(&self, dofs: &[usize]) -> Self {
         Self { names: dofs.iter().map(|k| self.names[*k].clone()).collect() }
     }

@@ -1,4 +1,4 @@
-//! One library out of several.
+//! Merging of several libraries into one.
 
 use nalgebra::DMatrix;
 
@@ -6,10 +6,10 @@ use motorium_algebra::{LeftSingular, left_singular};
 
 use crate::{BuildError, Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
 
-/// Libraries that cannot be merged.
+/// The libraries cannot be merged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MergeError {
-    /// Only one library, or none.
+    /// There are fewer than two libraries.
     #[error("{0} libraries, expected at least two")]
     TooFew(usize),
     /// The libraries use different springs.
@@ -22,38 +22,38 @@ pub enum MergeError {
     Metric {
         /// Index of the library, counted from 1.
         index: usize,
-        /// Its metric.
+        /// Metric of that library.
         found: Metric,
-        /// That of the first.
+        /// Metric of the first library.
         expected: Metric,
     },
-    /// Parts that share a name.
+    /// Parts share a name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
     /// The movements have no common library, for example because all are at rest.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// Other DoFs.
+    /// The libraries have different DoFs.
     #[error("library {index} has the degrees of freedom {found}, the first {expected}")]
     Dofs {
         /// Index of the library, counted from 1.
         index: usize,
-        /// Its DoFs.
+        /// DoFs of that library.
         found: String,
-        /// Those of the first.
+        /// DoFs of the first library.
         expected: String,
     },
 }
 
-/// A library of a body out of libraries of its parts.
+/// Merges libraries of body parts into a library of the body.
 ///
-/// If all were built from the same movements (the same ids in the same order), their weights say how the
-/// parts moved together: with `C` their weights one below the other and `C = Q S R^T`, `diag(U_A, U_B, ...)
-/// Q` are exactly the eigenforces of the whole ("correlated", for complete libraries). Otherwise it is
+/// If all were built from the same movements (the same ids in the same order), their weights contain the
+/// correlation between the parts. With the stacked weights `C = Q S R^T`, `diag(U_A, U_B, ...) Q` are exactly
+/// the eigenforces of the whole ("correlated", for complete libraries). Otherwise the result equals
 /// [`merge_independent`]. `truncation` chooses the rank of the result.
 ///
 /// # Errors
-/// Fewer than two libraries, or libraries that do not fit each other.
+/// There are fewer than two libraries, or the libraries do not match.
 pub fn merge_parts(
     libraries: &[&MotionLibrary],
     truncation: Truncation,
@@ -84,7 +84,7 @@ pub fn merge_parts(
 /// each with the other parts at rest.
 ///
 /// # Errors
-/// Fewer than two libraries, or libraries that do not match.
+/// There are fewer than two libraries, or the libraries do not match.
 pub fn merge_independent(
     libraries: &[&MotionLibrary],
     truncation: Truncation,
@@ -99,7 +99,7 @@ fn joined_layout(libraries: &[&MotionLibrary]) -> Result<Layout, LayoutError> {
     Layout::new(libraries.iter().flat_map(|library| library.layout().names().to_vec()).collect())
 }
 
-/// The bases of the parts as blocks on a diagonal.
+/// Returns the bases of the parts as a block-diagonal matrix.
 fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
     let rows: usize = libraries.iter().map(|library| library.rows()).sum();
     let rank: usize = libraries.iter().map(|library| library.rank()).sum();
@@ -120,7 +120,7 @@ fn joined_basis(libraries: &[&MotionLibrary]) -> DMatrix<f64> {
 /// discarded components.
 ///
 /// # Errors
-/// Fewer than two libraries, or libraries that do not match.
+/// There are fewer than two libraries, or the libraries do not match.
 pub fn merge_movements(
     libraries: &[&MotionLibrary],
     truncation: Truncation,
@@ -192,7 +192,8 @@ fn assemble(
     Ok(merged)
 }
 
-/// The block-diagonal basis, sorted by singular values; every movement moves one part, the others rest.
+/// Returns the block-diagonal basis, sorted by singular values. Every movement moves one part; the others
+/// rest.
 fn independent(
     libraries: &[&MotionLibrary],
     basis: &DMatrix<f64>,
@@ -226,7 +227,7 @@ fn independent(
     (LeftSingular { vectors, values, spectrum, energy }, weights, entries)
 }
 
-/// A movement of one part in a whole body, the other parts at rest at 0.
+/// Extends a movement of one part to the whole body, with the other parts at rest at 0.
 fn resting(entry: &Entry, before: usize, dofs: usize) -> Entry {
     let place = |values: &[f64]| {
         let mut all = vec![0.0; dofs];
@@ -245,7 +246,7 @@ fn resting(entry: &Entry, before: usize, dofs: usize) -> Entry {
     }
 }
 
-/// Movement `k` of all parts together.
+/// Returns movement `k` of all parts together.
 fn joined(libraries: &[&MotionLibrary], k: usize) -> Entry {
     let mut entry = libraries[0].entries()[k].clone();
     for library in &libraries[1..] {

@@ -29,9 +29,9 @@ impl core::fmt::Display for Metric {
 /// One movement that a library was built from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// Its name.
+    /// Name of the movement.
     pub id: String,
-    /// Its kind, if known.
+    /// Kind of movement, if known.
     pub label: Option<String>,
     /// Start, goal, velocity and duration.
     pub frame: Frame,
@@ -40,23 +40,23 @@ pub struct Entry {
 /// Parts of a library; [`MotionLibrary::from_parts`] checks them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LibraryParts {
-    /// Its degrees of freedom.
+    /// Degrees of freedom.
     pub layout: Layout,
-    /// The spring.
+    /// Spring that converts forces to paths.
     pub spring: SampledSpring,
     /// Metric in which `basis` is orthonormal.
     pub metric: Metric,
-    /// Orthonormal columns in the space of the metric: `dofs (samples - 1)` rows, one column an eigenforce.
+    /// Orthonormal columns in the space of the metric: `dofs (samples - 1)` rows, one column per eigenforce.
     pub basis: DMatrix<f64>,
-    /// Singular value of each.
+    /// Singular value of each eigenforce.
     pub singular: Vec<f64>,
     /// All known singular values of the data.
     pub spectrum: Vec<f64>,
-    /// Sum of the squares of the data: of the spectrum, if all of it is known.
+    /// Sum of squares of the data; equal to the spectrum's if all of it is known.
     pub energy: f64,
     /// Weights of the movements the library was built from: eigenforces x movements.
     pub weights: DMatrix<f64>,
-    /// Those movements.
+    /// The movements the library was built from.
     pub entries: Vec<Entry>,
 }
 
@@ -75,7 +75,7 @@ pub struct LibraryParts {
 /// let blend = first.blend(&second, 0.5).placed(None, None, Some(2.0));
 /// assert_eq!(blend.path(&library).shape(), (60, 2));
 ///
-/// // A letter written anew is recognised.
+/// // A newly written letter is recognised.
 /// let written = letters(1, Variation { points: 0.0, shape: 0.0, pace: 0.0 }, 9);
 /// let found = Recogniser::new(&library, 8).recognise(&written.trajectories[0]);
 /// let (nearest, _) = found.nearest.unwrap();
@@ -85,22 +85,22 @@ pub struct LibraryParts {
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionLibrary {
     parts: LibraryParts,
-    /// Forces of the eigenforces; empty in the metric of force, where they are the basis itself.
+    /// Forces of the eigenforces; empty in the metric of force, where the basis already contains them.
     forces: DMatrix<f64>,
-    /// Weights are this transposed times forces; empty likewise.
+    /// Weights are the transpose of this matrix times forces; empty in the metric of force.
     analysis: DMatrix<f64>,
 }
 
-/// An error of building a library.
+/// An error in building a library.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
-    /// Nothing to learn from.
+    /// There are no recordings.
     #[error("no recording, expected at least one")]
     NoRecordings,
-    /// The DoFs are not right.
+    /// The DoFs are invalid.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The spring is not.
+    /// The spring is invalid.
     #[error(transparent)]
     Spring(#[from] SpringError),
     /// A recording does not match the names.
@@ -108,10 +108,10 @@ pub enum BuildError {
     Recording {
         /// Id of the recording.
         id: String,
-        /// Defect found.
+        /// The reason.
         found: String,
     },
-    /// Recordings that do not move.
+    /// No recording moves.
     #[error("all forces are zero: nothing moves in these recordings")]
     Still,
     /// Some degrees of freedom are at rest in every recording.
@@ -119,7 +119,7 @@ pub enum BuildError {
         "{names}: at rest in all recordings, so that there are no eigenforces; expected a part that moves"
     )]
     Resting {
-        /// Their names.
+        /// Names of these degrees of freedom.
         names: String,
     },
     /// Parts of a library do not match each other.
@@ -161,10 +161,10 @@ impl MotionLibrary {
         Self::from_forces(data, entries, (layout, spring), metric, truncation)
     }
 
-    /// Learns from forces: `dofs (samples - 1)` rows, one column a movement.
+    /// Learns from forces: `dofs (samples - 1)` rows, one column per movement.
     ///
     /// # Errors
-    /// Sizes that do not fit, or forces that are all zero.
+    /// Sizes do not match, or all forces are zero.
     pub fn from_forces(
         mut data: DMatrix<f64>,
         entries: Vec<Entry>,
@@ -233,67 +233,67 @@ impl MotionLibrary {
         Ok(Self { parts, forces, analysis })
     }
 
-    /// Parts of the library.
+    /// Returns the parts of the library.
     pub fn parts(&self) -> &LibraryParts {
         &self.parts
     }
 
-    /// Takes it apart.
+    /// Converts the library into its parts.
     pub fn into_parts(self) -> LibraryParts {
         self.parts
     }
 
-    /// Its degrees of freedom.
+    /// Returns the degrees of freedom.
     pub fn layout(&self) -> &Layout {
         &self.parts.layout
     }
 
-    /// The spring that turns forces into paths.
+    /// Returns the spring that converts forces to paths.
     pub fn spring(&self) -> &SampledSpring {
         &self.parts.spring
     }
 
-    /// Its metric.
+    /// Returns the metric.
     pub fn metric(&self) -> Metric {
         self.parts.metric
     }
 
-    /// Number of eigenforces.
+    /// Returns the number of eigenforces.
     pub fn rank(&self) -> usize {
         self.parts.singular.len()
     }
 
-    /// Rows of a force vector.
+    /// Returns the number of rows of a force vector.
     pub fn rows(&self) -> usize {
         self.parts.basis.nrows()
     }
 
-    /// The movements it was built from.
+    /// Returns the movements the library was built from.
     pub fn entries(&self) -> &[Entry] {
         &self.parts.entries
     }
 
-    /// Their weights, eigenforces x movements.
+    /// Returns the weights of the movements, eigenforces x movements.
     pub fn weights(&self) -> &DMatrix<f64> {
         &self.parts.weights
     }
 
-    /// The eigenforces as forces, one a column.
+    /// Returns the eigenforces as forces, one per column.
     pub fn eigenforces(&self) -> &DMatrix<f64> {
         if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.forces }
     }
 
-    /// Matrix that, transposed, turns forces into weights; one column an eigenforce.
+    /// Returns the matrix whose transpose converts forces to weights, one column per eigenforce.
     pub fn analysis(&self) -> &DMatrix<f64> {
         if self.parts.metric == Metric::Force { &self.parts.basis } else { &self.analysis }
     }
 
-    /// Share of the variance explained by each eigenforce (in the metric), largest first.
+    /// Returns the share of the variance explained by each eigenforce (in the metric), largest first.
     pub fn explained(&self) -> Vec<f64> {
         self.parts.singular.iter().map(|s| s * s / self.parts.energy).collect()
     }
 
-    /// Cumulative share of the variance explained by the first 1, 2, ... eigenforces.
+    /// Returns the cumulative share of the variance explained by the first 1, 2, ... eigenforces.
     pub fn explained_together(&self) -> Vec<f64> {
         let mut sum = 0.0;
         let add = |part: f64| {
@@ -303,12 +303,13 @@ impl MotionLibrary {
         self.explained().into_iter().map(add).collect()
     }
 
-    /// Number of eigenforces that explain a part of the variance, 0 to 1; 0 if all together explain less.
+    /// Returns the number of eigenforces that explain a share of the variance, 0 to 1; 0 if all together
+    /// explain less.
     pub fn rank_explaining(&self, part: f64) -> usize {
         self.explained_together().iter().position(|sum| *sum >= part).map_or(0, |k| k + 1)
     }
 
-    /// The first `n` eigenforces alone.
+    /// Returns a library with only the first `n` eigenforces.
     #[must_use]
     pub fn truncated(&self, n: usize) -> Self {
         let n = n.clamp(1, self.rank());
@@ -319,7 +320,7 @@ impl MotionLibrary {
         Self::from_parts(parts).expect("a part of a library that fits itself")
     }
 
-    /// Weights of forces: `w = U^T f`, or `U^T G f` in the metric of position.
+    /// Returns the weights of forces: `w = U^T f`, or `U^T G f` in the metric of position.
     pub fn project(&self, forces: &[f64]) -> DVector<f64> {
         let mut weights = DVector::zeros(self.rank());
         motorium_algebra::Simd::new().project(self.analysis().as_slice(), forces, weights.as_mut_slice());
@@ -346,7 +347,7 @@ impl MotionLibrary {
 }
 
 impl Metric {
-    /// Takes forces, one movement a column, into the space of the metric.
+    /// Maps forces, one movement per column, to the space of the metric.
     pub(super) fn into_space(self, spring: &SampledSpring, forces: &mut DMatrix<f64>) {
         if self == Self::Position {
             blocks(spring, forces, |spring, block| spring.respond(block));

@@ -4,35 +4,35 @@ use serde::{Deserialize, Serialize};
 
 use crate::{SampledSpring, Trajectory};
 
-/// Boundary conditions of a movement, which turn forces into a path. One number for each DoF.
+/// Boundary conditions of a movement, which determine the path for given forces. One number for each DoF.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
-    /// Start, one number a degree of freedom.
+    /// Start, one number per degree of freedom.
     pub start: Vec<f64>,
     /// End of the path.
     pub goal: Vec<f64>,
     /// Start velocity, per duration.
     pub velocity: Vec<f64>,
-    /// Seconds from start to end.
+    /// Duration from start to end, s.
     pub duration: f64,
 }
 
 /// A movement as forces: a frame, and `samples - 1` forces per DoF, stored DoF by DoF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Movement {
-    /// Its frame.
+    /// Frame of the movement.
     pub frame: Frame,
-    /// Its forces.
+    /// Forces of the movement.
     pub forces: Vec<f64>,
 }
 
 impl Frame {
-    /// Number of DoFs.
+    /// Returns the number of DoFs.
     pub fn dofs(&self) -> usize {
         self.start.len()
     }
 
-    /// `self + part * (other - self)` in every number.
+    /// Returns `self + part * (other - self)` for every number.
     #[must_use]
     pub fn towards(&self, other: &Self, part: f64) -> Self {
         let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + part * (b - a)).collect();
@@ -65,13 +65,13 @@ impl Movement {
         Self { frame, forces }
     }
 
-    /// The path: samples x DoFs.
+    /// Returns the path: samples x DoFs.
     pub fn path(&self, spring: &SampledSpring) -> nalgebra::DMatrix<f64> {
         path(&self.frame, &self.forces, spring)
     }
 }
 
-/// The path of forces in a frame: samples x DoFs.
+/// Returns the path of forces in a frame: samples x DoFs.
 pub(super) fn path(frame: &Frame, forces: &[f64], spring: &SampledSpring) -> nalgebra::DMatrix<f64> {
     let mut path = nalgebra::DMatrix::zeros(spring.samples(), frame.dofs());
     let columns = path.as_mut_slice().chunks_exact_mut(spring.samples());

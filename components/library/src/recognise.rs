@@ -6,12 +6,11 @@ use motorium_algebra::Simd;
 /// A recognised movement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recognised {
-    /// Its weights.
+    /// Weights of the movement.
     pub weights: Vec<f64>,
     /// Residual of the eigenforces: `|f - U w| / |f|` in the metric of the library, 0 to 1.
     pub novelty: f64,
-    /// The nearest movement of the library in weights, and its distance relative to the length of the
-    /// weights.
+    /// The nearest movement of the library in weights, and its distance relative to the norm of the weights.
     pub nearest: Option<(usize, f64)>,
 }
 
@@ -25,14 +24,14 @@ pub struct Recogniser {
     analysis: Vec<f64>,
     rows: usize,
     eigenforces: usize,
-    /// Weights of the library's movements, movement by movement.
+    /// Weights of the library's movements, one movement after the other.
     known: Vec<f64>,
     weights: Vec<f64>,
     scratch: Vec<f64>,
 }
 
 impl Recogniser {
-    /// A recogniser by the first `eigenforces`.
+    /// Creates a recogniser that uses the first `eigenforces`.
     pub fn new(library: &MotionLibrary, eigenforces: usize) -> Self {
         let eigenforces = eigenforces.clamp(1, library.rank());
         let rows = library.rows();
@@ -49,7 +48,7 @@ impl Recogniser {
         }
     }
 
-    /// Number of weights.
+    /// Returns the number of weights.
     pub fn eigenforces(&self) -> usize {
         self.eigenforces
     }
@@ -57,7 +56,7 @@ impl Recogniser {
     /// Projects forces (length: rows of the library) and returns their weights.
     ///
     /// # Panics
-    /// If `forces` has another length.
+    /// If `forces` has a different length.
     pub fn project(&mut self, forces: &[f64]) -> &[f64] {
         assert_eq!(forces.len(), self.rows, "as many forces as the library has rows");
         self.simd.project(&self.analysis, forces, &mut self.weights);
@@ -77,7 +76,8 @@ impl Recogniser {
         (1.0 - explained * explained).max(0.0).sqrt()
     }
 
-    /// Movement of the library whose weights are nearest to the last projection, and the distance.
+    /// Returns the movement of the library whose weights are nearest to the last projection, and the
+    /// distance.
     pub fn nearest(&self) -> Option<(usize, f64)> {
         let distance =
             |known: &[f64]| known.iter().zip(&self.weights).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
@@ -89,7 +89,7 @@ impl Recogniser {
             .map(|(index, squared)| (index, squared.sqrt()))
     }
 
-    /// The weights last projected.
+    /// Returns the weights of the last projection.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }

@@ -26,7 +26,7 @@ pub struct RecursiveLibrary {
     capacity: usize,
     forgetting: f64,
     simd: Simd,
-    /// rows x rank, the least singular value first.
+    /// rows x rank, the smallest singular value first.
     basis: DMatrix<f64>,
     squares: Vec<f64>,
     energy: f64,
@@ -145,7 +145,7 @@ impl RecursiveLibrary {
         Ok(())
     }
 
-    /// Singular values, the largest first.
+    /// Returns the singular values, the largest first.
     pub fn singular(&self) -> Vec<f64> {
         self.squares.iter().rev().map(|s| s.sqrt()).collect()
     }

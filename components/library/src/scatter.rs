@@ -1,4 +1,4 @@
-//! Recursive principal components by their covariance: the form of the thesis's appendix A.
+//! Recursive principal components from the covariance, as in appendix A of the thesis.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -6,7 +6,7 @@ use motorium_algebra::{SymmetricEigen, symmetric_eigen};
 
 /// Recursive mean and scatter of samples.
 ///
-/// With `N` samples of mean `m` and scatter `S = sum (x - m)(x - m)^T`, one more sample `x` gives
+/// With `N` samples of mean `m` and scatter `S = sum (x - m)(x - m)^T`, one more sample `x` yields
 ///
 /// ```text
 /// m' = (N m + x) / (N + 1),    S' = S + N / (N + 1) (x - m)(x - m)^T
@@ -39,22 +39,22 @@ impl RecursiveScatter {
         self.samples += 1;
     }
 
-    /// Number of samples.
+    /// Returns the number of samples.
     pub fn samples(&self) -> usize {
         self.samples
     }
 
-    /// Mean of the samples.
+    /// Returns the mean of the samples.
     pub fn mean(&self) -> &DVector<f64> {
         &self.mean
     }
 
-    /// Covariance, `S / (N - 1)`.
+    /// Returns the covariance, `S / (N - 1)`.
     pub fn covariance(&self) -> DMatrix<f64> {
         &self.scatter / (self.samples.max(2) - 1) as f64
     }
 
-    /// Principal components: variances, the largest first, and directions.
+    /// Returns the principal components: variances, the largest first, and directions.
     pub fn components(&self) -> SymmetricEigen {
         symmetric_eigen(self.covariance())
     }

@@ -1,4 +1,4 @@
-//! Parts of a body out of a library of the whole.
+//! Splitting of a library into body parts.
 
 use nalgebra::DMatrix;
 
@@ -9,8 +9,8 @@ use crate::{BuildError, Entry, Frame, LibraryParts, MotionLibrary, Part};
 impl MotionLibrary {
     /// Returns the library of a subset of DoFs, without needing the recordings.
     ///
-    /// With `P` the rows of the part, `P F = P U S V^T`: the left singular vectors of `P U S` equal those of
-    /// the part's data, and `V` drops out. If this library is truncated, so is its part.
+    /// With `P` the rows of the part, `P F = P U S V^T`. `P U S` has the same left singular vectors as the
+    /// part's data, and `V` drops out. If this library is truncated, so is its part.
     ///
     /// # Errors
     /// The part is at rest in all recordings and has no eigenforces.

@@ -1,4 +1,4 @@
-//! The spring of the movements, sampled: forces from a path and the path from the forces, exact inverses of
+//! The sampled spring of the movements: it maps a path to forces and forces to the path, as exact inverses of
 //! each other.
 
 use serde::{Deserialize, Serialize};
@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 /// ```
 ///
 /// is inverted without any error but rounding: `v_{k+1} = (y_{k+1} - y_k) / h`, `a_k = (v_{k+1} - v_k) / h`.
-/// A path of `T` samples and its start velocity `v_0` (in units per duration) make `T - 1` forces, and the
-/// forces make the path. The path is linear in start, velocity, goal and forces: `y = y_free + G f`, with `G`
-/// lower triangular and the same on each of its diagonals; [`respond`](Self::respond) multiplies by it and
+/// A path of `T` samples and its start velocity `v_0` (in units per duration) determine `T - 1` forces, and
+/// the forces determine the path. The path is linear in start, velocity, goal and forces: `y = y_free + G f`,
+/// with `G` lower triangular and Toeplitz. [`respond`](Self::respond) multiplies by it and
 /// [`force_of`](Self::force_of) by its inverse.
 ///
 /// Source: the transformation system of Ijspeert et al., Neural Computation 25, 2013, with `K = D^2 / 4`.
@@ -23,7 +23,7 @@ pub struct SampledSpring {
     stiffness: f64,
     damping: f64,
     samples: usize,
-    /// Files of earlier versions name none.
+    /// Missing in files of earlier versions.
     #[serde(default = "Interpolation::of_old_files")]
     interpolation: Interpolation,
 }
@@ -40,7 +40,7 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// The interpolation of library files that do not name one.
+    /// Returns the interpolation of library files that do not specify one.
     pub(crate) fn of_old_files() -> Self {
         Self::Linear
     }
@@ -61,10 +61,10 @@ pub struct SpringError {
 }
 
 impl SampledSpring {
-    /// A critically damped spring, `K = D^2 / 4`, for paths of `samples` samples.
+    /// Creates a critically damped spring, `K = D^2 / 4`, for paths of `samples` samples.
     ///
     /// # Errors
-    /// A damping that is no positive number, or a step of `D` times which is 1 or more.
+    /// The damping is not a positive number, or the step times `D` is 1 or more.
     pub fn new(samples: usize, damping: f64) -> Result<Self, SpringError> {
         let least = if damping.is_finite() { damping.abs().ceil() as usize + 1 } else { 0 };
         if !(damping.is_finite() && damping > 0.0) || samples <= least {
@@ -80,27 +80,27 @@ impl SampledSpring {
         Self { interpolation, ..self }
     }
 
-    /// The curve between the samples of a recording.
+    /// Returns the curve between the samples of a recording.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation
     }
 
-    /// Samples of a path, `T`.
+    /// Returns the number of samples of a path, `T`.
     pub fn samples(&self) -> usize {
         self.samples
     }
 
-    /// Forces of a path, `T - 1`.
+    /// Returns the number of forces of a path, `T - 1`.
     pub fn forces(&self) -> usize {
         self.samples - 1
     }
 
-    /// The damping `D`.
+    /// Returns the damping `D`.
     pub fn damping(&self) -> f64 {
         self.damping
     }
 
-    /// The step `h` in normalised time.
+    /// Returns the step `h` in normalised time.
     pub fn step(&self) -> f64 {
         1.0 / (self.samples - 1) as f64
     }
@@ -117,7 +117,7 @@ impl SampledSpring {
         }
     }
 
-    /// The path (`T` samples) under `forces` (`T - 1`).
+    /// Computes the path (`T` samples) under `forces` (`T - 1`).
     pub fn path_of(&self, forces: &[f64], [start, velocity, goal]: [f64; 3], path: &mut [f64]) {
         let h = self.step();
         let (mut y, mut v) = (start, velocity);
@@ -129,7 +129,7 @@ impl SampledSpring {
         }
     }
 
-    /// Position and velocity one step on.
+    /// Returns position and velocity one step later.
     pub(super) fn advance(&self, [y, v]: [f64; 2], goal: f64, force: f64) -> [f64; 2] {
         let h = self.step();
         let v = v + h * (self.stiffness * (goal - y) - self.damping * v + force);

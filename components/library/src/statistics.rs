@@ -1,6 +1,7 @@
 //! Means with their spread.
 
-/// Mean and sample standard deviation (with `n - 1` in the denominator; 0 of a single value) of `values`.
+/// Returns mean and sample standard deviation (with `n - 1` in the denominator; 0 for a single value) of
+/// `values`.
 pub fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -8,19 +9,19 @@ pub fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     (mean, (squares / (n - 1.0).max(1.0)).sqrt())
 }
 
-/// Mean of `values` and its standard error, `s / sqrt(n)`.
+/// Returns the mean of `values` and its standard error, `s / sqrt(n)`.
 pub fn mean_and_error(values: &[f64]) -> (f64, f64) {
     let (mean, deviation) = mean_and_deviation(values);
     (mean, deviation / (values.len().max(1) as f64).sqrt())
 }
 
-/// Standard error of a proportion `rate` found in `count` trials, `sqrt(p (1 - p) / n)`.
+/// Returns the standard error of a proportion `rate` found in `count` trials, `sqrt(p (1 - p) / n)`.
 pub fn proportion_error(rate: f64, count: usize) -> f64 {
     (rate * (1.0 - rate) / count.max(1) as f64).sqrt()
 }
 
-/// Ratio of the sums of `parts` and `wholes`, pair by pair, and its standard error to first order (the delta
-/// method).
+/// Returns the ratio of the sums of `parts` and `wholes`, pair by pair, and its standard error to first order
+/// (the delta method).
 ///
 /// ```
 /// use motorium_library::statistics::ratio_and_error;
@@ -35,8 +36,8 @@ pub fn ratio_and_error(parts: &[f64], wholes: &[f64]) -> (f64, f64) {
     (ratio, (squares * n / (n - 1.0).max(1.0)).sqrt() / whole)
 }
 
-/// Standard errors of the shares of variance of `count` samples, whose principal components have the shares
-/// `shares`, the largest first and 1 in all: of each share, and of the first ones together.
+/// Returns the standard errors of variance shares of `count` samples, whose principal components have the
+/// shares `shares` (the largest first, with a sum of 1): of each share, and of the cumulative shares.
 ///
 /// ```text
 /// var(sum of a set K of shares) = 2 / count ((1 - P)^2 sum_K p^2 + P^2 sum_others p^2),   P = sum_K p
@@ -59,8 +60,8 @@ pub fn share_errors(shares: &[f64], count: usize) -> Vec<(f64, f64)> {
     shares.iter().map(of).collect()
 }
 
-/// A mean and its error in words, to two digits of the error: `0.3004 +- 0.0041`. An error of 0, as of a
-/// single value, is left out, and four digits of the mean stand.
+/// Formats a mean and its error to two digits of the error: `0.3004 +- 0.0041`. An error of 0, as for a
+/// single value, is omitted, and the mean has four digits.
 ///
 /// ```
 /// use motorium_library::statistics::with_error;

@@ -3,7 +3,7 @@
 use crate::MotionLibrary;
 use crate::generate::Superposition;
 
-/// Most samples of a [`Trace`].
+/// Largest number of samples of a [`Trace`].
 const SAMPLES: usize = 1000;
 
 /// Samples of a movement: the generated path and, if known, the measured one. Only construction allocates.
@@ -17,15 +17,15 @@ pub struct Trace {
     steps: usize,
 }
 
-/// Root mean square distances of the paths of a movement, in units of the library; `None` where a path is
+/// Root mean square distances between the paths of a movement, in units of the library; `None` if a path is
 /// unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceErrors {
-    /// The generated path from that by all eigenforces.
+    /// Distance between the generated path and the path with all eigenforces.
     pub generated: Option<f64>,
-    /// The measured path from the generated one.
+    /// Distance between the measured path and the generated path.
     pub tracking: Option<f64>,
-    /// The measured path from that by all eigenforces.
+    /// Distance between the measured path and the path with all eigenforces.
     pub path: Option<f64>,
 }
 
@@ -46,7 +46,7 @@ impl Trace {
         self.steps = 0;
     }
 
-    /// Adds a step, one number a degree of freedom each; ignored when the trace is full.
+    /// Adds a step, one number per degree of freedom each; ignored when the trace is full.
     pub fn add(&mut self, commanded: &[f64], measured: Option<&[f64]>) {
         let due = self.steps.is_multiple_of(self.every);
         self.steps += 1;
@@ -59,8 +59,8 @@ impl Trace {
         }
     }
 
-    /// Distances from the path that all eigenforces make of a movement of the library, at the same parts of
-    /// its duration.
+    /// Returns the distances from the path that all eigenforces generate for a movement of the library, at
+    /// the same fractions of its duration.
     pub fn errors(&self, library: &MotionLibrary, entry: usize) -> TraceErrors {
         let count = self.commanded.len() / self.dofs.max(1);
         if count < 2 {
@@ -88,12 +88,12 @@ impl Trace {
         }
     }
 
-    /// Points of the generated path in the first two degrees of freedom.
+    /// Returns the points of the generated path in the first two degrees of freedom.
     pub fn commanded_points(&self) -> Vec<[f64; 2]> {
         self.points(&self.commanded)
     }
 
-    /// Points of the measured path in the first two degrees of freedom.
+    /// Returns the points of the measured path in the first two degrees of freedom.
     pub fn measured_points(&self) -> Vec<[f64; 2]> {
         self.points(&self.measured)
     }

@@ -10,11 +10,11 @@ use crate::{Interpolation, SampledSpring};
 /// A recorded movement: evenly spaced positions of every degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// Name, unique in its set if that matters.
+    /// Name; unique in its set if that matters.
     pub id: String,
     /// Kind of movement, if known.
     pub label: Option<String>,
-    /// Seconds from the first sample to the last.
+    /// Duration from the first sample to the last, s.
     pub duration: f64,
     /// Samples x degrees of freedom.
     pub positions: DMatrix<f64>,
@@ -38,7 +38,7 @@ impl Trajectory {
         }
     }
 
-    /// Resampled to `samples` evenly spaced samples, linearly.
+    /// Resamples to `samples` evenly spaced samples by linear interpolation.
     pub fn resampled(&self, samples: usize) -> DMatrix<f64> {
         let (rows, columns) = self.positions.shape();
         DMatrix::from_fn(samples, columns, |k, d| {
@@ -51,7 +51,7 @@ impl Trajectory {
     }
 
     /// Resamples the natural cubic spline through the samples at `samples` evenly spaced points. Forces are
-    /// second differences: piecewise linear paths give a spike at every sample, splines do not. A recording
+    /// second differences: piecewise linear paths cause a spike at every sample, splines do not. A recording
     /// that already has `samples` samples stays unchanged.
     #[must_use]
     pub fn splined(&self, samples: usize) -> Self {
@@ -59,8 +59,8 @@ impl Trajectory {
         if rows < 3 || rows == samples {
             return self.clone();
         }
-        // second derivatives per squared sample, 0 at the ends: m[k-1] + 4 m[k] + m[k+1] = 6 (y[k-1] - 2 y[k]
-        // + y[k+1])
+        // second derivatives per squared sample, 0 at the ends:
+        // m[k-1] + 4 m[k] + m[k+1] = 6 (y[k-1] - 2 y[k] + y[k+1])
         let mut curvature = DMatrix::<f64>::zeros(rows, columns);
         let mut pivots = vec![0.0; rows];
         for k in 1..rows - 1 {
@@ -91,8 +91,9 @@ impl Trajectory {
 
     /// Smooths with a symmetric Gaussian of standard deviation `sigma` samples, without a phase shift.
     ///
-    /// Forces are second differences and amplify noise: a measured recording is smoothed before it becomes
-    /// forces. The recording is extended point-symmetrically at both ends, so the first and last sample stay.
+    /// Forces are second differences and amplify noise, so a measured recording is smoothed before it is
+    /// converted to forces. The recording is extended point-symmetrically at both ends, so the first and last
+    /// sample stay.
     #[must_use]
     pub fn smoothed(&self, sigma: f64) -> Self {
         if sigma <= 0.0 {
@@ -118,7 +119,7 @@ impl Trajectory {
         Self { positions, ..self.clone() }
     }
 
-    /// The root mean square distance of its samples from their mean: the measure of its size.
+    /// Returns the root mean square distance of the samples from their mean, a measure of size.
     pub fn spread(positions: &DMatrix<f64>) -> f64 {
         let mean = positions.row_mean();
         let squares: f64 = positions.row_iter().map(|row| (row - &mean).norm_squared()).sum();
@@ -127,8 +128,9 @@ impl Trajectory {
 }
 
 impl Recordings {
-    /// Cut into windows of `length` samples, one every `stride`; windows in which a sample leaps by more than
-    /// `leap` are dropped. Each keeps the label, and gets the number of its first sample added to its id.
+    /// Cuts the recording into windows of `length` samples, one every `stride`, and drops windows with a
+    /// discontinuity larger than `leap` between samples. Each window keeps the label, and its id is extended
+    /// by the index of its first sample.
     #[must_use]
     pub fn windows(&self, length: usize, stride: usize, leap: f64) -> Self {
         let mut trajectories = Vec::new();

@@ -2,17 +2,17 @@
 
 use motorium_algebra::Wanted;
 
-/// Number of eigenforces that a library keeps.
+/// Rule for the number of eigenforces that a library keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Truncation {
-    /// All that are not rounding.
+    /// All eigenforces above rounding.
     All,
-    /// A number of eigenforces at most.
+    /// At most this number of eigenforces.
     Rank(usize),
-    /// The fewest that leave at most this part of the root mean square of the forces (of the responses, in
-    /// [`Metric::Position`](super::Metric::Position)): 0.05 keeps all but 5 %.
+    /// The smallest number that leaves at most this share of the root mean square of the forces (of the
+    /// responses, in [`Metric::Position`](super::Metric::Position)): 0.05 keeps all but 5 %.
     Error(f64),
-    /// As many as fit into a number of bytes, `8 (rows + 1)` each.
+    /// The largest number that fits into this number of bytes, `8 (rows + 1)` each.
     Bytes(usize),
 }
 

@@ -1,5 +1,5 @@
-//! Interface that models share: predictions, with variances where there are any, parameters as one vector,
-//! and their class.
+//! Common interface of models: predictions, with variances if available, parameters as one vector, and model
+//! class.
 //!
 //! ```
 //! use motorium_models::approximator::{Approximator, Data};
@@ -24,9 +24,9 @@ use crate::gplvm::{LatentError, LatentModel, Scratch};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Parameters {
-    /// A fixed number, in which the model is linear.
+    /// A fixed number of parameters, in which the model is linear.
     Linear,
-    /// A fixed number.
+    /// A fixed number of parameters.
     Nonlinear,
     /// The training data, with few hyperparameters.
     Data,
@@ -36,7 +36,7 @@ pub enum Parameters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scope {
-    /// One step.
+    /// A single step.
     Step,
     /// A whole movement.
     Trajectory,
@@ -46,7 +46,7 @@ pub enum Scope {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Data {
-    /// One demonstration, or none.
+    /// At most one demonstration.
     One,
     /// Tens to hundreds of samples.
     Little,
@@ -54,7 +54,7 @@ pub enum Data {
     Much,
 }
 
-/// A row of table 2.4 of Delhaisse's thesis (2019): the properties of a kind of model.
+/// The properties of a kind of model: a row of table 2.4 of Delhaisse's thesis (2019).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Class {
     /// Name.
@@ -63,17 +63,17 @@ pub struct Class {
     pub path: &'static str,
     /// Form of its parameters.
     pub parameters: Parameters,
-    /// It predicts distributions.
+    /// True if the model predicts distributions.
     pub probabilistic: bool,
-    /// It models the data jointly, so that new data can be sampled.
+    /// True if it models the data jointly, so that new data can be sampled.
     pub generative: bool,
     /// Scope of a prediction.
     pub scope: Scope,
-    /// Its parameters have a meaning to a person.
+    /// True if its parameters have a meaning to a person.
     pub interpretable: bool,
-    /// It approximates any continuous function.
+    /// True if it approximates any continuous function.
     pub universal: bool,
-    /// Amount of data.
+    /// Required amount of data.
     pub data: Data,
 }
 
@@ -126,7 +126,7 @@ pub const SHARED_LATENT: Class =
         .generative()
         .universal();
 
-/// All kinds of models of the workspace.
+/// All kinds of models in the workspace.
 pub const CLASSES: [Class; 13] = [
     GAUSSIAN_PROCESS,
     SHARED_LATENT,
@@ -202,38 +202,38 @@ pub const CLASSES: [Class; 13] = [
 
 /// A model that predicts outputs from inputs.
 pub trait Approximator {
-    /// The error of [`set_parameters`](Self::set_parameters).
+    /// Error of [`set_parameters`](Self::set_parameters).
     type Error;
 
-    /// The properties of its kind.
+    /// Returns the properties of the kind of model.
     fn class(&self) -> Class;
 
-    /// Number of inputs.
+    /// Returns the number of inputs.
     fn inputs(&self) -> usize;
 
-    /// Number of outputs.
+    /// Returns the number of outputs.
     fn outputs(&self) -> usize;
 
-    /// The parameters that training changes, as one vector.
+    /// Returns the trainable parameters as one vector.
     fn parameters(&self) -> Vec<f64>;
 
-    /// Takes other parameters over.
+    /// Replaces the parameters.
     ///
     /// # Errors
-    /// When their number or their values do not fit.
+    /// If their number or their values are invalid.
     fn set_parameters(&mut self, parameters: &[f64]) -> Result<(), Self::Error>;
 
     /// Writes the mean of the outputs.
     ///
     /// # Panics
-    /// When a slice does not fit.
+    /// If a slice has the wrong length.
     fn predict(&mut self, x: &[f64], mean: &mut [f64]);
 
-    /// Writes the mean and the variance of the outputs; false for a model without variances, which writes the
-    /// mean only.
+    /// Writes the mean and the variance of the outputs. Returns `false` for a model without variances, which
+    /// writes the mean only.
     ///
     /// # Panics
-    /// When a slice does not fit.
+    /// If a slice has the wrong length.
     fn predict_with_variance(&mut self, x: &[f64], mean: &mut [f64], variance: &mut [f64]) -> bool;
 }
 
@@ -273,7 +273,7 @@ impl Approximator for GaussianProcess {
     }
 }
 
-/// A map from the poses of one space of a latent model to another's.
+/// A map from the poses of one space of a latent model to the poses of another.
 #[derive(Clone, Debug)]
 pub struct LatentMap {
     model: LatentModel,
@@ -284,10 +284,10 @@ pub struct LatentMap {
 }
 
 impl LatentMap {
-    /// The map between two spaces.
+    /// Creates the map between two spaces.
     ///
     /// # Errors
-    /// When the model has no space of a name.
+    /// If the model has no space with one of the names.
     pub fn new(model: LatentModel, from: &str, to: &str) -> Result<Self, LatentError> {
         let (from, to) = (model.space(from)?, model.space(to)?);
         let variance = vec![0.0; model.spaces()[to].dimensions()];

@@ -60,10 +60,10 @@ pub trait Real:
     }
 }
 
-/// The power of two next to `exp(x)` and `exp(x) / power - 1`.
+/// Returns the power of two closest to `exp(x)`, and `exp(x) / power - 1`.
 #[inline(always)]
 fn exp_parts(x: f32) -> (f32, f32) {
-    /// Adding it rounds to an integer, which then stands in the lowest bits.
+    /// Adding this rounds to an integer, which is then stored in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     let x = x.clamp(-87.0, 88.3);
     let rounded = x.mul_add(core::f32::consts::LOG2_E, ROUND);

@@ -1,13 +1,13 @@
 //! Function approximators without the runtime.
 //!
-//! - [`approximator`]: the interface that models share, and the properties of each kind.
+//! - [`approximator`]: the common interface of models, and the properties of each kind.
 //! - [`networks`]: neural networks with seeded training on the CPU.
 //! - [`inference`]: networks as lists of operations that run without allocation.
 //! - [`onnx`]: reads and writes networks as ONNX files.
 //! - [`policy`]: the folder of a trained policy.
 //! - [`safetensors`]: reads and writes named tensors.
 //! - [`kernel`], [`gp`]: covariance functions and Gaussian processes.
-//! - [`gplvm`]: latent spaces that several robots and a human share.
+//! - [`gplvm`]: latent spaces shared by several robots and a human.
 //! - [`hmm`]: hidden Markov models.
 //! - [`optimise`]: minimisation of smooth functions by L-BFGS.
 

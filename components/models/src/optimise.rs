@@ -8,15 +8,15 @@ use std::collections::VecDeque;
 /// Options of [`minimise`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Iterations at most. Default: 100.
+    /// Largest number of iterations. Default: 100.
     pub iterations: usize,
-    /// Steps that are remembered. Default: 10.
+    /// Number of stored steps. Default: 10.
     pub memory: usize,
-    /// Ends when no entry of the gradient is larger than this. Default: 1e-6.
+    /// Stops when no entry of the gradient is larger than this. Default: 1e-6.
     pub gradient: f64,
-    /// Ends when a step lowers the value by less than this part of it. Default: 1e-10.
+    /// Stops when a step lowers the value by less than this fraction of it. Default: 1e-10.
     pub improvement: f64,
-    /// Longest change of one variable in one step. Default: 2.
+    /// Largest change of one variable in one step. Default: 2.
     pub step: f64,
 }
 
@@ -29,11 +29,11 @@ impl Default for Options {
 /// The result of [`minimise`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Minimum {
-    /// The least value that was found.
+    /// The smallest value found.
     pub value: f64,
-    /// Iterations that were made.
+    /// Number of iterations.
     pub iterations: usize,
-    /// Calls of the function.
+    /// Number of calls of the function.
     pub evaluations: usize,
 }
 
@@ -44,11 +44,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Lowers `function` from `x`, and leaves the lowest point that was found in `x`.
+/// Minimises `function` from `x`, and leaves the best point found in `x`.
 ///
 /// `function` writes the gradient at its first argument to its second and returns the value. A value that is
-/// not finite is a point outside of the domain: the line search steps back from it. If the value at the start
-/// is not finite, `x` stays.
+/// not finite marks a point outside the domain: the line search backtracks from it. If the value at the start
+/// is not finite, `x` stays unchanged.
 pub fn minimise(
     x: &mut [f64],
     options: &Options,
@@ -80,7 +80,7 @@ pub fn minimise(
             if steps.is_empty() {
                 break;
             }
-            // the curvature that was remembered no longer holds
+            // the stored curvature no longer holds
             steps.clear();
             continue;
         };
@@ -150,7 +150,7 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> Search<'_, F> {
         Point { length, value, slope, gradient }
     }
 
-    /// A length that satisfies the strong Wolfe conditions, or at least lowers the value.
+    /// Returns a step length that satisfies the strong Wolfe conditions, or at least lowers the value.
     fn run(&mut self, value: f64, slope: f64, first: f64, limit: f64) -> Option<(f64, f64, Vec<f64>)> {
         let mut low = Point { length: 0.0, value, slope, gradient: vec![] };
         let mut high: Option<Point> = None;
@@ -184,7 +184,7 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> Search<'_, F> {
     }
 }
 
-/// The minimum of the cubic through two points, well inside of them.
+/// Returns the minimum of the cubic through two points, well inside their interval.
 fn between(a: &Point, b: &Point) -> f64 {
     let width = b.length - a.length;
     let middle = a.length + 0.5 * width;

@@ -1,4 +1,4 @@
-//! Tensors by name in a file of the safetensors format: a length, a header in JSON, and numbers.
+//! Named tensors in a file of the safetensors format: a length, a JSON header, and numbers.
 
 use std::collections::BTreeMap;
 
@@ -22,10 +22,10 @@ pub struct Tensors {
     pub metadata: BTreeMap<String, String>,
 }
 
-/// A file that is not a valid safetensors file.
+/// The file is not a valid safetensors file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SafetensorsError {
-    /// The file ends before its header does.
+    /// The file ends within its header.
     #[error(
         "{found} bytes, expected a header of {expected} bytes and eight for its length; is it a safetensors file?"
     )]
@@ -35,10 +35,10 @@ pub enum SafetensorsError {
         /// Bytes of the header according to the file.
         expected: u64,
     },
-    /// The header is not valid.
+    /// The header is invalid.
     #[error("invalid header: {0}")]
     Header(String),
-    /// Unsupported type of numbers.
+    /// The number type is unsupported.
     #[error(
         "tensor \"{name}\" has numbers of type {found}, expected F32, F64, F16 or BF16; help: convert it with `.float()`"
     )]
@@ -48,18 +48,18 @@ pub enum SafetensorsError {
         /// Type found.
         found: String,
     },
-    /// The range of bytes does not hold the tensor.
+    /// The byte range does not match the tensor.
     #[error("tensor \"{name}\": bytes {from} to {to} of {size}, expected {expected} bytes within the file")]
     Bytes {
         /// Name of the tensor.
         name: String,
         /// First byte.
         from: usize,
-        /// One behind the last byte.
+        /// End of the byte range, exclusive.
         to: usize,
         /// Bytes of numbers in the file.
         size: usize,
-        /// Bytes that its shape needs.
+        /// Number of bytes required by its shape.
         expected: usize,
     },
     /// A tensor to be written has the wrong number of values.
@@ -69,7 +69,7 @@ pub enum SafetensorsError {
         name: String,
         /// Numbers found.
         found: usize,
-        /// Numbers that its shape needs.
+        /// Number of values required by its shape.
         expected: usize,
     },
 }
@@ -140,11 +140,11 @@ pub fn read(bytes: &[u8]) -> Result<Tensors, SafetensorsError> {
     Ok(Tensors { tensors, metadata: metadata.unwrap_or_default() })
 }
 
-/// Bytes of a file with these tensors as `F32`, in the order of their names.
+/// Returns the bytes of a file with these tensors as `F32`, in the order of their names.
 ///
 /// # Errors
 ///
-/// [`SafetensorsError::Shape`] if a tensor's numbers do not fit its shape.
+/// [`SafetensorsError::Shape`] if the number of values does not match a tensor's shape.
 ///
 /// ```
 /// use motorium_models::safetensors::{self, Tensor, Tensors};
@@ -173,7 +173,7 @@ pub fn write(file: &Tensors) -> Result<Vec<u8>, SafetensorsError> {
         header.insert(name.clone(), entry);
     }
     let mut text = serde_json::Value::Object(header).to_string();
-    // the numbers begin on a multiple of eight bytes
+    // the numbers start at a multiple of eight bytes
     text.push_str(&" ".repeat(text.len().next_multiple_of(8) - text.len()));
     let mut bytes = (text.len() as u64).to_le_bytes().to_vec();
     bytes.extend(text.into_bytes());

@@ -1,5 +1,5 @@
-//! Cost of a step of one millisecond while boxes fall into a pile, and when they lie there; with `awake` none
-//! may sleep.
+//! Cost of a 1 ms step while boxes fall into a pile and after they have come to rest. With `awake`, sleeping
+//! is disabled.
 //!
 //! ```sh
 //! cargo run --release -p motorium-physics --example pile_cost -- 20 100
@@ -12,7 +12,7 @@ use std::time::Instant;
 use motorium_physics::{ArticulatedSimulator, Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::load;
 
-/// Steps timed together, and how often.
+/// Number of steps per measurement, and number of measurements.
 const STEPS: usize = 500;
 const TURNS: usize = 6;
 
@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Rings of five boxes above one another, beside a pendulum that hangs far above.
+/// Rings of five boxes on top of each other, with a pendulum hanging far above.
 fn pile(count: usize, sleeping: bool) -> Result<ArticulatedSimulator, Box<dyn std::error::Error>> {
     let objects = (0..count).map(|index| {
         let (layer, place) = (index / 5, index % 5);

@@ -1,4 +1,4 @@
-//! Cost of a step of one millisecond, for the settings a user can choose.
+//! Cost of a 1 ms step for the settings that a user can choose.
 //!
 //! ```sh
 //! cargo run --release -p motorium-physics --example step_cost
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ..Object::default()
     };
     let with_cube = World { objects: vec![cube.clone()], ..ground.clone() };
-    // Under the hand, so that the contact solver is always at work.
+    // Under the hand, so that the contact solver is always active.
     cube.position = [0.55, 0.0, 0.0];
     let block = with_block()?;
     let worlds = [("empty world", &empty, 0.0), ("ground", &ground, 0.0), ("ground, cube", &with_cube, 0.0)];
@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// A fixed block that ends just under the hand at home.
+/// A fixed block whose top is just under the hand at home.
 fn with_block() -> Result<World, Box<dyn std::error::Error>> {
     let panda = load("panda", Path::new("."))?;
     let profile = panda.profile.ok_or("the catalogue's panda has a profile")?;
@@ -79,7 +79,7 @@ fn with_block() -> Result<World, Box<dyn std::error::Error>> {
     Ok(World { ground: Some(Ground::default()), objects: vec![block], ..World::default() })
 }
 
-/// Several Pandas side by side, out of reach of one another.
+/// Several Pandas in a row, out of reach of each other.
 fn arms(panda: &Model, count: usize) -> Result<Model, Box<dyn std::error::Error>> {
     let prefixes: Vec<String> = (0..count).map(|arm| format!("{arm}/")).collect();
     let placed = prefixes.iter().enumerate().map(|(arm, prefix)| Placed {

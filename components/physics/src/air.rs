@@ -7,9 +7,9 @@ use crate::World;
 /// The air of a world.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Air {
-    /// Its velocity, world axes \[m/s\].
+    /// Wind velocity, world axes \[m/s\].
     wind: Vector3<f64>,
-    /// \[kg/m3\]
+    /// Air density \[kg/m3\].
     density: f64,
 }
 
@@ -18,12 +18,12 @@ impl Air {
         Self { wind: world.wind.into(), density: world.air_density }
     }
 
-    /// Velocity \[m/s\] of a body of this drag area \[m2\] and mass \[kg\] after `h` \[s\] in the air, from
-    /// `velocity`.
+    /// Returns the velocity \[m/s\] after `h` \[s\] of a body with this drag area \[m2\] and mass \[kg\] that
+    /// starts with `velocity` \[m/s\].
     ///
-    /// The drag is that at the end: the speed `s` relative to the air obeys `s + h k s^2 = s_0` with `k =
-    /// density drag / (2 mass)`, which has one solution for any `h`, and whose limit under gravity is the
-    /// terminal velocity itself.
+    /// The drag is evaluated at the end of the step: the speed `s` relative to the air obeys `s + h k s^2 =
+    /// s_0` with `k = density drag / (2 mass)`. This equation has one solution for any `h`, and its limit
+    /// under gravity is exactly the terminal velocity.
     pub(crate) fn slowed(&self, (drag, mass): (f64, f64), velocity: Vector3<f64>, h: f64) -> Vector3<f64> {
         if drag == 0.0 {
             return velocity;
@@ -33,7 +33,8 @@ impl Air {
         self.wind + relative * (2.0 / (1.0 + (1.0 + 4.0 * h * k * relative.norm()).sqrt()))
     }
 
-    /// The mean force of the air \[N\] on the same body during a step of `h` \[s\] under `gravity` \[m/s2\].
+    /// Returns the mean force of the air \[N\] on the same body during a step of `h` \[s\] under `gravity`
+    /// \[m/s2\].
     pub(crate) fn force(
         &self,
         (drag, mass): (f64, f64),

@@ -1,4 +1,4 @@
-//! Errors and warnings of setting up a simulation.
+//! Errors and warnings that occur while a simulation is set up.
 
 use motorium_robots::{ActuatorError, MeshCollision, Model, ObjectShape};
 
@@ -7,99 +7,99 @@ use crate::{
     Capabilities, ConnectError, Integrator, LibraryError, Options, ResetError, RobotSetup, World, WorldError,
 };
 
-/// An error of setting up a simulation.
+/// An error in the set-up of a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildError {
-    /// The world description has a mistake.
+    /// The world description is invalid.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// A floating base with the rapier engine.
+    /// The rapier engine does not support floating bases.
     #[error(
         "robot \"{robot}\" has a floating base, which the rapier engine cannot simulate; \
          use `physics.articulated` (`ArticulatedSimulator`)"
     )]
     FloatingBase {
-        /// The robot.
+        /// Name of the robot.
         robot: String,
     },
-    /// No robot at all.
+    /// The simulation has no robot.
     #[error(
         "a simulation needs a robot; for objects alone take one that hangs out of their way, such as `pendulum`"
     )]
     NoRobot,
-    /// Two links or two joints of the robots have one name.
+    /// Two links or two joints of the robots have the same name.
     #[error("two of the robots have a link or a joint \"{name}\"; give each a prefix (`Model::prefixed`)")]
     Name {
-        /// The name.
+        /// The duplicate name.
         name: String,
     },
-    /// Several articulations with the rapier engine.
+    /// The rapier engine does not support several articulations.
     #[error(
         "the rapier engine simulates one articulation; join robots with fixed bases by `Model::world`, or use \
          `physics.articulated` (`ArticulatedSimulator`)"
     )]
     SeveralArticulations,
-    /// A terrain with the rapier engine.
+    /// The rapier engine does not support terrain.
     #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
     Terrain,
-    /// The world, or a robot, has something that the engine cannot simulate.
+    /// The world or a robot uses a feature that the engine does not support.
     #[error(
         "the {engine} engine simulates no {ability}, which \"{owner}\" has; use `physics.articulated` \
          (`ArticulatedSimulator`)"
     )]
     Unable {
-        /// The engine.
+        /// Name of the engine.
         engine: &'static str,
-        /// Unsupported feature.
+        /// The unsupported feature.
         ability: &'static str,
-        /// The object, link, `ground` or `terrain`.
+        /// Name of the object or link, or `ground` or `terrain`.
         owner: String,
-        /// Surface property of a link: `soft` or `grain`.
+        /// For a link, the property of its surface: `soft` or `grain`.
         surface: Option<&'static str>,
     },
-    /// A connection of the world that cannot be made.
+    /// A connection of the world is invalid.
     #[error(transparent)]
     Connection(#[from] ConnectError),
-    /// The library of the MuJoCo engine is not there.
+    /// The MuJoCo library is not available.
     #[error(transparent)]
     Library(#[from] LibraryError),
-    /// MuJoCo cannot simulate this robot or world.
+    /// MuJoCo rejects this robot or world.
     #[error("MuJoCo refuses the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may take it")]
     Refused {
-        /// Words of MuJoCo.
+        /// The message from MuJoCo.
         reason: String,
     },
-    /// An actuator that is not ideal, with another engine than ours.
+    /// The engine supports ideal actuators only.
     #[error("this engine simulates ideal drives only; use `physics.articulated` (`ArticulatedSimulator`)")]
     IdealDrives,
-    /// A method of integration that the engine does not have.
+    /// The engine does not support the requested integration method.
     #[error(
         "the {engine} engine has a method of integration of its own; leave `integrator` out, or use `physics.articulated` \
          (`ArticulatedSimulator`)"
     )]
     Integrator {
-        /// The engine.
+        /// Name of the engine.
         engine: &'static str,
     },
-    /// The settings of an actuator have a mistake.
+    /// The settings of an actuator are invalid.
     #[error("actuator of joint \"{joint}\": {error}")]
     Actuator {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The mistake.
+        /// The reason.
         error: ActuatorError,
     },
-    /// The initial state has a mistake.
+    /// The initial state is invalid.
     #[error("initial state: {0}")]
     State(#[from] ResetError),
-    /// A setting is out of its range.
+    /// A setting is out of range.
     #[error("`{name}` is {value}, expected {expected}")]
     Option {
-        /// The setting.
+        /// Name of the setting.
         name: &'static str,
         /// The value found.
         value: f64,
-        /// The range expected.
+        /// The expected range.
         expected: &'static str,
     },
 }
@@ -107,44 +107,44 @@ pub enum BuildError {
 /// A warning about the set-up of a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BuildWarning {
-    /// A collision shape that cannot be used.
+    /// A collision shape is unusable.
     #[error(
         "a collision shape of link \"{link}\" is ignored: {reason}; \
          a box, cylinder, sphere or capsule needs no mesh"
     )]
     ShapeIgnored {
-        /// The link.
+        /// Name of the link.
         link: String,
-        /// The problem.
+        /// The reason.
         reason: String,
     },
-    /// A collision rule for links that the robot does not have.
+    /// A collision rule names links that the robot does not have.
     #[error("a collision rule is ignored: {reason}")]
     RuleIgnored {
-        /// The problem.
+        /// The reason.
         reason: String,
     },
-    /// A robot without collision shapes in a world that has something to touch.
+    /// The robot has no collision shapes in a world that has something to touch.
     #[error(
         "robot \"{robot}\" has no collision shapes: it passes through the ground and all objects; \
          `motorium robot hulls` gives its links the hulls of their visuals"
     )]
     NoShapes {
-        /// The robot.
+        /// Name of the robot.
         robot: String,
     },
-    /// Two links are too close at the start to ever count as touching.
+    /// Two links start too close to each other ever to count as touching.
     #[error(
         "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with one another; \
          start farther apart than a centimetre if they should",
         apart = distance * 1e3
     )]
     SelfCollisionOff {
-        /// A link.
+        /// Name of one link.
         first: String,
-        /// Another link.
+        /// Name of the other link.
         second: String,
-        /// Their distance at the start \[m\].
+        /// Distance between them at the start \[m\].
         distance: f64,
     },
     /// A link starts inside something.
@@ -152,20 +152,20 @@ pub enum BuildWarning {
         "link \"{link}\" starts inside \"{other}\" and will be pushed out; start elsewhere or move \"{other}\""
     )]
     StartsInside {
-        /// The link.
+        /// Name of the link.
         link: String,
-        /// The object or `ground`.
+        /// Name of the object, or `ground`.
         other: String,
     },
-    /// Two objects start inside one another, or one inside the ground.
+    /// Two objects overlap at the start, or one overlaps the ground.
     #[error(
         "\"{first}\" and \"{second}\" start {depth:.1} mm inside one another and will be pushed apart; start them farther apart",
         depth = depth * 1e3
     )]
     ObjectsOverlap {
-        /// An object.
+        /// Name of one object.
         first: String,
-        /// Another object, or the ground.
+        /// Name of the other object, or `ground`.
         second: String,
         /// Depth of the overlap \[m\].
         depth: f64,
@@ -175,28 +175,28 @@ pub enum BuildWarning {
         "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will be drawn back in"
     )]
     StartsBeyondLimit {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
         /// Initial position \[rad or m\].
         position: f64,
-        /// Its lower limit.
+        /// Lower limit of the joint.
         lower: f64,
-        /// Its upper limit.
+        /// Upper limit of the joint.
         upper: f64,
     },
-    /// A drive without effort.
+    /// A drive has an effort limit of zero.
     #[error(
         "joint \"{joint}\" has an effort limit of zero: its drive can do nothing; correct the robot's URDF"
     )]
     NoEffort {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
     },
 }
 
 impl BuildWarning {
-    /// The warnings as texts: one for all shapes that are ignored, one for all objects that overlap, one for
-    /// all pairs of links that start too close.
+    /// Formats the warnings as texts, with one text for all ignored shapes, one for all overlapping objects
+    /// and one for all pairs of links that start too close.
     ///
     /// ```
     /// use motorium_physics::BuildWarning;
@@ -258,7 +258,8 @@ impl BuildWarning {
 }
 
 impl BuildError {
-    /// Refuses features that an engine with these capabilities does not support.
+    /// Returns an error if the robots or the world use a feature that an engine with these abilities does not
+    /// support.
     pub(crate) fn check_abilities(
         (engine, abilities): (&'static str, Capabilities),
         setups: &[RobotSetup],
@@ -318,7 +319,7 @@ impl BuildError {
         Ok(())
     }
 
-    /// Refuses robots that share a name of a link or a joint.
+    /// Returns an error if two robots share the name of a link or a joint.
     pub(crate) fn check_names(setups: &[RobotSetup]) -> Result<(), Self> {
         if setups.is_empty() {
             return Err(Self::NoRobot);
@@ -338,7 +339,7 @@ impl BuildError {
 }
 
 impl BuildWarning {
-    /// Robots that touch nothing of a world that has something to touch.
+    /// Returns a warning for each robot without collision shapes in a world that has something to touch.
     pub(crate) fn without_shapes(setups: &[RobotSetup], world: &World) -> Vec<Self> {
         if world.ground.is_none() && world.terrain.is_none() && world.objects.is_empty() {
             return Vec::new();
@@ -347,7 +348,8 @@ impl BuildWarning {
         bare.map(|model| Self::NoShapes { robot: model.name().to_owned() }).collect()
     }
 
-    /// Joints that start beyond their limits at `q` (one per joint), or whose drive has no effort.
+    /// Adds warnings for joints that start beyond their limits at `q` (one entry per joint) and for drives
+    /// with an effort limit of zero.
     pub(crate) fn of_joints(model: &Model, joints: &[JointProperties], q: &[f64], into: &mut Vec<Self>) {
         for ((joint, name), position) in joints.iter().zip(model.joint_names()).zip(q.iter().copied()) {
             if position < joint.lower || position > joint.upper {
@@ -362,7 +364,7 @@ impl BuildWarning {
 }
 
 impl Options {
-    /// Checks every value.
+    /// Checks the range of every setting.
     pub(crate) fn check(&self) -> Result<(), BuildError> {
         let count = |name, value: usize| {
             let good = (1..=100).contains(&value);

@@ -1,35 +1,35 @@
-//! Connections of parts besides the joints of robots.
+//! Connections between parts in addition to the joints of robots.
 
 pub use motorium_robots::{Connection, ConnectionKind};
 
-/// A connection that cannot be made.
+/// An error in making a connection.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConnectError {
-    /// The engine has no connections.
+    /// The engine does not support connections.
     #[error(
         "the {engine} engine connects nothing besides the joints of robots; use `physics.articulated` (`ArticulatedSimulator`)"
     )]
     Unable {
-        /// The engine.
+        /// Name of the engine.
         engine: &'static str,
     },
-    /// Nothing has this name.
+    /// No part has this name.
     #[error("no link or object is called \"{name}\"{}", .nearest.as_ref().map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default())]
     Unknown {
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// The name most likely meant.
+        /// The most similar known name.
         nearest: Option<String>,
     },
-    /// The two do not move relative to one another.
+    /// The two parts do not move relative to each other.
     #[error("\"{first}\" and \"{second}\" do not move relative to one another: there is nothing to connect")]
     Rigid {
-        /// A part.
+        /// Name of one part.
         first: String,
-        /// The other.
+        /// Name of the other part.
         second: String,
     },
-    /// A point that is nowhere.
+    /// The point is not finite.
     #[error("`point` is {0:?}, expected finite numbers")]
     Point([f64; 3]),
 }

@@ -9,7 +9,7 @@ use crate::{JointCommand, WorldError};
 /// An error of a step. The state is the one before the step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StepError {
-    /// A command that is not a number, or a negative gain.
+    /// A command contains a field that is not finite, or a negative gain.
     #[error(
         "the command of joint {joint} (\"{name}\") is {command:?}: every field must be finite and no gain negative; \
          check what the controller publishes"
@@ -17,12 +17,12 @@ pub enum StepError {
     InvalidCommand {
         /// Index of the joint in `q`.
         joint: usize,
-        /// Its name.
+        /// Name of the joint.
         name: String,
         /// The command found.
         command: JointCommand,
     },
-    /// A step length that is not a positive number.
+    /// The step length is not a positive number.
     #[error("the step length is {0} s, expected a positive number such as 0.001")]
     InvalidStep(f64),
     /// The mass matrix could not be factorised.
@@ -33,10 +33,10 @@ pub enum StepError {
     SingularMassMatrix {
         /// Index of the joint in `q`.
         joint: usize,
-        /// Its name.
+        /// Name of the joint.
         name: String,
     },
-    /// The state left the range in which the simulation means anything.
+    /// A joint velocity is out of the range in which the simulation is meaningful.
     #[error(
         "joint {joint} (\"{name}\") would move at {velocity} rad/s or m/s, expected less than {bound}: \
          the simulation diverges; use a shorter step, or check efforts, gains and the initial pose"
@@ -44,34 +44,34 @@ pub enum StepError {
     Diverged {
         /// Index of the joint in `q`.
         joint: usize,
-        /// Its name.
+        /// Name of the joint.
         name: String,
-        /// Velocity after the step; may be infinite or NaN.
+        /// Velocity at the end of the step; may be infinite or NaN.
         velocity: f64,
-        /// The bound that was broken.
+        /// The exceeded bound.
         bound: f64,
     },
-    /// The base left the range in which the simulation means anything.
+    /// The velocity of a base is out of the range in which the simulation is meaningful.
     #[error(
         "the base \"{base}\" would move at {linear} m/s and {angular} rad/s, expected less than {} and {}: \
          the simulation diverges; use a shorter step, or check efforts, gains and the initial pose",
         BASE_BOUND.0, BASE_BOUND.1
     )]
     BaseDiverged {
-        /// Its link.
+        /// Name of the base link.
         base: String,
-        /// Speed of its origin after the step \[m/s\]; may be infinite or NaN.
+        /// Speed of its origin at the end of the step \[m/s\]; may be infinite or NaN.
         linear: f64,
-        /// Its rate of turn \[rad/s\].
+        /// Angular speed \[rad/s\].
         angular: f64,
     },
-    /// More contacts than the MuJoCo engine has room for.
+    /// The step has more contacts than the MuJoCo engine has memory for.
     #[error(
         "the contacts of this step do not fit into the memory of MuJoCo; \
          let fewer objects touch one another, or use `physics.articulated`"
     )]
     TooManyContacts,
-    /// The pose or velocity of an object is not a number any more.
+    /// The pose or velocity of an object is no longer finite.
     #[error(
         "object \"{object}\" has no finite pose after the step: \
          the simulation diverges; use a shorter step or avoid objects that start inside one another"
@@ -83,7 +83,7 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// Entry `index` of the velocity of an articulation moves nothing with inertia.
+    /// Creates the error for entry `index` of an articulation's velocity, which moves no inertia.
     pub(crate) fn singular(own: &Articulation, index: usize) -> Self {
         let model = own.model();
         let joint = index.saturating_sub(model.nv() - model.joint_count());
@@ -92,7 +92,7 @@ impl StepError {
         Self::SingularMassMatrix { joint, name }
     }
 
-    /// The first command that cannot be followed.
+    /// Returns an error for the first invalid command.
     pub(crate) fn check_commands(commands: &[JointCommand], names: &[String]) -> Result<(), Self> {
         match commands.iter().position(|command| !command.is_valid()) {
             None => Ok(()),
@@ -105,12 +105,13 @@ impl StepError {
 }
 
 impl ResetError {
-    /// The error of a terrain that cannot be made.
+    /// Creates the error for an invalid terrain.
     pub(crate) fn terrain(error: TerrainError) -> Self {
         Self::World(WorldError::Terrain(error))
     }
 
-    /// Checks the numbers of a state of `model`, whose first joint is joint `first` of all.
+    /// Checks the numbers of a state of `model`. The first joint of the model has index `first` among all
+    /// joints.
     pub(crate) fn check(model: &Model, q: &[f64], v: &[f64], first: usize) -> Result<(), Self> {
         let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
         if q[..offset].iter().chain(&v[..base]).any(|x| !x.is_finite())
@@ -129,7 +130,7 @@ impl ResetError {
     }
 }
 
-/// A state that [`Simulator::reset`](crate::Simulator::reset) refuses.
+/// The reason why [`Simulator::reset`](crate::Simulator::reset) rejected a state.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ResetError {
     /// The vectors have the wrong length.
@@ -138,14 +139,14 @@ pub enum ResetError {
         expected.0, expected.1
     )]
     Length {
-        /// Positions given.
+        /// Number of positions given.
         positions: usize,
-        /// Velocities given.
+        /// Number of velocities given.
         velocities: usize,
-        /// Numbers for the robots of the simulation.
+        /// Expected numbers of positions and velocities.
         expected: (usize, usize),
     },
-    /// A floating base that is nowhere.
+    /// The pose or velocity of a floating base is invalid.
     #[error(
         "the base would start at {pose:?} with velocity {velocity:?}: expected finite numbers, and a unit quaternion x y z w \
          after the position"
@@ -156,27 +157,27 @@ pub enum ResetError {
         /// Velocity given.
         velocity: Vec<f64>,
     },
-    /// The properties of another robot or another world.
+    /// The properties belong to another robot or another world.
     #[error(
         "the properties are those of another robot or world; change those that `Simulation::properties` gives"
     )]
     Properties,
-    /// A world with a mistake in it.
+    /// The world is invalid.
     #[error(transparent)]
     World(WorldError),
-    /// A surface that cannot be.
+    /// A surface has an invalid friction or restitution.
     #[error(
         "the surface of \"{}\" has friction {} and restitution {}: expected a number from 0 up, and one from 0 to 1",
         .0.name, .0.friction, .0.restitution
     )]
     Surface(Surface),
-    /// Settings of an actuator that cannot be.
+    /// The settings of an actuator are invalid.
     #[error("actuator: {0}")]
     Actuator(#[from] ActuatorError),
-    /// Properties with which the engine cannot simulate the robot.
+    /// The engine cannot simulate the robot with these properties.
     #[error("{reason}")]
     Refused {
-        /// Words of the engine.
+        /// The message from the engine.
         reason: String,
     },
     /// A value is not finite.
@@ -184,7 +185,7 @@ pub enum ResetError {
     NotFinite {
         /// Index of the joint in `q`.
         joint: usize,
-        /// Its name.
+        /// Name of the joint.
         name: String,
         /// Position given.
         position: f64,

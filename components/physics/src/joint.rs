@@ -2,35 +2,35 @@
 
 use motorium_robots::Model;
 
-/// Passive properties of one independent joint, including the joints that mimic it.
+/// Passive properties of one independent joint, including the contributions of the joints that mimic it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointProperties {
-    /// Lowest position \[rad or m\], -inf without a limit.
+    /// Lower position limit \[rad or m\], -inf without a limit.
     pub lower: f64,
-    /// Highest position \[rad or m\], +inf without a limit.
+    /// Upper position limit \[rad or m\], +inf without a limit.
     pub upper: f64,
     /// Largest effort of the drive in either direction \[Nm or N\].
     pub effort_limit: f64,
-    /// Velocity limit \[rad/s or m/s\], +inf without a limit. Steps beyond it are counted; drives keep it if
-    /// their command requests it ([`JointCommand`](crate::JointCommand)).
+    /// Velocity limit \[rad/s or m/s\], +inf without a limit. Steps beyond it are counted. Drives enforce it
+    /// if their command contains it ([`JointCommand`](crate::JointCommand)).
     pub velocity_limit: f64,
     /// Viscous damping \[Nms/rad or Ns/m\].
     pub damping: f64,
     /// Coulomb friction \[Nm or N\].
     pub friction: f64,
-    /// Inertia of the rotor seen at the joint \[kg m2 or kg\].
+    /// Inertia of the rotor reflected to the joint \[kg m2 or kg\].
     pub armature: f64,
-    /// Stiffness of a spring in the joint \[Nm/rad or N/m\], 0 without one.
+    /// Stiffness of the joint's spring \[Nm/rad or N/m\], 0 without a spring.
     pub stiffness: f64,
-    /// Position at which that spring is relaxed \[rad or m\].
+    /// Position at which the spring is relaxed \[rad or m\].
     pub rest: f64,
 }
 
 impl JointProperties {
-    /// The properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
+    /// Returns the properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
     ///
-    /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint
-    /// it follows. Its spring acts there with `multiplier^2` times its stiffness.
+    /// A mimic joint adds `multiplier^2` times its damping and stiffness, and `|multiplier|` times its
+    /// friction, to the joint it follows.
     pub fn from_model(model: &Model, armature: f64) -> Vec<Self> {
         let mut joints: Vec<Self> = (0..model.joint_count())
             .map(|index| Self {
@@ -53,7 +53,8 @@ impl JointProperties {
             own.friction += multiplier.abs() * joint.dynamics.friction;
             let stiffness = multiplier * multiplier * joint.dynamics.stiffness;
             if stiffness > 0.0 {
-                // Two springs side by side are one at the mean of their rests, each weighed by its stiffness.
+                // Two parallel springs act as one spring that rests at the mean of their rest positions,
+                // weighted by stiffness.
                 let rest = (joint.dynamics.rest - offset) / multiplier;
                 own.rest = (own.stiffness * own.rest + stiffness * rest) / (own.stiffness + stiffness);
                 own.stiffness += stiffness;
@@ -62,8 +63,8 @@ impl JointProperties {
         joints
     }
 
-    /// Velocity beyond which the simulation no longer means anything \[rad/s or m/s\]: 20 times the limit and
-    /// at least 100, or 1000 without a limit.
+    /// Returns the velocity beyond which the simulation is no longer meaningful \[rad/s or m/s\]: 20 times
+    /// the limit and at least 100, or 1000 without a limit.
     pub fn divergence_bound(&self) -> f64 {
         if self.velocity_limit.is_finite() { (20.0 * self.velocity_limit).max(100.0) } else { 1000.0 }
     }

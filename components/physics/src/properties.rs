@@ -1,4 +1,4 @@
-//! Physical properties that may change from one reset to the next.
+//! Physical properties that may change between resets.
 
 use motorium_robots::{ActuatorSettings, Appearance, Model, Terrain, World};
 use nalgebra::Vector3;
@@ -9,15 +9,15 @@ use crate::{Engine, ResetError, Simulation};
 /// The surface of one collider.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// Robot link, object, `ground` or `terrain`. A link of several shapes has as many surfaces.
+    /// Robot link, object, `ground` or `terrain`. A link with several shapes has one surface for each.
     pub name: String,
-    /// Coefficient of friction. A contact has the mean of both surfaces'.
+    /// Coefficient of friction. A contact uses the mean of both surfaces.
     pub friction: f64,
-    /// Share of the approach speed kept after an impact. A contact has the mean of both surfaces'.
+    /// Share of the approach speed kept after an impact. A contact uses the mean of both surfaces.
     pub restitution: f64,
 }
 
-/// Physical properties of a simulation that may change at a reset without rebuilding it.
+/// The physical properties of a simulation that may change between two resets without a rebuild.
 ///
 /// ```
 /// use std::path::Path;
@@ -41,23 +41,22 @@ pub struct Surface {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Properties {
-    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes stay the
-    /// simulation's.
+    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes must match the
+    /// simulation.
     pub model: Model,
-    /// Models of the [articulations](crate::Articulation) after the first.
+    /// Models of all [articulations](crate::Articulation) after the first.
     pub others: Vec<Model>,
-    /// The world: gravity, and mass and start of its objects. The set of objects, their shapes and the ground
-    /// stay the simulation's; the surfaces given here are ignored.
+    /// The world: gravity, and the mass and start of its objects. The set of objects, their shapes, and the
+    /// ground must match the simulation. The surfaces given here are ignored.
     pub world: World,
-    /// The surfaces of all colliders: the robot's, the objects', and the ground's or the terrain's.
+    /// The surfaces of all colliders: robot, objects, and ground or terrain.
     pub surfaces: Vec<Surface>,
-    /// The actuators of each articulation, one per joint; empty where all are ideal. Those that are ideal
-    /// stay so.
+    /// The actuators of each articulation, one per joint; empty if all are ideal. Ideal actuators stay ideal.
     pub actuators: Vec<Vec<Option<ActuatorSettings>>>,
 }
 
 impl<E: Engine> Simulation<E> {
-    /// Returns the present properties.
+    /// Returns the current properties.
     pub fn properties(&self) -> Properties {
         Properties {
             model: self.robot.first().model.clone(),
@@ -68,17 +67,17 @@ impl<E: Engine> Simulation<E> {
         }
     }
 
-    /// [`reset`](crate::Simulator::reset) with these properties, which stay until the next call. Nothing is
-    /// rebuilt: the shapes and pairs of the contact detection stay.
+    /// [Resets](crate::Simulator::reset) the simulation with these properties, which stay until the next
+    /// call. Nothing is rebuilt: the shapes and pairs of the contact detection stay.
     ///
-    /// A [saved state](crate::Simulator::save) holds gravity and the objects' masses, but not the robot's
-    /// properties: restore it with the same properties.
+    /// A [saved state](crate::Simulator::save) contains gravity and the objects' masses, but not the robot's
+    /// properties. Restore it under the properties it was saved with.
     ///
     /// # Errors
     ///
-    /// [`ResetError`], also for the properties of another robot or world; nothing has changed then.
+    /// [`ResetError`], also if the properties belong to another robot or world; nothing has changed then.
     pub fn reset_with(&mut self, properties: &Properties, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
-        // The terrain is checked where its heights are computed: to do so twice would take long.
+        // The terrain is checked where its heights are computed, because a second check would take long.
         let appearance = Appearance::default();
         let level = World { terrain: None, appearance, ..properties.world.clone() };
         self.check_properties(properties, &level)?;
@@ -89,13 +88,13 @@ impl<E: Engine> Simulation<E> {
         crate::Simulator::reset(self, q, v)
     }
 
-    /// Applies properties during motion: gravity, robots, surfaces and actuators. Objects and terrain are
-    /// unchanged. May allocate.
+    /// Changes properties during motion: gravity and the properties of robots, surfaces and actuators.
+    /// Objects and terrain keep theirs. May allocate.
     ///
     /// # Errors
     ///
-    /// [`ResetError`], also for an engine that [cannot](crate::Capabilities::changes); nothing has changed
-    /// then.
+    /// [`ResetError`], also if the engine [cannot change properties](crate::Capabilities::changes); nothing
+    /// has changed then.
     pub fn change(&mut self, properties: &Properties) -> Result<(), ResetError> {
         if !E::CAPABILITIES.changes {
             let reason = format!("the {} engine takes other properties at resets alone", E::NAME);
@@ -111,7 +110,7 @@ impl<E: Engine> Simulation<E> {
         // A recompiled engine has lost its state of motion.
         self.engine.restore(&self.robot, &state);
         if others {
-            // An object that sleeps because friction held it may slide now.
+            // Friction may no longer hold a sleeping object in place.
             self.engine.wake();
         }
         self.world = world;
@@ -119,7 +118,7 @@ impl<E: Engine> Simulation<E> {
         Ok(())
     }
 
-    /// Gives the objects the velocities of their start.
+    /// Sets the objects' velocities to their start velocities.
     pub(crate) fn start_objects(&mut self) {
         for (index, object) in self.world.objects.iter().enumerate() {
             let (linear, angular) = (object.velocity.into(), object.angular_velocity.into());
@@ -155,7 +154,7 @@ impl<E: Engine> Simulation<E> {
         Ok(())
     }
 
-    /// Takes over the robot's properties, the gravity of `world`, and surfaces.
+    /// Applies the robot's properties, the gravity of `world`, and surfaces.
     fn take_over(&mut self, properties: &Properties, world: &World) -> Result<(), ResetError> {
         let Properties { model, others, surfaces, .. } = properties;
         let models: Vec<&Model> = core::iter::once(model).chain(others).collect();
@@ -173,7 +172,7 @@ impl<E: Engine> Simulation<E> {
     }
 }
 
-/// True for two models of the same links and joints.
+/// Returns `true` if both models have the same links and joints.
 fn same_robot(a: &Model, b: &Model) -> bool {
     a.nq() == b.nq()
         && a.bodies().len() == b.bodies().len()
@@ -182,8 +181,7 @@ fn same_robot(a: &Model, b: &Model) -> bool {
         && a.frames().iter().zip(b.frames()).all(|(a, b)| a.name == b.name && a.placement == b.placement)
 }
 
-/// True for two terrains of the same size and the same layers, whatever is drawn for them and however high
-/// they are.
+/// Returns `true` if both terrains have the same size and layers; sampled values and heights may differ.
 fn same_terrain(a: Option<&Terrain>, b: Option<&Terrain>) -> bool {
     match (a, b) {
         (Some(a), Some(b)) => *a == Terrain { seed: a.seed, scale: a.scale, ..b.clone() },
@@ -191,7 +189,8 @@ fn same_terrain(a: Option<&Terrain>, b: Option<&Terrain>) -> bool {
     }
 }
 
-/// True for two worlds of the same ground and the same objects, fixed ones where they are.
+/// Returns `true` if both worlds have the same ground and the same objects, with fixed objects at the same
+/// poses.
 fn same_world(a: &World, b: &World) -> bool {
     let ground = a.ground.map(|ground| ground.height) == b.ground.map(|ground| ground.height);
     ground

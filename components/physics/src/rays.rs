@@ -7,7 +7,7 @@ use crate::RayHit;
 use crate::contact::{Colliders, Owner};
 use crate::robot::Robot;
 
-/// The shapes of all colliders as rays meet them, one each.
+/// The shapes of all colliders for ray casts, one each.
 pub(crate) struct Rays(Vec<RayShape>);
 
 impl Rays {
@@ -20,8 +20,8 @@ impl Rays {
         Self(shapes.chain(colliders.terrain.clone().map(RayShape::of_terrain)).collect())
     }
 
-    /// Returns the first surface that a ray hits within `range` \[m\], with the robot's present pose and
-    /// objects at `object_pose`, by their index in the world.
+    /// Returns the first surface that a ray meets within `range` \[m\], with the robot in its current pose
+    /// and each object, by its index in the world, at `object_pose`.
     pub(crate) fn cast<'a>(
         &self,
         colliders: &'a Colliders,

@@ -13,26 +13,26 @@ use crate::{JointCommand, Options, ResetError, RotorDrive, StepError};
 
 /// The robot of a simulation: its model, its rotors and its collision rules.
 ///
-/// A bare [`Model`] converts into one without rotors and rules.
+/// A bare [`Model`] converts into a setup without rotors and rules.
 #[derive(Clone, Debug)]
 pub struct RobotSetup {
     /// Links, joints, inertias and collision shapes.
     pub model: Model,
-    /// Drives that pull at the robot instead of turning a joint.
+    /// Drives that pull on the robot instead of turning a joint.
     pub rotors: Vec<RotorDrive>,
-    /// Pairs of links that never touch one another, and exceptions from the engine's own rules.
+    /// Pairs of links that never touch each other, and exceptions to the engine's built-in rules.
     pub collision_rules: Srdf,
-    /// Coefficients of friction of links with a different surface.
+    /// Friction coefficients of links that differ from the default surface.
     pub friction: BTreeMap<String, f64>,
-    /// Rules of their frictions.
+    /// Rules by which the frictions of links combine.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
-    /// Restitutions of links with a different surface, from 0 to 1.
+    /// Restitutions of links that differ from the default surface, 0 to 1.
     pub restitution: BTreeMap<String, f64>,
-    /// Links with compliant surfaces.
+    /// Links with a compliant surface.
     pub soft: BTreeMap<String, Softness>,
-    /// Links whose friction differs by direction, in their own axes.
+    /// Links with direction-dependent friction; directions are in link axes.
     pub grain: BTreeMap<String, Grain>,
-    /// Actuators of the joints, one for each; `None` and missing entries are ideal.
+    /// The actuators of the joints, one for each. `None` and joints beyond the end of the list are ideal.
     pub actuators: Vec<Option<ActuatorSettings>>,
 }
 
@@ -56,12 +56,12 @@ impl From<Model> for RobotSetup {
 }
 
 impl RobotSetup {
-    /// Returns the setup of a loaded robot. Rotors and the friction of its feet come from its profile; rotors
-    /// only act on a floating base.
+    /// Creates the setup of a loaded robot. The profile provides the rotors, which act on a floating base
+    /// only, and the friction of the feet.
     ///
     /// # Errors
     ///
-    /// [`UnknownFrame`] when the profile names a frame that the robot does not have.
+    /// [`UnknownFrame`] if the profile names a frame that the robot does not have.
     pub fn from_loaded(robot: &Loaded) -> Result<Self, UnknownFrame> {
         let model = robot.model.clone();
         let rotors = match &robot.profile {
@@ -75,13 +75,13 @@ impl RobotSetup {
     }
 }
 
-/// Speed \[m/s\] and rate of turn \[rad/s\] of a base beyond which the simulation no longer means anything.
+/// Linear \[m/s\] and angular \[rad/s\] speed of a base beyond which the simulation is no longer meaningful.
 pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
-/// An articulation: a kinematic tree of a simulation with its own base.
+/// An articulation: a kinematic tree with its own base.
 ///
-/// A robot is one, and several robots with fixed bases may be one together ([`Model::world`]). Each has its
-/// range of the vectors of a [`Simulator`](crate::Simulator).
+/// A robot is one articulation, and several robots with fixed bases may share one ([`Model::world`]). Each
+/// articulation owns a range of the vectors of a [`Simulator`](crate::Simulator).
 ///
 /// ```
 /// use motorium_physics::{ArticulatedSimulator, Options, RobotSetup, Simulator, World};
@@ -110,37 +110,37 @@ pub struct Articulation {
 }
 
 impl Articulation {
-    /// Links, joints, inertias and collision shapes.
+    /// Returns the model: links, joints, inertias and collision shapes.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Its part of the configurations.
+    /// Returns its range of the configuration.
     pub fn q(&self) -> Range<usize> {
         self.q.clone()
     }
 
-    /// Its part of the velocities.
+    /// Returns its range of the velocity.
     pub fn v(&self) -> Range<usize> {
         self.v.clone()
     }
 
-    /// Its part of the drives: of the commands, positions, velocities and efforts.
+    /// Returns its range of the drives: commands, positions, velocities and efforts.
     pub fn drives(&self) -> Range<usize> {
         self.drives.clone()
     }
 
-    /// Its part of the joints of all.
+    /// Returns its range of all joints.
     pub(crate) fn joints(&self) -> Range<usize> {
         self.joints.clone()
     }
 
-    /// Pose of the base in the world, in the configuration `q` of all.
+    /// Returns the pose of the base in the world for the whole configuration `q`.
     pub(crate) fn base_pose(&self, q: &[f64]) -> Isometry3<f64> {
         if self.model.base().floating { base_pose(&q[self.q()]) } else { Isometry3::identity() }
     }
 
-    /// Recomputes all that depends on the state of all.
+    /// Recomputes everything that depends on the whole state.
     fn refresh(&mut self, state: &mut State) {
         let (q, v) = (&state.q[self.q.clone()], &state.v[self.v.clone()]);
         let joints = self.drives.start..self.drives.start + self.joints.len();
@@ -150,7 +150,7 @@ impl Articulation {
     }
 }
 
-/// Articulations, state and commands of a simulation, shared by all engines.
+/// Articulations, state and commands of a simulation; the part that all engines share.
 pub struct Robot {
     pub(crate) articulations: Vec<Articulation>,
     /// One entry per independent joint.
@@ -164,22 +164,23 @@ pub struct Robot {
     pub(crate) gravity: Vector3<f64>,
 }
 
-/// The state of all articulations and room for the next one: a step that fails leaves no trace.
+/// The state of all articulations, with space for the next state so that a failed step leaves no trace.
 pub(crate) struct State {
-    /// nq.
+    /// Configuration (nq).
     pub(crate) q: Vec<f64>,
-    /// nv.
+    /// Velocity (nv).
     pub(crate) v: Vec<f64>,
     pub(crate) q_next: Vec<f64>,
     pub(crate) v_next: Vec<f64>,
-    /// Per drive, as are velocities and efforts. A rotor has neither position nor velocity: both are zero.
+    /// One entry per drive, as for velocities and efforts. A rotor has neither position nor velocity: both
+    /// are zero.
     positions: Vec<f64>,
     velocities: Vec<f64>,
     efforts: Vec<f64>,
     pub(crate) tau_next: Vec<f64>,
 }
 
-/// A saved state of a robot.
+/// The saved state of a robot.
 #[derive(Clone, Debug)]
 pub(crate) struct RobotState {
     q: Vec<f64>,
@@ -236,12 +237,12 @@ impl Robot {
         }
     }
 
-    /// The first articulation: of engines that simulate one alone, the robot.
+    /// Returns the first articulation, which is the whole robot in engines that simulate only one.
     pub(crate) fn first(&self) -> &Articulation {
         &self.articulations[0]
     }
 
-    /// Number of velocities.
+    /// Returns the number of velocities.
     pub(crate) fn nv(&self) -> usize {
         self.state.v.len()
     }
@@ -258,12 +259,12 @@ impl Robot {
         &self.state.efforts
     }
 
-    /// Pose of the base of an articulation in the world.
+    /// Returns the pose of an articulation's base in the world.
     pub(crate) fn base_pose(&self, articulation: usize) -> Isometry3<f64> {
         self.articulations[articulation].base_pose(&self.state.q)
     }
 
-    /// Starts the next state from the current one.
+    /// Initialises the next state with the current one.
     pub(crate) fn begin(&mut self) {
         let State { q, v, q_next, v_next, .. } = &mut self.state;
         q_next.copy_from_slice(q);
@@ -290,7 +291,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Checks length and numbers of a state of all articulations.
+    /// Checks the length and the numbers of a state of all articulations.
     pub(crate) fn check(&self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         let expected = (self.state.q.len(), self.state.v.len());
         if (q.len(), v.len()) != expected {
@@ -301,7 +302,7 @@ impl Robot {
             .try_for_each(|own| ResetError::check(&own.model, &q[own.q()], &v[own.v()], own.joints.start))
     }
 
-    /// Takes over other inertias, joints and gravity, of robots of the same structure.
+    /// Replaces inertias, joints and gravity; the robots must have the same structure.
     pub(crate) fn set_properties<'a>(
         &mut self,
         models: impl IntoIterator<Item = &'a Model>,
@@ -314,7 +315,7 @@ impl Robot {
         (self.joints, self.gravity) = (joints, gravity);
     }
 
-    /// Current state, commands and gravity.
+    /// Saves the current state, commands and gravity.
     pub(crate) fn save(&self) -> RobotState {
         RobotState {
             q: self.state.q.clone(),
@@ -325,7 +326,7 @@ impl Robot {
         }
     }
 
-    /// Goes back to a saved state; `false`, and nothing has changed, where that is another robot's.
+    /// Restores a saved state. Returns `false` and changes nothing if the state belongs to another robot.
     pub(crate) fn restore(&mut self, saved: &RobotState) -> bool {
         let lengths = |q: &[f64], v: &[f64], commands: &[JointCommand]| [q.len(), v.len(), commands.len()];
         if lengths(&saved.q, &saved.v, &saved.commands)
@@ -342,13 +343,13 @@ impl Robot {
         true
     }
 
-    /// Recomputes all that depends on the current q and v.
+    /// Recomputes everything that depends on the current q and v.
     pub(crate) fn refresh(&mut self) {
         let Self { articulations, state, .. } = self;
         articulations.iter_mut().for_each(|articulation| articulation.refresh(state));
     }
 
-    /// Number of joints above their velocity limit in the current state.
+    /// Returns the number of joints above their velocity limit in the current state.
     pub(crate) fn overspeed(&self) -> usize {
         let above = |own: &Articulation| {
             let speeds = own.model.joints_of_v(&self.state.v[own.v()]).iter();
@@ -358,7 +359,7 @@ impl Robot {
         self.articulations.iter().map(above).sum()
     }
 
-    /// Refuses the next state at the end of a step of `dt` \[s\] when it means nothing any more.
+    /// Returns an error if the next state, at the end of a step of `dt` \[s\], is no longer meaningful.
     pub(crate) fn verify(&self, dt: f64) -> Result<(), StepError> {
         self.articulations.iter().try_for_each(|own| self.verify_one(own, dt))
     }
@@ -370,9 +371,9 @@ impl Robot {
         let v = own.model.joints_of_v(v_next);
         for (i, joint) in self.joints[own.joints()].iter().enumerate() {
             let bound = joint.divergence_bound();
-            // The distance travelled, too: an engine may stop a joint that has already jumped.
+            // Check the distance travelled as well: an engine may stop a joint that has already jumped.
             let travel = (after[i] - before[i]) / dt;
-            // Written so that NaN fails.
+            // Written so that NaN fails the check.
             if !(v[i].abs() < bound && travel.abs() < bound && tau_next[first + i].is_finite()) {
                 let velocity = if travel.abs() < bound { v[i] } else { travel };
                 let (joint, name) = (own.joints.start + i, self.names[first + i].clone());
@@ -393,7 +394,7 @@ impl Robot {
     }
 }
 
-/// Pose of a floating base in the world.
+/// Returns the pose of a floating base in the world.
 pub(crate) fn base_pose(q: &[f64]) -> Isometry3<f64> {
     let rotation = UnitQuaternion::new_normalize(Quaternion::new(q[6], q[3], q[4], q[5]));
     Isometry3::from_parts(Translation3::new(q[0], q[1], q[2]), rotation)

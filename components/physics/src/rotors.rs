@@ -1,29 +1,29 @@
-//! Rotors: drives that pull at the robot instead of turning a joint.
+//! Rotors: drives that pull on the robot instead of turning a joint.
 
 use motorium_robots::{FrameId, Model, Profile, Spin, UnknownFrame};
 
 use crate::JointCommand;
 
-/// A rotor that pulls along the z axis of its frame by the effort of its command \[N\], from zero to its
+/// A rotor that pulls along the z axis of its frame with the effort of its command \[N\], from zero to its
 /// limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RotorDrive {
     /// Name of the drive.
     pub name: String,
-    /// Frame it pulls at.
+    /// Frame that the rotor pulls on.
     pub frame: FrameId,
     /// Largest thrust \[N\].
     pub max_thrust: f64,
-    /// Drag torque about z per thrust \[m\], positive when it turns the robot counterclockwise.
+    /// Drag torque about z per unit of thrust \[m\], positive if it turns the robot counterclockwise.
     pub torque_per_thrust: f64,
 }
 
 impl RotorDrive {
-    /// The rotors of a profile, in the alphabetical order of their names.
+    /// Returns the rotors of a profile in alphabetical order of their names.
     ///
     /// # Errors
     ///
-    /// [`UnknownFrame`] when the profile names a frame that `model` does not have.
+    /// [`UnknownFrame`] if the profile names a frame that `model` does not have.
     pub fn from_profile(model: &Model, profile: &Profile) -> Result<Vec<Self>, UnknownFrame> {
         let rotors = profile.rotors.iter().map(|(name, rotor)| {
             let sign = if rotor.spin == Spin::Clockwise { 1.0 } else { -1.0 };
@@ -37,7 +37,7 @@ impl RotorDrive {
         rotors.collect()
     }
 
-    /// Thrust \[N\]: the effort of the command, clamped to the rotor's range.
+    /// Returns the thrust \[N\]: the commanded effort, clamped to the range of the rotor.
     pub(crate) fn thrust(&self, command: &JointCommand) -> f64 {
         command.effort.clamp(0.0, self.max_thrust)
     }

@@ -1,4 +1,4 @@
-//! The simulation of a robot in a world, generic over the engine that moves it.
+//! The simulation of a robot in a world, generic over the engine.
 
 use motorium_robots::{ActuatorError, ActuatorSettings, FrameId};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
@@ -12,25 +12,25 @@ use crate::{
 
 /// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
 ///
-/// The simulation holds the robot's state, commands and limits, the description of the world, and the checks
-/// before and after a step; an engine holds the objects of the world and its own workspace.
+/// The simulation owns the robot's state, commands and limits, the checks before and after a step, and the
+/// description of the world. An engine owns the objects of the world and its workspace.
 pub trait Engine: Sized {
-    /// All of the engine's state that later steps depend on.
+    /// All engine state that later steps depend on.
     type State: Send + Sync + 'static;
 
-    /// Its name in messages.
+    /// Name of the engine in messages.
     const NAME: &'static str;
 
     /// The abilities of the engine.
     const CAPABILITIES: Capabilities;
 
-    /// Sets the engine up for `robot`, of one articulation for each of `setups`, in `world`. The state of the
-    /// robot is not set yet: [`reset`](Self::reset) follows. Doubtful input that can still be simulated is
-    /// added to `warnings`.
+    /// Builds the engine for `robot`, which has one articulation for each of `setups`, in `world`. The state
+    /// of the robot is not set yet: [`reset`](Self::reset) follows. Doubtful input that can still be
+    /// simulated is added to `warnings`.
     ///
     /// # Errors
     ///
-    /// [`BuildError`] when the engine cannot simulate this robot, or an option does not apply to it.
+    /// [`BuildError`] if the engine cannot simulate this robot, or an option does not apply to the engine.
     fn build(
         setups: &[RobotSetup],
         robot: &Robot,
@@ -39,10 +39,10 @@ pub trait Engine: Sized {
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError>;
 
-    /// The surfaces of all colliders.
+    /// Returns the surfaces of all colliders.
     fn surfaces(&self) -> Vec<Surface>;
 
-    /// Takes over these surfaces, one for each collider, the inertias and joints of `robot` and the masses of
+    /// Applies these surfaces, one for each collider, the inertias and joints of `robot`, and the masses of
     /// `world`. [`reset`](Self::reset) follows.
     ///
     /// # Errors
@@ -55,12 +55,12 @@ pub trait Engine: Sized {
         surfaces: &[Surface],
     ) -> Result<(), ResetError>;
 
-    /// The settings of the actuators of each articulation, one per joint; empty where all are ideal.
+    /// Returns the actuator settings of each articulation, one per joint; empty if all actuators are ideal.
     fn actuators(&self) -> Vec<Vec<Option<ActuatorSettings>>> {
         Vec::new()
     }
 
-    /// Takes over settings for the actuators there are.
+    /// Changes the settings of the existing actuators.
     ///
     /// # Errors
     ///
@@ -69,8 +69,8 @@ pub trait Engine: Sized {
         Ok(())
     }
 
-    /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during
-    /// the next step, in addition to earlier ones.
+    /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, link axes\] of a link during the
+    /// next step, in addition to those already applied.
     fn apply_wrench(
         &mut self,
         robot: &Robot,
@@ -79,11 +79,11 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
-    /// Starts from the robot's current state, the objects at rest where the world has them.
+    /// Starts from the robot's current state, with the objects at rest at their poses in the world.
     fn reset(&mut self, robot: &Robot, world: &World);
 
     /// Excludes pairs of links that start too close from self-collision, and reports links that start inside
-    /// something. Objects may be at rest afterwards, whatever velocity they had.
+    /// something. Objects may be at rest afterwards, even if they had a velocity.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
     /// Computes the next state of the robot and the objects, `dt` \[s\] after the current one.
@@ -93,53 +93,54 @@ pub trait Engine: Sized {
     /// [`StepError`]; [`discard`](Self::discard) follows.
     fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Makes the next state of the objects the current one.
-    /// `robot` is that after the step of `dt` \[s\].
+    /// Makes the next state of the objects the current one. `robot` is already in its state after the step of
+    /// `dt` \[s\].
     fn commit(&mut self, robot: &Robot, dt: f64);
 
-    /// Drops the next state: the robot stays in its current one.
+    /// Drops the next state: the robot stays in its current state.
     fn discard(&mut self);
 
-    /// State that later steps depend on, without the robot's.
+    /// Saves the state that later steps depend on, without the robot's.
     fn save(&self) -> Self::State;
 
-    /// Goes back to a saved state. The robot's has been restored already. `false`, and nothing has changed,
-    /// where it does not fit.
+    /// Restores a saved state; the robot's state has already been restored. Returns `false` and changes
+    /// nothing if the state does not fit.
     fn restore(&mut self, robot: &Robot, state: &Self::State) -> bool;
 
-    /// Wakes all objects that sleep.
+    /// Wakes all sleeping objects.
     fn wake(&mut self) {}
 
-    /// Returns the first surface along a ray with `robot` in its present pose: see [`Simulator::cast_ray`].
+    /// Returns the first surface along a ray in the current state of `robot`: see [`Simulator::cast_ray`].
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>>;
 
-    /// Index of the first object whose next state is not finite.
+    /// Returns the index of the first object whose next state is not finite.
     fn diverged_object(&self) -> Option<usize>;
 
-    /// Pose in the world of object `index` of the world description.
+    /// Returns the pose of object `index` of the world description in the world.
     fn object_pose(&self, index: usize) -> Isometry3<f64>;
 
-    /// Places object `index`, at rest.
+    /// Moves object `index` to a pose, at rest.
     fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>);
 
-    /// Velocity of object `index`: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
+    /// Returns the velocity of object `index`: linear at its centre \[m/s\] and angular \[rad/s\], world
+    /// axes.
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>);
 
-    /// Sets the velocity of object `index`, if it moves: linear at its centre \[m/s\] and angular \[rad/s\],
-    /// world axes.
+    /// Sets the velocity of object `index` if it is movable: linear at its centre \[m/s\] and angular
+    /// \[rad/s\], world axes.
     fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>);
 
-    /// Connects two parts in their present relative pose: see [`Simulator::connect`]. A `lasting` connection
-    /// survives a reset.
+    /// Connects two parts in their current poses: see [`Simulator::connect`]. A `lasting` connection survives
+    /// a reset.
     ///
     /// # Errors
     ///
-    /// [`ConnectError`]; by default that the engine has no connections.
+    /// [`ConnectError`]; the default implementation reports that the engine does not support connections.
     fn connect(&mut self, _: (&Robot, &World), _: &Connection, _lasting: bool) -> Result<(), ConnectError> {
         Err(ConnectError::Unable { engine: Self::NAME })
     }
 
-    /// Removes the connections between two parts; `false` if there are none.
+    /// Removes the connections between two parts. Returns `false` if they have none.
     fn disconnect(&mut self, _: (&Robot, &World), _: [&str; 2]) -> bool {
         false
     }
@@ -147,12 +148,12 @@ pub trait Engine: Sized {
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// Passes the impulse of the contacts on each collider touched during the last step, of `dt` \[s\], to
-    /// `visit`: its name, the impulse \[N s\] and its moment about the origin of the world \[N m s\],
-    /// friction included. A collider, or one of several with a name, may appear more than once.
+    /// Calls `visit` for each collider that a contact touched during the last step, of `dt` \[s\], with its
+    /// name, the contacts' impulse \[N s\] and its moment about the world origin \[N m s\], friction
+    /// included. A collider, or several colliders with one name, may be passed more than once.
     ///
-    /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act for the whole step; an
-    /// engine with several integration steps in one adds up theirs.
+    /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act during the whole step.
+    /// An engine with several integration steps per step sums its impulses instead.
     #[expect(clippy::type_complexity, reason = "a visitor of three values")]
     fn visit_impulses(&self, dt: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
         self.visit_contacts(&mut |contact| {
@@ -178,7 +179,7 @@ pub struct Simulation<E> {
 }
 
 impl<E: Engine> Simulation<E> {
-    /// A simulation of `robot` in `world`, at rest at `q` (nq \[rad or m\]).
+    /// Creates a simulation of `robot` in `world`, at rest at `q` (nq \[rad or m\]).
     ///
     /// # Errors
     ///
@@ -192,8 +193,8 @@ impl<E: Engine> Simulation<E> {
         Self::of_robots([robot.into()], world, q, options)
     }
 
-    /// A simulation of several robots in `world`, an [`Articulation`] each, at rest at `q`, which is theirs
-    /// one after the other. Links and joints must differ in their names
+    /// Creates a simulation of several robots in `world`, one [`Articulation`] each, at rest at `q`, which
+    /// contains their configurations one after the other. Names of links and joints must differ
     /// ([`Model::prefixed`](motorium_robots::Model::prefixed)).
     ///
     /// # Errors
@@ -219,7 +220,7 @@ impl<E: Engine> Simulation<E> {
         simulation.reset(q, &vec![0.0; nv])?;
         let Self { robot, engine, warnings, .. } = &mut simulation;
         engine.exclude_start_overlaps(robot, warnings);
-        // An engine may have rebuilt its scene, with everything at rest.
+        // An engine may have rebuilt its scene with everything at rest.
         simulation.start_objects();
         let Self { robot, warnings, .. } = &mut simulation;
         for own in &robot.articulations {
@@ -232,7 +233,7 @@ impl<E: Engine> Simulation<E> {
         Ok(simulation)
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn options(&self) -> &Options {
         &self.options
     }

@@ -12,7 +12,7 @@ use crate::{Articulation, BuildWarning, ConnectError, Connection, JointCommand, 
 pub struct ObjectId(pub(crate) usize);
 
 impl ObjectId {
-    /// Position in the `objects` of the [`World`](crate::World).
+    /// Returns the index in the `objects` of the [`World`](crate::World).
     pub fn index(self) -> usize {
         self.0
     }
@@ -29,57 +29,57 @@ pub struct Contact<'a> {
     pub point: Point3<f64>,
     /// Unit normal in the world, pointing from `first` to `second`.
     pub normal: Vector3<f64>,
-    /// Depth of the overlap of the surfaces \[m\]; not negative.
+    /// Penetration depth of the surfaces \[m\]; not negative.
     pub depth: f64,
     /// Normal force during the last step \[N\].
     pub force: f64,
-    /// Friction on `second` during the last step, in the world \[N\]; zero with rapier, which does not report
-    /// it.
+    /// Friction force on `second` during the last step, in the world \[N\]; zero with rapier, which does not
+    /// report it.
     pub friction: Vector3<f64>,
 }
 
-/// The first point of something that a ray meets.
+/// The first point that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit<'a> {
     /// Robot link, object, `"ground"` or `"terrain"`.
     pub name: &'a str,
     /// Distance from the start of the ray \[m\].
     pub distance: f64,
-    /// The point in the world \[m\].
+    /// Hit point in the world \[m\].
     pub point: Point3<f64>,
-    /// Unit normal of the surface there, in the world.
+    /// Unit normal of the surface at the hit point, in the world.
     pub normal: Vector3<f64>,
 }
 
-/// Capabilities of a simulator beyond the common ones: robots with fixed bases, several of them as one model,
-/// free and fixed objects, contacts, rays, commands, reset, save and restore.
+/// The abilities of a simulator that only some engines have. Every engine supports robots with fixed bases,
+/// several of them as one model, free and fixed objects, contacts, rays, commands, reset, save and restore.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
-    /// Robots whose base moves freely, and several of them in one world.
+    /// Robots with a floating base, and several of them in one world.
     pub floating_bases: bool,
-    /// No step allocates after the first.
+    /// Steps after the first do not allocate.
     pub allocation_free: bool,
     /// Torsional and rolling friction.
     pub rolling_friction: bool,
-    /// Surfaces that move along themselves.
+    /// Surfaces of conveyors, which move along themselves.
     pub conveyors: bool,
-    /// Compliant surfaces, and direction-dependent friction.
+    /// Compliant surfaces and direction-dependent friction.
     pub textures: bool,
-    /// [Meshes](motorium_robots::MeshCollision) of objects touch by their triangles; by convex parts they
-    /// touch in every engine.
+    /// Contacts with the triangles of [meshes](motorium_robots::MeshCollision) of objects. Every engine
+    /// supports contacts with their convex parts.
     pub triangles: bool,
-    /// Physical [properties](crate::Properties) may change [in the midst of
-    /// motion](crate::Simulation::change).
+    /// Changes of physical [properties](crate::Properties) [during motion](crate::Simulation::change).
     pub changes: bool,
-    /// A choice of the method of integration.
+    /// A choice of integration methods.
     pub integrators: bool,
-    /// [Connections](crate::Connection) of parts besides the joints of robots.
+    /// [Connections](crate::Connection) between parts in addition to the joints of robots.
     pub connections: bool,
 }
 
-/// A state of a simulator with all that its next steps depend on, warm starts included.
+/// A state of a simulator that includes everything its next steps depend on, warm starts included.
 ///
-/// [`Simulator::restore`] is exact to the bit: the following steps equal the steps after [`Simulator::save`].
+/// [`Simulator::restore`] restores it bit for bit: the following steps are the same as those that followed
+/// [`Simulator::save`].
 pub struct SavedState(pub(crate) Box<dyn Any + Send + Sync>);
 
 impl core::fmt::Debug for SavedState {
@@ -88,33 +88,34 @@ impl core::fmt::Debug for SavedState {
     }
 }
 
-/// A saved state that another simulator made.
+/// The saved state was made by another simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the saved state is that of another engine, robot or world; restore it into the simulator that made it or an equal one"
 )]
 pub struct ForeignState;
 
-/// Counts of a step: joints at their limits, contacts.
+/// Counts of a step: joints at their limits, and contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepReport {
-    /// Joints whose effort was cut at the limit.
+    /// Joints whose effort was clamped at the limit.
     pub saturated: usize,
     /// Joints at a position limit.
     pub at_limit: usize,
-    /// Joints faster than their velocity limit. They are not slowed down: nothing in the joint would.
+    /// Joints above their velocity limit. They are not slowed down, because nothing in the joint limits its
+    /// velocity.
     pub overspeed: usize,
-    /// A contact was so near to the robot that the contact solver could act on it. Always true with rapier.
+    /// A contact was near enough to the robot for the contact solver to act on it. Always true with rapier.
     pub near_contact: bool,
 }
 
-/// A simulated robot in a world, or several.
+/// One or several simulated robots in a world.
 ///
 /// Vectors have one entry per drive: the independent joints of the robot, in the order of
-/// [`motorium_robots::Model::joint_names`], then its rotors, if any; with several
-/// [articulations](Simulator::articulations) one after the other. Poses are in the world, which is the base
-/// frame of a robot with a fixed base. After construction and the first step nothing here allocates, unless
-/// an engine documents it.
+/// [`motorium_robots::Model::joint_names`], then its rotors, if any. The entries of several
+/// [articulations](Simulator::articulations) follow one another. Poses are in the world, which is the base
+/// frame of a robot with a fixed base. Nothing allocates after construction and the first step unless the
+/// engine's documentation says otherwise.
 ///
 /// # Example
 ///
@@ -145,75 +146,78 @@ pub struct StepReport {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Simulator {
-    /// The articulations: one, or several robots of which at least one moves freely.
+    /// Returns the articulations: one, or several robots of which at least one has a floating base.
     fn articulations(&self) -> &[Articulation];
 
-    /// The robot: the model of the first articulation.
+    /// Returns the robot's model, which is the model of the first articulation.
     fn model(&self) -> &Model {
         self.articulations()[0].model()
     }
 
-    /// Doubts about the model or the world, in the order they were found. Nothing is printed anywhere.
+    /// Returns warnings about the model or the world, in the order of detection. They are not printed.
     fn warnings(&self) -> &[BuildWarning];
 
-    /// The whole configuration (nq): a floating base first, as in [`motorium_robots`].
+    /// Returns the whole configuration (nq), a floating base first, as in [`motorium_robots`].
     fn configuration(&self) -> &[f64];
 
-    /// The whole velocity (nv).
+    /// Returns the whole velocity (nv).
     fn velocity(&self) -> &[f64];
 
-    /// Names of the drives: joints, then rotors.
+    /// Returns the names of the drives: joints, then rotors.
     fn joint_names(&self) -> &[String];
 
-    /// Positions q \[rad or m\].
+    /// Returns the positions q \[rad or m\].
     fn positions(&self) -> &[f64];
 
-    /// Velocities v \[rad/s or m/s\].
+    /// Returns the velocities v \[rad/s or m/s\].
     fn velocities(&self) -> &[f64];
 
-    /// Efforts tau the drives applied during the last step, after clamping \[Nm or N\]. Joint friction,
-    /// damping and limit stops are not part of it. With substeps, the last one's.
+    /// Returns the efforts tau that the drives applied during the last step, after clamping \[Nm or N\].
+    /// Joint friction, damping and limit stops are not included. With substeps, the efforts of the last
+    /// substep.
     fn efforts(&self) -> &[f64];
 
-    /// The commands, one per joint; they stay until changed.
+    /// Returns the commands, one per drive; they stay until changed.
     fn commands_mut(&mut self) -> &mut [JointCommand];
 
     /// Advances robot and objects by `dt` \[s\].
     ///
     /// # Errors
     ///
-    /// [`StepError`]; the robot's state is then that before the step. The state never contains NaN.
+    /// [`StepError`]; the robot then keeps its state from before the step. The state never contains NaN.
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses and the velocities of the
-    /// world description. Commands become zero efforts.
+    /// Resets the robot to `q` (nq) and `v` (nv), and the objects to the poses and velocities of the world
+    /// description. Commands become zero efforts.
     ///
     /// # Errors
     ///
     /// [`ResetError`]; nothing has changed then.
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
-    /// The abilities of this engine.
+    /// Returns the abilities of this engine.
     fn capabilities(&self) -> Capabilities;
 
-    /// The whole state, with all that the next steps depend on. Allocates.
+    /// Saves the whole state, including everything the next steps depend on. Allocates.
     fn save(&self) -> SavedState;
 
-    /// Goes back to a saved state, commands and gravity included. May allocate.
+    /// Restores a saved state, commands and gravity included. May allocate.
     ///
     /// # Errors
     ///
-    /// [`ForeignState`] when a simulator of another engine, robot or world made it; nothing has changed then.
+    /// [`ForeignState`] if the state was saved by a simulator of another engine, robot or world; nothing has
+    /// changed then.
     fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState>;
 
-    /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, axes of the link\] of a
-    /// link during the next step, in addition to earlier ones. A link that is fixed to the world does not
-    /// move.
+    /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, link axes\] of a link
+    /// during the next step, in addition to wrenches already applied. A link that is fixed to the world does
+    /// not move.
     fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>) {
         self.apply_wrench_to((0, link), point, force, torque);
     }
 
-    /// [`apply_wrench`](Self::apply_wrench) to a link of the articulation of this index.
+    /// Applies a wrench to a link of the articulation with this index, as
+    /// [`apply_wrench`](Self::apply_wrench) does.
     fn apply_wrench_to(
         &mut self,
         link: (usize, FrameId),
@@ -222,55 +226,56 @@ pub trait Simulator {
         torque: Vector3<f64>,
     );
 
-    /// The first surface within `range` \[m\] along a ray from `origin` in `direction` (of any length): of
-    /// the robot, of an object, of the ground. A ray that starts inside of something does not see it.
+    /// Returns the first surface of the robot, an object or the ground within `range` \[m\] along a ray from
+    /// `origin` in `direction` (of any length). A ray that starts inside a collider does not hit that
+    /// collider.
     fn cast_ray(&self, origin: Point3<f64>, direction: Vector3<f64>, range: f64) -> Option<RayHit<'_>>;
 
-    /// Acceleration of free fall in the world \[m/s2\].
+    /// Returns the gravitational acceleration in the world \[m/s2\].
     fn gravity(&self) -> Vector3<f64>;
 
-    /// Sets the acceleration of free fall \[m/s2\].
+    /// Sets the gravitational acceleration \[m/s2\].
     fn set_gravity(&mut self, gravity: Vector3<f64>);
 
-    /// Pose of the robot's base in the world, of the first articulation.
+    /// Returns the pose of the first articulation's base in the world.
     fn base_pose(&self) -> Isometry3<f64> {
         self.base_pose_of(0)
     }
 
-    /// Pose of the base of the articulation of this index in the world.
+    /// Returns the pose in the world of the base of the articulation with this index.
     fn base_pose_of(&self, articulation: usize) -> Isometry3<f64>;
 
-    /// Pose of a link of the first articulation in the world.
+    /// Returns the pose of a link of the first articulation in the world.
     fn frame_pose(&self, frame: FrameId) -> Isometry3<f64> {
         self.frame_pose_of((0, frame))
     }
 
-    /// Pose of a link of the articulation of this index in the world.
+    /// Returns the pose in the world of a link of the articulation with this index.
     fn frame_pose_of(&self, frame: (usize, FrameId)) -> Isometry3<f64>;
 
-    /// The object with this name.
+    /// Returns the object with this name.
     fn object(&self, name: &str) -> Option<ObjectId>;
 
-    /// Pose of an object in the world.
+    /// Returns the pose of an object in the world.
     fn object_pose(&self, object: ObjectId) -> Isometry3<f64>;
 
-    /// Places an object and stops it. A fixed one may be placed too.
+    /// Moves an object to a pose, at rest. Fixed objects can be moved, too.
     fn set_object_pose(&mut self, object: ObjectId, pose: Isometry3<f64>);
 
-    /// Velocity of an object: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
+    /// Returns the velocity of an object: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
     fn object_velocity(&self, object: ObjectId) -> (Vector3<f64>, Vector3<f64>);
 
-    /// Sets the velocity of an object that moves: linear at its centre of mass \[m/s\] and angular \[rad/s\],
-    /// world axes. A fixed one stays at rest.
+    /// Sets the velocity of a movable object: linear at its centre of mass \[m/s\] and angular \[rad/s\],
+    /// world axes. A fixed object stays at rest.
     fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>);
 
-    /// Connects two parts in their present relative pose, by a ball joint or rigidly. The connection lasts
-    /// until [`detach`](Self::detach), also through resets. The parts do not collide meanwhile. Its memory is
-    /// allocated here, not in a step.
+    /// Connects two parts in their current poses by a ball joint or rigidly. The connection stays until
+    /// [`detach`](Self::detach), also across resets. Connected parts do not collide with each other. Memory
+    /// is allocated here, not in a step.
     ///
     /// # Errors
     ///
-    /// [`ConnectError`]; engines other than `physics.articulated` have no connections.
+    /// [`ConnectError`]; only `physics.articulated` supports connections.
     ///
     /// # Example
     ///
@@ -297,7 +302,7 @@ pub trait Simulator {
     /// ```
     fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError>;
 
-    /// Fixes one part to another in their present relative pose, such as an object to a hand, until
+    /// Fixes one part to another in their current poses, such as an object to a hand, until
     /// [`detach`](Self::detach) or the next reset.
     ///
     /// # Errors
@@ -305,13 +310,13 @@ pub trait Simulator {
     /// [`ConnectError`].
     fn attach(&mut self, first: &str, second: &str) -> Result<(), ConnectError>;
 
-    /// Removes all connections between two parts; `false` if there are none.
+    /// Removes all connections between two parts. Returns `false` if they have none.
     fn detach(&mut self, first: &str, second: &str) -> bool;
 
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
-    /// True when the two (robot link, object, or `"ground"`) touched in the last step.
+    /// Returns `true` if the two parts (robot link, object, or `"ground"`) touched in the last step.
     fn touching(&self, first: &str, second: &str) -> bool {
         let mut found = false;
         self.visit_contacts(&mut |contact| {

@@ -1,4 +1,4 @@
-//! Joint command writer: from setpoints of some joints to the command of all of them.
+//! Joint command writer: extends the setpoints of some joints to a command of all joints.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
@@ -16,16 +16,17 @@ use motorium_primitives::dmp::{Jet, Quintic};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointCommandConfig {
-    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Without it, that of the robot's
-    /// profile.
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: the stiffness of the
+    /// robot's profile.
     pub kp: Option<PerJoint>,
-    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Without it, that of the
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: the damping of the
     /// robot's profile.
     pub kd: Option<PerJoint>,
-    /// Time of the transition from the robot's present position to the movement, such as "1 s". Default 1 s.
+    /// Duration of the transition from the robot's current position to the movement, such as "1 s". Default 1
+    /// s.
     pub ease: TimeSpan,
-    /// True to add the torque that holds the joints against gravity. A floating base is assumed to be upright
-    /// and at rest. Default true.
+    /// True to add the torque that compensates gravity. A floating base is assumed to be upright and at rest.
+    /// Default true.
     pub gravity_compensation: bool,
 }
 
@@ -35,12 +36,12 @@ impl Default for JointCommandConfig {
     }
 }
 
-/// Gravity of a graph that states none, in the world frame, m/s^2.
+/// Returns the gravity of a graph that specifies none, in the world frame, m/s^2.
 pub(crate) fn earth() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Names of the ports through which the joints of one robot are read and commanded.
+/// Names of the ports through which a robot's joints are read and commanded.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct JointPorts {
     state: String,
@@ -48,12 +49,12 @@ pub(crate) struct JointPorts {
 }
 
 impl JointPorts {
-    /// The ports of a component that works on one robot.
+    /// Returns the ports of a component for a single robot.
     pub(crate) fn single() -> Self {
         Self { state: "joint_state".to_string(), command: "joint_command".to_string() }
     }
 
-    /// The ports of one robot of several.
+    /// Returns the ports of one of several robots.
     pub(crate) fn for_robot(name: &str) -> Self {
         Self { state: format!("state_{name}"), command: format!("command_{name}") }
     }
@@ -66,7 +67,7 @@ impl JointPorts {
     }
 }
 
-/// The model of the robot of a component, its gains and the joints that a policy moves.
+/// The robot model of a component, its gains and the joints that a policy moves.
 #[derive(Debug)]
 pub(crate) struct CommandedJoints {
     pub(crate) model: Model,
@@ -77,21 +78,21 @@ pub(crate) struct CommandedJoints {
     passive: Vec<usize>,
 }
 
-/// A robot without the gains that its command needs.
+/// The gains required by a command are unavailable.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum GainsError {
-    /// No profile, or one without gains.
+    /// The robot has no profile, or a profile without gains.
     #[error("robot `{robot}` has no profile with gains")]
     Missing {
         /// Name of the robot in the graph.
         robot: String,
     },
-    /// The profile does not fit the robot.
+    /// The profile does not match the robot.
     #[error(transparent)]
     Profile(ProfileError),
 }
 
-/// The gains of a robot's profile, in the order of its joints.
+/// Returns the gains of a robot's profile, in the order of its joints.
 pub(crate) fn profile_gains(
     robot: &str,
     model: &Model,
@@ -104,7 +105,7 @@ pub(crate) fn profile_gains(
     })
 }
 
-/// Gains that are configured in `joint_command`, else the profile's.
+/// Returns the gains configured in `joint_command`, or else the profile's.
 fn configured_gains(
     config: &JointCommandConfig,
     robot: &str,
@@ -143,7 +144,7 @@ fn configured_gains(
     })
 }
 
-/// The robot of a component that needs one.
+/// Returns the robot of a component that requires one.
 pub(crate) fn required(robot: Option<&RobotReference>) -> Result<&RobotReference, ConfigError> {
     robot.ok_or_else(|| {
         ConfigError::new("the component names no robot, and needs its joints")
@@ -152,8 +153,8 @@ pub(crate) fn required(robot: Option<&RobotReference>) -> Result<&RobotReference
 }
 
 impl CommandedJoints {
-    /// Checks everything that can be checked before a run. `joints` are names; `key` is theirs in the config.
-    /// `gravity` is in the world frame, m/s^2.
+    /// Checks everything that can be checked before a run. `joints` are names; `key` is their key in the
+    /// config. `gravity` is in the world frame, m/s^2.
     pub(crate) fn new<'a>(
         config: &JointCommandConfig,
         gravity: [f64; 3],
@@ -166,8 +167,7 @@ impl CommandedJoints {
         })
     }
 
-    /// As [`new`](Self::new) for a robot that is loaded, with the gains that `gains` finds for all its
-    /// joints.
+    /// Like [`new`](Self::new) for a loaded robot, with the gains that `gains` returns for all its joints.
     pub(crate) fn with_gains<'a>(
         loaded: Loaded,
         robot: &str,
@@ -203,22 +203,22 @@ impl CommandedJoints {
         Self::declare_scales(declare);
     }
 
-    /// Declares the parameters that all joint command writers of a component share.
+    /// Declares the parameters shared by all joint command writers of a component.
     pub(crate) fn declare_scales(declare: &mut Declare) {
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of the stiffness of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of the damping of all joints");
     }
 }
 
-/// Quantity that the joints which are moved are commanded.
+/// Commanded quantity of the moved joints.
 enum Drive<'a> {
     Position,
     Velocity,
     Effort(&'a [f64]),
 }
 
-/// Commands the joints of a robot: those that a policy moves go over from where they are to its setpoints,
-/// the others stay where they are found. Setpoints are kept within the position limits.
+/// Commands the joints of a robot. The joints that a policy moves ease from their current positions to its
+/// setpoints; the others stay at their initial positions. Setpoints are clamped to the position limits.
 #[derive(Debug)]
 pub(crate) struct JointCommandWriter {
     driven: CommandedJoints,
@@ -228,24 +228,24 @@ pub(crate) struct JointCommandWriter {
     kd_scale: Parameter<f64>,
     dynamics: Option<Dynamics>,
     ease: f64,
-    /// Since the first joint state, s.
+    /// Time since the first joint state, s.
     elapsed: f64,
-    /// Joint positions of the first joint state.
+    /// Joint positions in the first joint state.
     found: Vec<f64>,
     is_found: bool,
-    /// Time that the newest joint state is for, ns since the run began.
+    /// Time of the newest joint state, ns since the run began.
     state_ns: u64,
     setpoint: Vec<f64>,
     velocity: Vec<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
-    /// Of the model: the pose of a floating base (upright) before the joints.
+    /// Configuration of the model: the pose of a floating base (upright) before the joints.
     configuration: Vec<f64>,
     gravity: Vec<f64>,
 }
 
 impl JointCommandWriter {
-    /// The writer of a component that works on one robot.
+    /// Creates the writer of a component for a single robot.
     pub(crate) fn new(
         driven: CommandedJoints,
         config: &JointCommandConfig,
@@ -254,7 +254,7 @@ impl JointCommandWriter {
         Self::with_ports(driven, config, &JointPorts::single(), setup)
     }
 
-    /// The writer with ports of any names.
+    /// Creates a writer with the given ports.
     pub(crate) fn with_ports(
         driven: CommandedJoints,
         config: &JointCommandConfig,
@@ -283,12 +283,12 @@ impl JointCommandWriter {
         })
     }
 
-    /// Begins anew with the next joint state.
+    /// Restarts with the next joint state.
     pub(crate) fn reset(&mut self) {
         (self.elapsed, self.is_found) = (0.0, false);
     }
 
-    /// Takes over the newest joint state. False before the first one.
+    /// Reads the newest joint state. Returns `false` before the first one.
     pub(crate) fn read(&mut self) -> Result<bool, StepError> {
         let Some(state) = self.state.latest() else { return Ok(self.is_found) };
         if state.count() != self.q.len() {
@@ -306,22 +306,22 @@ impl JointCommandWriter {
         Ok(true)
     }
 
-    /// Time that the newest joint state is for, ns since the run began.
+    /// Returns the time of the newest joint state, ns since the run began.
     pub(crate) fn state_ns(&self) -> u64 {
         self.state_ns
     }
 
-    /// Measured position of a joint that is moved, rad or m.
+    /// Returns the measured position of a moved joint, rad or m.
     pub(crate) fn position(&self, place: usize) -> f64 {
         self.q[self.driven.joints[place]]
     }
 
-    /// Measured velocity of a joint that is moved, per second.
+    /// Returns the measured velocity of a moved joint, per second.
     pub(crate) fn speed(&self, place: usize) -> f64 {
         self.v[self.driven.joints[place]]
     }
 
-    /// Takes positions of the joints that are moved to the nearest within their limits.
+    /// Clamps positions of the moved joints to their limits.
     pub(crate) fn limit(&self, positions: &mut [f64]) {
         let model = &self.driven.model;
         for (position, joint) in positions.iter_mut().zip(&self.driven.joints) {
@@ -329,13 +329,13 @@ impl JointCommandWriter {
         }
     }
 
-    /// Velocity limits of the joints that are moved, rad/s or m/s; infinite where the model states none.
+    /// Returns the velocity limits of the moved joints, rad/s or m/s; infinite if the model specifies none.
     pub(crate) fn velocity_limits(&self) -> impl Iterator<Item = f64> {
         let limits = self.driven.model.velocity_limit();
         self.driven.joints.iter().map(move |joint| limits[*joint])
     }
 
-    /// Commands the setpoints (and their rates, per second) of the joints that are moved.
+    /// Commands the setpoints of the moved joints and their rates, per second.
     pub(crate) fn command(&mut self, dt: f64, setpoint: &[f64], rate: &[f64]) -> Result<(), StepError> {
         if !self.is_found {
             return Ok(());
@@ -357,14 +357,14 @@ impl JointCommandWriter {
         self.publish(&Drive::Position)
     }
 
-    /// Commands all joints to stay where the first joint state found them.
+    /// Commands all joints to hold their positions of the first joint state.
     pub(crate) fn hold(&mut self) -> Result<(), StepError> {
         self.setpoint.copy_from_slice(&self.found);
         self.velocity.fill(0.0);
         self.publish(&Drive::Position)
     }
 
-    /// Commands velocities of the joints that are moved, per second, by the damping alone.
+    /// Commands velocities of the moved joints, per second, using only the damping.
     pub(crate) fn command_velocities(&mut self, rate: &[f64]) -> Result<(), StepError> {
         self.setpoint.copy_from_slice(&self.found);
         self.velocity.fill(0.0);
@@ -374,7 +374,7 @@ impl JointCommandWriter {
         self.publish(&Drive::Velocity)
     }
 
-    /// Commands efforts of the joints that are moved, N m or N, without gains.
+    /// Commands efforts of the moved joints, N m or N, without gains.
     pub(crate) fn command_efforts(&mut self, effort: &[f64]) -> Result<(), StepError> {
         self.setpoint.copy_from_slice(&self.found);
         self.velocity.fill(0.0);
@@ -423,7 +423,7 @@ impl JointCommandWriter {
         command.publish()
     }
 
-    /// True once the easing into the movement is over.
+    /// Returns `true` once the easing into the movement has finished.
     pub(crate) fn is_eased_in(&self) -> bool {
         self.elapsed >= self.ease
     }

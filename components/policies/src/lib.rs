@@ -1,11 +1,11 @@
-//! Policies: components that make a robot move by movement primitives, motion libraries, latent spaces and
-//! pattern generators.
+//! Policies: components that move a robot by movement primitives, motion libraries, latent spaces and pattern
+//! generators.
 //!
 //! | module | component | moves |
 //! |---|---|---|
-//! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through poses, by dynamic movement primitives |
-//! | [`latent`] | `policy.latent`, [`LatentPolicy`] | joints of several robots like a human, by a latent space |
-//! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector or joints, by a motion library |
+//! | [`dmp`] | `policy.dmp`, [`DmpPolicy`] | an end effector through a sequence of poses, by dynamic movement primitives |
+//! | [`latent`] | `policy.latent`, [`LatentPolicy`] | joints of several robots, imitating a human, by a shared latent space |
+//! | [`library`] | `policy.library`, [`LibraryPolicy`] | an end effector in a plane, or joints, by a motion library |
 //! | [`promp`] | `policy.promp`, [`ProMpPolicy`] | joints, by a probabilistic movement primitive |
 //! | [`cpg`] | `policy.cpg`, [`CpgPolicy`] | joints of legs in a gait, by a central pattern generator |
 //! | [`trajectory`] | `policy.trajectory`, [`TrajectoryPolicy`] | joints through waypoints, within limits |
@@ -14,11 +14,11 @@
 //! | [`joint_targets`] | `policy.joint_targets`, [`JointTargetsPolicy`] | joints by the actions of a policy |
 //! | [`waypoints`] | `policy.waypoints`, [`WaypointsPolicy`] | a wheeled base through planar poses |
 //!
-//! The models themselves are plain libraries without the runtime: `motorium_primitives`, `motorium_library`
-//! and `motorium_models`.
+//! The underlying models are plain libraries that do not need the runtime: `motorium_primitives`,
+//! `motorium_library` and `motorium_models`.
 //!
-//! A program that hosts them registers their kinds, as the command does. Their ports can be asked for without
-//! running anything:
+//! A program that hosts these components registers their kinds, as the `motorium` command does. It can query
+//! their ports without running anything:
 //!
 //! ```
 //! use motorium::worker::Kind;
@@ -60,13 +60,13 @@ pub use promp::ProMpPolicy;
 pub use trajectory::{HomePolicy, TrajectoryPolicy};
 pub use waypoints::WaypointsPolicy;
 
-/// The kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for a program that hosts them.
 ///
 /// ```
 /// let names: Vec<_> = motorium_policies::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"policy.dmp"));
 /// ```
-// Not inlined, as `Kind::of` asks for.
+// Not inlined, as `Kind::of` requires.
 #[inline(never)]
 pub fn kinds() -> [Kind; 10] {
     [

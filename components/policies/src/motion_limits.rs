@@ -1,4 +1,4 @@
-//! Limits of a motion of joints, as they are configured.
+//! Configured limits of a joint motion.
 
 use motorium::declare::ConfigError;
 use motorium_primitives::profile::MotionLimits;
@@ -6,23 +6,23 @@ use motorium_robots::{Model, PerJoint, Profile};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Time in which the velocity is reached where nothing says how fast a joint may accelerate, s.
+/// Time in which the velocity limit is reached if no acceleration limit is specified, s.
 const TO_SPEED: f64 = 0.5;
-/// Time in which the acceleration is reached where nothing says how fast it may change, s.
+/// Time in which the acceleration limit is reached if no jerk limit is specified, s.
 const TO_ACCELERATION: f64 = 0.05;
 
 /// Limits of a motion: one number for all joints, or one for each.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionLimitsConfig {
-    /// Velocity, rad/s or m/s. Default: that of the robot's model.
+    /// Velocity, rad/s or m/s. Default: the limit of the robot's model.
     pub velocity: Option<PerJoint>,
-    /// Acceleration, rad/s^2 or m/s^2. Default: that of the robot's profile, or the velocity in half a
-    /// second.
+    /// Acceleration, rad/s^2 or m/s^2. Default: the limit of the robot's profile, or the value that reaches
+    /// the velocity limit in half a second.
     pub acceleration: Option<PerJoint>,
-    /// Jerk, rad/s^3 or m/s^3. Default: the acceleration in 50 ms.
+    /// Jerk, rad/s^3 or m/s^3. Default: the value that reaches the acceleration limit in 50 ms.
     pub jerk: Option<PerJoint>,
-    /// Fraction of all these limits that is used, above 0 to 1. Default 0.9.
+    /// Fraction of all limits that is used, above 0 to 1. Default 0.9.
     pub fraction: f64,
 }
 
@@ -33,7 +33,7 @@ impl Default for MotionLimitsConfig {
 }
 
 impl MotionLimitsConfig {
-    /// The limits of all joints.
+    /// Returns the limits of all joints.
     pub(crate) fn resolve(
         &self,
         model: &Model,

@@ -36,25 +36,26 @@ use motorium_robots::PerJoint;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProMpPolicyConfig {
-    /// The primitives, of which the parameter `primitive` chooses: files that `motorium primitive fit` wrote,
-    /// relative to the graph file, or tables.
+    /// The primitives from which the parameter `primitive` selects: files written by `motorium primitive
+    /// fit`, relative to the graph file, or tables.
     pub primitives: Vec<ProMpSource>,
-    /// The joints that are moved, in the order of the primitive's dimensions. Default: all, in their order.
+    /// The moved joints, in the order of the primitive's dimensions. Default: all joints in order.
     #[serde(default)]
     pub joints: Option<Vec<String>>,
-    /// Places to pass.
+    /// Via points.
     #[serde(default)]
     pub via: Vec<ViaConfig>,
-    /// Time of a movement, such as "2 s". Default: that of the demonstrations.
+    /// Duration of a movement, such as "2 s". Default: the duration of the demonstrations.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
-    /// Time to stay at the end of a movement, such as "500 ms". Default none.
+    /// Time to stay at the end of a movement, such as "500 ms". Default 0.
     #[serde(default)]
     pub dwell: TimeSpan,
-    /// Behaviour after a movement: "once" stays at its end, "forever" begins the next.
+    /// Behaviour after a movement: "once" stays at its end, "forever" starts the next.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
+    /// one.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands.
@@ -78,15 +79,15 @@ impl<'de> Deserialize<'de> for ProMpSource {
     }
 }
 
-/// A place on the way.
+/// A via point.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ViaConfig {
-    /// When: 0 at the start of the movement, 1 at its end.
+    /// Phase: 0 at the start of the movement, 1 at its end.
     pub at: f64,
-    /// Positions of the joints that are moved, rad or m: one number for all, or one for each.
+    /// Positions of the moved joints, rad or m: one number for all, or one for each.
     pub position: PerJoint,
-    /// Standard deviation with which it is to be passed, rad or m. Default 0.001.
+    /// Standard deviation at the via point, rad or m. Default 0.001.
     #[serde(default = "precise")]
     pub deviation: f64,
 }
@@ -95,12 +96,12 @@ fn precise() -> f64 {
     1e-3
 }
 
-/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive; the former two are
-/// conditioned on the places they are to pass.
+/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive. Probabilistic and
+/// kernelised primitives are conditioned on the via points.
 ///
-/// A movement begins with the first joint state, from where the robot is; the difference fades on the way.
-/// The parameter `primitive` exchanges the primitive with the next movement, without a jump; `speed`
-/// stretches time.
+/// A movement starts with the first joint state, at the robot's current position; the difference to the
+/// primitive fades along the movement. The parameter `primitive` changes the primitive with the next
+/// movement, without a discontinuity; `speed` scales time.
 #[derive(Debug)]
 pub struct ProMpPolicy {
     writer: JointCommandWriter,
@@ -228,7 +229,7 @@ impl Component for ProMpPolicy {
 }
 
 impl ProMpPolicy {
-    /// Begins a movement from the setpoint of this moment, with the primitive that is chosen.
+    /// Starts a movement from the current setpoint with the selected primitive.
     fn begin(&mut self) -> Result<(), StepError> {
         let chosen = usize::try_from(self.primitive.get()).unwrap_or(0).min(self.runners.len() - 1);
         self.exchanges += u64::from(self.running.is_some_and(|running| running != chosen));
@@ -247,7 +248,7 @@ fn borrowed((name, key): &(String, String)) -> (&str, String) {
     (name.as_str(), key.clone())
 }
 
-/// The joints that are moved, with their keys.
+/// Returns the moved joints with their keys.
 fn named(
     config: &ProMpPolicyConfig,
     robot: Option<&motorium::declare::RobotReference>,
@@ -307,7 +308,7 @@ fn primitives(
     Ok(found)
 }
 
-/// The primitive that passes a place, or the reason why it cannot.
+/// Returns the primitive conditioned on a via point, or the reason why this fails.
 fn conditioned(primitive: Primitive, via: &ViaConfig) -> Result<Primitive, String> {
     if !((0.0..=1.0).contains(&via.at) && via.deviation >= 0.0 && via.deviation.is_finite()) {
         return Err("expected `at` from 0 to 1 and a `deviation` of at least 0".to_string());

@@ -3,7 +3,7 @@
 use motorium::declare::{ConfigError, RobotReference};
 use motorium_robots::{BasePose, EndEffectorError, FrameId, Loaded, RobotSource};
 
-/// The robot of a component.
+/// Loads the robot of a component.
 pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     RobotSource {
         name: &robot.name,
@@ -18,7 +18,8 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     .map_err(|error| ConfigError::new(error.to_string()))
 }
 
-/// A robot whose joint positions alone determine the pose of the frame that is led, and that frame.
+/// Loads a robot whose joint positions alone determine the pose of the controlled frame, and returns that
+/// frame.
 pub(crate) fn load_fixed(
     reference: &RobotReference,
     frame: Option<&str>,
@@ -35,7 +36,8 @@ pub(crate) fn load_fixed(
     Ok((loaded, id))
 }
 
-/// The controlled frame: the one configured under `key`, else that of the robot's only end effector.
+/// Returns the controlled frame: the one configured under `key`, or the frame of the robot's only end
+/// effector.
 pub(crate) fn end_effector(robot: &Loaded, frame: Option<&str>, key: &str) -> Result<FrameId, ConfigError> {
     robot.end_effector(frame).map_err(|error| {
         let message = error.to_string();

@@ -1,11 +1,12 @@
-//! Entries of a configuration that are a text or a table.
+//! Configuration entries that are either a text or a table.
 
 use core::fmt;
 
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
 
-/// Reads a text or a table. A mistake within the table is told with its key, which an untagged enum hides.
+/// Deserialises a text or a table. An error within the table is reported with its key, which an untagged enum
+/// would hide.
 pub(crate) fn text_or_table<'de, D: Deserializer<'de>, T: Deserialize<'de>, E>(
     deserializer: D,
     expected: &'static str,

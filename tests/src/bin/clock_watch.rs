@@ -1,10 +1,10 @@
-//! Tells when nothing ran on a computer for a while: it sleeps for a millisecond again and again, and prints
-//! a line where that took much longer, until it is ended.
+//! Reports intervals in which nothing ran on a computer. It sleeps for a millisecond repeatedly, and prints a
+//! line whenever the sleep took much longer, until it is terminated.
 //!
-//! A line is the seconds since the computer started, the milliseconds that the sleep took, and those of them
-//! in which its processors were idle. At the highest priority nothing but the kernel can hold it up, and
-//! where the processor was idle meanwhile not even that did: then the clock of the machine leapt over its
-//! release.
+//! A line contains the seconds since the computer started, the duration of the sleep in milliseconds, and the
+//! milliseconds of it in which its processors were idle. At the highest priority only the kernel can delay
+//! this program. If the processor was idle, even the kernel did not: the clock of the machine jumped beyond
+//! the release time.
 
 use std::fs::File;
 use std::io::Error;
@@ -16,7 +16,7 @@ const SLEEP: Duration = Duration::from_millis(1);
 /// Sleeps of at least this duration are reported.
 const LONG: Duration = Duration::from_millis(3);
 
-/// The seconds since the computer started, and those in which its processors were idle.
+/// Returns the seconds since the computer started, and the seconds in which its processors were idle.
 fn uptime(file: &File) -> Result<[f64; 2], Error> {
     let mut text = [0; 64];
     let length = file.read_at(&mut text, 0)?;

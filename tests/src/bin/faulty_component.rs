@@ -1,41 +1,41 @@
-//! A user's component that goes wrong on order: it passes a joint state through until its time has come.
+//! A user component with configurable faults: it passes a joint state through until the configured step.
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::JointState;
 use motorium::transport::{Input, Output};
 
-/// The fault to be made.
+/// The fault to simulate.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Fault {
-    /// Nothing.
+    /// No fault.
     None,
     /// The step panics.
     Panic,
     /// The step returns an error.
     Error,
-    /// The output holds a NaN.
+    /// The output contains a NaN.
     Nan,
     /// The process ends in the middle of a step.
     Exit,
     /// The step takes 20 ms.
     Stall,
-    /// The step works for far too long.
+    /// The step computes for far too long.
     Work,
-    /// Configuring fails.
+    /// Configuration fails.
     Configure,
-    /// Configuring panics.
+    /// Configuration panics.
     ConfigurePanic,
-    /// Configuring never ends.
+    /// Configuration never ends.
     ConfigureHang,
-    /// Configuring never ends after a restart.
+    /// Configuration never ends after a restart.
     ConfigureHangAgain,
-    /// The process ends while it is configured.
+    /// The process ends during configuration.
     ConfigureExit,
-    /// The step allocates more and more memory until there is none left.
+    /// The step allocates memory until none is left.
     Devour,
-    /// The step opens files until there are no descriptors left.
+    /// The step opens files until no descriptors are left.
     Open,
     /// The step allocates.
     Allocate,
@@ -51,22 +51,22 @@ enum Fault {
     SlowStop,
 }
 
-/// Which fault, and when.
+/// The fault and its steps.
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FaultyConfig {
-    /// The fault to be made.
+    /// The fault to simulate.
     fault: Fault,
-    /// At which step; every step from there on, up to `until`.
+    /// First step of the fault, which then affects every step up to `until`.
     #[serde(default)]
     at: u64,
-    /// From which step on no more.
+    /// First step after the fault.
     #[serde(default = "for_ever")]
     until: u64,
-    /// Only in the first process, not after a restart.
+    /// True to fail only in the first process, not after a restart.
     #[serde(default)]
     once: bool,
-    /// Declares itself an actuator.
+    /// True to declare an actuator.
     #[serde(default)]
     actuator: bool,
 }

@@ -1,7 +1,7 @@
-//! A user's component that commands nonsense on order, measures what the joints do, and presses an emergency
-//! stop.
+//! A user component that sends configurable nonsense commands, measures the reactions of the joints, and
+//! presses an emergency stop.
 //!
-//! Triggered by the true state of the joints it sees every step of the simulation.
+//! It is triggered by the true joint state, so it observes every step of the simulation.
 
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -30,14 +30,14 @@ enum Nonsense {
 #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct RogueConfig {
-    /// The nonsense to be commanded.
+    /// The nonsense to command.
     nonsense: Nonsense,
-    /// Joint that it is commanded to.
+    /// Index of the affected joint.
     joint: usize,
-    /// Steps between which it is commanded, and the emergency stop is pressed.
+    /// First step of the nonsense and of the emergency stop, and the first step after them.
     from: u64,
     until: u64,
-    /// Of these steps one in so many commands nonsense.
+    /// Interval between nonsense commands, in steps.
     every: u64,
     /// First step whose accelerations are measured.
     measure_from: u64,
@@ -56,7 +56,7 @@ struct Rogue {
     stop: Output<EmergencyStop>,
     config: RogueConfig,
     start: Vec<f64>,
-    /// Velocities of the last state, and the time it is for, ns.
+    /// Velocities and time of the last state, ns.
     last: Option<(Vec<f64>, u64)>,
     fastest: Vec<f64>,
     hardest: Vec<f64>,
@@ -145,7 +145,7 @@ impl Component for Rogue {
                 Nonsense::HugeKd => command.kd_mut()[joint] = 1e300,
             }
         }
-        // What the runtime itself withholds is no reason to end.
+        // A publication withheld by the runtime does not end the component.
         let _ = command.publish();
         Ok(())
     }

@@ -9,7 +9,7 @@ use motorium::prelude::*;
 struct PushConfig {
     /// Force, N.
     force: f64,
-    /// A file that must be there. Default none.
+    /// A file that must exist. Default: none.
     #[schemars(schema_with = "path")]
     file: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! From pictures to movements: training and use.
+//! Couplings of pictures to movements: training and use.
 
 use motorium_models::networks::ConvolutionalNetwork;
 use nalgebra::{DMatrix, DVector};
@@ -13,22 +13,22 @@ use motorium_library::{
     Truncation,
 };
 
-/// Settings of the training of a coupling.
+/// Training settings of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Training {
-    /// Weights of the library. Default 16.
+    /// Number of weights of the library. Default 16.
     pub eigenforces: usize,
-    /// Epochs: passes over all letters, each with new random changes. Default 220.
+    /// Number of epochs: passes over all letters, each with new random variations. Default 220.
     pub epochs: usize,
-    /// Letters in a batch. Default 8.
+    /// Number of letters in a batch. Default 8.
     pub batch: usize,
     /// Initial learning rate; it falls to 0 along a cosine. Default 1.5e-3.
     pub rate: f32,
     /// Weight decay of the parameters of the network. Default 1e-5.
     pub decay: f32,
-    /// Size of the random changes of letters, in rad and as a fraction. Default 0.08.
+    /// Size of the random variations of letters, in rad and as a fraction. Default 0.08.
     pub augmentation: f64,
-    /// Seed of the network's start, of the order of the letters and of their changes. Default 1.
+    /// Seed of the network's initial weights, and of the order and variations of the letters. Default 1.
     pub seed: u64,
 }
 
@@ -46,7 +46,7 @@ impl Default for Training {
     }
 }
 
-/// A network from pictures of letters to movements, with the library of these movements.
+/// A network that maps pictures of letters to movements, with the library of these movements.
 ///
 /// ```
 /// use motorium_learners::perception::{Coupling, Picture, Training, unit_extent};
@@ -76,11 +76,11 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Learns from letters. `progress` gets the epoch (from 1) and its mean loss: the squared error of
-    /// position in letter sizes.
+    /// Trains a coupling on letters. `progress` receives the epoch (from 1) and its mean loss: the squared
+    /// error of position in letter sizes.
     ///
     /// # Errors
-    /// Letters that are not of two degrees of freedom, or none.
+    /// There are no letters, or letters do not have two degrees of freedom.
     pub fn train(
         letters: &Recordings,
         spring: SampledSpring,
@@ -140,7 +140,8 @@ impl Coupling {
         Ok(Self { network, library, mean, scale, pen_speed: pen_speed(letters) })
     }
 
-    /// The movement that writes the letter in a picture, in a frame of extent 1 and a duration of 1 s.
+    /// Returns the movement that writes the letter in a picture, in a frame of extent 1 and with a duration
+    /// of 1 s.
     pub fn movement(&self, picture: &Picture) -> Superposition {
         let seen = self.network.forward(&DMatrix::from_column_slice(PIXELS * PIXELS, 1, &picture.0));
         let z = DVector::from_iterator(seen.len(), seen.iter().map(|value| f64::from(*value)));
@@ -151,9 +152,9 @@ impl Coupling {
         Superposition { weights: out.as_slice()[..n].to_vec(), frame }
     }
 
-    /// The movement that writes the letter in a picture at a pen speed, in letter sizes per second; without
-    /// one at that of the letters it was learned from. The picture does not show the speed, so it is even
-    /// along the stroke.
+    /// Returns the movement that writes the letter in a picture at a pen speed, in letter sizes per second,
+    /// which defaults to the speed of the training letters. The picture does not show the speed, so the speed
+    /// is constant along the stroke.
     pub fn written(&self, picture: &Picture, pen_speed: Option<f64>) -> Superposition {
         let mut movement = self.movement(picture);
         let length = length(&movement.path(&self.library));
@@ -161,42 +162,43 @@ impl Coupling {
         movement
     }
 
-    /// The mean pen speed of the letters it was learned from, in letter sizes (the larger side) per second.
+    /// Returns the mean pen speed of the training letters, in letter sizes (the larger side) per second.
     pub fn pen_speed(&self) -> f64 {
         self.pen_speed
     }
 
-    /// The library whose weights it predicts.
+    /// Returns the library whose weights the coupling predicts.
     pub fn library(&self) -> &MotionLibrary {
         &self.library
     }
 
-    /// The network.
+    /// Returns the network.
     pub fn network(&self) -> &ConvolutionalNetwork {
         &self.network
     }
 }
 
-/// Length of a path.
+/// Returns the length of a path.
 pub fn length(path: &DMatrix<f64>) -> f64 {
     (1..path.nrows()).map(|k| (path.row(k) - path.row(k - 1)).norm()).sum()
 }
 
-/// Mean over letters of their length in letter sizes by their duration.
+/// Returns the mean over letters of their length in letter sizes divided by their duration.
 fn pen_speed(letters: &Recordings) -> f64 {
     let each =
         letters.trajectories.iter().map(|letter| length(&unit_extent(&letter.positions)) / letter.duration);
     each.sum::<f64>() / letters.trajectories.len().max(1) as f64
 }
 
-/// A random blend of a letter with another of its label, up to half way: a blend of movements is a movement.
+/// Returns a random blend of a letter with another of its label, up to halfway: a blend of movements is a
+/// movement.
 fn between(curves: &[DMatrix<f64>], siblings: &[usize], letter: usize, random: &mut Pcg64) -> DMatrix<f64> {
     let Some(sibling) = siblings.choose(random) else { return curves[letter].clone() };
     let part = 0.5 * random.random::<f64>();
     &curves[letter] * (1.0 - part) + &curves[*sibling] * part
 }
 
-/// Output of the network for a curve: weights, start, goal, velocity.
+/// Returns the network's target output for a curve: weights, start, goal, velocity.
 fn output(curve: &DMatrix<f64>, library: &MotionLibrary) -> DVector<f64> {
     let trajectory = Trajectory { id: String::new(), label: None, duration: 1.0, positions: curve.clone() };
     let movement = Movement::from_trajectory(&trajectory, library.spring());
@@ -206,10 +208,10 @@ fn output(curve: &DMatrix<f64>, library: &MotionLibrary) -> DVector<f64> {
     DVector::from_iterator(library.rank() + 3 * frame.dofs(), all.copied())
 }
 
-/// The error of position, in letter sizes, of one unit of the network's output.
+/// Position error, in letter sizes, of one unit of the network's output.
 const UNIT: f64 = 0.2;
 
-/// `L^-T` for `A^T A = L L^T`, with `A` the path of each output.
+/// Returns `L^-T` for `A^T A = L L^T`, where `A` contains the path of each output.
 fn scale(library: &MotionLibrary) -> DMatrix<f64> {
     let (spring, dofs, n) = (library.spring(), library.layout().dofs(), library.rank());
     let samples = spring.samples();

@@ -7,9 +7,9 @@
 //! | 0 | 8 | `MTCPL\r\n\x1a` |
 //! | 8 | 8 | version, 1 |
 //! | 16 | 8 | number of outputs of the network |
-//! | 24 | 8 | pen speed of the letters learned, letter sizes per second (`f64`) |
+//! | 24 | 8 | pen speed of the training letters, letter sizes per second (`f64`) |
 //! | 32 | 8 | XXH3 (64 bits, seed 0) of all bytes from 40 on |
-//! | 40 | | mean (outputs) and scale (outputs x outputs, column by column) as `f64`; weights (column by column) and bias of each layer as `f32`; then the library, as its file |
+//! | 40 | | mean (outputs) and scale (outputs x outputs, column by column) as `f64`; weights (column by column) and bias of each layer as `f32`; then the library in its file format |
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -25,44 +25,44 @@ use super::Coupling;
 const MAGIC: [u8; 8] = *b"MTCPL\r\n\x1a";
 const VERSION: u64 = 1;
 const HEAD: usize = 40;
-/// More outputs than any library of letters has weights.
+/// Largest number of outputs, above the number of weights of any library of letters.
 const MOST_OUTPUTS: u64 = 4096;
 
-/// A file that is no coupling.
+/// The file is not a valid coupling.
 #[derive(Debug, thiserror::Error)]
 pub enum CouplingFileError {
-    /// The file system refused.
+    /// The file system reported an error.
     #[error("{}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Error of the system.
         source: std::io::Error,
     },
-    /// Another kind of file.
+    /// The file has another format.
     #[error("{}: this is no coupling; train one with `motorium library couple`", path.display())]
     Magic {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// Of another version.
+    /// The version is not supported.
     #[error("{}: a coupling of version {found}, this program reads version {VERSION}: train it again", path.display())]
     Version {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The version found.
         found: u64,
     },
-    /// Cut short, or changed since it was written.
+    /// The file is truncated or was changed after it was written.
     #[error("{}: it was cut short or damaged; train it again", path.display())]
     Damaged {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// The library in it.
+    /// The library in the file is invalid.
     #[error("{}: its library: {source}", path.display())]
     Library {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Error of the library.
         source: Box<FileError>,
@@ -70,7 +70,7 @@ pub enum CouplingFileError {
 }
 
 impl Coupling {
-    /// True for the first bytes of a coupling's file.
+    /// Returns `true` if the file starts like a coupling's.
     pub fn is_coupling(path: &Path) -> bool {
         let mut first = [0; 8];
         std::fs::File::open(path)
@@ -78,10 +78,10 @@ impl Coupling {
             .is_ok_and(|()| first == MAGIC)
     }
 
-    /// Writes it to a file, whole or not at all.
+    /// Writes the coupling to a file, completely or not at all.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The file system reports an error.
     pub fn write(&self, path: &Path) -> std::io::Result<()> {
         let mut content = Vec::new();
         let numbers = self.mean.iter().chain(self.scale.iter());
@@ -111,10 +111,10 @@ impl Coupling {
         moved
     }
 
-    /// Reads a file that [`write`](Self::write) wrote.
+    /// Reads a file written by [`write`](Self::write).
     ///
     /// # Errors
-    /// The system refuses, or the file is another one, damaged or of another version.
+    /// The file system reports an error, or the file has another format, is damaged or has another version.
     pub fn read(path: &Path) -> Result<Self, CouplingFileError> {
         let path_buf = || path.to_path_buf();
         let bytes = motorium_recordings::read_bounded(path, super::LONGEST)
@@ -138,7 +138,7 @@ impl Coupling {
         let mean = DVector::from_vec(content.doubles(outputs).ok_or_else(damaged)?);
         let scale = content.doubles(outputs * outputs).ok_or_else(damaged)?;
         let scale = DMatrix::from_vec(outputs, outputs, scale);
-        // The sizes of its layers are those of a new network of as many outputs.
+        // Layer sizes are determined by a new network with the same number of outputs.
         let pattern = ConvolutionalNetwork::random(outputs.max(1), &mut Pcg64::seed_from_u64(0));
         let mut layers = Vec::new();
         for (weights, bias) in pattern.layers() {
@@ -158,7 +158,7 @@ impl Coupling {
     }
 }
 
-/// Bytes that are not read yet.
+/// The unread bytes.
 struct Content<'a> {
     rest: &'a [u8],
 }

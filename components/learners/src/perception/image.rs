@@ -4,45 +4,46 @@ use std::path::{Path, PathBuf};
 
 use super::picture::{EXTENT, LINE, PIXELS, Picture};
 
-/// Where the profile of a line falls to a half, in its standard deviations.
+/// Distance from the centre of a line at which its profile falls to one half, in standard deviations of the
+/// profile.
 const EDGE: f64 = 1.177;
 
-/// Largest side of a picture that is read, px.
+/// Largest side of an input picture, px.
 const LARGEST: usize = 4096;
 
-/// A file that is no picture of a letter.
+/// The file is not a picture of a letter.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// The file system refused.
+    /// The file system reported an error.
     #[error("{}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Error of the system.
         source: std::io::Error,
     },
-    /// Another format, or a file that contradicts itself.
+    /// The file has another format or is inconsistent.
     #[error("{}: {problem}, expected a portable grey map (PGM: P2 or P5)", path.display())]
     Format {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Description of the defect.
         problem: String,
     },
-    /// A picture of one grey.
+    /// The picture has a single grey level.
     #[error("{}: it shows nothing: all pixels are alike", path.display())]
     Blank {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
 }
 
 impl Picture {
-    /// Reads a picture of a letter, brought to the size and the place in which letters are learned. The ink
-    /// is what differs from the corners: dark on light or light on dark.
+    /// Reads a picture of a letter, normalised to the size and position of the training letters. Ink is
+    /// everything that differs from the corners: dark on light or light on dark.
     ///
     /// # Errors
-    /// The file cannot be read, is no grey map, or shows nothing.
+    /// The file cannot be read, is not a grey map, or shows nothing.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         let bytes = motorium_recordings::read_bounded(path, super::LONGEST)
             .map_err(|source| ImageError::Io { path: path.to_path_buf(), source })?;
@@ -51,7 +52,7 @@ impl Picture {
         grey.normalised().ok_or_else(|| ImageError::Blank { path: path.to_path_buf() })
     }
 
-    /// The picture as the bytes of a binary PGM file, light on dark.
+    /// Returns the picture as the bytes of a binary PGM file, light on dark.
     pub fn to_pgm(&self) -> Vec<u8> {
         let mut bytes = format!("P5\n{PIXELS} {PIXELS}\n255\n").into_bytes();
         bytes.extend(self.0.iter().map(|grey| (255.0 * grey.clamp(0.0, 1.0)).round() as u8));
@@ -109,7 +110,8 @@ fn parse(bytes: &[u8]) -> Result<Grey, String> {
 }
 
 impl Grey {
-    /// Its ink, 0 to 1, in the middle of a picture in which its larger side is that of a learned letter.
+    /// Returns the ink, 0 to 1, centred in a picture and scaled so that its larger side matches the training
+    /// letters.
     fn normalised(&self) -> Option<Picture> {
         let (width, height) = (self.width, self.values.len() / self.width);
         let corners =
@@ -120,7 +122,7 @@ impl Grey {
         if darkest < 1e-3 {
             return None;
         }
-        // The edge of the ink: half of the darkest grey.
+        // The edge of the ink is at half of the darkest grey.
         let inked = |row: usize, column: usize| ink[row * width + column] > 0.5 * darkest;
         let (mut rows, mut columns) = ((usize::MAX, 0), (usize::MAX, 0));
         for row in 0..height {
@@ -129,12 +131,11 @@ impl Grey {
                 columns = (columns.0.min(column), columns.1.max(column));
             }
         }
-        // An edge lies about half a pixel beyond the last one inked.
+        // An edge is about half a pixel beyond the last inked pixel.
         let side = (rows.1 - rows.0).max(columns.1 - columns.0) as f64 + 1.0;
         let step = side / (EXTENT + 2.0 * EDGE * LINE);
         let middle = [rows, columns].map(|(low, high)| 0.5 * (low + high) as f64);
-        // Each pixel is the mean over its part of the file, or lies between its pixels where these are
-        // larger.
+        // Each pixel is the mean over its area of the file, or interpolated if the file's pixels are larger.
         let fine = (step.ceil() as usize).clamp(1, 32);
         let mut pixels = Vec::with_capacity(PIXELS * PIXELS);
         for row in 0..PIXELS {
@@ -154,7 +155,7 @@ impl Grey {
     }
 }
 
-/// The grey between four pixels; 0 outside.
+/// Returns the grey interpolated between four pixels; 0 outside.
 fn between(ink: &[f64], width: usize, row: f64, column: f64) -> f64 {
     let height = ink.len() / width;
     let at = |row: f64, column: f64| {

@@ -1,10 +1,10 @@
-//! Letters as curves: normalised in size and speed, augmented, and their distance.
+//! Letters as curves: normalisation of size and speed, augmentation, and distance.
 
 use nalgebra::{DMatrix, Matrix2, RowVector2};
 use rand_distr::{Distribution as _, StandardNormal};
 use rand_pcg::Pcg64;
 
-/// The path centred on 0, with a larger side of 1.
+/// Returns the path centred on 0, with a larger side of 1.
 pub fn unit_extent(path: &DMatrix<f64>) -> DMatrix<f64> {
     let bounds = |d: usize| (path.column(d).min(), path.column(d).max());
     let ([x, y], mut out) = ([bounds(0), bounds(1)], path.clone());
@@ -16,7 +16,7 @@ pub fn unit_extent(path: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// The path moved to start at 0: the picture of a letter does not show its place on the paper.
+/// Returns the path moved to start at 0: the picture of a letter does not show its place on the paper.
 pub fn begun_at_zero(path: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = path.clone();
     for (d, mut column) in out.column_iter_mut().enumerate() {
@@ -25,7 +25,7 @@ pub fn begun_at_zero(path: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// The curve in `samples` points, evenly spaced along its length.
+/// Resamples the curve at `samples` points, evenly spaced along its length.
 pub fn even_speed(path: &DMatrix<f64>, samples: usize) -> DMatrix<f64> {
     let mut lengths = vec![0.0];
     for k in 1..path.nrows() {
@@ -46,7 +46,7 @@ pub fn even_speed(path: &DMatrix<f64>, samples: usize) -> DMatrix<f64> {
     out
 }
 
-/// The path turned, slanted, stretched and bent at random, by about `amount`, and scaled to extent 1.
+/// Returns the path randomly turned, slanted, stretched and bent by about `amount`, and scaled to extent 1.
 pub fn augmented(path: &DMatrix<f64>, amount: f64, random: &mut Pcg64) -> DMatrix<f64> {
     let mut normal = || {
         let normal: f64 = StandardNormal.sample(random);
@@ -72,8 +72,8 @@ pub fn augmented(path: &DMatrix<f64>, amount: f64, random: &mut Pcg64) -> DMatri
     unit_extent(&DMatrix::from_fn(rows.len(), 2, |k, d| rows[k][d]))
 }
 
-/// The mean distance of the points of each curve from the other, of both ways: the symmetric Chamfer
-/// distance.
+/// Returns the symmetric Chamfer distance: the mean distance of the points of each curve from the other
+/// curve, in both directions.
 pub fn chamfer(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     let one_way = |a: &DMatrix<f64>, b: &DMatrix<f64>| {
         let nearest = |row: usize| {

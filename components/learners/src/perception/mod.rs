@@ -1,7 +1,7 @@
-//! Perceptual coupling: the picture of a letter becomes the movement that writes it.
+//! Perceptual coupling: maps the picture of a letter to the movement that writes it.
 //!
-//! A picture of 28 x 28 pixels goes through a small convolutional network, whose outputs are the weights of a
-//! motion library and the start, goal and velocity of the movement:
+//! A picture of 28 x 28 pixels passes through a small convolutional network, whose outputs are the weights of
+//! a motion library and the start, goal and velocity of the movement:
 //!
 //! | layer | out |
 //! |---|---|
@@ -11,20 +11,21 @@
 //! | dense | weights + 3 for each degree of freedom |
 //!
 //! **Loss.** The path is linear in the outputs, `y = A o`. With `A^T A = L L^T` the squared error of position
-//! is `|L^T (o' - o)|^2`; the network learns `z = L^T o`, in which all outputs count alike, and `o = L^-T z`.
+//! is `|L^T (o' - o)|^2`. The network learns `z = L^T o`, in which all outputs have equal weight, and `o =
+//! L^-T z`.
 //!
-//! **Time.** The picture of a letter does not show its speed. So the letters are learned as they are drawn at
-//! even speed along the stroke ([`even_speed`]), and paths are compared as curves ([`chamfer`]).
-//! [`Coupling::written`] writes at a pen speed that is asked for, or at the mean one of the letters learned.
+//! **Time.** The picture of a letter does not show its speed. The letters are therefore learned at constant
+//! speed along the stroke ([`even_speed`]), and paths are compared as curves ([`chamfer`]).
+//! [`Coupling::written`] writes at a given pen speed, or at the mean speed of the training letters.
 //!
-//! **Files.** [`Coupling::write`] and [`Coupling::read`] keep a coupling whole: its network and its library.
-//! [`Picture::read`] reads pictures (PGM).
+//! **Files.** [`Coupling::write`] and [`Coupling::read`] store a complete coupling: its network and its
+//! library. [`Picture::read`] reads pictures (PGM).
 //!
-//! The network is small enough for plain matrix products on one core; a framework for it would cost more to
-//! build than it saves. Training is seeded: the same seed gives the same weights on the same machine.
+//! The network is small enough for plain matrix products on one core; a framework would cost more build time
+//! than it saves. Training is seeded: the same seed gives the same weights on the same machine.
 //!
-//! Source: Delhaisse, PhD thesis, 2019, section 3.4 (picture to weights); the loss and the layers are our
-//! own. Adam: Kingma, Ba, ICLR 2015.
+//! Source: Delhaisse, PhD thesis, 2019, section 3.4 (picture to weights); the loss and the layers are
+//! original to this crate. Adam: Kingma, Ba, ICLR 2015.
 
 mod coupling;
 mod file;
@@ -38,5 +39,5 @@ pub use image::ImageError;
 pub use letter::{augmented, begun_at_zero, chamfer, even_speed, unit_extent};
 pub use picture::{PIXELS, Picture};
 
-/// Longest file of a coupling or a picture, bytes.
+/// Largest size of a coupling or picture file, bytes.
 const LONGEST: u64 = 1 << 28;

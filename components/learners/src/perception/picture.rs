@@ -3,14 +3,14 @@
 use motorium_models::networks::IMAGE_SIDE;
 use nalgebra::DMatrix;
 
-/// Pixels of a side.
+/// Pixels per side.
 pub const PIXELS: usize = IMAGE_SIDE;
 
 /// A grey picture, row by row from the top, 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture(pub Vec<f32>);
 
-/// Size in the picture of a letter of extent 1, pixels.
+/// Size of a letter of extent 1 in the picture, pixels.
 pub(super) const EXTENT: f64 = 20.0;
 /// Half width of a line, as the standard deviation of its profile, pixels.
 pub(super) const LINE: f64 = 0.7;
@@ -42,7 +42,7 @@ impl Picture {
     }
 }
 
-/// The squared distance of a point from a segment.
+/// Returns the squared distance of a point from a segment.
 fn from_segment(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let squared = along[0] * along[0] + along[1] * along[1];

@@ -1,4 +1,4 @@
-//! Libraries of a body and its parts, on clips whose arms and legs move by rules of their own.
+//! Libraries of a body and its parts, on clips whose arms and legs move independently.
 
 use motorium_learners::experiments::body::{Body, WINDOW, difference, learned_alone, windows};
 use motorium_library::{Movement, Recordings, Trajectory};
@@ -19,8 +19,8 @@ const NAMES: [&str; 12] = [
     "rhand_rx",
 ];
 
-/// Clips in deg: legs swing at one frequency, arms at another, each clip with phases and amplitudes of its
-/// own.
+/// Clips in deg: legs swing at one frequency and arms at another, with different phases and amplitudes in
+/// each clip.
 fn clips() -> Recordings {
     let trajectories = (0..6)
         .map(|clip| {

@@ -33,7 +33,7 @@ fn a_network_learns_and_writes_held_out_letters() {
         (network.written.len(), network.errors.begun.len()),
         (held.trajectories.len(), set.shown.len())
     );
-    // untrained, it writes the mean letter; a letter is about as wide as high
+    // an untrained network writes the mean letter; a letter is about as wide as high
     let mean = network.errors.centred.iter().sum::<f64>() / held.trajectories.len() as f64;
     assert!(mean < 0.25, "{mean}");
 }
@@ -52,7 +52,7 @@ fn coupling() -> Coupling {
     Coupling::train(&letters(1, Variation::default(), 1), spring, &training, |_, _| {}).unwrap()
 }
 
-/// A file of its own for each test.
+/// A separate file for each test.
 fn file(name: &str) -> std::path::PathBuf {
     std::env::temp_dir().join(format!("motorium-{}-{name}", std::process::id()))
 }
@@ -99,7 +99,7 @@ fn a_letter_is_written_at_the_given_or_learned_speed() {
 fn a_picture_is_normalised_for_contrast_size_and_position() {
     let letter = unit_extent(&letters(1, Variation::default(), 1).trajectories[0].resampled(80));
     let expected = Picture::from_path(&letter);
-    // Three times as large, and off the centre.
+    // Three times as large, and off-centre.
     let large = |ink: bool| {
         let mut bytes = b"P5\n# a letter\n120 100\n255\n".to_vec();
         for (row, column) in (0..100_usize).flat_map(|row| (0..120_usize).map(move |column| (row, column))) {

@@ -66,7 +66,7 @@ fn fitted_kernels_vary_as_the_weights_that_made_the_movements() {
     let space = SearchSpace::kernels(&library, 4, KernelPrior::Fitted);
     for i in 0..4 {
         let expected = 0.36 * weights.row(i).norm_squared() / 30.0;
-        // the ridge, a millionth of the mean diagonal, draws the weights of nearly parallel responses by a
+        // the ridge, a millionth of the mean diagonal, shifts the weights of nearly parallel responses by a
         // few percent
         assert!((space.variance[i] / expected - 1.0).abs() < 0.03, "{i}: {} {expected}", space.variance[i]);
     }

@@ -51,8 +51,8 @@ struct Head {
     names: Vec<String>,
     samples: usize,
     damping: f64,
-    /// Absent in files of earlier versions, whose paths were sampled along straight lines unless they were
-    /// splined before.
+    /// Absent in files of earlier versions, whose paths were sampled along straight lines unless they had
+    /// been splined before.
     #[serde(default = "Interpolation::of_old_files")]
     interpolation: Interpolation,
     metric: Metric,
@@ -61,7 +61,7 @@ struct Head {
     sections: Sections,
 }
 
-/// Offset in bytes and number of entries of each.
+/// Byte offset and number of entries of each section.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Sections {
     basis: [usize; 2],

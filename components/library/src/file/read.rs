@@ -1,4 +1,4 @@
-//! Reading.
+//! Reading of library files.
 
 use std::path::{Path, PathBuf};
 
@@ -8,76 +8,76 @@ use nalgebra::DMatrix;
 use super::{HEAD, Head, MAGIC, VERSION, checksum};
 use crate::{BuildError, Entry, Frame, Layout, LibraryParts, Metric, MotionLibrary, SampledSpring};
 
-/// Longest file of a library, bytes.
+/// Largest size of a library file, bytes.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
 
 /// The file is not a valid library.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
-    /// The file system refused.
+    /// The file system reported an error.
     #[error("{path}: {source}")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Error of the system.
         source: std::io::Error,
     },
-    /// Something is wrong in a file that could be read.
+    /// The content of a readable file is invalid.
     #[error("{path}: {source}")]
     In {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Error in the file.
+        /// The error in the file.
         source: Box<FileError>,
     },
-    /// Not a library at all.
+    /// The file is not a library.
     #[error(
         "this is no motion library: it begins with `{}`; `motorium library build` makes one of recordings",
         .found.escape_ascii()
     )]
     Magic {
-        /// Its first bytes.
+        /// The first bytes of the file.
         found: Vec<u8>,
     },
-    /// Of another version.
+    /// The version is not supported.
     #[error("a library of version {found}, this program reads version {VERSION}")]
     Version {
         /// The version found.
         found: u32,
     },
-    /// Too short or too long.
+    /// The file is too short or too long.
     #[error(
         "{found} bytes, but its head says {expected}: it was cut short or something was added; build it anew"
     )]
     Length {
-        /// Bytes there are.
+        /// Number of bytes found.
         found: usize,
-        /// Bytes there should be.
+        /// Number of bytes expected.
         expected: u64,
     },
-    /// Changed since it was written.
+    /// The file was changed after it was written.
     #[error("its checksum is {found:016x}, its head says {expected:016x}: it was damaged; build it anew")]
     Checksum {
-        /// Of the bytes there are.
+        /// Checksum of the bytes found.
         found: u64,
-        /// Of those written.
+        /// Checksum stored in the file.
         expected: u64,
     },
     /// The head is missing an entry or contradicts the file.
     #[error("its head: {0}")]
     Head(String),
-    /// A section outside the file, or of another size than the head implies.
+    /// A section is outside the file, or its size differs from the one implied by the head.
     #[error(
         "section `{name}` has {found} entries at byte {offset}, expected {expected} inside the file at a multiple of 8"
     )]
     Section {
-        /// Its name.
+        /// Name of the section.
         name: &'static str,
         /// Entries according to the head.
         found: usize,
-        /// Offset of its beginning, bytes.
+        /// Byte offset of its start.
         offset: usize,
-        /// Entries there should be.
+        /// Expected number of entries.
         expected: String,
     },
     /// The bytes are not aligned to 8 bytes in memory.
@@ -98,7 +98,7 @@ pub struct View<'a> {
     pub singular: &'a [f64],
     /// All known singular values.
     pub spectrum: &'a [f64],
-    /// Weights, movement by movement.
+    /// Weights, one movement after the other.
     pub weights: &'a [f64],
     frames: &'a [f64],
     energy: f64,
@@ -108,7 +108,7 @@ impl<'a> View<'a> {
     /// Checks the bytes of a file.
     ///
     /// # Errors
-    /// An invalid file.
+    /// The file is invalid.
     pub fn new(bytes: &'a [u8]) -> Result<Self, FileError> {
         let head = head(bytes)?;
         let s = &head.sections;
@@ -135,7 +135,7 @@ impl<'a> View<'a> {
             let inside = bytes.get(offset..end).ok_or_else(wrong)?;
             bytemuck::try_cast_slice::<u8, f64>(inside).map_err(|_| FileError::Misaligned)
         };
-        // a product that overflows is more than any section has
+        // an overflowing product is larger than any section
         let product = |a: usize, b: usize| Some(a.saturating_mul(b));
         Ok(Self {
             basis: section("basis", s.basis, product(rows, rank))?,
@@ -148,17 +148,17 @@ impl<'a> View<'a> {
         })
     }
 
-    /// Its metric.
+    /// Returns the metric.
     pub fn metric(&self) -> Metric {
         self.head.metric
     }
 
-    /// Names of its degrees of freedom.
+    /// Returns the names of the degrees of freedom.
     pub fn names(&self) -> &[String] {
         &self.head.names
     }
 
-    /// Ids and labels of its movements.
+    /// Returns ids and labels of the movements.
     pub fn movements(&self) -> impl Iterator<Item = (&str, Option<&str>)> {
         let labels = self.head.labels.iter().map(|label| label.as_deref());
         self.head.ids.iter().map(String::as_str).zip(labels)
@@ -235,7 +235,7 @@ fn head(bytes: &[u8]) -> Result<Head, FileError> {
 /// Reads a library from a file.
 ///
 /// # Errors
-/// The system refuses, or the file is invalid.
+/// The file system reports an error, or the file is invalid.
 pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     let io = |source| FileError::Io { path: path.to_path_buf(), source };
     let content = read_bounded(path, LONGEST).map_err(io)?;

@@ -1,4 +1,4 @@
-//! Writing.
+//! Writing of library files.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{ALIGNMENT, HEAD, Head, MAGIC, Sections, VERSION, checksum};
 use crate::MotionLibrary;
 
-/// A library as the bytes of a file.
+/// Returns a library as the bytes of a file.
 pub fn to_bytes(library: &MotionLibrary) -> Vec<u8> {
     let parts = library.parts();
     let frames: Vec<f64> = parts
@@ -73,7 +73,7 @@ pub fn to_bytes(library: &MotionLibrary) -> Vec<u8> {
 /// Writes a library to a file and replaces an existing one.
 ///
 /// # Errors
-/// The system refuses the operation.
+/// The file system reports an error.
 pub fn write(library: &MotionLibrary, path: &Path) -> std::io::Result<()> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(format!(".{}.part", std::process::id()));

@@ -1,10 +1,10 @@
-//! Letters by strokes of our own: a motion library without any recording.
+//! Built-in synthetic letters: a motion library without any recording.
 //!
-//! Each letter is one stroke of straight lines and arcs through a few points in a box of 1 x 1 ([`shapes`]),
-//! rounded to a smooth curve and written with a speed that falls where it bends, as a hand does (the
-//! two-thirds power law: Lacquaniti, Terzuolo, Viviani, *The law relating the kinematic and figural aspects
-//! of drawing movements*, Acta Psychologica 54, 1983). Seeded variation moves the points, slants, stretches
-//! and turns the whole, and changes the pace.
+//! Each letter is one stroke of straight lines and arcs through a few points in a box of 1 x 1 ([`shapes`]).
+//! It is rounded to a smooth curve and written with a speed that falls where the curve bends, like
+//! handwriting (the two-thirds power law: Lacquaniti, Terzuolo, Viviani, *The law relating the kinematic and
+//! figural aspects of drawing movements*, Acta Psychologica 54, 1983). Seeded variation moves the points,
+//! slants, stretches and turns the whole letter, and changes the pace.
 
 mod shapes;
 mod writing;

@@ -1,9 +1,9 @@
 //! Letters as points along a stroke.
 
-/// The letters there are.
+/// The available letters.
 pub const ALPHABET: &str = "abcdeghlmnopqrsuvwyz";
 
-/// The points of a letter's stroke, in a box of 1 x 1 (descenders go below 0), in the order they are written.
+/// Returns the points of a letter's stroke, in a box of 1 x 1 (descenders extend below 0), in writing order.
 pub fn points(letter: char) -> Option<&'static [[f64; 2]]> {
     Some(match letter {
         'a' => &[

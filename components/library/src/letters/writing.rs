@@ -1,4 +1,4 @@
-//! A stroke through points, written as a hand does, with variation.
+//! A handwritten stroke through points, with variation.
 
 use nalgebra::DMatrix;
 use rand::SeedableRng as _;
@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use super::shapes::{ALPHABET, points};
 use crate::{Recordings, Trajectory};
 
-/// Variation from one letter to the next: standard deviations.
+/// Variation between letters: standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Variation {
     /// Standard deviation of each point, in letter widths.
@@ -25,12 +25,13 @@ impl Default for Variation {
     }
 }
 
-/// Samples of each letter.
+/// Number of samples of each letter.
 const SAMPLES: usize = 200;
 /// Duration of a letter per letter width of stroke length, s.
 const SECONDS_PER_WIDTH: f64 = 0.35;
 
-/// `each` variations of every letter of the [`ALPHABET`], the same for the same seed. Widths are 1.
+/// Returns `each` variations of every letter of the [`ALPHABET`]; equal seeds give equal letters. Widths are
+/// 1.
 pub fn letters(each: usize, variation: Variation, seed: u64) -> Recordings {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut trajectories = Vec::new();
@@ -103,13 +104,13 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// The angle by which a curve turns at `b`, rad.
+/// Returns the angle by which a curve turns at `b`, rad.
 fn turned(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     let (u, v) = ([b[0] - a[0], b[1] - a[1]], [c[0] - b[0], c[1] - b[1]]);
     (u[0] * v[1] - u[1] * v[0]).atan2(u[0] * v[0] + u[1] * v[1]).abs()
 }
 
-/// A curve through points: a Catmull-Rom spline (centripetal), densely sampled.
+/// Returns a densely sampled curve through points: a centripetal Catmull-Rom spline.
 fn smooth(through: &[[f64; 2]]) -> Vec<[f64; 2]> {
     const BETWEEN: usize = 40;
     let last = through.len() - 1;

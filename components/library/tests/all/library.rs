@@ -1,4 +1,4 @@
-//! The motion library against numpy and scipy, and its own promises.
+//! The motion library against numpy and scipy, and against its documentation.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::recorded::{golden, library, numbers, recordings, spring};
 
-/// The largest difference, relative to the largest of the known values.
+/// The largest difference, relative to the largest known value.
 fn off(found: &[f64], known: &[f64]) -> f64 {
     assert_eq!(found.len(), known.len());
     let size = known.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -67,7 +67,7 @@ fn split_part_equals_the_library_of_its_data() {
     assert!(
         off(&approximated(&arms, &forces, 4), &numbers(&golden["approximation_of_dofs_0_2_by_4"])) < 1e-12
     );
-    // its movements kept their weights
+    // the movements kept their weights
     assert!(off(arms.project(&forces).as_slice(), arms.weights().column(3).as_slice()) < 1e-11);
 }
 
@@ -203,7 +203,7 @@ fn generated_movement_follows_recording_and_new_goal() {
         generator.step(step);
         assert!((generator.position()[1] - path[(k, 1)]).abs() < 1e-9, "sample {k}");
     }
-    // a goal changed half way is reached without a jump
+    // a goal that changes halfway is reached without a discontinuity
     generator.start(&movement.weights, &movement.frame).unwrap();
     let goal: Vec<f64> = movement.frame.goal.iter().map(|g| g + 0.5).collect();
     let mut last = generator.position().to_vec();
@@ -252,7 +252,7 @@ fn synthetic_letters_need_few_eigenforces() {
     assert!(error(16) < 0.5 * error(8) && error(16) < 0.15, "{} {}", error(8), error(16));
 }
 
-/// A few outliers bend the eigenforces of the mean square towards them, but not those of the mean.
+/// A few outliers bend the eigenforces of the mean square towards them, but not the eigenforces of the mean.
 #[test]
 fn balanced_eigenforces_resist_outliers() {
     let (seen, held) = letters::letters(12, letters::Variation::default(), 3).hold_out(3);
@@ -273,8 +273,8 @@ fn balanced_eigenforces_resist_outliers() {
     assert_eq!(balanced.entries(), library.entries());
 }
 
-/// Known values: `spectrum_of_letters` of `golden/library.py`, by scipy, for the 928 letters learned of these
-/// 1,151.
+/// Known values: `spectrum_of_letters` of `golden/library.py`, by scipy, for the 928 training letters of
+/// these 1,151.
 #[test]
 fn spectrum_of_recorded_letters_matches_scipy() {
     let path =

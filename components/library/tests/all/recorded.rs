@@ -1,4 +1,4 @@
-//! The recorded movements of `golden/library.json`, and the library of them.
+//! The recorded movements of `golden/library.json` and their library.
 
 use motorium_library::{DAMPING, Metric, MotionLibrary, Recordings, SampledSpring, Trajectory, Truncation};
 use nalgebra::DMatrix;

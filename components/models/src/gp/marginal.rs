@@ -8,10 +8,10 @@ use crate::kernel::{Kernel, Points};
 /// Added to the diagonal of every covariance, as GPy does.
 pub const NUGGET: f64 = 1e-8;
 
-/// Jitters that are added to the diagonal when a factorisation fails, as parts of its mean, as GPy does.
+/// Jitters added to the diagonal when a factorisation fails, relative to its mean, as in GPy.
 const JITTERS: [f64; 5] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
 
-/// Covariance, factor and weights of one kernel at some points, in memory that is reused.
+/// Covariance, factor and weights of one kernel at some points, in reused memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Marginal {
     pub(crate) factor: Cholesky,
@@ -23,11 +23,11 @@ pub(crate) struct Marginal {
     slopes: Vec<f64>,
 }
 
-/// Where gradients are added.
+/// Buffers to which gradients are added.
 pub(crate) struct Gradient<'a> {
-    /// By the logarithms of the kernel's parameters, then the noise variance.
+    /// Gradient by the logarithms of the kernel's parameters, then by the noise variance.
     pub(crate) parameters: &'a mut [f64],
-    /// By the points, dimension by dimension.
+    /// Gradient by the points, dimension by dimension.
     pub(crate) by_points: Option<&'a mut [f64]>,
 }
 
@@ -89,8 +89,8 @@ impl Marginal {
         Err(GpError::Factorisation { points: n, tried })
     }
 
-    /// Mean squared error of each pose predicted from all others, as part of the mean square of the targets,
-    /// which [`fit`](Self::fit) was called with.
+    /// Returns the mean squared error of each pose predicted from all others, relative to the mean square of
+    /// the targets; uses the targets of [`fit`](Self::fit).
     pub(crate) fn leave_one_out(&mut self, targets: &[f64]) -> f64 {
         let (n, stride) = (self.factor.size(), self.factor.stride());
         self.inverse.resize(stride * stride, 0.0);
@@ -101,7 +101,7 @@ impl Marginal {
         errors / squares.max(f64::MIN_POSITIVE)
     }
 
-    /// The negative log marginal likelihood of all outputs together; adds its gradient.
+    /// Returns the negative log marginal likelihood of all outputs together, and adds its gradient.
     pub(crate) fn evaluate(
         &mut self,
         kernel: &Kernel,
@@ -124,7 +124,7 @@ impl Marginal {
             self.slopes.resize(n, 0.0);
             let (by_kernel, by_noise) = parameters.split_at_mut(kernel.parameter_count());
             for a in 0..n {
-                // dE/dK of row `a`; an entry off the diagonal stands for two
+                // dE/dK of row `a`; an off-diagonal entry counts twice
                 let slopes = &mut self.slopes[..n - a];
                 for (b, slope) in slopes.iter_mut().enumerate() {
                     *slope = outputs as f64 * self.inverse[(a + b) * stride + a];

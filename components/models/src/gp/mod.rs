@@ -2,9 +2,10 @@
 //!
 //! `y = f(x) + e`, `f ~ GP(0, k)`, `e ~ N(0, s_n)`. The hyperparameters minimise `E = (D N ln 2 pi + D ln
 //! |K| + tr K^-1 Y Y^T) / 2` (type-II maximum likelihood) by L-BFGS with analytic gradients; all `D` outputs
-//! share the kernel. A prediction is `m = k^T K^-1 y`, `s = k(x, x) + s_n - k^T K^-1 k`. A point is added or
-//! removed in `O(N^2)`. Beyond some 500 points, [`SparseGaussianProcess`] takes `O(N M^2)` with `M` inducing
-//! points. Reference: Rasmussen, Williams, *Gaussian Processes for Machine Learning*, algorithm 2.1.
+//! share the kernel. A prediction is `m = k^T K^-1 y`, `s = k(x, x) + s_n - k^T K^-1 k`. Adding or removing a
+//! point costs `O(N^2)`. Beyond about 500 points, use [`SparseGaussianProcess`], which costs `O(N M^2)` with
+//! `M` inducing points. Reference: Rasmussen, Williams, *Gaussian Processes for Machine Learning*, algorithm
+//! 2.1.
 //!
 //! ```
 //! use motorium_models::gp::GaussianProcess;
@@ -35,32 +36,32 @@ use crate::optimise::{Minimum, Options, minimise};
 /// The errors of Gaussian processes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GpError {
-    /// The data do not fit together.
+    /// The dimensions of the data do not match.
     #[error("found {found} {what}, expected {expected}")]
     Shape {
-        /// What was counted.
+        /// The counted quantity.
         what: &'static str,
-        /// Their number.
+        /// Number found.
         found: usize,
-        /// The number that fits.
+        /// Number expected.
         expected: usize,
     },
     /// A value is not finite.
     #[error("{what} {index} is {value}, expected a finite number")]
     NotFinite {
-        /// What the value belongs to.
+        /// The quantity that the value belongs to.
         what: &'static str,
         /// Index of the value.
         index: usize,
         /// The value.
         value: f64,
     },
-    /// A hyperparameter is out of range, or the kernel does not fit the inputs.
+    /// A hyperparameter is out of range, or the kernel does not match the inputs.
     #[error(
         "the kernel or noise does not fit inputs of {dimensions} dimensions, expected positive finite parameters"
     )]
     Kernel {
-        /// Dimensions of the inputs.
+        /// Number of input dimensions.
         dimensions: usize,
     },
     /// The covariance is not positive definite.
@@ -71,7 +72,7 @@ pub enum GpError {
     Factorisation {
         /// Number of points.
         points: usize,
-        /// Jitters that were tried.
+        /// Jitters tried.
         tried: Vec<f64>,
     },
 }
@@ -83,10 +84,10 @@ pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<(), GpE
     }
 }
 
-/// Logarithms of hyperparameters stay in this range while they are optimised.
+/// Logarithms of hyperparameters stay within plus and minus this value during optimisation.
 pub(crate) const LOG_RANGE: f64 = 12.0;
 
-/// Clamps logarithms; the gradient that points outside of the range is dropped by [`release`].
+/// Clamps logarithms; [`release`] drops gradients that point out of the range.
 pub(crate) fn clamp(logarithms: &mut [f64]) {
     logarithms.iter_mut().for_each(|value| *value = value.clamp(-LOG_RANGE, LOG_RANGE));
 }
@@ -100,19 +101,19 @@ pub(crate) fn release(logarithms: &[f64], gradient: &mut [f64]) {
     }
 }
 
-/// Gaussian process regression of some outputs that share a kernel.
+/// Gaussian process regression of one or several outputs that share a kernel.
 #[derive(Clone, Debug)]
 pub struct GaussianProcess {
     kernel: Kernel,
     noise: f64,
     points: Points,
-    /// Output by output.
+    /// Targets, output by output.
     targets: Vec<Vec<f64>>,
     weights: Vec<Vec<f64>>,
     marginal: Marginal,
 }
 
-/// Memory of [`GaussianProcess::predict`].
+/// Workspace of [`GaussianProcess::predict`].
 #[derive(Clone, Debug)]
 pub struct Scratch {
     row: Vec<f64>,
@@ -120,11 +121,11 @@ pub struct Scratch {
 }
 
 impl GaussianProcess {
-    /// A process with a noise variance and data: `x` holds one point of `dimensions` a row, `y` one row of
-    /// `outputs` a point.
+    /// Creates a process with a noise variance and data: `x` has one point of `dimensions` per row, `y` has
+    /// one row of `outputs` per point.
     ///
     /// # Errors
-    /// When the data do not fit together, a value is not finite, or the covariance is not positive definite.
+    /// If the sizes do not match, a value is not finite, or the covariance is not positive definite.
     pub fn new(
         kernel: Kernel,
         noise: f64,
@@ -178,7 +179,7 @@ impl GaussianProcess {
         self.points.is_empty()
     }
 
-    /// Memory for predictions with at most `len` points.
+    /// Returns a workspace for predictions with at most `len` points.
     pub fn scratch(&self) -> Scratch {
         let n = self.points.len();
         Scratch { row: vec![0.0; n], kernel: vec![0.0; n * self.kernel.scratch_rows()] }
@@ -199,11 +200,11 @@ impl GaussianProcess {
         found
     }
 
-    /// Takes over logarithms of hyperparameters, in the order of [`parameters`](Self::parameters).
+    /// Replaces the logarithms of hyperparameters, in the order of [`parameters`](Self::parameters).
     ///
     /// # Errors
-    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the
-    /// process is then as before.
+    /// If their number is wrong, one is not finite, or the covariance is not positive definite; the process
+    /// is then unchanged.
     pub fn set_parameters(&mut self, logarithms: &[f64]) -> Result<(), GpError> {
         let before = self.parameters();
         if logarithms.len() != before.len() {
@@ -230,13 +231,13 @@ impl GaussianProcess {
         self.targets.len()
     }
 
-    /// The negative log marginal likelihood at some parameters, and its gradient.
+    /// Returns the negative log marginal likelihood at some parameters, and writes its gradient.
     ///
     /// # Errors
-    /// When the covariance is not positive definite.
+    /// If the covariance is not positive definite.
     ///
     /// # Panics
-    /// When there are too few parameters.
+    /// If there are too few parameters.
     pub fn energy(&self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, GpError> {
         let mut marginal = Marginal::new();
         self.energy_with(&mut marginal, &self.targets.concat(), parameters, gradient)
@@ -257,10 +258,10 @@ impl GaussianProcess {
         marginal.evaluate(&kernel, noise, &self.points, targets, Some(gradient))
     }
 
-    /// Fits the hyperparameters, from those it has.
+    /// Fits the hyperparameters, starting from the current ones.
     ///
     /// # Errors
-    /// When the covariance is not positive definite.
+    /// If the covariance is not positive definite.
     pub fn optimise(&mut self, options: &Options) -> Result<Minimum, GpError> {
         let mut parameters = self.parameters();
         clamp(&mut parameters);
@@ -280,11 +281,11 @@ impl GaussianProcess {
         Ok(found)
     }
 
-    /// Adds a point in `O(N^2)`, with the hyperparameters as they are.
+    /// Adds a point in `O(N^2)`, with the current hyperparameters.
     ///
     /// # Errors
-    /// When a shape does not fit, a value is not finite, or the covariance is no longer positive definite.
-    /// The process is then as before.
+    /// If a length is wrong, a value is not finite, or the covariance is no longer positive definite; the
+    /// process is then unchanged.
     pub fn push(&mut self, x: &[f64], y: &[f64]) -> Result<(), GpError> {
         if x.len() != self.points.dimensions() {
             return Err(GpError::Shape {
@@ -314,7 +315,7 @@ impl GaussianProcess {
     /// Removes a point in `O(N^2)`.
     ///
     /// # Panics
-    /// When there is no such point.
+    /// If the index is out of range.
     pub fn remove(&mut self, index: usize) {
         self.marginal.factor.remove(index);
         self.points.remove(index);
@@ -336,7 +337,8 @@ impl GaussianProcess {
     /// outputs share. Does not allocate.
     ///
     /// # Panics
-    /// When `x`, `mean` or `scratch` do not fit; [`scratch`](Self::scratch) fits until a point is added.
+    /// If `x`, `mean` or `scratch` has the wrong length; a [`scratch`](Self::scratch) is valid until a point
+    /// is added.
     pub fn predict(&self, x: &[f64], mean: &mut [f64], scratch: &mut Scratch) -> f64 {
         assert_eq!(x.len(), self.points.dimensions(), "dimensions of the point");
         assert_eq!(mean.len(), self.targets.len(), "number of outputs");

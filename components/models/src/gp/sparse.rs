@@ -19,10 +19,10 @@ pub enum Approximation {
     Variational,
 }
 
-/// Jitters that are added to the diagonal of `K_uu`, until it is positive definite.
+/// Jitters added to the diagonal of `K_uu` until it is positive definite.
 const JITTERS: [f64; 4] = [1e-8, 1e-7, 1e-6, 1e-4];
 
-/// Gaussian process regression of some outputs that share a kernel, by inducing points.
+/// Gaussian process regression of one or several outputs that share a kernel, with inducing points.
 #[derive(Clone, Debug)]
 pub struct SparseGaussianProcess {
     kernel: Kernel,
@@ -31,24 +31,24 @@ pub struct SparseGaussianProcess {
     /// The inducing points, then all others.
     points: Points,
     inducing: usize,
-    /// One output a column.
+    /// Targets, one output per column.
     targets: DMatrix<f64>,
     fitted: Fitted,
 }
 
-/// Factors at one set of hyperparameters.
+/// Factors for one set of hyperparameters.
 #[derive(Clone, Debug)]
 struct Fitted {
-    /// Of `K_uu = L L^T`.
+    /// Factor of `K_uu = L L^T`.
     inner: Cholesky<f64, Dyn>,
-    /// Of `I + V D^-1 V^T`, with `V = L^-1 K_uf` and `D` the diagonal part of the covariance.
+    /// Factor of `I + V D^-1 V^T`, with `V = L^-1 K_uf` and `D` the diagonal part of the covariance.
     outer: Cholesky<f64, Dyn>,
-    /// `L^-T` of the projected targets: one output a column.
+    /// `L^-T` times the projected targets, one output per column.
     weights: DMatrix<f64>,
     energy: f64,
 }
 
-/// Memory of [`SparseGaussianProcess::predict`].
+/// Workspace of [`SparseGaussianProcess::predict`].
 #[derive(Clone, Debug)]
 pub struct SparseScratch {
     row: DVector<f64>,
@@ -56,8 +56,8 @@ pub struct SparseScratch {
     kernel: Vec<f64>,
 }
 
-/// Indices of points far from each other: first the one nearest to the mean, then always the farthest from
-/// those before.
+/// Returns the indices of points far from each other: first the one nearest to the mean, then repeatedly the
+/// one farthest from the previous ones.
 fn spread(points: &Points, count: usize) -> Vec<usize> {
     let n = points.len();
     let deviation = |d: usize| {
@@ -89,13 +89,13 @@ fn spread(points: &Points, count: usize) -> Vec<usize> {
 }
 
 impl SparseGaussianProcess {
-    /// A process with a noise variance and data: `x` holds one point of `dimensions` a row, `y` one row of
-    /// `outputs` a point. `inducing` of the points, spread over all, are the inducing points; fewer where
-    /// points repeat.
+    /// Creates a process with a noise variance and data: `x` has one point of `dimensions` per row, `y` has
+    /// one row of `outputs` per point. `inducing` of the points, spread over all, become the inducing points;
+    /// fewer if points repeat.
     ///
     /// # Errors
-    /// When the data do not fit together, a value is not finite, `inducing` is 0 or above the number of
-    /// points, or a covariance is not positive definite.
+    /// If the sizes do not match, a value is not finite, `inducing` is 0 or above the number of points, or a
+    /// covariance is not positive definite.
     pub fn new(
         kernel: Kernel,
         noise: f64,
@@ -145,8 +145,8 @@ impl SparseGaussianProcess {
         self.inducing
     }
 
-    /// The objective at the present hyperparameters: the negative log marginal likelihood of the
-    /// approximation, with the penalty of the variational one.
+    /// Returns the objective at the current hyperparameters: the negative log marginal likelihood of the
+    /// approximation, including the penalty of the variational one.
     pub fn objective(&self) -> f64 {
         self.fitted.energy
     }
@@ -158,13 +158,13 @@ impl SparseGaussianProcess {
         found
     }
 
-    /// The objective at some parameters, and its gradient.
+    /// Returns the objective at some parameters, and writes its gradient.
     ///
     /// # Errors
-    /// When a covariance is not positive definite.
+    /// If a covariance is not positive definite.
     ///
     /// # Panics
-    /// When a slice is not as long as the parameters.
+    /// If a slice is not as long as the parameters.
     pub fn energy(&self, parameters: &[f64], gradient: &mut [f64]) -> Result<f64, GpError> {
         let (noise, own) = parameters.split_last().expect("the noise");
         let mut kernel = self.kernel.clone();
@@ -175,10 +175,10 @@ impl SparseGaussianProcess {
         Ok(terms.fitted.energy)
     }
 
-    /// Fits the hyperparameters by L-BFGS; the inducing points stay.
+    /// Fits the hyperparameters by L-BFGS; the inducing points stay fixed.
     ///
     /// # Errors
-    /// When a covariance is not positive definite at the end.
+    /// If a covariance is not positive definite at the end.
     pub fn optimise(&mut self, options: &Options) -> Result<Minimum, GpError> {
         let mut parameters = self.parameters();
         clamp(&mut parameters);
@@ -198,17 +198,18 @@ impl SparseGaussianProcess {
         Ok(found)
     }
 
-    /// Memory for predictions.
+    /// Returns a workspace for predictions.
     pub fn scratch(&self) -> SparseScratch {
         let m = self.inducing;
         let zeros = DVector::zeros(m);
         SparseScratch { row: zeros.clone(), solved: zeros, kernel: vec![0.0; m * self.kernel.scratch_rows()] }
     }
 
-    /// Writes the mean of the outputs at a point; returns the variance of an observation. Does not allocate.
+    /// Writes the mean of the outputs at a point and returns the variance of an observation. Does not
+    /// allocate.
     ///
     /// # Panics
-    /// When a slice does not fit.
+    /// If a slice has the wrong length.
     pub fn predict(&self, x: &[f64], mean: &mut [f64], scratch: &mut SparseScratch) -> f64 {
         assert_eq!(x.len(), self.points.dimensions(), "dimensions of the point");
         assert_eq!(mean.len(), self.targets.ncols(), "number of outputs");
@@ -225,7 +226,7 @@ impl SparseGaussianProcess {
     }
 }
 
-/// Matrices at one set of hyperparameters.
+/// Matrices for one set of hyperparameters.
 struct Terms {
     /// Covariances of the inducing points with themselves and with all others.
     inner: DMatrix<f64>,
@@ -316,8 +317,8 @@ impl Terms {
     /// Writes the gradient by the logarithms of the parameters.
     ///
     /// With `S` the covariance of the approximation, `A = K_uu^-1 K_uf` and `G = (D S^-1 - sum a a^T) / 2`,
-    /// `a = S^-1 y`: the slope by `K_uf` is `2 A G'`, by `K_uu` `-A G' A^T`, where `G'` lacks the part of `G`
-    /// that the diagonal of `K - Q` takes up.
+    /// `a = S^-1 y`: the derivative by `K_uf` is `2 A G'` and by `K_uu` `-A G' A^T`, where `G'` is `G`
+    /// without the part that the diagonal of `K - Q` absorbs.
     fn gradient(
         &self,
         (kernel, noise): (&Kernel, f64),

@@ -1,4 +1,4 @@
-//! Back constraints: the latent as a function of poses.
+//! Back constraints: the latent point as a function of a pose.
 
 use motorium_algebra::{Cholesky, Simd, Wanted, left_singular};
 use nalgebra::DMatrix;
@@ -6,27 +6,28 @@ use serde::{Deserialize, Serialize};
 
 use super::space::Scaling;
 
-/// The function of a back constraint.
+/// The functional form of a back constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BackForm {
-    /// The standardised pose: each column is one latent dimension, or its leading principal components of
-    /// unit standard deviation where fewer dimensions are chosen. Training fits hyperparameters only.
+    /// The standardised pose: each column is one latent dimension, or the latent dimensions are its leading
+    /// principal components of unit standard deviation if fewer dimensions are chosen. Training fits
+    /// hyperparameters only.
     Pose,
     /// Kernel regression with `exp(-gamma |y - y'|^2)`, `gamma = 0.2 / median |y - y'|^2`.
     Kernel,
-    /// A network with one hidden layer of 10 hyperbolic tangents.
+    /// A network with one hidden layer of 10 hyperbolic tangent units.
     Mlp,
 }
 
 impl BackForm {
-    /// Scales of the columns of a model whose latent is this function of a pose.
+    /// Returns the column scaling of a model whose latent point is this function of a pose.
     pub(super) fn scaling(self) -> Scaling {
         if self == Self::Pose { Scaling::Common } else { Scaling::Columns }
     }
 }
 
-/// Hidden units of a network.
+/// Number of hidden units of a network.
 const HIDDEN: usize = 10;
 
 /// A back constraint of one space.
@@ -34,24 +35,24 @@ const HIDDEN: usize = 10;
 pub(super) struct Back {
     pub(super) space: usize,
     pub(super) form: BackForm,
-    /// Training poses, standardised, row by row; of a kernel only.
+    /// Standardised training poses, row by row; kernel only.
     rows: Vec<f64>,
     gamma: f64,
     inputs: usize,
     latents: usize,
-    /// Kernel: `N` weights of each latent dimension. Network: `HIDDEN` rows of weights and bias, then `q`
+    /// Kernel: `N` weights for each latent dimension. Network: `HIDDEN` rows of weights and bias, then `q`
     /// rows. Pose: `q` rows of a projection.
     pub(super) weights: Vec<f64>,
 }
 
-/// Values that are computed once for all poses in training.
+/// Values that are computed once for all training poses.
 pub(super) struct Prepared {
     /// Kernel: the `N x N` matrix. Network and pose: the poses, row by row.
     matrix: Vec<f64>,
 }
 
-/// The identity, or the projection of poses (row by row) to their leading principal components of unit
-/// standard deviation.
+/// Returns the identity, or the projection of poses (row by row) to their leading principal components of
+/// unit standard deviation.
 fn projection(rows: &[f64], inputs: usize, latents: usize) -> Vec<f64> {
     let n = rows.len() / inputs;
     let mut made = vec![0.0; latents * inputs];
@@ -77,7 +78,7 @@ fn squared(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Back {
-    /// A back constraint that reproduces `latent` (dimension by dimension) approximately.
+    /// Creates a back constraint that approximately reproduces `latent` (dimension by dimension).
     pub(super) fn new(
         space: usize,
         form: BackForm,
@@ -133,7 +134,7 @@ impl Back {
         }
     }
 
-    /// Ridge regression of the output layer.
+    /// Fits the output layer by ridge regression.
     fn fit_output(&mut self, rows: &[f64], latent: &[f64]) {
         let size = HIDDEN + 1;
         let n = rows.len() / self.inputs;
@@ -170,12 +171,12 @@ impl Back {
         }
     }
 
-    /// Number of weights that training changes.
+    /// Returns the number of trainable weights.
     pub(super) fn variables(&self) -> usize {
         if self.form == BackForm::Pose { 0 } else { self.weights.len() }
     }
 
-    /// The latent of all training poses, dimension by dimension.
+    /// Writes the latent points of all training poses, dimension by dimension.
     pub(super) fn latent(&self, prepared: &Prepared, out: &mut [f64]) {
         match self.form {
             BackForm::Kernel => {
@@ -195,7 +196,7 @@ impl Back {
         }
     }
 
-    /// Writes the gradient by the weights, from the gradient by the latent.
+    /// Writes the gradient by the weights, computed from the gradient by the latent points.
     pub(super) fn gradient(&self, prepared: &Prepared, by_latent: &[f64], out: &mut [f64]) {
         if self.variables() == 0 {
             return;
@@ -232,7 +233,7 @@ impl Back {
         }
     }
 
-    /// The latent point of a standardised pose. Does not allocate.
+    /// Writes the latent point of a standardised pose. Does not allocate.
     pub(super) fn map(&self, pose: &[f64], x: &mut [f64]) {
         match self.form {
             BackForm::Pose => Simd::new().project(&self.weights, pose, x),
@@ -255,7 +256,7 @@ impl Back {
         }
     }
 
-    /// True if the numbers of weights fit, in a file that was read.
+    /// Returns `true` if the numbers of weights read from a file are consistent.
     pub(super) fn is_valid(&self, spaces: &[super::Space], latents: usize, points: usize) -> bool {
         let Some(space) = spaces.get(self.space) else { return false };
         let (weights, rows) = match self.form {

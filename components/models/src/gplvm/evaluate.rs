@@ -1,4 +1,4 @@
-//! Errors on held-out poses, beside simple methods.
+//! Errors on held-out poses, compared with simple methods.
 
 use motorium_algebra::Cholesky;
 
@@ -15,16 +15,16 @@ pub struct MethodError {
     pub method: &'static str,
     /// Mean squared error over all columns, in units of the columns squared.
     pub mean: f64,
-    /// Standard deviation between the folds.
+    /// Standard deviation over the folds.
     pub deviation: f64,
 }
 
-/// Errors of the prediction of a robot's poses from a human's: each fold leaves out every `folds`th pose, and
-/// trains on the others. Methods: `latent` (a shared model of both), `gaussian_process` (directly from pose
-/// to pose), `ridge`, `nearest`, `mean`.
+/// Computes the errors of predicting a robot's poses from a human's. Each fold holds out every `folds`th pose
+/// and trains on the others. Methods: `latent` (a shared model of both), `gaussian_process` (directly from
+/// pose to pose), `ridge`, `nearest`, `mean`.
 ///
 /// # Errors
-/// When shapes do not fit, or `folds` is below 2 or above half of the poses.
+/// If sizes do not match, or `folds` is below 2 or above half the number of poses.
 pub fn compare(
     human: &Poses,
     robot: &Poses,
@@ -52,7 +52,7 @@ pub fn compare(
     Ok(made.collect())
 }
 
-/// Checks that two spaces have poses of the same instants, and enough of them for the folds.
+/// Checks that two spaces have poses at the same instants, and enough of them for the folds.
 pub(super) fn check_pair(human: &Poses, robot: &Poses, folds: usize) -> Result<(), LatentError> {
     let n = human.len();
     if robot.len() != n {
@@ -92,7 +92,7 @@ impl Baseline {
         }
     }
 
-    /// Mean squared error on held-out poses.
+    /// Returns the mean squared error on held-out poses.
     pub(super) fn error(
         self,
         human: &Poses,
@@ -153,7 +153,7 @@ fn direct(human: &Poses, robot: &Poses, test: &Poses) -> Result<Vec<f64>, Latent
     Ok(made)
 }
 
-/// Ridge regression on centred poses, with 1e-3 of the inputs' mean square as penalty.
+/// Predicts by ridge regression on centred poses, with 1e-3 of the inputs' mean square as penalty.
 fn ridge(human: &Poses, robot: &Poses, test: &Poses) -> Vec<f64> {
     let (d, outputs) = (human.columns.len(), robot.columns.len());
     let (from, to) = (column_means(human), column_means(robot));

@@ -1,4 +1,4 @@
-//! Experiments on transfer: against a whole training, and with few poses of the robot.
+//! Experiments on transfer: compared with full training, and with few poses of the robot.
 
 use std::time::Instant;
 
@@ -19,7 +19,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// The estimate from one value a split.
+    /// Computes the estimate from one value per split.
     pub fn from_splits(values: &[f64]) -> Self {
         let n = values.len().max(1) as f64;
         let mean = values.iter().sum::<f64>() / n;
@@ -28,14 +28,14 @@ impl Estimate {
     }
 }
 
-/// A robot that was added to a trained model, compared with a model that is trained with it from the start.
+/// A robot added to a trained model, compared with a model trained with the robot from the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferResult {
     /// Mean squared error of the transferred robot on held-out poses.
     pub transferred: Estimate,
-    /// The same of a model trained for the human and this robot.
+    /// Mean squared error of a model trained for the human and this robot.
     pub trained: Estimate,
-    /// Time of the transfer and of the training, s.
+    /// Duration of the transfer and of the training, s.
     pub transfer_seconds: Estimate,
     /// See `transfer_seconds`.
     pub training_seconds: Estimate,
@@ -46,12 +46,13 @@ pub struct TransferResult {
 pub struct FewPoses {
     /// Number of poses.
     pub poses: usize,
-    /// Mean squared error of each method on held-out poses: `transferred` to the latent of `source`, `alone`
-    /// (a model of the human and the robot at these poses only), and the direct methods.
+    /// Mean squared error of each method on held-out poses: `transferred` to the latent space of `source`,
+    /// `alone` (a model of the human and the robot with only these poses), and the direct methods.
     pub errors: Vec<(&'static str, Estimate)>,
 }
 
-/// Mean squared error of a robot's poses predicted from the human's, spaces `0` and `robot` of the model.
+/// Returns the mean squared error of a robot's poses predicted from the human's; the spaces of the model are
+/// `0` and `robot`.
 fn error_of(model: &LatentModel, robot: usize, human: &Poses, truth: &Poses) -> f64 {
     let d = truth.columns.len();
     let (mut mean, mut variance, mut scratch) = (vec![0.0; d], vec![0.0; d], model.scratch());
@@ -66,11 +67,11 @@ fn error_of(model: &LatentModel, robot: usize, human: &Poses, truth: &Poses) -> 
     squares / truth.values.len() as f64
 }
 
-/// Trains a model of the human and `source`, transfers `robot` to it, and trains another of the human and
-/// `robot`, on splits of their own: split `k` of `folds` holds out every `folds`th pose.
+/// Trains a model of the human and `source`, transfers `robot` to it, and trains another model of the human
+/// and `robot`, on different splits: split `k` of `folds` holds out every `folds`th pose.
 ///
 /// # Errors
-/// When shapes do not fit, or `folds` is out of range.
+/// If sizes do not match, or `folds` is out of range.
 pub fn transfer_and_training(
     human: &Poses,
     source: &Poses,
@@ -90,7 +91,7 @@ pub fn transfer_and_training(
         model.transfer(&train_robot.data(), settings.iterations)?;
         found[2].push(start.elapsed().as_secs_f64());
         found[0].push(error_of(&model, 2, &test_human, &test_robot));
-        // the space of a back constraint on the source is the robot's here
+        // a back constraint on the source's space applies to the robot's space here
         let mut own = settings.clone();
         if let Some((space, _)) = own.back.as_mut().filter(|(space, _)| *space == source.name) {
             space.clone_from(&robot.name);
@@ -105,11 +106,11 @@ pub fn transfer_and_training(
     Ok(TransferResult { transferred, trained, transfer_seconds, training_seconds })
 }
 
-/// Errors with few poses of the robot: in each split a fifth of the poses is held out, and the robot has
-/// `counts` of the others, drawn at random; the human and `source` have all of them.
+/// Computes errors with few poses of the robot. In each split a fifth of the poses is held out. The robot has
+/// `counts` of the others, sampled at random; the human and `source` have all of them.
 ///
 /// # Errors
-/// When shapes do not fit, or a count is below 2 or above the number of poses of a split.
+/// If sizes do not match, or a count is below 2 or above the number of poses of a split.
 pub fn few_poses(
     human: &Poses,
     source: &Poses,

@@ -1,16 +1,16 @@
-//! Models in a file.
+//! Model files.
 //!
-//! Two lines of text: `motorium-latent VERSION CHECKSUM`, where the checksum is the XXH3 of the second line
-//! as 16 hexadecimal digits, and a JSON object:
+//! A file has two lines of text: `motorium-latent VERSION CHECKSUM`, where the checksum is the XXH3 of the
+//! second line as 16 hexadecimal digits, and a JSON object:
 //!
 //! | key | value |
 //! |---|---|
-//! | `latents` | dimensions of the latent |
+//! | `latents` | number of latent dimensions |
 //! | `x` | latent points, row by row |
-//! | `spaces` | name, columns, mean, scale, kernel, noise, and standardised poses (`targets`, column by column) of each |
+//! | `spaces` | per space: name, columns, mean, scale, kernel, noise, and `targets`: standardised poses by column |
 //! | `back` | the back constraint, or null |
 //!
-//! Numbers are written so that they are read back bit for bit.
+//! Numbers are written so that reading restores them bit for bit.
 
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub enum FileError {
     /// The file cannot be read or written.
     #[error("{path}: {error}")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: String,
         /// The reason.
         error: std::io::Error,
@@ -40,18 +40,18 @@ pub enum FileError {
     /// The first line is not a header.
     #[error("line 1 is not a header, found {found:?}, expected `motorium-latent VERSION CHECKSUM`")]
     Header {
-        /// Beginning of the line.
+        /// Start of the line.
         found: String,
     },
-    /// Another version.
+    /// The version is not supported.
     #[error(
         "version {found} of the format, expected {VERSION}\nhelp: train the model again with this program"
     )]
     Version {
-        /// The version.
+        /// The version found.
         found: String,
     },
-    /// The checksum does not fit.
+    /// The checksum does not match.
     #[error(
         "checksum of line 2 is {found:016x}, expected {expected}\nhelp: the file is damaged, copy it again"
     )]
@@ -69,17 +69,17 @@ pub enum FileError {
         /// The reason.
         error: serde_json::Error,
     },
-    /// Sizes do not fit.
+    /// Sizes are inconsistent.
     #[error("{what} does not fit {points} points in {latents} dimensions")]
     Sizes {
-        /// The part.
+        /// The inconsistent part.
         what: String,
-        /// Latent points.
+        /// Number of latent points.
         points: usize,
-        /// Dimensions.
+        /// Number of latent dimensions.
         latents: usize,
     },
-    /// The model cannot be made.
+    /// The content does not form a valid model.
     #[error(transparent)]
     Model(#[from] LatentError),
 }
@@ -94,7 +94,7 @@ struct Content {
 }
 
 impl LatentModel {
-    /// The text of a file.
+    /// Returns the text of a model file.
     pub fn to_text(&self) -> String {
         let content = Content {
             latents: self.latents(),
@@ -106,10 +106,10 @@ impl LatentModel {
         format!("{MAGIC} {VERSION} {:016x}\n{json}\n", XxHash3_64::oneshot(json.as_bytes()))
     }
 
-    /// Reads the text of a file.
+    /// Parses the text of a model file.
     ///
     /// # Errors
-    /// When the text is not a model of this version, is damaged, or holds sizes that do not fit.
+    /// If the text is not a model of this version, is damaged, or contains inconsistent sizes.
     pub fn from_text(text: &str) -> Result<Self, FileError> {
         let (header, json) = text.split_once('\n').unwrap_or((text, ""));
         let json = json.strip_suffix('\n').unwrap_or(json);
@@ -156,7 +156,7 @@ impl LatentModel {
     /// Writes the model to a file.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
         std::fs::write(path, self.to_text()).map_err(|error| io(path, error))
     }
@@ -164,7 +164,7 @@ impl LatentModel {
     /// Reads a model from a file.
     ///
     /// # Errors
-    /// As [`from_text`](Self::from_text), and when the file cannot be read.
+    /// Like [`from_text`](Self::from_text), and if the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, FileError> {
         Self::from_text(&std::fs::read_to_string(path).map_err(|error| io(path, error))?)
     }

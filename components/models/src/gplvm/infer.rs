@@ -5,24 +5,24 @@ use motorium_algebra::Simd;
 use super::LatentModel;
 use crate::optimise::{Options, minimise};
 
-/// Memory of [`LatentModel::predict`].
+/// Workspace of [`LatentModel::predict`].
 #[derive(Clone, Debug)]
 pub struct Scratch {
     row: Vec<f64>,
 }
 
 impl LatentModel {
-    /// Memory for predictions.
+    /// Returns a workspace for predictions.
     pub fn scratch(&self) -> Scratch {
         Scratch { row: vec![0.0; self.poses()] }
     }
 
-    /// Writes the mean pose of a space at a latent point, and each column's variance of an observation.
-    /// Returns the part of the kernel's variance that the training poses leave open: 0 where they determine
-    /// the pose, 1 far from all of them. Does not allocate.
+    /// Writes the mean pose of a space at a latent point, and the variance of an observation for each column.
+    /// Returns the share of the kernel's variance that the training poses do not explain: 0 where they
+    /// determine the pose, 1 far from all of them. Does not allocate.
     ///
     /// # Panics
-    /// When the space does not exist or a slice does not fit.
+    /// If the space does not exist or a slice has the wrong length.
     pub fn predict(
         &self,
         space: usize,
@@ -42,7 +42,7 @@ impl LatentModel {
         (shared - space.noise) / space.kernel.variance
     }
 
-    /// The mean of the standardised pose, and its variance, the same for each column.
+    /// Writes the mean of the standardised pose, and returns its variance, which all columns share.
     fn standard_prediction(&self, space: usize, x: &[f64], mean: &mut [f64], row: &mut [f64]) -> f64 {
         let (space, marginal) = (&self.spaces[space], &self.marginals[space]);
         assert_eq!(mean.len(), space.dimensions(), "columns of {}", space.name);
@@ -60,11 +60,11 @@ impl LatentModel {
         crate::kernel::stationary_row(&space.kernel, x, &self.points, row);
     }
 
-    /// The latent point of a new pose: by the back constraint if the space has one, else by
+    /// Returns the latent point of a new pose: by the back constraint if the space has one, otherwise by
     /// [`infer`](Self::infer).
     ///
     /// # Panics
-    /// When the space does not exist or the pose has another number of columns.
+    /// If the space does not exist or the pose has the wrong number of columns.
     pub fn latent_of_pose(&self, space: usize, pose: &[f64]) -> Vec<f64> {
         match &self.back {
             Some(back) if back.space == space => {
@@ -77,10 +77,11 @@ impl LatentModel {
         }
     }
 
-    /// The latent point of a new pose by the back constraint; false without one. Does not allocate.
+    /// Writes the latent point of a new pose by the back constraint. Returns `false` without a back
+    /// constraint. Does not allocate.
     ///
     /// # Panics
-    /// When a slice does not fit: `standard` is as long as the pose.
+    /// If a slice has the wrong length: `standard` is as long as the pose.
     pub fn map_back(&self, pose: &[f64], standard: &mut [f64], x: &mut [f64]) -> bool {
         let Some(back) = &self.back else { return false };
         let space = &self.spaces[back.space];
@@ -90,11 +91,11 @@ impl LatentModel {
         true
     }
 
-    /// The latent point that minimises `D ln s(x) / 2 + |y - m(x)|^2 / (2 s(x)) + |x|^2 / 2` for a new pose
-    /// `y`, by L-BFGS from the latent of the nearest training pose.
+    /// Returns the latent point that minimises `D ln s(x) / 2 + |y - m(x)|^2 / (2 s(x)) + |x|^2 / 2` for a
+    /// new pose `y`, by L-BFGS from the latent point of the nearest training pose.
     ///
     /// # Panics
-    /// When the space does not exist or the pose has another number of columns.
+    /// If the space does not exist or the pose has the wrong number of columns.
     pub fn infer(&self, space: usize, pose: &[f64]) -> Vec<f64> {
         let own = &self.spaces[space];
         assert_eq!(pose.len(), own.dimensions(), "columns of {}", own.name);

@@ -1,17 +1,17 @@
 //! Latent spaces shared by a human and any number of robots (shared Gaussian process latent variable models).
 //!
-//! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of one latent `X` with `N` rows
-//! and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an RBF kernel with
-//! one length scale for each latent dimension and noise. Training minimises `sum_i E_i + |X|^2 / 2` by L-BFGS
-//! with analytic gradients, from the principal components of the first space.
+//! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of one latent matrix `X` with
+//! `N` rows and `q` columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an RBF
+//! kernel with one length scale for each latent dimension and noise. Training minimises `sum_i E_i + |X|^2 /
+//! 2` by L-BFGS with analytic gradients, starting from the principal components of the first space.
 //!
-//! **Back constraints** make the latent a function of one space's poses: the standardised pose itself (the
-//! default), a kernel regression, or a network with one hidden layer. A new pose then maps to a latent point
-//! directly. Where the latent is the pose, the spaces share no unknowns, so each is fitted alone, as in a
-//! transfer.
+//! **Back constraints** make the latent point a function of one space's pose: the standardised pose itself
+//! (the default), a kernel regression, or a network with one hidden layer. A new pose then maps directly to a
+//! latent point. If the latent point is the pose, the spaces share no unknowns, so each is fitted alone, as
+//! in a transfer.
 //!
-//! **Transfer** adds a robot to a trained model: `X` and all other spaces stay, and only the robot's `q + 2`
-//! hyperparameters are fitted, from three starts.
+//! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's
+//! `q + 2` hyperparameters are fitted, from three starts.
 //!
 //! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent
 //! variable models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM
@@ -43,7 +43,7 @@ use crate::gp::GpError;
 /// The errors of latent models.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LatentError {
-    /// Poses do not fit.
+    /// The poses of a space are invalid.
     #[error("space {space}: {error}")]
     Space {
         /// Name of the space.
@@ -51,18 +51,18 @@ pub enum LatentError {
         /// The reason.
         error: GpError,
     },
-    /// A space that the model does not have.
+    /// The model has no space with this name.
     #[error("unknown space {name}, expected one of {known:?}")]
     UnknownSpace {
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// Names of the spaces.
+        /// Names of the existing spaces.
         known: Vec<String>,
     },
-    /// A name that is in use.
+    /// The name is already in use.
     #[error("the space {name} exists twice, expected different names")]
     SameName {
-        /// The name.
+        /// The duplicate name.
         name: String,
     },
     /// A setting is out of range.
@@ -70,7 +70,7 @@ pub enum LatentError {
     Setting {
         /// Name of the setting.
         setting: &'static str,
-        /// Its value.
+        /// The value found.
         found: String,
         /// The allowed range.
         expected: String,

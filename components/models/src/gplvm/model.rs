@@ -7,7 +7,7 @@ use crate::gp::{GpError, Gradient, Marginal, check_finite, clamp, release};
 use crate::kernel::Points;
 use crate::optimise::{Minimum, Options, minimise};
 
-/// A latent that several spaces share.
+/// A latent space shared by several pose spaces.
 #[derive(Clone, Debug)]
 pub struct LatentModel {
     pub(super) points: Points,
@@ -24,15 +24,15 @@ pub struct Transferred {
     pub starts: Vec<f64>,
     /// The best start.
     pub minimum: Minimum,
-    /// Mean squared error of each pose predicted from the latent points of all others, as part of the
+    /// Mean squared error of each pose predicted from the latent points of all others, relative to the
     /// variance.
     pub left_out: f64,
-    /// Present when the noise is more than half of the variance, or `left_out` more than 0.8: the space
-    /// hardly follows the latent.
+    /// Set if the noise is more than half of the variance, or `left_out` more than 0.8: the space hardly
+    /// depends on the latent point.
     pub warning: Option<String>,
 }
 
-/// The result of fitting one space to a latent.
+/// The result of fitting one space to the latent points.
 pub(super) struct Fitted {
     /// Objective at the beginning of the best start.
     pub(super) start: f64,
@@ -44,8 +44,8 @@ pub(super) struct Fitted {
 
 /// Share of the noise above which a transfer warns.
 const NOISY: f64 = 0.5;
-/// Error of poses that are left out above which a transfer warns: short length scales fit noise as well as
-/// noise does.
+/// Leave-one-out error above which a transfer warns: short length scales fit noise as well as the noise term
+/// does.
 const UNPREDICTABLE: f64 = 0.8;
 
 pub(super) fn find(spaces: &[Space], name: &str) -> Result<usize, LatentError> {
@@ -85,7 +85,7 @@ impl LatentModel {
         Ok(())
     }
 
-    /// Dimensions of the latent.
+    /// Returns the number of latent dimensions.
     pub fn latents(&self) -> usize {
         self.points.dimensions()
     }
@@ -95,7 +95,7 @@ impl LatentModel {
         self.points.len()
     }
 
-    /// The latent points, one a row.
+    /// Returns the latent points, one per row.
     pub fn latent(&self) -> Vec<f64> {
         self.points.to_rows()
     }
@@ -105,31 +105,31 @@ impl LatentModel {
         &self.spaces
     }
 
-    /// Index of a space.
+    /// Returns the index of a space.
     ///
     /// # Errors
-    /// When there is no space of this name.
+    /// If there is no space with this name.
     pub fn space(&self, name: &str) -> Result<usize, LatentError> {
         find(&self.spaces, name)
     }
 
-    /// Logarithms of variance, length scales and noise of a space.
+    /// Returns the logarithms of variance, length scales and noise of a space.
     ///
     /// # Panics
-    /// When the space does not exist.
+    /// If the space does not exist.
     pub fn parameters(&self, space: usize) -> Vec<f64> {
         self.spaces[space].parameters()
     }
 
-    /// Takes over logarithms of the hyperparameters of a space, in the order of
+    /// Replaces the logarithms of the hyperparameters of a space, in the order of
     /// [`parameters`](Self::parameters).
     ///
     /// # Errors
-    /// When their number does not fit, one is not finite, or the covariance is not positive definite; the
-    /// model is then as before.
+    /// If their number is wrong, one is not finite, or the covariance is not positive definite; the model is
+    /// then unchanged.
     ///
     /// # Panics
-    /// When the space does not exist.
+    /// If the space does not exist.
     pub fn set_parameters(&mut self, space: usize, logarithms: &[f64]) -> Result<(), LatentError> {
         let mut changed = self.spaces[space].clone();
         let wrong = |error| LatentError::Space { space: changed.name.clone(), error };
@@ -146,16 +146,16 @@ impl LatentModel {
         Ok(())
     }
 
-    /// The space whose poses the latent is a function of, if there is a back constraint.
+    /// Returns the space whose pose determines the latent point, if there is a back constraint.
     pub fn back_constrained(&self) -> Option<&Space> {
         self.back.as_ref().map(|back| &self.spaces[back.space])
     }
 
-    /// The model at its first poses only, with the same latent points, hyperparameters and back constraint: a
-    /// robot of which only these poses are known can be added.
+    /// Returns the model restricted to its first poses, with the same latent points, hyperparameters and back
+    /// constraint. A robot with only these poses can be added to it.
     ///
     /// # Errors
-    /// When the number of poses is out of range.
+    /// If the number of poses is out of range.
     pub fn at_first_poses(&self, poses: usize) -> Result<Self, LatentError> {
         if poses == 0 || poses > self.poses() {
             let expected = format!("1 to {}", self.poses());
@@ -170,13 +170,13 @@ impl LatentModel {
         Self::assemble(points, spaces, self.back.clone())
     }
 
-    /// Adds a robot with the latent and all other spaces fixed. Three starts: the hyperparameters of the last
-    /// space; the latent's standard deviations as length scales with noise 0.01; these divided by e with
-    /// noise 0.1. Where the latent is the pose itself ([`BackForm::Pose`]), the latter two are longer by the
-    /// root of the number of its dimensions.
+    /// Adds a robot while the latent points and all other spaces stay fixed. There are three starts: the
+    /// hyperparameters of the last space; the standard deviations of the latent points as length scales with
+    /// noise 0.01; and these divided by e with noise 0.1. If the latent point is the pose itself
+    /// ([`BackForm::Pose`]), the latter two are longer by the square root of the number of its dimensions.
     ///
     /// # Errors
-    /// When the poses do not fit the model or no start has a positive definite covariance.
+    /// If the poses do not match the model or no start has a positive definite covariance.
     pub fn transfer(&mut self, data: &SpaceData<'_>, iterations: usize) -> Result<Transferred, LatentError> {
         let scaling = self.back.as_ref().map_or(Scaling::Columns, |back| back.form.scaling());
         let space = Space::new(data, self.latents(), scaling)?;
@@ -200,7 +200,7 @@ impl LatentModel {
         Ok(Transferred { starts, minimum, left_out, warning })
     }
 
-    /// Fits the hyperparameters of a space to the latent, from several starts, and adds the space.
+    /// Fits the hyperparameters of a space to the latent points, from several starts, and adds the space.
     pub(super) fn fit_space(&mut self, mut space: Space, iterations: usize) -> Result<Fitted, LatentError> {
         let n = self.poses() as f64;
         let is_pose = self.back.as_ref().is_some_and(|back| back.form == BackForm::Pose);

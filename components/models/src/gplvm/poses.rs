@@ -1,7 +1,8 @@
 //! Poses from CSV files.
 //!
-//! The first line names the columns, separated by commas; each further line is a pose. The columns `clip`,
-//! `frame` and `key` are labels and are skipped. Line `i` of every file of a folder is the same instant.
+//! The first line contains the column names, separated by commas; each further line is a pose. The columns
+//! `clip`, `frame` and `key` are labels and are skipped. Line `i` of every file in a folder is the same
+//! instant.
 
 use std::path::Path;
 
@@ -10,37 +11,37 @@ use super::SpaceData;
 /// Poses of one space from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poses {
-    /// Name of the space: the name of the file without its ending.
+    /// Name of the space: the file name without its extension.
     pub name: String,
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Poses, one a row.
+    /// Poses, one per row.
     pub values: Vec<f64>,
 }
 
-/// An error of a file of poses.
+/// A file of poses is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum PosesError {
     /// The file cannot be read.
     #[error("{path}: {error}")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: String,
         /// The reason.
         error: std::io::Error,
     },
-    /// A cell or line does not fit.
+    /// A cell or line is invalid.
     #[error("{path}: line {line}, column {column}: found {found}, expected {expected}")]
     Cell {
-        /// The file.
+        /// Path of the file.
         path: String,
         /// Line, from 1.
         line: usize,
         /// Column of the table, from 1.
         column: usize,
-        /// What was found.
+        /// The value found.
         found: String,
-        /// What fits.
+        /// The value expected.
         expected: String,
     },
 }
@@ -51,7 +52,7 @@ impl Poses {
     /// Reads a file.
     ///
     /// # Errors
-    /// When the file cannot be read, a line is too short or long, or a cell is not a finite number.
+    /// If the file cannot be read, a line is too short or long, or a cell is not a finite number.
     pub fn read(path: &Path) -> Result<Self, PosesError> {
         let shown = path.display().to_string();
         let text =
@@ -60,10 +61,10 @@ impl Poses {
         Self::parse(&name, &shown, &text)
     }
 
-    /// Reads text; `path` is named in errors.
+    /// Parses a text; `path` appears in errors.
     ///
     /// # Errors
-    /// When a line is too short or long, or a cell is not a finite number.
+    /// If a line is too short or long, or a cell is not a finite number.
     pub fn parse(name: &str, path: &str, text: &str) -> Result<Self, PosesError> {
         let wrong = |line: usize, column: usize, found: String, expected: String| PosesError::Cell {
             path: path.to_string(),
@@ -106,26 +107,26 @@ impl Poses {
         self.values.len() / self.columns.len()
     }
 
-    /// True without poses.
+    /// Returns `true` if there are no poses.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
-    /// The poses whose index satisfies a condition.
+    /// Returns the poses whose index satisfies a condition.
     pub(super) fn select(&self, keep: impl Fn(usize) -> bool) -> Self {
         let rows = self.values.chunks_exact(self.columns.len()).enumerate();
         let values = rows.filter(|(i, _)| keep(*i)).flat_map(|(_, row)| row.to_vec()).collect();
         Self { values, ..self.clone() }
     }
 
-    /// The poses of these indices, in this order.
+    /// Returns the poses with these indices, in this order.
     pub(super) fn rows_at(&self, indices: &[usize]) -> Self {
         let d = self.columns.len();
         let values = indices.iter().flat_map(|i| &self.values[i * d..(i + 1) * d]).copied().collect();
         Self { values, ..self.clone() }
     }
 
-    /// The poses as a space of a model.
+    /// Returns the poses as a space of a model.
     pub fn data(&self) -> SpaceData<'_> {
         SpaceData { name: &self.name, columns: self.columns.clone(), values: &self.values }
     }

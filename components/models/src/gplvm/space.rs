@@ -9,11 +9,11 @@ use crate::kernel::{Kernel, Stationary};
 /// The poses of one space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpaceData<'a> {
-    /// Name, such as `human` or the name of a robot.
+    /// Name, such as `human` or a robot's name.
     pub name: &'a str,
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Poses, one a row.
+    /// Poses, one per row.
     pub values: &'a [f64],
 }
 
@@ -26,10 +26,10 @@ pub struct Space {
     pub columns: Vec<String>,
     /// Mean of each column.
     pub mean: Vec<f64>,
-    /// Standard deviation of each column, 1 where a column is constant; the root of the mean variance of all
-    /// columns where the latent is a pose.
+    /// Standard deviation of each column, 1 for a constant column; the square root of the mean variance of
+    /// all columns if the latent point is a pose.
     pub scale: Vec<f64>,
-    /// Kernel from the latent to the standardised poses.
+    /// Kernel from the latent point to the standardised poses.
     pub kernel: Stationary,
     /// Noise variance of the standardised poses.
     pub noise: f64,
@@ -37,12 +37,13 @@ pub struct Space {
     pub(super) targets: Vec<f64>,
 }
 
-/// Scales of the columns of a space.
+/// Column scaling of a space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scaling {
-    /// Each column has its standard deviation.
+    /// Each column is scaled by its standard deviation.
     Columns,
-    /// All columns have the root of their mean variance: their errors count in the units of the columns.
+    /// All columns are scaled by the square root of their mean variance, so their errors count in the units
+    /// of the columns.
     Common,
 }
 
@@ -94,8 +95,8 @@ impl Space {
         self.targets.len() / self.mean.len()
     }
 
-    /// Part of the noise in the variance that the model explains: near 1, the space does not follow the
-    /// latent.
+    /// Returns the share of the noise in the variance that the model explains; near 1, the space does not
+    /// depend on the latent point.
     pub fn noise_share(&self) -> f64 {
         self.noise / (self.noise + self.kernel.variance)
     }
@@ -104,7 +105,7 @@ impl Space {
         Kernel::Rbf(self.kernel.clone())
     }
 
-    /// Logarithms of variance, length scales and noise.
+    /// Returns the logarithms of variance, length scales and noise.
     pub(super) fn parameters(&self) -> Vec<f64> {
         let mut found = self.rbf().parameters();
         found.push(self.noise.ln());
@@ -126,7 +127,7 @@ impl Space {
         }
     }
 
-    /// Poses standardised, row by row.
+    /// Returns the standardised poses, row by row.
     pub(super) fn rows(&self) -> Vec<f64> {
         let n = self.poses();
         (0..n).flat_map(|i| self.targets.chunks(n).map(move |column| column[i])).collect()

@@ -1,4 +1,4 @@
-//! Training: the latent and all hyperparameters together.
+//! Joint training of the latent points and all hyperparameters.
 
 use motorium_algebra::{Wanted, left_singular};
 use nalgebra::DMatrix;
@@ -13,15 +13,15 @@ use crate::optimise::{Minimum, Options, minimise};
 /// Settings of [`LatentModel::train`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Dimensions of the latent, 1 or more. Default: the columns of the space of a back constraint of
-    /// [`BackForm::Pose`], else 6.
+    /// Number of latent dimensions, at least 1. Default: the number of columns of the space with a back
+    /// constraint of [`BackForm::Pose`], otherwise 6.
     pub latents: Option<usize>,
-    /// A back constraint: the name of the space whose poses the latent is a function of, and the function.
-    /// Default: the pose of the space `human`, which has the least errors on held-out poses.
+    /// A back constraint: the name of the space whose pose determines the latent point, and the functional
+    /// form. Default: the pose of the space `human`, which has the smallest errors on held-out poses.
     pub back: Option<(String, BackForm)>,
-    /// Standard-normal prior on the latent, which is constant where the latent is a pose. Default: true.
+    /// Standard normal prior on the latent points; constant if the latent point is a pose. Default: true.
     pub prior: bool,
-    /// Iterations at most, of each space and start where the latent is a pose. Default: 300.
+    /// Largest number of iterations, for each space and start if the latent point is a pose. Default: 300.
     pub iterations: usize,
 }
 
@@ -32,7 +32,7 @@ impl Default for Settings {
     }
 }
 
-/// Latent dimensions where the latent is not a pose itself.
+/// Number of latent dimensions if the latent point is not a pose.
 const LATENTS: usize = 6;
 
 /// The result of a training.
@@ -44,7 +44,7 @@ pub struct Trained {
     pub minimum: Minimum,
 }
 
-/// The objective of a training, with memory that is reused.
+/// The objective of a training, with reused memory.
 struct Objective<'a> {
     spaces: &'a mut [Space],
     marginals: Vec<Marginal>,
@@ -63,7 +63,8 @@ impl Objective<'_> {
         }
     }
 
-    /// Takes variables: the latent or the weights of the back constraint, then each space's hyperparameters.
+    /// Sets the variables: the latent points or the weights of the back constraint, then each space's
+    /// hyperparameters.
     fn set(&mut self, variables: &[f64]) {
         let (latent, mut rest) = variables.split_at(self.latent_variables());
         let n = self.points.len();
@@ -119,7 +120,7 @@ impl Objective<'_> {
     }
 }
 
-/// Principal components of unit standard deviation, dimension by dimension.
+/// Returns the principal components of unit standard deviation, dimension by dimension.
 fn principal_components(space: &Space, latents: usize) -> Vec<f64> {
     let n = space.poses();
     let matrix = DMatrix::from_column_slice(n, space.dimensions(), &space.targets);
@@ -135,10 +136,10 @@ fn principal_components(space: &Space, latents: usize) -> Vec<f64> {
 }
 
 impl LatentModel {
-    /// Trains one latent for some spaces whose rows are poses of the same instants.
+    /// Trains one latent space for several pose spaces whose rows are poses at the same instants.
     ///
     /// # Errors
-    /// When shapes or names do not fit, a value is not finite, or a setting is out of range.
+    /// If sizes or names do not match, a value is not finite, or a setting is out of range.
     pub fn train(data: &[SpaceData<'_>], settings: &Settings) -> Result<(Self, Trained), LatentError> {
         let back = settings.back.as_ref();
         let pose = back.filter(|(_, form)| *form == BackForm::Pose);
@@ -163,7 +164,7 @@ impl LatentModel {
                 expected,
             });
         };
-        // the space whose principal components the training starts from, or whose poses are the latent
+        // the space whose principal components start the training, or whose poses are the latent points
         let first = match pose {
             Some((name, _)) => &spaces[super::model::find(&spaces, name)?],
             None => first,
@@ -203,7 +204,7 @@ impl LatentModel {
         Ok((model, Trained { start, minimum }))
     }
 
-    /// A model whose latent is the pose of one space: its spaces do not depend on each other.
+    /// Trains a model whose latent point is the pose of one space: its spaces are independent of each other.
     fn train_on_poses(
         spaces: Vec<Space>,
         index: usize,
@@ -231,12 +232,12 @@ impl LatentModel {
         Ok((model, Trained { start, minimum: sum }))
     }
 
-    /// The objective of one space at a latent (row by row), without a prior, and its gradients: by the
-    /// latent, row by row, and by the logarithms of variance, length scales and noise. `targets` is not
-    /// standardised.
+    /// Returns the objective of one space at latent points (row by row), without a prior, and its gradients:
+    /// by the latent points, row by row, and by the logarithms of variance, length scales and noise.
+    /// `targets` is not standardised.
     ///
     /// # Errors
-    /// When the covariance is not positive definite.
+    /// If the covariance is not positive definite.
     pub fn energy(
         x: &[f64],
         targets: &[f64],

@@ -1,19 +1,19 @@
-//! Hidden semi-Markov models: the time in a state has an explicit distribution.
+//! Hidden semi-Markov models, in which the time spent in a state has an explicit distribution.
 
 use super::{Hmm, HmmError, check_distribution};
 
 /// A hidden Markov model whose states last for explicit numbers of observations.
 ///
 /// `P(d | s)` is a table for each state, from 1 observation to a longest duration; the rest is the
-/// probability of longer stays. A state is entered by the transitions of the model it was made of, without
-/// those to itself. The last stay of a sequence may be cut off: it counts with the probability of at least
+/// probability of longer stays. States are entered by the transitions of the underlying model, without
+/// self-transitions. The last stay of a sequence may be truncated: it counts with the probability of at least
 /// its length. Reference: Yu, *Hidden semi-Markov models*, Artificial Intelligence 174, 2010.
 #[derive(Clone, Debug)]
 pub struct Hsmm {
     model: Hmm,
-    /// Between different states, row by row; a state that leads nowhere has a row of zeros.
+    /// Transitions between different states, row by row; a state without successors has a row of zeros.
     transitions: Vec<f64>,
-    /// Row by row: one state a row, one duration a column, from 1.
+    /// One row per state, one column per duration, from 1.
     durations: Vec<f64>,
     longest: usize,
 }
@@ -33,11 +33,11 @@ fn add(a: f64, b: f64) -> f64 {
 }
 
 impl Hsmm {
-    /// A model with the states of `model` and a table of durations, one row a state, each row as long as the
-    /// longest duration.
+    /// Creates a model with the states of `model` and a table of durations, one row per state, each as long
+    /// as the longest duration.
     ///
     /// # Errors
-    /// When the table does not fit, or a row is no part of a distribution.
+    /// If the table has the wrong size, or a row is not part of a distribution.
     pub fn new(model: &Hmm, durations: &[f64]) -> Result<Self, HmmError> {
         let k = model.states();
         let longest = durations.len() / k;
@@ -66,10 +66,10 @@ impl Hsmm {
         Ok(Self { model: model.clone(), transitions, durations: durations.to_vec(), longest })
     }
 
-    /// A model with normal durations, cut off at 1 and `longest` observations.
+    /// Creates a model with normal durations, truncated to 1 to `longest` observations.
     ///
     /// # Errors
-    /// As [`new`](Self::new), and when a mean or a deviation is not positive and finite.
+    /// Like [`new`](Self::new), and if a mean or a deviation is not positive and finite.
     pub fn with_normal_durations(
         model: &Hmm,
         means: &[f64],
@@ -95,12 +95,12 @@ impl Hsmm {
         Self::new(model, &table)
     }
 
-    /// The observations and transitions of the states.
+    /// Returns the observations and transitions of the states.
     pub fn model(&self) -> &Hmm {
         &self.model
     }
 
-    /// Probabilities of the durations of a state, from 1 observation.
+    /// Returns the probabilities of the durations of a state, from 1 observation.
     pub fn durations(&self, state: usize) -> &[f64] {
         &self.durations[state * self.longest..(state + 1) * self.longest]
     }
@@ -122,7 +122,8 @@ impl Hsmm {
         }
     }
 
-    /// Sums of log densities of each state up to each row, row by row, with a first row of zeros.
+    /// Returns the cumulative log densities of each state up to each row, row by row, with a first row of
+    /// zeros.
     fn cumulative(&self, sequence: &[f64]) -> Result<Vec<f64>, HmmError> {
         let densities = self.model.densities(sequence)?;
         let k = self.model.states();
@@ -133,8 +134,8 @@ impl Hsmm {
         Ok(sums)
     }
 
-    /// Values of stays that end at each row: visits `(end, state, begin, value)` in the order of ends, and
-    /// takes the value of ending there from `ended`.
+    /// Visits the values of stays that end at each row as `(end, state, begin, value)`, in the order of ends.
+    /// `ended` provides the value of ending there.
     fn stays(
         &self,
         sequence: &[f64],
@@ -169,10 +170,10 @@ impl Hsmm {
         if last.is_finite() { Ok(last) } else { Err(HmmError::Impossible { row: n - 1 }) }
     }
 
-    /// The log-likelihood of a sequence, given row by row.
+    /// Returns the log-likelihood of a sequence, given row by row.
     ///
     /// # Errors
-    /// When the sequence does not fit or is impossible.
+    /// If the sequence is invalid or impossible.
     pub fn log_likelihood(&self, sequence: &[f64]) -> Result<f64, HmmError> {
         self.stays(
             sequence,
@@ -181,15 +182,14 @@ impl Hsmm {
         )
     }
 
-    /// The most probable path of states and the logarithm of its joint probability with the sequence.
+    /// Returns the most probable path of states and the logarithm of its joint probability with the sequence.
     ///
     /// # Errors
-    /// When the sequence does not fit or is impossible.
+    /// If the sequence is invalid or impossible.
     pub fn viterbi(&self, sequence: &[f64]) -> Result<(f64, Vec<usize>), HmmError> {
         let k = self.model.states();
         let n = sequence.len() / self.model.dimensions().max(1);
-        // where the best stay that ends at a row began, and the state that the best path to an entry came
-        // from
+        // start of the best stay that ends at a row, and previous state of the best path to an entry
         let mut begins = vec![0; (n + 1) * k];
         let mut origins = vec![0; (n + 1) * k];
         let mut final_state = 0;
@@ -221,13 +221,13 @@ impl Hsmm {
         Ok((value, path))
     }
 
-    /// Fits observations, transitions and normal durations to the most probable paths of some sequences,
-    /// until the joint log-probability rises by less than `tolerance` or falls, which the floors of variances
-    /// and durations allow. Returns the joint log-probability before each iteration. Stays that are cut off
-    /// count with their length.
+    /// Fits observations, transitions and normal durations to the most probable paths of some sequences.
+    /// Stops when the joint log-probability rises by less than `tolerance`, or falls, which the floors of
+    /// variances and durations allow. Returns the joint log-probability before each iteration. Truncated
+    /// stays count with their length.
     ///
     /// # Errors
-    /// When a sequence does not fit or is impossible, or a covariance is no longer positive definite.
+    /// If a sequence is invalid or impossible, or a covariance is no longer positive definite.
     pub fn train(
         &mut self,
         sequences: &[&[f64]],
@@ -253,7 +253,7 @@ impl Hsmm {
         Ok(history)
     }
 
-    /// The model whose parameters are the moments of segmented sequences.
+    /// Returns the model whose parameters are the moments of segmented sequences.
     fn refitted(&self, sequences: &[&[f64]], paths: &[Vec<usize>]) -> Result<Self, HmmError> {
         let k = self.model.states();
         let mut lengths = vec![vec![]; k];
@@ -271,8 +271,8 @@ impl Hsmm {
             let n = lengths.len() as f64;
             let mean = lengths.iter().sum::<f64>() / n;
             let variance = lengths.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / n;
-            // one movement says nothing about how durations vary: a tenth of the mean, at least half an
-            // observation
+            // one movement has no information about the variation of durations: use a tenth of the mean, at
+            // least half an observation
             let deviation = variance.sqrt().max(0.1 * mean).max(0.5);
             row.iter_mut()
                 .enumerate()

@@ -4,18 +4,18 @@ use motorium_algebra::Cholesky;
 
 use super::Shape;
 
-/// The observations of a state.
+/// Gaussian observation model of a state.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     pub(super) mean: Vec<f64>,
-    /// Row by row.
+    /// Covariance, row by row.
     pub(super) covariance: Vec<f64>,
     factor: Cholesky,
     constant: f64,
 }
 
 impl Gaussian {
-    /// `None` if the covariance is not positive definite.
+    /// Returns `None` if the covariance is not positive definite.
     pub(super) fn new(mean: &[f64], covariance: &[f64]) -> Option<Self> {
         let d = mean.len();
         let mut factor = Cholesky::with_capacity(d);
@@ -50,7 +50,7 @@ pub(super) fn moments(rows: &[f64], d: usize) -> (Vec<f64>, Vec<f64>) {
     (mean, covariance)
 }
 
-/// Drops covariances of a diagonal shape and raises the variances by a floor.
+/// Drops the off-diagonal entries for a diagonal shape and raises the variances by a floor.
 pub(super) fn restrict(covariance: &mut [f64], d: usize, shape: Shape, floor: f64) {
     for (i, value) in covariance.iter_mut().enumerate() {
         if i / d == i % d {

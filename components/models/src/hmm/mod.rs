@@ -1,14 +1,14 @@
 //! Hidden Markov and semi-Markov models with Gaussian observations.
 //!
 //! A chain of `K` states: `P(s_1 = i) = pi_i`, `P(s_{t+1} = j | s_t = i) = A_ij`, `y_t | s_t ~ N(m_s, C_s)`.
-//! The scaled forward-backward recursion gives the likelihood and the E-step, [`viterbi`](Hmm::viterbi) the
-//! most probable path. A **left-right** model starts in the first state and moves to the same or the next
-//! state only; entries of `A` that are 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov
+//! The scaled forward-backward recursion computes the likelihood and the E-step, [`viterbi`](Hmm::viterbi)
+//! the most probable path. A **left-right** model starts in the first state and moves only to the same or the
+//! next state; entries of `A` that are 0 stay 0 in training. Reference: Rabiner, *A tutorial on hidden Markov
 //! models and selected applications in speech recognition*, Proc. IEEE 77, 1989.
 //!
-//! [`Hsmm`] gives the time in a state an explicit distribution. Movements are reproduced by [`Regression`]
-//! (conditional means of some columns given others) and by [`Tracker`] (a linear quadratic regulator that
-//! follows the states as closely as they are precise).
+//! [`Hsmm`] adds an explicit distribution of the time spent in a state. Movements are reproduced by
+//! [`Regression`] (conditional means of some columns given others) and by [`Tracker`] (a linear quadratic
+//! regulator that follows the states as closely as they are precise).
 //!
 //! ```
 //! use motorium_models::hmm::{Hmm, Shape};
@@ -37,14 +37,14 @@ pub enum HmmError {
     /// A list has the wrong length.
     #[error("found {found} {what}, expected {expected}")]
     Shape {
-        /// What was counted.
+        /// The counted quantity.
         what: &'static str,
-        /// Their number.
+        /// Number found.
         found: usize,
-        /// The number that fits.
+        /// Number expected.
         expected: usize,
     },
-    /// Not a distribution.
+    /// A list is not a probability distribution.
     #[error("{what} sums to {sum}, expected probabilities of 0 or more with sum 1")]
     Probability {
         /// The distribution.
@@ -81,12 +81,12 @@ pub enum Shape {
 #[derive(Clone, Debug)]
 pub struct Hmm {
     start: Vec<f64>,
-    /// Row by row.
+    /// Transition probabilities, row by row.
     transitions: Vec<f64>,
     gaussians: Vec<Gaussian>,
     shape: Shape,
     dimensions: usize,
-    /// Added to each variance in training, in units of the data squared.
+    /// Floor added to each variance in training, in units of the data squared.
     floor: f64,
 }
 
@@ -97,11 +97,11 @@ fn check_distribution(what: impl Fn() -> String, values: &[f64]) -> Result<(), H
 }
 
 impl Hmm {
-    /// A model from its parameters: start probabilities of the states, transitions row by row, means row by
-    /// row, and one covariance matrix a state, row by row.
+    /// Creates a model from its parameters: start probabilities of the states, transitions row by row, means
+    /// row by row, and one covariance matrix per state, row by row.
     ///
     /// # Errors
-    /// When lengths do not fit, a distribution is invalid, or a covariance is not positive definite.
+    /// If a length is wrong, a distribution is invalid, or a covariance is not positive definite.
     pub fn new(
         start: &[f64],
         transitions: &[f64],
@@ -138,11 +138,11 @@ impl Hmm {
         Ok(Self { start, transitions, gaussians, shape, dimensions: d, floor: 0.0 })
     }
 
-    /// A left-right model whose states are equal parts of each movement. The floor of variances is 1e-6 of
-    /// the data's mean variance.
+    /// Creates a left-right model whose states are equal parts of each movement. The floor of variances is
+    /// 1e-6 of the data's mean variance.
     ///
     /// # Errors
-    /// When a movement is shorter than the number of states or its length is not a multiple of `dimensions`.
+    /// If a movement is shorter than the number of states or its length is not a multiple of `dimensions`.
     pub fn left_right(
         states: usize,
         movements: &[&[f64]],
@@ -224,7 +224,8 @@ impl Hmm {
         &self.gaussians[state].covariance
     }
 
-    /// Log densities of a sequence, row by row; a sequence is empty, not finite, or does not fit otherwise.
+    /// Returns the log densities of a sequence, row by row, or an error if the sequence is empty, not finite,
+    /// or has the wrong length.
     fn densities(&self, sequence: &[f64]) -> Result<Vec<f64>, HmmError> {
         let d = self.dimensions;
         if sequence.is_empty() || !sequence.len().is_multiple_of(d) {
@@ -241,18 +242,18 @@ impl Hmm {
             .collect())
     }
 
-    /// The log-likelihood of a sequence, given row by row.
+    /// Returns the log-likelihood of a sequence, given row by row.
     ///
     /// # Errors
-    /// When the sequence does not fit or is impossible.
+    /// If the sequence is invalid or impossible.
     pub fn log_likelihood(&self, sequence: &[f64]) -> Result<f64, HmmError> {
         Ok(self.forward(&self.densities(sequence)?)?.0)
     }
 
-    /// The most probable path of states and the logarithm of its joint probability with the sequence.
+    /// Returns the most probable path of states and the logarithm of its joint probability with the sequence.
     ///
     /// # Errors
-    /// When the sequence does not fit or is impossible.
+    /// If the sequence is invalid or impossible.
     pub fn viterbi(&self, sequence: &[f64]) -> Result<(f64, Vec<usize>), HmmError> {
         let densities = self.densities(sequence)?;
         let k = self.states();

@@ -22,10 +22,10 @@ pub struct Regression {
 }
 
 impl Regression {
-    /// Outputs are all columns that are no input.
+    /// Creates a regression whose outputs are all columns that are not inputs.
     ///
     /// # Errors
-    /// When `inputs` is empty, names a column twice or one that does not exist, or leaves no output; or a
+    /// If `inputs` is empty, contains a column twice or one that does not exist, or leaves no output; or a
     /// covariance of the inputs is not positive definite.
     pub fn new(model: &Hmm, inputs: &[usize]) -> Result<Self, HmmError> {
         let (k, d) = (model.states(), model.dimensions());
@@ -70,10 +70,10 @@ impl Regression {
         &self.outputs
     }
 
-    /// Outputs for a sequence of inputs, row by row.
+    /// Returns the outputs for a sequence of inputs, row by row.
     ///
     /// # Errors
-    /// When the sequence does not fit or is impossible.
+    /// If the sequence is invalid or impossible.
     pub fn predict(&self, inputs: &[f64]) -> Result<Vec<f64>, HmmError> {
         let (n, k) = (self.inputs.len(), self.gains.len());
         let shares = self.marginal.forward(&self.marginal.densities(inputs)?)?.1;
@@ -105,11 +105,11 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// The regulator of a path, with the weight `effort` of squared accelerations, in s^4 per unit of the
-    /// data squared.
+    /// Creates the regulator of a path, with the weight `effort` of squared accelerations, in s^4 per unit of
+    /// the data squared.
     ///
     /// # Errors
-    /// When the path is empty or names a state that does not exist, or `dt` or `effort` is not positive and
+    /// If the path is empty or contains a state that does not exist, or `dt` or `effort` is not positive and
     /// finite.
     pub fn new(model: &Hmm, path: &[usize], dt: f64, effort: f64) -> Result<Self, HmmError> {
         let d = model.dimensions();
@@ -162,10 +162,10 @@ impl Tracker {
         Ok(Self { dimensions: d, dt, steps })
     }
 
-    /// The movement from a position at rest, row by row, one row a state of the path.
+    /// Returns the movement from a position at rest, one row per state of the path.
     ///
     /// # Errors
-    /// When the position has another number of columns.
+    /// If the position has the wrong number of columns.
     pub fn movement(&self, start: &[f64]) -> Result<Vec<f64>, HmmError> {
         let d = self.dimensions;
         if start.len() != d {

@@ -9,12 +9,12 @@ struct Sums {
     transitions: Vec<f64>,
     occupancy: Vec<f64>,
     first: Vec<f64>,
-    /// About the current mean, so that subtracting squares does not cancel.
+    /// Second moments about the current mean, so that subtracting squares does not cancel.
     second: Vec<f64>,
 }
 
 impl Hmm {
-    /// Log-likelihood, scaled forward variables, and scales, from log densities.
+    /// Returns the log-likelihood, scaled forward variables, and scales, computed from log densities.
     pub(super) fn forward(&self, densities: &[f64]) -> Result<(f64, Vec<f64>, Vec<f64>), HmmError> {
         let k = self.states();
         let mut forward: Vec<f64> = Vec::with_capacity(densities.len());
@@ -31,7 +31,7 @@ impl Hmm {
                     }
                 })
                 .collect();
-            // the largest density among the states that can be reached
+            // the largest density among the reachable states
             let reachable = reached.iter().zip(densities).filter(|(p, _)| **p > 0.0).map(|(_, b)| *b);
             let shift = reachable.fold(f64::NEG_INFINITY, f64::max).min(largest);
             let values: Vec<f64> = reached
@@ -100,12 +100,12 @@ impl Hmm {
         Ok(likelihood)
     }
 
-    /// Expectation maximisation over some sequences, until an iteration raises the log-likelihood by less
-    /// than `tolerance`. Returns the log-likelihood before each iteration.
+    /// Runs expectation maximisation over some sequences, until an iteration raises the log-likelihood by
+    /// less than `tolerance`. Returns the log-likelihood before each iteration.
     ///
     /// # Errors
-    /// When a sequence does not fit or is impossible, or a covariance is no longer positive definite. The
-    /// model is then as after the last whole iteration.
+    /// If a sequence is invalid or impossible, or a covariance is no longer positive definite. The model then
+    /// has the result of the last complete iteration.
     pub fn train(
         &mut self,
         sequences: &[&[f64]],
@@ -136,8 +136,8 @@ impl Hmm {
         Ok(history)
     }
 
-    /// The model whose observations, transitions and start are the moments of sequences with known states.
-    /// States that are never visited, and transitions from them, stay.
+    /// Returns the model whose observations, transitions and start are the moments of sequences with known
+    /// states. States that are never visited, and transitions from them, stay unchanged.
     pub(super) fn segmented(&self, sequences: &[&[f64]], paths: &[Vec<usize>]) -> Result<Self, HmmError> {
         let (k, d) = (self.states(), self.dimensions());
         let mut made = self.clone();

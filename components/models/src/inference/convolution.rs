@@ -2,27 +2,27 @@
 
 use super::Packed;
 
-/// Offset that stands for padding.
+/// Offset that marks padding.
 pub(crate) const PADDING: u32 = u32::MAX;
 
-/// A convolution with fixed sizes, and the patches it works in.
+/// A convolution with fixed sizes, and its patch workspace.
 #[derive(Clone, Debug)]
 pub struct Convolution {
     /// One map from patches to output channels for each group.
     groups: Vec<Packed>,
     /// Offsets of the patch of each output position within a group's channels; `PADDING` reads as 0.
     offsets: Vec<u32>,
-    /// Numbers of one group of input channels.
+    /// Size of one group of input channels.
     group_size: usize,
-    /// Output positions of a channel.
+    /// Number of output positions of a channel.
     positions: usize,
     patches: Vec<f32>,
     products: Vec<f32>,
 }
 
 impl Convolution {
-    /// A convolution whose patch at each of `positions` outputs has its numbers at `offsets` of a group's
-    /// channels (`group_size` numbers).
+    /// Creates a convolution with `positions` outputs. The patch of each output reads the numbers at
+    /// `offsets` of a group's channels (`group_size` numbers).
     pub(crate) fn new(groups: Vec<Packed>, offsets: Vec<u32>, group_size: usize, positions: usize) -> Self {
         let outputs = groups.first().map_or(0, Packed::outputs);
         let (patches, products) = (vec![0.0; offsets.len()], vec![0.0; positions * outputs]);

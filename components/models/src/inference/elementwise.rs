@@ -1,4 +1,4 @@
-//! Functions of each number, or of two.
+//! Elementwise functions of one or two numbers.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -92,14 +92,14 @@ impl Unary {
     }
 }
 
-/// Where an operand of a binary function has its numbers.
+/// Layout of an operand of a binary function.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Operand {
-    /// One for each output, in the same order.
+    /// One number for each output, in the same order.
     Aligned,
     /// The same number for all outputs.
     Single,
-    /// At these offsets.
+    /// Numbers at these offsets.
     At(Vec<u32>),
 }
 

@@ -1,8 +1,8 @@
-//! Multilayer perceptrons from their weights.
+//! Multilayer perceptrons built from their weights.
 
 use super::{Operation, Packed, Port, Program, Unary};
 
-/// A layer whose numbers do not fit its inputs.
+/// The size of a layer does not match its inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "layer {layer} has {weights} weights and {biases} biases, expected {biases} x {inputs} weights; help: weights are outputs x inputs, row by row"
@@ -12,19 +12,20 @@ pub struct LayerSizeError {
     pub layer: usize,
     /// Weights found.
     pub weights: usize,
-    /// Biases found, one an output.
+    /// Number of biases found, one per output.
     pub biases: usize,
     /// Inputs of the layer.
     pub inputs: usize,
 }
 
 impl Program {
-    /// A multilayer perceptron on rows of `inputs` numbers. Each layer is its weights (outputs x inputs, row
-    /// by row) and its bias; `activation` stands between layers, and not behind the last.
+    /// Creates a multilayer perceptron on rows of `inputs` numbers. Each layer consists of its weights
+    /// (outputs x inputs, row by row) and its bias; `activation` is applied between layers, but not after the
+    /// last.
     ///
     /// # Errors
     ///
-    /// [`LayerSizeError`] if a layer does not fit the one before.
+    /// [`LayerSizeError`] if a layer does not match the previous one.
     pub fn mlp(
         rows: usize,
         inputs: usize,

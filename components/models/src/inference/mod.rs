@@ -1,6 +1,6 @@
-//! Networks as lists of operations over buffers allocated once: running one does not allocate.
+//! Networks as lists of operations over buffers that are allocated once: running one does not allocate.
 //!
-//! Sums have a fixed order (see [`Packed`]): a row alone and the same row in a batch give the same bits.
+//! Sums have a fixed order (see [`Packed`]): a single row and the same row in a batch give the same bits.
 //!
 //! ```
 //! use motorium_models::inference::{Program, Unary};
@@ -48,7 +48,7 @@ pub struct Run {
     pub length: usize,
 }
 
-/// A product of matrices that are both computed.
+/// A product of two computed matrices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Product {
     /// Rows of the first matrix, columns of the first, columns of the second.
@@ -104,7 +104,7 @@ pub struct Port {
     pub name: String,
     /// Length along each axis.
     pub shape: Vec<usize>,
-    /// Its buffer.
+    /// Buffer of the tensor.
     pub(crate) buffer: Buffer,
 }
 
@@ -112,7 +112,7 @@ pub struct Port {
 #[derive(Clone, Debug, Default)]
 pub struct Program {
     pub(crate) buffers: Vec<Vec<f32>>,
-    /// Each with the buffer it writes.
+    /// Each operation with its output buffer.
     pub(crate) operations: Vec<(Buffer, Operation)>,
     pub(crate) inputs: Vec<Port>,
     pub(crate) outputs: Vec<Port>,
@@ -120,35 +120,35 @@ pub struct Program {
 }
 
 impl Program {
-    /// Inputs, in the order of the file.
+    /// Returns the inputs, in the order of the file.
     pub fn inputs(&self) -> &[Port] {
         &self.inputs
     }
 
-    /// Outputs, in the order of the file.
+    /// Returns the outputs, in the order of the file.
     pub fn outputs(&self) -> &[Port] {
         &self.outputs
     }
 
-    /// Number of operations.
+    /// Returns the number of operations.
     pub fn operations(&self) -> usize {
         self.operations.len()
     }
 
-    /// The numbers of an input, the last axis fastest; to be written before [`run`](Self::run).
+    /// Returns the numbers of an input, the last axis fastest; write them before [`run`](Self::run).
     ///
     /// # Panics
     ///
-    /// If there is no such input.
+    /// If the index is out of range.
     pub fn input_mut(&mut self, index: usize) -> &mut [f32] {
         &mut self.buffers[self.inputs[index].buffer]
     }
 
-    /// The numbers of an output of the last run, the last axis fastest.
+    /// Returns the numbers of an output of the last run, the last axis fastest.
     ///
     /// # Panics
     ///
-    /// If there is no such output.
+    /// If the index is out of range.
     pub fn output(&self, index: usize) -> &[f32] {
         &self.buffers[self.outputs[index].buffer]
     }
@@ -157,7 +157,7 @@ impl Program {
     ///
     /// # Panics
     ///
-    /// If one of both is missing, or the lengths differ.
+    /// If either index is out of range, or the lengths differ.
     pub fn feed_back(&mut self, output: usize, input: usize) {
         let (from, to) = (self.outputs[output].buffer, self.inputs[input].buffer);
         if from != to {

@@ -18,9 +18,9 @@ const LINE: usize = 16;
 pub struct Packed {
     inputs: usize,
     outputs: usize,
-    /// Bias of a panel, then one row an input.
+    /// Bias of a panel, then one row per input.
     numbers: Vec<f32>,
-    /// First number on a cache line.
+    /// Index of the first number, which is aligned to a cache line.
     start: usize,
     arch: Arch,
 }
@@ -91,7 +91,7 @@ impl Packed {
     }
 
     /// Multiplies each row of `input` (rows of [`inputs`](Self::inputs) numbers) into a row of `output`. The
-    /// shorter of both determines the number of rows.
+    /// shorter slice determines the number of rows.
     pub fn apply(&self, input: &[f32], output: &mut [f32]) {
         if self.outputs == 0 {
             return;
@@ -128,7 +128,7 @@ impl WithSimd for Multiply<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Packed { inputs, outputs, ref numbers, start, .. } = *self.packed;
-        // Panels outside, rows inside: a panel stays in the nearest cache for all rows.
+        // Panels outside, rows inside: a panel stays in the L1 cache for all rows.
         let (mut panels, mut first) = (&numbers[start..], 0);
         for width in widths(outputs) {
             let (panel, rest) = panels.split_at((inputs + 1) * width);
@@ -155,7 +155,7 @@ impl WithSimd for Multiply<'_> {
     }
 }
 
-/// The outputs of one panel for some rows, as many vectors of outputs at once as registers allow.
+/// Computes the outputs of one panel for some rows, with as many output vectors at once as registers allow.
 #[inline(always)]
 fn panel_rows<S: Simd, const ROWS: usize>(
     simd: S,
@@ -179,7 +179,7 @@ fn panel_rows<S: Simd, const ROWS: usize>(
     }
 }
 
-/// The outputs in `COUNT` vectors of a panel; returns `COUNT`.
+/// Computes the outputs in `COUNT` vectors of a panel; returns `COUNT`.
 #[inline(always)]
 fn vectors<S: Simd, const ROWS: usize, const COUNT: usize>(
     simd: S,

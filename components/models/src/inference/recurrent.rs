@@ -10,7 +10,7 @@ use crate::arithmetic::Real;
 pub struct Sequence {
     /// Steps of the sequence.
     pub steps: usize,
-    /// Sequences at once.
+    /// Number of parallel sequences.
     pub batch: usize,
     /// Units.
     pub hidden: usize,
@@ -21,25 +21,25 @@ pub struct Sequence {
 pub enum Gates {
     /// Update, reset and candidate; the reset gate scales the recurrent product (as in PyTorch).
     Gru {
-        /// From inputs to the three gates.
+        /// Map from inputs to the three gates.
         input: Packed,
-        /// From the state to the three gates.
+        /// Map from the state to the three gates.
         state: Packed,
     },
     /// Update, reset and candidate; the reset gate scales the state.
     GruResetFirst {
-        /// From inputs to the three gates.
+        /// Map from inputs to the three gates.
         input: Packed,
-        /// From the state to update and reset.
+        /// Map from the state to update and reset.
         state: Packed,
-        /// From the scaled state to the candidate.
+        /// Map from the scaled state to the candidate.
         candidate: Packed,
     },
     /// Input, output, forget and cell.
     Lstm {
-        /// From inputs to the four gates.
+        /// Map from inputs to the four gates.
         input: Packed,
-        /// From the state to the four gates.
+        /// Map from the state to the four gates.
         state: Packed,
     },
 }
@@ -48,7 +48,7 @@ pub enum Gates {
 #[derive(Clone, Debug)]
 pub struct Direction {
     gates: Gates,
-    /// From the last step to the first.
+    /// True to run from the last step to the first.
     reversed: bool,
     /// Gates of all steps from the inputs.
     from_input: Vec<f32>,
@@ -61,7 +61,7 @@ pub struct Direction {
 }
 
 impl Direction {
-    /// A direction that runs from the first step to the last, or the other way.
+    /// Creates a direction that runs from the first step to the last, or in reverse.
     pub fn new(gates: Gates, reversed: bool, sequence: Sequence) -> Self {
         let (rows, state) = (sequence.steps * sequence.batch, sequence.batch * sequence.hidden);
         let count = if matches!(gates, Gates::Lstm { .. }) { 4 } else { 3 };
@@ -127,12 +127,12 @@ impl Direction {
         }
     }
 
-    /// State (batch, hidden) behind the last step.
+    /// Returns the state (batch, hidden) after the last step.
     pub fn hidden(&self) -> &[f32] {
         &self.hidden
     }
 
-    /// Cell state (batch, hidden) behind the last step; 0 for gated recurrent units.
+    /// Returns the cell state (batch, hidden) after the last step; 0 for gated recurrent units.
     pub fn cell(&self) -> &[f32] {
         &self.cell
     }

@@ -1,10 +1,10 @@
-//! Sums, means and maxima over parts of a tensor, and what is made of them.
+//! Sums, means and maxima over parts of a tensor, and operations based on them.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::arithmetic::Real;
 
-/// How the numbers of a part become one.
+/// Operation that reduces the numbers of a part to one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reduction {
     /// Their mean, summed in order.
@@ -16,7 +16,7 @@ pub enum Reduction {
 /// Parts of a tensor by offsets: the numbers of output `k` are `offsets[starts[k]..starts[k + 1]]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Parts {
-    /// First offset of each part, and one behind the last.
+    /// First offset of each part, and the end of the last part.
     pub starts: Vec<u32>,
     /// Offsets of the numbers.
     pub offsets: Vec<u32>,
@@ -38,14 +38,14 @@ impl Reduction {
     }
 }
 
-/// Axes of a tensor before, along and behind one axis.
+/// Sizes of a tensor before, along and after one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Along {
     /// Product of the lengths before the axis.
     pub outer: usize,
     /// Length of the axis.
     pub length: usize,
-    /// Product of the lengths behind the axis.
+    /// Product of the lengths after the axis.
     pub inner: usize,
 }
 
@@ -92,7 +92,7 @@ pub struct LayerNorm {
     pub scale: Vec<f32>,
     /// Offset of each column.
     pub shift: Vec<f32>,
-    /// Added to the variance.
+    /// Constant added to the variance.
     pub epsilon: f32,
 }
 
@@ -134,7 +134,7 @@ pub struct Affine {
     pub scale: Vec<f32>,
     /// Offset of each channel.
     pub shift: Vec<f32>,
-    /// Numbers of a channel that follow each other.
+    /// Number of consecutive numbers of a channel.
     pub inner: usize,
 }
 

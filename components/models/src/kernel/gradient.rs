@@ -9,7 +9,7 @@ impl Kernel {
     /// dimension) if given. `values` is the row of the covariances.
     ///
     /// # Panics
-    /// When a slice is too short.
+    /// If a slice is too short.
     pub fn add_gradient(
         &self,
         (a, points): (usize, &Points),
@@ -88,7 +88,8 @@ impl Kernel {
         }
     }
 
-    /// Sums pass the weights on to their parts; a part of a product is weighted by the other parts.
+    /// Propagates gradients to the parts of a kernel. Sums pass the weights on to their parts; a part of a
+    /// product is weighted by the other parts.
     fn add_parts(
         &self,
         (a, query): (usize, &[f64]),

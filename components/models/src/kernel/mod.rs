@@ -85,7 +85,8 @@ impl Kernel {
         Self::Matern52(Stationary::new(1.0, &vec![length; dimensions]))
     }
 
-    /// True if the kernel fits inputs of a number of dimensions and every parameter is positive and finite.
+    /// Returns `true` if the kernel matches the number of input dimensions and every parameter is positive
+    /// and finite.
     pub fn is_valid(&self, dimensions: usize) -> bool {
         let good = |value: &f64| *value > 0.0 && value.is_finite();
         let scales = |s: &Stationary| {
@@ -104,7 +105,7 @@ impl Kernel {
         }
     }
 
-    /// Calls a function with each parameter, in their order.
+    /// Calls a function with each parameter in order.
     fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
         match self {
             Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) => {
@@ -140,16 +141,16 @@ impl Kernel {
         found
     }
 
-    /// Takes the logarithms of all parameters.
+    /// Sets the logarithms of all parameters.
     ///
     /// # Panics
-    /// When there are fewer than [`parameter_count`](Self::parameter_count).
+    /// If there are fewer than [`parameter_count`](Self::parameter_count).
     pub fn set_parameters(&mut self, logarithms: &[f64]) {
         let mut next = logarithms.iter();
         self.each(&mut |value| *value = next.next().expect("a parameter").exp());
     }
 
-    /// Rows of scratch memory that [`row`](Self::row) needs.
+    /// Returns the number of scratch rows that [`row`](Self::row) needs.
     pub fn scratch_rows(&self) -> usize {
         match self {
             Self::Sum(parts) | Self::Product(parts) => {
@@ -159,11 +160,11 @@ impl Kernel {
         }
     }
 
-    /// Writes the covariances of `query` with the points from `first` on to `out`. `own` is the index of the
-    /// query among the points, if it is one of them. Does not allocate.
+    /// Writes the covariances of `query` with the points starting at `first` to `out`. `own` is the index of
+    /// the query among the points, if it is one of them. Does not allocate.
     ///
     /// # Panics
-    /// When `scratch` holds fewer than [`scratch_rows`](Self::scratch_rows) rows as long as `out`.
+    /// If `scratch` has fewer than [`scratch_rows`](Self::scratch_rows) rows as long as `out`.
     pub fn row(
         &self,
         (query, own): (&[f64], Option<usize>),
@@ -221,7 +222,7 @@ impl Kernel {
         }
     }
 
-    /// The variance at a point, without independent noise unless `own`.
+    /// Returns the variance at a point, without independent noise unless `own`.
     pub fn variance(&self, x: &[f64], own: bool) -> f64 {
         match self {
             Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) | Self::Periodic { scales: s, .. } => {
@@ -242,7 +243,7 @@ impl Kernel {
     }
 }
 
-/// Covariances of an RBF kernel of a query with all points.
+/// Writes the RBF covariances of a query with all points.
 pub(crate) fn stationary_row(s: &Stationary, query: &[f64], points: &Points, out: &mut [f64]) {
     stationary::row(Profile::Rbf, s, query, points, 0, out);
 }

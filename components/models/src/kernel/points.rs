@@ -10,10 +10,10 @@ pub struct Points {
 }
 
 impl Points {
-    /// Points from rows, one point a row.
+    /// Creates points from rows, one point per row.
     ///
     /// # Panics
-    /// When `rows` is not a multiple of `dimensions` long.
+    /// If the length of `rows` is not a multiple of `dimensions`.
     pub fn from_rows(rows: &[f64], dimensions: usize) -> Self {
         assert!(
             dimensions > 0 && rows.len().is_multiple_of(dimensions),
@@ -40,7 +40,7 @@ impl Points {
         self.count
     }
 
-    /// True without points.
+    /// Returns `true` if there are no points.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -70,7 +70,7 @@ impl Points {
     /// Appends a point.
     ///
     /// # Panics
-    /// When the point has another number of dimensions.
+    /// If the point has the wrong number of dimensions.
     pub fn push(&mut self, point: &[f64]) {
         assert_eq!(point.len(), self.dimensions, "dimensions of the point");
         if self.count == self.capacity {

@@ -1,4 +1,4 @@
-//! Rows of kernels of the distance, as loops over contiguous points.
+//! Rows of stationary kernels, computed as loops over contiguous points.
 
 use motorium_algebra::Simd;
 
@@ -59,7 +59,7 @@ fn distances(s: &Stationary, query: &[f64], points: &Points, first: usize, out: 
     }
 }
 
-/// Covariances of a query with the points from `first` on.
+/// Writes the covariances of a query with the points starting at `first`.
 pub(super) fn row(
     profile: Profile,
     s: &Stationary,
@@ -87,7 +87,7 @@ pub(super) fn row(
     );
 }
 
-/// Turns the values of a row into derivatives with respect to `r^2 / 2`.
+/// Converts the values of a row to derivatives with respect to `r^2 / 2`.
 #[inline(always)]
 fn derivatives(
     profile: Profile,

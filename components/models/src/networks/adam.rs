@@ -9,16 +9,16 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// The state before the first step, for slices of parameters with these lengths.
+    /// Creates the initial state for slices of parameters with these lengths.
     pub fn new(sizes: &[usize]) -> Self {
         let zeros = || sizes.iter().map(|size| vec![0.0; *size]).collect();
         Self { first: zeros(), second: zeros(), steps: 0 }
     }
 
-    /// One step against the gradients; `decay` draws parameters to 0 beside it (AdamW).
+    /// Steps against the gradients; `decay` additionally shrinks parameters towards 0 (AdamW).
     ///
     /// # Panics
-    /// When slices differ in length from the slices of [`new`](Self::new).
+    /// If the slices differ in length from the slices of [`new`](Self::new).
     pub fn step<'a>(
         &mut self,
         parameters: impl IntoIterator<Item = &'a mut [f32]>,
@@ -50,8 +50,8 @@ impl Adam {
         [&self.first, &self.second]
     }
 
-    /// The state after `steps` steps with these moments, as [`moments`](Self::moments) returned them; `None`
-    /// where their lengths differ.
+    /// Restores the state after `steps` steps from the moments that [`moments`](Self::moments) returned;
+    /// `None` if their lengths differ.
     pub fn from_moments([first, second]: [Vec<Vec<f32>>; 2], steps: i32) -> Option<Self> {
         let lengths = |moments: &[Vec<f32>]| moments.iter().map(Vec::len).collect::<Vec<_>>();
         (steps >= 0 && lengths(&first) == lengths(&second)).then_some(Self { first, second, steps })

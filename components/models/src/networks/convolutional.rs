@@ -11,7 +11,7 @@ pub const IMAGE_SIDE: usize = 28;
 
 const CHANNELS: [usize; 2] = [8, 16];
 const HIDDEN: usize = 256;
-/// Brings the few dark pixels of a picture to a root mean square of about 1.
+/// Gain that brings the few dark pixels of a picture to a root mean square of about 1.
 const GAIN: f32 = 1.0;
 /// Sides after the first convolution, its pooling, and the second convolution.
 const SIDES: [usize; 3] = [IMAGE_SIDE - 4, (IMAGE_SIDE - 4) / 2, (IMAGE_SIDE - 4) / 2 - 4];
@@ -40,7 +40,7 @@ pub struct ConvolutionalNetwork {
 /// Intermediate results of the forward pass that the backward pass needs.
 struct Trace {
     patches: [DMatrix<f32>; 2],
-    /// After the ReLU, before pooling.
+    /// Activations after the ReLU, before pooling.
     convolved: [DMatrix<f32>; 2],
     places: [Vec<u32>; 2],
     flat: DMatrix<f32>,
@@ -68,8 +68,8 @@ impl ConvolutionalNetwork {
         self.layers.iter().map(|layer| (&layer.weights, &layer.bias))
     }
 
-    /// A network of given layers, such as those of [`layers`](Self::layers); `None` if their sizes are not
-    /// those of such a network.
+    /// Creates a network from layers, such as the ones returned by [`layers`](Self::layers); `None` if their
+    /// sizes do not match.
     pub fn from_layers(layers: [Layer; 4]) -> Option<Self> {
         let outputs = layers[3].0.nrows();
         let fits =
@@ -83,7 +83,7 @@ impl ConvolutionalNetwork {
         self.layers.iter().map(|layer| layer.weights.len() + layer.bias.len()).sum()
     }
 
-    /// Outputs of pictures, one a column.
+    /// Computes the outputs of pictures, one per column.
     pub fn forward(&self, pictures: &DMatrix<f32>) -> DMatrix<f32> {
         self.trace(pictures).out
     }
@@ -105,7 +105,7 @@ impl ConvolutionalNetwork {
         Trace { patches, convolved, places: [places_1, places_2], flat, hidden, out }
     }
 
-    /// Gradients of `sum |out - target|^2 / 2` over the batch, and that sum.
+    /// Returns the gradients of `sum |out - target|^2 / 2` over the batch, and that sum.
     fn gradients(&self, pictures: &DMatrix<f32>, targets: &DMatrix<f32>) -> ([Gradients; 4], f32) {
         let trace = self.trace(pictures);
         let [_, second, dense, last] = &self.layers;
@@ -126,7 +126,7 @@ impl ConvolutionalNetwork {
         ([first_gradients, second_gradients, dense_gradients, last_gradients], loss)
     }
 
-    /// One step of Adam on a batch; returns the loss of each sample on average.
+    /// Runs one step of Adam on a batch; returns the mean loss per sample.
     pub fn learn(
         &mut self,
         adam: &mut Adam,
@@ -166,7 +166,7 @@ impl ConvolutionalNetwork {
         loss / samples
     }
 
-    /// An optimiser with one state for each of the parameters.
+    /// Returns an optimiser with a state for every parameter.
     pub fn optimiser(&self) -> Adam {
         let sizes: Vec<usize> =
             self.layers.iter().flat_map(|layer| [layer.weights.len(), layer.bias.len()]).collect();

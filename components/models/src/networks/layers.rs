@@ -1,4 +1,4 @@
-//! Layers on batches: a batch is a matrix with one sample a column.
+//! Layers on batches: a batch is a matrix with one sample per column.
 
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution as _, StandardNormal};
@@ -43,18 +43,18 @@ impl Linear {
         Gradients { weights: output * input.transpose(), bias: output.column_sum() }
     }
 
-    /// The gradient of the input from that of the output.
+    /// Returns the gradient by the input, computed from the gradient by the output.
     pub(super) fn backward(&self, output: &DMatrix<f32>) -> DMatrix<f32> {
         self.weights.transpose() * output
     }
 }
 
-/// Sets what is negative to 0.
+/// Sets negative numbers to 0.
 pub(super) fn relu(values: &mut DMatrix<f32>) {
     values.iter_mut().for_each(|value| *value = value.max(0.0));
 }
 
-/// Takes out of a gradient what went through units that were 0.
+/// Zeroes the gradient of units whose output was 0.
 pub(super) fn relu_backward(gradient: &mut DMatrix<f32>, output: &DMatrix<f32>) {
     gradient.iter_mut().zip(output.iter()).for_each(|(g, y)| {
         if *y <= 0.0 {
@@ -63,7 +63,8 @@ pub(super) fn relu_backward(gradient: &mut DMatrix<f32>, output: &DMatrix<f32>) 
     });
 }
 
-/// The patches under a kernel, one a column: `channels 5 5` rows, all places of the first sample first.
+/// Returns the patches under a kernel, one per column: `channels 5 5` rows, all positions of the first sample
+/// first.
 pub(super) fn patches(input: &DMatrix<f32>, channels: usize, side: usize) -> DMatrix<f32> {
     let out = side - KERNEL + 1;
     let mut patches = DMatrix::zeros(channels * KERNEL * KERNEL, input.ncols() * out * out);
@@ -84,7 +85,7 @@ pub(super) fn patches(input: &DMatrix<f32>, channels: usize, side: usize) -> DMa
     patches
 }
 
-/// The transpose of [`patches`]: gradients of patches summed up where they came from.
+/// Applies the transpose of [`patches`]: sums the gradients of patches at their source positions.
 pub(super) fn from_patches(
     patches: &DMatrix<f32>,
     channels: usize,
@@ -111,8 +112,8 @@ pub(super) fn from_patches(
     input
 }
 
-/// The largest of each 2 x 2 places: from `channels` rows and one column a place to one column a sample; and
-/// where they were (offset in the input), for the way back.
+/// Returns the maximum of each 2 x 2 block, from `channels` rows and one column per position to one column
+/// per sample, and the positions of the maxima (offsets in the input) for the backward pass.
 pub(super) fn pool(input: &DMatrix<f32>, side: usize) -> (DMatrix<f32>, Vec<u32>) {
     let (channels, half) = (input.nrows(), side / 2);
     let samples = input.ncols() / (side * side);
@@ -134,7 +135,7 @@ pub(super) fn pool(input: &DMatrix<f32>, side: usize) -> (DMatrix<f32>, Vec<u32>
     (out, places)
 }
 
-/// The gradient before [`pool`], a matrix of `shape`.
+/// Returns the gradient before [`pool`], a matrix of `shape`.
 pub(super) fn pool_backward(gradient: &DMatrix<f32>, places: &[u32], shape: (usize, usize)) -> DMatrix<f32> {
     let mut out = DMatrix::zeros(shape.0, shape.1);
     let values: &mut [f32] = out.as_mut_slice();

@@ -1,4 +1,4 @@
-//! Neural networks on matrices of `f32`, one sample a column, with seeded training on the CPU.
+//! Neural networks on matrices of `f32`, one sample per column, with seeded training on the CPU.
 //!
 //! - [`ConvolutionalNetwork`]: two convolutions and two dense layers on a grey image.
 //! - [`differentiable`]: layers with backward passes, for any network.

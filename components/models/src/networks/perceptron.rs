@@ -9,8 +9,7 @@ use crate::arithmetic::Real;
 
 /// A multilayer perceptron with `tanh` between its layers.
 ///
-/// A batch is a matrix with one sample a column. Sums have an order that depends on the size of the batch
-/// alone.
+/// A batch is a matrix with one sample per column. The order of sums depends only on the size of the batch.
 ///
 /// ```
 /// use motorium_models::networks::{Adam, Perceptron};
@@ -39,7 +38,7 @@ pub struct Perceptron {
 pub struct PerceptronTrace(Vec<DMatrix<f32>>);
 
 impl PerceptronTrace {
-    /// The output, one sample a column.
+    /// Returns the output, one sample per column.
     pub fn output(&self) -> &DMatrix<f32> {
         &self.0[self.0.len() - 1]
     }
@@ -69,7 +68,7 @@ impl Perceptron {
         self.layers.iter().map(|layer| layer.weights.len() + layer.bias.len()).sum()
     }
 
-    /// All parameters: of each layer the weights, column by column, then the bias.
+    /// Returns all parameters: for each layer the weights, column by column, then the bias.
     pub fn to_vec(&self) -> Vec<f32> {
         let slices = self.layers.iter().flat_map(|layer| [layer.weights.as_slice(), layer.bias.as_slice()]);
         slices.flatten().copied().collect()

@@ -1,4 +1,4 @@
-//! From the nodes of a graph to a list of operations.
+//! Compilation of a graph's nodes to a list of operations.
 
 use std::collections::HashMap;
 
@@ -19,7 +19,7 @@ pub(super) struct Compiler {
 pub(super) type Outputs = Result<Vec<Value>, OnnxError>;
 
 impl Compiler {
-    /// Counts numbers that are allocated.
+    /// Counts allocated numbers against the limit.
     pub(super) fn reserve(&mut self, node: &Node<'_>, numbers: usize) -> Result<(), OnnxError> {
         self.numbers = self.numbers.saturating_add(numbers);
         if self.numbers > MAX_NUMBERS {
@@ -28,7 +28,7 @@ impl Compiler {
         Ok(())
     }
 
-    /// A new buffer for a tensor.
+    /// Allocates a buffer for a tensor.
     pub(super) fn buffer(&mut self, node: &Node<'_>, shape: &[usize]) -> Result<Buffer, OnnxError> {
         let length =
             count(shape).ok_or_else(|| node.error(format!("a tensor of shape {shape:?} is too large")))?;
@@ -48,7 +48,7 @@ impl Compiler {
         Ok(Computed { shape, buffer })
     }
 
-    /// A value in a buffer; a constant is copied into one.
+    /// Returns a value in a buffer; a constant is copied into one.
     pub(super) fn computed(&mut self, node: &Node<'_>, value: &Value) -> Result<Computed, OnnxError> {
         match value {
             Value::Computed(computed) => Ok(computed.clone()),
@@ -60,12 +60,12 @@ impl Compiler {
         }
     }
 
-    /// Input `index` of a node, in a buffer.
+    /// Returns input `index` of a node in a buffer.
     pub(super) fn operand(&mut self, node: &Node<'_>, index: usize) -> Result<Computed, OnnxError> {
         self.computed(node, node.input(index)?)
     }
 
-    /// Adds an operation, or runs it at once if all inputs of the node are constants.
+    /// Adds an operation, or runs it immediately if all inputs of the node are constants.
     pub(super) fn fold(
         &mut self,
         node: &Node<'_>,
@@ -84,7 +84,7 @@ impl Compiler {
         Ok(Value::Constant(Constant { shape: computed.shape, numbers }))
     }
 
-    /// A tensor whose elements are those of `value` at `offsets`.
+    /// Returns a tensor with the elements of `value` at `offsets`.
     pub(super) fn pick(
         &mut self,
         node: &Node<'_>,
@@ -105,7 +105,7 @@ impl Compiler {
     }
 }
 
-/// Joins neighbours into runs.
+/// Joins adjacent elements into runs.
 pub(super) fn runs(elements: impl Iterator<Item = (Buffer, usize)>) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     for (to, (source, from)) in elements.enumerate() {
@@ -117,7 +117,7 @@ pub(super) fn runs(elements: impl Iterator<Item = (Buffer, usize)>) -> Vec<Run> 
     runs
 }
 
-/// The shape of an input, checked against the file.
+/// Checks the shape of an input against the file.
 fn input_shape(input: &Input, shape: &[usize]) -> Result<usize, OnnxError> {
     let error = |message| OnnxError::Input { name: input.name.clone(), message };
     let fits = |(length, found): (&Length, &usize)| match length {
@@ -136,7 +136,7 @@ fn input_shape(input: &Input, shape: &[usize]) -> Result<usize, OnnxError> {
     count(shape).ok_or_else(|| error(format!("a tensor of shape {shape:?} is too large")))
 }
 
-/// Compiles a model for inputs of given shapes.
+/// Compiles a model for inputs with the given shapes.
 pub(super) fn compile(
     model: &ModelProto,
     inputs: &[Input],

@@ -1,4 +1,4 @@
-//! Functions of each element, and of pairs.
+//! Elementwise functions of one or two tensors.
 
 use super::OnnxError;
 use super::compile::{Compiler, Outputs};
@@ -70,7 +70,7 @@ impl Compiler {
         Ok(vec![self.fold(node, Operation::Binary([a.buffer, b.buffer], function, operands), shape)?])
     }
 
-    /// Where a tensor of shape `from` has its numbers for a result of shape `to`.
+    /// Returns the layout of an operand of shape `from` for a result of shape `to`.
     pub(super) fn operand_offsets(
         &mut self,
         node: &Node<'_>,

@@ -33,7 +33,7 @@ impl Compiler {
         let computed = if let Value::Constant(weights) = &b {
             let weights = weights.to_reals();
             let bias = match &rest {
-                // the same for each row: a part of the map
+                // equal for each row, so the bias becomes part of the map
                 Some(Value::Constant(bias)) if rows_agree(&bias.shape) => {
                     broadcast(node, &bias.shape, &shape)?;
                     let values = bias.to_reals();
@@ -72,7 +72,7 @@ impl Compiler {
         self.push(node, product, value.shape)
     }
 
-    /// A packed map with weights (inputs x outputs, row by row).
+    /// Returns a packed map with weights (inputs x outputs, row by row).
     fn linear(
         &mut self,
         node: &Node<'_>,
@@ -130,7 +130,7 @@ impl Compiler {
     }
 }
 
-/// True if a tensor that stretches over rows has the same numbers in each.
+/// Returns `true` if a tensor that broadcasts over rows has the same numbers in each row.
 fn rows_agree(shape: &[usize]) -> bool {
     shape.len() < 2 || (shape.len() == 2 && shape[0] == 1)
 }

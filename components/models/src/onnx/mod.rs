@@ -28,24 +28,24 @@ use crate::inference::Program;
 use proto::ModelProto;
 pub use write::{GruLayer, write_gru, write_mlp};
 
-/// A network that cannot be read or compiled.
+/// The network cannot be read or compiled.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OnnxError {
     /// The bytes are not a protocol buffer.
     #[error("not an ONNX file: {0}")]
     Format(String),
-    /// No graph.
+    /// The model has no graph.
     #[error("the file has no graph; is it an ONNX model?")]
     Empty,
-    /// A damaged or unsupported constant.
+    /// A constant is damaged or unsupported.
     #[error("tensor \"{name}\": {message}")]
     Tensor {
         /// Name of the tensor.
         name: String,
-        /// The defect, and what was expected.
+        /// The defect, and the expected value.
         message: String,
     },
-    /// An operator outside the list.
+    /// An operator is not supported.
     #[error(
         "node {node}: operator {operator} is not supported; help: the supported operators are listed in the docs of `motorium_models::onnx`"
     )]
@@ -55,25 +55,25 @@ pub enum OnnxError {
         /// The operator, with its domain.
         operator: String,
     },
-    /// A node that does not fit its inputs.
+    /// A node does not match its inputs.
     #[error("node {node} ({operator}): {message}")]
     Node {
         /// Name or index of the node.
         node: String,
         /// The operator.
         operator: String,
-        /// The defect, and what was expected.
+        /// The defect, and the expected value.
         message: String,
     },
-    /// An input with a shape that does not fit.
+    /// The shape of an input is invalid.
     #[error("input \"{name}\": {message}")]
     Input {
         /// Name of the input.
         name: String,
-        /// The defect, and what was expected.
+        /// The defect, and the expected shape.
         message: String,
     },
-    /// An output that no node computes.
+    /// No node computes this output.
     #[error("output \"{0}\" is not computed by any node")]
     Output(String),
 }
@@ -96,7 +96,7 @@ pub struct Input {
     pub shape: Vec<Length>,
 }
 
-/// A network as it is in a file.
+/// A network as stored in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     proto: ModelProto,
@@ -113,12 +113,12 @@ impl Model {
         if proto.graph.is_none() { Err(OnnxError::Empty) } else { Ok(Self { proto }) }
     }
 
-    /// Entries of `metadata_props`, such as the joint names that exporters leave there.
+    /// Returns the entries of `metadata_props`, such as joint names written by exporters.
     pub fn metadata(&self) -> impl Iterator<Item = (&str, &str)> {
         self.proto.metadata_props.iter().map(|entry| (&entry.key[..], &entry.value[..]))
     }
 
-    /// Inputs that the caller provides: those without a constant of the same name.
+    /// Returns the inputs that the caller provides, which are the inputs without a constant of the same name.
     pub fn inputs(&self) -> Vec<Input> {
         let graph = self.proto.graph.iter();
         let provided = graph.flat_map(|graph| {
@@ -144,7 +144,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`OnnxError`] that names the node which is not supported or does not fit.
+    /// [`OnnxError`] with the name of the unsupported or mismatched node.
     pub fn program(&self, rows: usize) -> Result<Program, OnnxError> {
         let length = |length: &Length| match length {
             Length::Fixed(length) => *length,
@@ -159,8 +159,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// [`OnnxError`] that names the input that does not fit, or the node which is not supported or does not
-    /// fit.
+    /// [`OnnxError`] with the name of the mismatched input, or of the unsupported or mismatched node.
     pub fn program_with(&self, shapes: &[Vec<usize>]) -> Result<Program, OnnxError> {
         compile::compile(&self.proto, &self.inputs(), shapes)
     }

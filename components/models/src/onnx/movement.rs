@@ -78,7 +78,7 @@ impl Compiler {
         let outer: usize = shape[..axis].iter().product();
         let widths: Vec<usize> =
             node.inputs.iter().flatten().map(|value| value.shape()[axis..].iter().product()).collect();
-        // one element in the order of the output: its input, and its offset there
+        // one element in the order of the output: its input, and its offset in that input
         let elements = (0..outer).flat_map(|row| {
             let part = move |(input, width): (usize, &usize)| {
                 let width = *width;
@@ -297,7 +297,7 @@ impl Compiler {
         Ok(vec![self.permuted(node, &value, &order)?])
     }
 
-    /// A tensor with its axes in another order.
+    /// Returns a tensor with permuted axes.
     pub(super) fn permuted(
         &mut self,
         node: &Node<'_>,
@@ -323,7 +323,7 @@ impl Compiler {
     }
 }
 
-/// The common shape of two tensors: lengths of 1 stretch.
+/// Returns the broadcast shape of two tensors: lengths of 1 are expanded.
 pub(super) fn broadcast(node: &Node<'_>, a: &[usize], b: &[usize]) -> Result<Vec<usize>, OnnxError> {
     let rank = a.len().max(b.len());
     let length = |shape: &[usize], axis: usize| match (axis + shape.len()).checked_sub(rank) {
@@ -342,7 +342,7 @@ pub(super) fn broadcast(node: &Node<'_>, a: &[usize], b: &[usize]) -> Result<Vec
         .ok_or_else(|| node.error(format!("shapes {a:?} and {b:?} do not broadcast")))
 }
 
-/// For each element of `to`, the offset in a tensor of shape `from` that stretches to it.
+/// Returns, for each element of `to`, the offset in a tensor of shape `from` that is broadcast to it.
 pub(super) fn broadcast_offsets(from: &[usize], to: &[usize]) -> Vec<usize> {
     let along = strides(from);
     let missing = to.len() - from.len();

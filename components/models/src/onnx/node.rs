@@ -8,9 +8,9 @@ use crate::inference::Buffer;
 /// The value of a tensor.
 #[derive(Clone, Debug)]
 pub(super) enum Value {
-    /// Known when the network is compiled.
+    /// A value known when the network is compiled.
     Constant(Constant),
-    /// In a buffer when the network runs.
+    /// A value in a buffer when the network runs.
     Computed(Computed),
 }
 
@@ -30,7 +30,7 @@ impl Value {
     }
 }
 
-/// A node, its position, and the values of its inputs (`None` for an optional input that is left out).
+/// A node, its position, and the values of its inputs (`None` for an omitted optional input).
 pub(super) struct Node<'a> {
     pub(super) proto: &'a NodeProto,
     pub(super) index: usize,
@@ -43,12 +43,12 @@ impl Node<'_> {
         if self.proto.name.is_empty() { self.index.to_string() } else { format!("\"{}\"", self.proto.name) }
     }
 
-    /// An error of this node.
+    /// Creates an error of this node.
     pub(super) fn error(&self, message: impl Into<String>) -> OnnxError {
         OnnxError::Node { node: self.label(), operator: self.proto.op_type.clone(), message: message.into() }
     }
 
-    /// The error of an operator outside the list.
+    /// Creates the error of an unsupported operator.
     pub(super) fn unsupported(&self) -> OnnxError {
         let NodeProto { domain, op_type, .. } = self.proto;
         let operator = if domain.is_empty() { op_type.clone() } else { format!("{domain}.{op_type}") };
@@ -86,7 +86,7 @@ impl Node<'_> {
         self.optional(index).ok_or_else(|| self.error(format!("input {index} is missing")))
     }
 
-    /// An input that must be known when the network is compiled.
+    /// Returns an input that must be known when the network is compiled.
     pub(super) fn constant(&self, index: usize) -> Result<&Constant, OnnxError> {
         match self.input(index)? {
             Value::Constant(constant) => Ok(constant),
@@ -95,12 +95,12 @@ impl Node<'_> {
         }
     }
 
-    /// Real numbers of an input that must be known.
+    /// Returns the real numbers of an input that must be known.
     pub(super) fn reals(&self, index: usize) -> Result<Vec<f32>, OnnxError> {
         Ok(self.constant(index)?.to_reals())
     }
 
-    /// Integers of an input that must be known.
+    /// Returns the integers of an input that must be known.
     pub(super) fn whole(&self, index: usize) -> Result<Vec<i64>, OnnxError> {
         match &self.constant(index)?.numbers {
             Numbers::Whole(values) => Ok(values.clone()),
@@ -110,7 +110,8 @@ impl Node<'_> {
         }
     }
 
-    /// Integers of an attribute, or of an input in later operator sets; `None` if both are left out.
+    /// Returns the integers of an attribute, or of an input in later operator sets; `None` if both are
+    /// omitted.
     pub(super) fn listed(&self, name: &str, index: usize) -> Result<Option<Vec<i64>>, OnnxError> {
         match (self.integers(name), self.optional(index)) {
             (Some(values), _) => Ok(Some(values.to_vec())),
@@ -119,7 +120,7 @@ impl Node<'_> {
         }
     }
 
-    /// An axis, counted from the end if negative.
+    /// Returns the index of an axis, which counts from the end if negative.
     pub(super) fn axis(&self, axis: i64, rank: usize) -> Result<usize, OnnxError> {
         let from_start = if axis < 0 { axis.checked_add(rank as i64) } else { Some(axis) };
         from_start

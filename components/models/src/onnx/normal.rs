@@ -24,7 +24,7 @@ impl Compiler {
         let result = (0..shape.len()).filter(|axis| keep || !is_reduced(axis));
         let result = result.map(|axis| if is_reduced(&axis) { 1 } else { shape[axis] }).collect();
         self.reserve(node, shape.iter().product())?;
-        // the axes that stay before those that go: each part is then one row
+        // kept axes before reduced ones: each part is then one row
         let order: Vec<usize> = (0..shape.len())
             .filter(|axis| !is_reduced(axis))
             .chain((0..shape.len()).filter(is_reduced))

@@ -51,7 +51,7 @@ impl Compiler {
             let span =
                 span.ok_or_else(|| node.error(format!("a kernel {kernel:?} over an input {input:?}")))?;
             let mut length = if ceil { span.div_ceil(step[axis]) } else { span / step[axis] } + 1;
-            // a window must begin within the input or its lower padding
+            // a window must start within the input or its lower padding
             if ceil && (length - 1) * step[axis] >= input[axis] + pads[axis] {
                 length -= 1;
             }

@@ -3,7 +3,7 @@
 use super::OnnxError;
 use super::proto::TensorProto;
 
-/// Numbers in all buffers of a network together.
+/// Largest total size of all buffers of a network, in numbers.
 pub(super) const MAX_NUMBERS: usize = 1 << 24;
 
 /// Numbers of a constant.
@@ -13,7 +13,7 @@ pub(super) enum Numbers {
     Whole(Vec<i64>),
 }
 
-/// A tensor that is known when the network is compiled.
+/// A tensor whose value is known when the network is compiled.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Constant {
     pub(super) shape: Vec<usize>,
@@ -26,7 +26,7 @@ pub(super) fn count(shape: &[usize]) -> Option<usize> {
     product.filter(|product| *product <= MAX_NUMBERS)
 }
 
-/// Distance of neighbours along each axis.
+/// Returns the distance between neighbours along each axis.
 pub(super) fn strides(shape: &[usize]) -> Vec<usize> {
     let mut strides = vec![1; shape.len()];
     for axis in (1..shape.len()).rev() {
@@ -35,7 +35,7 @@ pub(super) fn strides(shape: &[usize]) -> Vec<usize> {
     strides
 }
 
-/// Offsets of all elements of `shape`, in order, in a tensor with such strides.
+/// Returns the offsets of all elements of `shape`, in order, in a tensor with these strides.
 pub(super) fn offsets(shape: &[usize], strides: &[usize], first: usize) -> Vec<usize> {
     let mut found = vec![first];
     for (length, stride) in shape.iter().zip(strides) {
@@ -65,7 +65,7 @@ impl Constant {
         }
     }
 
-    /// The elements at `offsets`, in a new shape.
+    /// Returns the elements at `offsets` in a new shape.
     pub(super) fn pick(&self, shape: Vec<usize>, offsets: &[usize]) -> Self {
         let numbers = match &self.numbers {
             Numbers::Real(values) => Numbers::Real(offsets.iter().map(|k| values[*k]).collect()),

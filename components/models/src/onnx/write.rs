@@ -8,7 +8,7 @@ use super::proto::{
 };
 use crate::inference::Unary;
 
-/// Types of an attribute in the format.
+/// Attribute types in the format.
 const REAL: i32 = 1;
 const INTEGER: i32 = 2;
 
@@ -120,8 +120,9 @@ fn dense(
     (name, width)
 }
 
-/// Bytes of an ONNX file with a multilayer perceptron: input `obs` (rows, `inputs`), output `actions`. Each
-/// layer is its weights (outputs x inputs, row by row) and its bias; `activation` stands between layers.
+/// Returns the bytes of an ONNX file with a multilayer perceptron: input `obs` (rows, `inputs`), output
+/// `actions`. Each layer consists of its weights (outputs x inputs, row by row) and its bias; `activation` is
+/// applied between layers.
 ///
 /// ```
 /// use motorium_models::{inference::Unary, onnx};
@@ -166,8 +167,8 @@ pub struct GruLayer {
     pub bias: Vec<f32>,
 }
 
-/// Bytes of an ONNX file with a GRU and dense layers behind it, one step a run: inputs `obs` (rows, inputs)
-/// and `h_in` (1, rows, hidden), outputs `actions` and `h_out`.
+/// Returns the bytes of an ONNX file with a GRU followed by dense layers, one step per run: inputs `obs`
+/// (rows, inputs) and `h_in` (1, rows, hidden), outputs `actions` and `h_out`.
 pub fn write_gru(
     gru: &GruLayer,
     layers: &[(Vec<f32>, Vec<f32>)],

@@ -1,4 +1,4 @@
-//! The meaning of a policy's outputs.
+//! The definition of a policy's outputs.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,9 +19,9 @@ pub enum ActionKind {
     Effort,
 }
 
-/// The meaning of a network's outputs.
+/// The definition of a network's outputs.
 ///
-/// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose counts for
+/// The target of a joint is `default_pose + offset + scale clamp(output, clip)`; the default pose applies to
 /// positions only.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -34,7 +34,7 @@ pub struct Action {
     /// Factor of the action, for all joints or each. Default: 1.
     #[serde(default = "one")]
     pub scale: Numbers,
-    /// Added after the factor, besides the default pose. Default: 0.
+    /// Offset added after the factor, in addition to the default pose. Default: 0.
     #[serde(default = "zero")]
     pub offset: Numbers,
     /// Pose of a zero action \[rad or m\], in the order of `joints`.
@@ -51,11 +51,11 @@ pub struct Action {
 }
 
 impl Action {
-    /// Checks counts and ranges. Keys in errors begin with `prefix`.
+    /// Checks counts and ranges. Keys in errors start with `prefix`.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Value`] that names the key.
+    /// [`PolicyError::Value`] with the key.
     pub fn check(&self, prefix: &str) -> Result<(), PolicyError> {
         let wrong =
             |key: &str, message: String| Err(PolicyError::Value { key: format!("{prefix}{key}"), message });
@@ -90,12 +90,12 @@ impl Action {
         Ok(())
     }
 
-    /// Maps actions to the joints of a robot, in its order. Joints of the robot that the policy does not
-    /// command are left alone.
+    /// Maps actions to the joints of a robot, in the robot's order. Joints that the policy does not command
+    /// are unaffected.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Joints`] that names the joints which the robot does not have.
+    /// [`PolicyError::Joints`] with the joints that the robot does not have.
     pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
         let (mut targets, mut missing) = (Vec::new(), Vec::new());
         for (index, name) in self.joints.iter().enumerate() {

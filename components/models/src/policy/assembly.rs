@@ -1,4 +1,4 @@
-//! From measured quantities to the input of a network: bounds, factors, histories.
+//! Assembly of a network's input from measured quantities: bounds, factors, histories.
 
 use super::{Observation, Policy};
 
@@ -41,7 +41,7 @@ struct Window {
 }
 
 impl Assembly {
-    /// The observation of a policy, without values.
+    /// Creates the observation of a policy without values.
     pub fn new(policy: &Policy) -> Self {
         let window = |observation: &Observation| {
             let width = policy.width(observation);
@@ -55,16 +55,16 @@ impl Assembly {
         Self { terms: policy.observations.iter().map(window).collect() }
     }
 
-    /// Numbers of one step of a term.
+    /// Returns the size of one step of a term.
     ///
     /// # Panics
     ///
-    /// If there is no such term.
+    /// If the index is out of range.
     pub fn width(&self, term: usize) -> usize {
         self.terms[term].scale.len()
     }
 
-    /// Forgets all histories, at the start of an episode: the next value of a term fills its history.
+    /// Clears all histories at the start of an episode: the next value of a term fills its history.
     pub fn reset(&mut self) {
         self.terms.iter_mut().for_each(|term| term.is_filled = false);
     }
@@ -73,7 +73,7 @@ impl Assembly {
     ///
     /// # Panics
     ///
-    /// If there is no such term, or `values` has another length than the term.
+    /// If the index is out of range, or `values` differs in length from the term.
     pub fn push(&mut self, term: usize, values: &[f64]) {
         let Window { scale, clip: [low, high], values: window, is_filled } = &mut self.terms[term];
         assert_eq!(values.len(), scale.len(), "numbers of term {term}");
@@ -89,11 +89,11 @@ impl Assembly {
         }
     }
 
-    /// Writes all terms in their order.
+    /// Writes all terms in order.
     ///
     /// # Panics
     ///
-    /// If `input` has another length than the observation.
+    /// If `input` differs in length from the observation.
     pub fn write(&self, input: &mut [f32]) {
         let mut rest = input;
         for Window { values, .. } in &self.terms {

@@ -1,23 +1,23 @@
 //! Chunks of actions, played by time.
 //!
-//! A policy that plans ahead returns a chunk of consecutive actions, late by the time of its inference. When
-//! a chunk arrives, the plan before it stays in force for [`frozen`](ChunkTiming::frozen); over
-//! [`blend`](ChunkTiming::blend) it then fades into the new chunk, whose actions before that moment are not
-//! used. After its last action a chunk holds. Source: Black, Galliker and Levine, "Real-Time Execution of
-//! Action Chunking Flow Policies" (2025): the frozen prefix; a fade replaces the paper's in-painting, which
-//! needs the network.
+//! A policy that plans ahead returns a chunk of consecutive actions, delayed by its inference time. When a
+//! chunk arrives, the previous plan stays in force for [`frozen`](ChunkTiming::frozen). It then blends into
+//! the new chunk over [`blend`](ChunkTiming::blend); earlier actions of the new chunk are not used. After its
+//! last action a chunk holds. Source: Black, Galliker and Levine, "Real-Time Execution of Action Chunking
+//! Flow Policies" (2025): the frozen prefix. A blend replaces the paper's in-painting, which needs the
+//! network.
 
-/// Points of the plan before, over which a new chunk fades in.
+/// Number of points of the previous plan that are kept for the blend into a new chunk.
 const FADE_POINTS: usize = 64;
-/// Longest time by which the first action of a chunk may lie ahead \[ns\].
+/// Largest lead of the first action of a chunk \[ns\].
 const MOST_AHEAD: u64 = 10_000_000_000;
 
-/// Times of the change from one chunk to the next.
+/// Timing of the transition between chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkTiming {
-    /// Time for which the plan before stays in force \[ns\].
+    /// Time for which the previous plan stays in force \[ns\].
     pub frozen: u64,
-    /// Time over which it fades into the new chunk \[ns\].
+    /// Duration of the blend into the new chunk \[ns\].
     pub blend: u64,
 }
 
@@ -30,51 +30,51 @@ pub struct Chunk<'a> {
     pub period: u64,
     /// Number of the chunk at its producer.
     pub sequence: u64,
-    /// Numbers of each action.
+    /// Number of values of each action.
     pub width: usize,
-    /// Action after action.
+    /// Values, action by action.
     pub values: &'a [f64],
 }
 
-/// Lateness of a chunk that is played.
+/// Delay of an accepted chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkArrival {
-    /// Actions of the chunk.
+    /// Number of actions of the chunk.
     pub actions: usize,
-    /// Actions whose time was over when the chunk arrived.
+    /// Number of actions that were already over when the chunk arrived.
     pub late: usize,
     /// Time between the first action and the arrival \[ns\]; 0 if the chunk arrived before it.
     pub delay: u64,
 }
 
-/// A chunk that is not played.
+/// The chunk was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ChunkError {
-    /// Actions of another width than the policy.
+    /// The width of the actions differs from the policy's.
     #[error("actions of {found} numbers, expected {expected}, one for each joint")]
     Width {
-        /// Numbers of each action.
+        /// Number of values of each action.
         found: usize,
-        /// Joints of the policy.
+        /// Number of joints of the policy.
         expected: usize,
     },
-    /// No action, or a part of one.
+    /// The chunk contains no action, or a partial one.
     #[error("{count} numbers, expected whole actions of {width}")]
     Uneven {
-        /// Numbers of the chunk.
+        /// Number of values of the chunk.
         count: usize,
-        /// Numbers of each action.
+        /// Number of values of each action.
         width: usize,
     },
-    /// More numbers than the plan holds.
+    /// The chunk has more values than the plan can store.
     #[error("{count} numbers, expected at most {most}")]
     Long {
-        /// Numbers of the chunk.
+        /// Number of values of the chunk.
         count: usize,
-        /// Numbers that fit.
+        /// Largest number of values.
         most: usize,
     },
-    /// The period is 0, or the chunk has no end within the clock.
+    /// The period is 0, or the end of the chunk overflows the clock.
     #[error("a period of {period} ns, expected above 0 and an end within the clock")]
     Period {
         /// Time between two actions \[ns\].
@@ -83,19 +83,19 @@ pub enum ChunkError {
     /// The first action is too far ahead.
     #[error("the first action is {ahead} ns ahead, expected at most 10 s")]
     Future {
-        /// Distance from now \[ns\].
+        /// Lead over the current time \[ns\].
         ahead: u64,
     },
-    /// The chunk that is played, sent again.
+    /// The chunk has already been accepted.
     #[error("the chunk repeats the one that is played")]
     Repeated,
-    /// Older than the chunk that is played.
+    /// The chunk is older than the current one.
     #[error("the chunk begins {by} ns before the one that is played")]
     OutOfOrder {
-        /// Difference of the times of the first actions \[ns\].
+        /// Difference between the times of the first actions \[ns\].
         by: u64,
     },
-    /// The time of its last action is over.
+    /// The time of the last action has passed.
     #[error("the chunk ended {by} ns before it arrived")]
     Late {
         /// Time since the last action \[ns\].
@@ -103,7 +103,7 @@ pub enum ChunkError {
     },
 }
 
-/// Actions at equal distances in time.
+/// Evenly spaced actions.
 #[derive(Clone, Debug)]
 struct Track {
     start: u64,
@@ -121,7 +121,7 @@ impl Track {
         self.start + self.period * (self.steps.saturating_sub(1)) as u64
     }
 
-    /// The two actions about a time, and the share of the second.
+    /// Returns the two actions around a time, and the weight of the second.
     fn about(&self, now: u64) -> (usize, usize, f64) {
         let since = now.saturating_sub(self.start);
         let last = self.steps - 1;
@@ -139,7 +139,7 @@ impl Track {
     }
 }
 
-/// The plan of joint targets that chunks make. Only [`new`](Self::new) allocates.
+/// A plan of joint targets made of chunks. Only [`new`](Self::new) allocates.
 ///
 /// ```
 /// use motorium_models::policy::{Chunk, ChunkPlan, ChunkTiming};
@@ -163,18 +163,18 @@ pub struct ChunkPlan {
     timing: ChunkTiming,
     /// Targets before the first chunk.
     rest: Vec<f64>,
-    /// The chunk that is played, its number, and the times at which it begins and ends to fade in.
+    /// The current chunk, its number, and the start and end of its blend.
     current: Track,
     sequence: u64,
     fade: [u64; 2],
-    /// The plan before it, until the fade is over.
+    /// The previous plan, until the blend has finished.
     before: Track,
-    /// Space for the next `before`.
+    /// Storage for the next `before`.
     spare: Vec<f64>,
 }
 
 impl ChunkPlan {
-    /// A plan for `width` joints and chunks of at most `most` numbers.
+    /// Creates a plan for `width` joints and chunks of at most `most` values.
     pub fn new(width: usize, most: usize, timing: ChunkTiming) -> Self {
         Self {
             width,
@@ -189,23 +189,23 @@ impl ChunkPlan {
         }
     }
 
-    /// Forgets all chunks, and rests at `targets`.
+    /// Clears all chunks, and rests at `targets`.
     ///
     /// # Panics
     ///
-    /// If there is not one for each joint.
+    /// If the number of targets differs from the number of joints.
     pub fn start(&mut self, targets: &[f64]) {
         self.rest.copy_from_slice(targets);
         self.current.steps = 0;
     }
 
-    /// Time of the last action \[ns\]; `None` before the first chunk.
+    /// Returns the time of the last action \[ns\]; `None` before the first chunk.
     pub fn end(&self) -> Option<u64> {
         (self.current.steps > 0).then(|| self.current.end())
     }
 
-    /// Fades into a chunk that arrives at `now` \[ns\]. `target` makes the target of a joint from its number
-    /// in an action.
+    /// Blends into a chunk that arrives at `now` \[ns\]. `target` converts a joint's value in an action to
+    /// its target.
     ///
     /// # Errors
     ///
@@ -260,7 +260,7 @@ impl ChunkPlan {
         Ok(ChunkArrival { actions: steps, late, delay })
     }
 
-    /// Keeps the present plan between two times.
+    /// Stores the current plan between two times.
     fn keep(&mut self, now: u64, until: u64) {
         let mut spare = core::mem::take(&mut self.spare);
         let period = (until.saturating_sub(now) / (FADE_POINTS as u64 - 1)).saturating_add(1);
@@ -271,11 +271,11 @@ impl ChunkPlan {
         (self.before.start, self.before.period, self.before.steps) = (now, period, FADE_POINTS);
     }
 
-    /// The targets at a time \[ns\].
+    /// Writes the targets at a time \[ns\].
     ///
     /// # Panics
     ///
-    /// If `targets` has not one number for each joint.
+    /// If the number of targets differs from the number of joints.
     pub fn sample(&self, now: u64, targets: &mut [f64]) {
         assert_eq!(targets.len(), self.width, "one target for each joint");
         if self.current.steps == 0 {
@@ -294,7 +294,7 @@ impl ChunkPlan {
         for (joint, target) in targets.iter_mut().enumerate() {
             let [before, new] =
                 [&self.before, &self.current].map(|track| track.sample(now, self.width, joint));
-            // exactly one of both outside of the fade
+            // exactly one of the two outside the blend
             *target = if share >= 1.0 { new } else { before + share * (new - before) };
         }
     }
@@ -339,7 +339,7 @@ mod tests {
         }
         assert!((target(&plan, 1290) - 57.25).abs() < 1e-3, "half of each: {}", target(&plan, 1290));
         assert_eq!(target(&plan, 1340), 100.0);
-        // a third chunk in the middle of a fade begins where the plan is
+        // a third chunk in the middle of a blend starts at the current plan
         plan.accept(1390 * MS, chunk(1390, 3, &[0.0; 30]), |_, value| value).expect("a third chunk");
         let before: Vec<f64> = (1480..1520).map(|now| target(&plan, now)).collect();
         assert!(before[0] > 40.0 && before[39] < 10.0, "{before:?}");

@@ -9,7 +9,7 @@ use crate::onnx::{Model, OnnxError};
 /// Name of the file that describes a policy.
 const FILE: &str = "policy.toml";
 
-/// A policy and the place of its files.
+/// A policy and the location of its files.
 #[derive(Clone, Debug)]
 pub struct PolicyFolder {
     /// The policy.
@@ -17,13 +17,13 @@ pub struct PolicyFolder {
     file: PathBuf,
 }
 
-/// A policy on disk that cannot be used.
+/// A policy on disk is unusable.
 #[derive(Debug, thiserror::Error)]
 pub enum PolicyFolderError {
     /// A file cannot be read.
     #[error("{}: {reason}", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The reason.
         reason: std::io::Error,
@@ -31,49 +31,49 @@ pub enum PolicyFolderError {
     /// `policy.toml` is not valid.
     #[error("{}: {reason}", path.display())]
     Policy {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The defect.
+        /// The reason.
         reason: PolicyError,
     },
     /// The network cannot be read or compiled.
     #[error("{}: {reason}", path.display())]
     Onnx {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The defect.
+        /// The reason.
         reason: OnnxError,
     },
-    /// The network does not fit the policy.
+    /// The network does not match the policy.
     #[error("{}: {reason}", path.display())]
     Network {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The difference.
         reason: NetworkMismatch,
     },
 }
 
-/// A network whose inputs or outputs differ from its policy.
+/// The inputs or outputs of a network differ from its policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkMismatch {
-    /// The observation has another width.
+    /// The observation has a different width.
     #[error("the first input is {found:?}, expected {expected} numbers in a row as in `observations`")]
     Inputs {
         /// Shape of the first input; empty without one.
         found: Vec<usize>,
-        /// Numbers of the observation.
+        /// Size of the observation.
         expected: usize,
     },
-    /// The action has another width.
+    /// The action has a different width.
     #[error("the first output is {found:?}, expected {expected} numbers in a row as in `action.joints`")]
     Outputs {
         /// Shape of the first output; empty without one.
         found: Vec<usize>,
-        /// Joints of the action.
+        /// Number of joints of the action.
         expected: usize,
     },
-    /// The recurrent states that go in do not match those that come out.
+    /// The recurrent inputs do not match the recurrent outputs.
     #[error(
         "input \"{input}\" has no recurrent state to read; help: the outputs behind the action are expected in the order and with the shapes of the inputs behind the observation"
     )]
@@ -100,12 +100,12 @@ impl PolicyFolder {
         }
     }
 
-    /// The file that describes the policy.
+    /// Returns the path of the file that describes the policy.
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    /// Reads and compiles its network for one observation.
+    /// Reads and compiles the network for one observation.
     ///
     /// # Errors
     ///
@@ -134,7 +134,7 @@ pub struct PolicyNetwork {
 }
 
 impl PolicyNetwork {
-    /// A compiled network for one observation of `policy`.
+    /// Wraps a network that was compiled for one observation of `policy`.
     ///
     /// # Errors
     ///
@@ -167,12 +167,12 @@ impl PolicyNetwork {
         (1..self.states).for_each(|index| self.program.input_mut(index).fill(0.0));
     }
 
-    /// The numbers of the observation, to be written before [`run`](Self::run).
+    /// Returns the observation; write it before [`run`](Self::run).
     pub fn observation_mut(&mut self) -> &mut [f32] {
         self.program.input_mut(0)
     }
 
-    /// Computes the action, and carries the recurrent states over to the next run.
+    /// Computes the action, and passes the recurrent states on to the next run.
     pub fn run(&mut self) -> &[f32] {
         self.program.run();
         (1..self.states).for_each(|index| self.program.feed_back(index, index));

@@ -1,10 +1,9 @@
-//! Policies of other training frameworks.
+//! Import of policies from other training frameworks.
 //!
 //! - [`import_mjlab`]: an ONNX file with the metadata of mjlab (`mjlab/rl/exporter_utils.py`: `joint_names`,
 //!   `default_joint_pos`, `joint_stiffness`, `joint_damping`, `action_scale`, `observation_names`). Numbers
 //!   have three decimals there.
-//! - [`import_weights`]: the safetensors of rsl_rl, Stable-Baselines3 or CleanRL, with a table written by
-//!   hand.
+//! - [`import_weights`]: the safetensors of rsl_rl, Stable-Baselines3 or CleanRL, with a handwritten table.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +16,7 @@ use crate::inference::{Program, Unary};
 use crate::onnx::{Model, OnnxError, write_mlp};
 use crate::safetensors::Tensors;
 
-/// Name of the network in a folder that is imported.
+/// File name of the network in an imported folder.
 const NETWORK: &str = "policy.onnx";
 
 /// Observation terms of mjlab and Isaac Lab, by the names of their functions.
@@ -35,7 +34,7 @@ const TERMS: [(&str, Term); 11] = [
     ("height_scanner", Term::HeightScan),
 ];
 
-/// A policy that cannot be imported.
+/// The policy cannot be imported.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImportError {
     /// The network cannot be read or compiled.
@@ -52,30 +51,30 @@ pub enum ImportError {
         /// The text found.
         found: String,
     },
-    /// An entry of the metadata has another length than the action.
+    /// An entry of the metadata has a different length from the action.
     #[error("`{key}` has {found} entries, expected {expected}, one for each output of the network")]
     Count {
         /// The entry.
         key: &'static str,
-        /// Entries found.
+        /// Number of entries found.
         found: usize,
-        /// Outputs of the network.
+        /// Number of outputs of the network.
         expected: usize,
     },
-    /// An observation term that no topic serves.
+    /// No topic provides this observation term.
     #[error("observation \"{name}\" is unknown, expected one of {}", known())]
     Term {
         /// Name of the term.
         name: String,
     },
-    /// The observation terms do not fill the input of the network.
+    /// The size of the observation terms differs from the network's input.
     #[error(
         "the observation terms have {expected} numbers, the network reads {found}; help: a history of several steps is given by `--history`"
     )]
     Width {
-        /// Numbers that the network reads.
+        /// Size of the network's input.
         found: usize,
-        /// Numbers of the terms.
+        /// Size of the terms.
         expected: usize,
     },
     /// The table does not parse.
@@ -86,13 +85,13 @@ pub enum ImportError {
     Tensor {
         /// Name of the tensor.
         name: String,
-        /// The shape found, and what was expected.
+        /// The shape found and the shape expected.
         message: String,
     },
     /// The result is not a valid policy.
     #[error(transparent)]
     Policy(#[from] PolicyError),
-    /// The network does not fit the policy.
+    /// The network does not match the policy.
     #[error(transparent)]
     Network(#[from] NetworkMismatch),
 }
@@ -101,23 +100,23 @@ fn known() -> String {
     TERMS.map(|(name, _)| name).join(", ")
 }
 
-/// Facts that are missing in the metadata of an ONNX file.
+/// Settings that are missing in the metadata of an ONNX file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportOptions {
     /// Rate of the policy \[Hz\].
     pub rate: f64,
     /// Steps of history of each term.
     pub history: usize,
-    /// Robot that it was trained for.
+    /// Robot the policy was trained for.
     pub robot: Option<String>,
 }
 
-/// Makes a policy of an ONNX file with the metadata of mjlab. The network stays as it is, under the name
+/// Creates a policy from an ONNX file with the metadata of mjlab. The network stays unchanged, under the name
 /// `policy.onnx`.
 ///
 /// # Errors
 ///
-/// [`ImportError`] that names the entry, or the node that is not supported.
+/// [`ImportError`] with the invalid entry or the unsupported node.
 pub fn import_mjlab(bytes: &[u8], options: ImportOptions) -> Result<Policy, ImportError> {
     let model = Model::read(bytes)?;
     let program = model.program(1)?;
@@ -187,7 +186,7 @@ pub fn import_mjlab(bytes: &[u8], options: ImportOptions) -> Result<Policy, Impo
     Ok(policy)
 }
 
-/// Weights of a multilayer perceptron, as a table written by hand describes them.
+/// Weights of a multilayer perceptron, as described by a handwritten table.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Weights {
@@ -215,8 +214,8 @@ struct Normaliser {
     epsilon: f64,
 }
 
-/// Makes a policy and its network, an ONNX file, of weights and a table: a `policy.toml` without `network`,
-/// and with a table `weights`:
+/// Creates a policy and its network, an ONNX file, from weights and a table. The table is a `policy.toml`
+/// without `network`, and with a table `weights`:
 ///
 /// ```toml
 /// [weights]
@@ -229,7 +228,7 @@ struct Normaliser {
 ///
 /// # Errors
 ///
-/// [`ImportError`] that names the key or the tensor.
+/// [`ImportError`] with the key or the tensor.
 pub fn import_weights(file: &Tensors, table: &str) -> Result<(Policy, Vec<u8>), ImportError> {
     let wrong = |error: toml::de::Error| ImportError::Table(error.to_string());
     let mut table: toml::Table = table.parse().map_err(wrong)?;
@@ -249,7 +248,7 @@ pub fn import_weights(file: &Tensors, table: &str) -> Result<(Policy, Vec<u8>), 
             let names: Vec<&str> = file.tensors.keys().map(String::as_str).collect();
             refused(format!("not in the file, which has {}", names.join(", ")))
         })?;
-        // normalisers keep rows of one
+        // normalisers have rows of length one
         let found: Vec<usize> = tensor.shape.iter().copied().skip_while(|length| *length == 1).collect();
         let expected: Vec<usize> = shape.iter().copied().skip_while(|length| *length == 1).collect();
         if found != expected {

@@ -1,7 +1,7 @@
-//! The folder of a trained policy: `policy.toml` beside its network.
+//! The folder of a trained policy: `policy.toml` and its network.
 //!
-//! The file names the joints of the action, so that a robot with another joint order gets each number at the
-//! right joint:
+//! The file lists the joints of the action, so that each number reaches the right joint on a robot with a
+//! different joint order:
 //!
 //! ```
 //! use motorium_models::policy::Policy;
@@ -44,7 +44,7 @@ pub use numbers::Numbers;
 use numbers::one;
 pub use targets::{JointTarget, JointTargets};
 
-/// A policy as `policy.toml` describes it.
+/// A policy as described by `policy.toml`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Policy {
@@ -52,11 +52,11 @@ pub struct Policy {
     pub network: String,
     /// Rate at which the policy was trained \[Hz\], above 0.
     pub rate: f64,
-    /// Robot that it was trained for, as `motorium robot list` names it.
+    /// Robot the policy was trained for, as listed by `motorium robot list`.
     pub robot: Option<String>,
     /// Observation terms, in the order of the network's inputs.
     pub observations: Vec<Observation>,
-    /// Meaning of the network's outputs.
+    /// Definition of the network's outputs.
     pub action: Action,
 }
 
@@ -74,14 +74,14 @@ pub struct Observation {
     /// Number of steps, the newest last. Default: 1. Range: 1 to 64.
     #[serde(default = "single")]
     pub history: usize,
-    /// Number of rays of a height scan; for that term only.
+    /// Number of rays of a height scan; only for that term.
     pub rays: Option<usize>,
-    /// Duration of one cycle of the gait \[s\], above 0; for the phase only.
+    /// Duration of one gait cycle \[s\], above 0; only for the phase.
     pub period: Option<f64>,
 }
 
 impl Observation {
-    /// A term without bounds and history, with the factor 1.
+    /// Creates a term without bounds and history, with the factor 1.
     pub fn new(term: Term) -> Self {
         Self { term, scale: one(), clip: None, history: single(), rays: None, period: None }
     }
@@ -103,7 +103,7 @@ pub enum Term {
     JointPositions,
     /// Joint velocities \[rad/s or m/s\].
     JointVelocities,
-    /// The action of the step before.
+    /// The action of the previous step.
     LastAction,
     /// Heights around the robot \[m\].
     HeightScan,
@@ -112,7 +112,7 @@ pub enum Term {
 }
 
 impl Term {
-    /// Name of the term in `policy.toml`.
+    /// Returns the name of the term in `policy.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::BaseLinearVelocity => "base_linear_velocity",
@@ -127,7 +127,7 @@ impl Term {
         }
     }
 
-    /// Message that carries the quantity; `None` for those that the policy computes.
+    /// Returns the message that carries the quantity; `None` for quantities that the policy computes.
     pub fn message(self) -> Option<&'static str> {
         Some(match self {
             Self::BaseLinearVelocity => "motorium.BaseState",
@@ -148,7 +148,7 @@ fn is_ordered(clip: &Option<[f64; 2]>) -> bool {
     clip.is_none_or(|[low, high]| low < high)
 }
 
-/// A policy that cannot be used.
+/// The policy is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
     /// The file does not parse.
@@ -158,7 +158,7 @@ pub enum PolicyError {
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// The defect, and what was expected.
+        /// The defect and the expected syntax.
         message: String,
     },
     /// A value is out of range.
@@ -166,19 +166,19 @@ pub enum PolicyError {
     Value {
         /// The key.
         key: String,
-        /// The value found, and what was expected.
+        /// The value found and the value expected.
         message: String,
     },
-    /// Joints of the policy and of the robot differ.
+    /// The joints of the policy and the robot differ.
     #[error("{message}; help: rename the joints in `action.joints`, in the order of the network's outputs")]
     Joints {
-        /// The joints that are missing.
+        /// The missing joints.
         message: String,
     },
 }
 
 impl Policy {
-    /// Reads the text of a `policy.toml`.
+    /// Parses the text of a `policy.toml`.
     ///
     /// # Errors
     ///
@@ -195,11 +195,11 @@ impl Policy {
         Ok(policy)
     }
 
-    /// The text of its `policy.toml`.
+    /// Returns the text of the `policy.toml`.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Value`] if it has a number that TOML cannot write.
+    /// [`PolicyError::Value`] if a number cannot be represented in TOML.
     pub fn to_toml(&self) -> Result<String, PolicyError> {
         toml::to_string(self)
             .map_err(|error| PolicyError::Value { key: "policy".to_owned(), message: error.to_string() })
@@ -252,7 +252,7 @@ impl Policy {
         self.inputs().map(drop)
     }
 
-    /// Numbers of one step of a term.
+    /// Returns the size of one step of a term.
     pub fn width(&self, observation: &Observation) -> usize {
         match observation.term {
             Term::BaseLinearVelocity | Term::BaseAngularVelocity | Term::ProjectedGravity | Term::Command => {
@@ -264,11 +264,11 @@ impl Policy {
         }
     }
 
-    /// Numbers of the whole observation, with histories.
+    /// Returns the size of the whole observation, histories included.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Value`] if there is no term, or there are too many numbers.
+    /// [`PolicyError::Value`] if there is no term, or the observation is too large.
     pub fn inputs(&self) -> Result<usize, PolicyError> {
         let widths = self.observations.iter().map(|term| self.width(term).checked_mul(term.history));
         let sum = widths.into_iter().try_fold(0_usize, |sum, width| sum.checked_add(width?));
@@ -278,12 +278,12 @@ impl Policy {
         })
     }
 
-    /// Maps actions to the joints of a robot, in its order. Joints of the robot that the policy does not
-    /// command are left alone.
+    /// Maps actions to the joints of a robot, in the robot's order. Joints that the policy does not command
+    /// are unaffected.
     ///
     /// # Errors
     ///
-    /// [`PolicyError::Joints`] that names the joints which the robot does not have.
+    /// [`PolicyError::Joints`] with the joints that the robot does not have.
     pub fn joint_targets(&self, robot: &[impl AsRef<str>]) -> Result<JointTargets, PolicyError> {
         self.action.joint_targets(robot)
     }

@@ -1,4 +1,4 @@
-//! Numbers of a policy: one for all, or one for each.
+//! Numbers of a policy: one for all elements, or one for each.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,11 +16,11 @@ pub enum Numbers {
 }
 
 impl Numbers {
-    /// The number for `index`.
+    /// Returns the number for `index`.
     ///
     /// # Panics
     ///
-    /// If it is beyond the end of the list.
+    /// If the index is beyond the end of the list.
     pub fn get(&self, index: usize) -> f64 {
         match self {
             Self::All(value) => *value,

@@ -1,6 +1,6 @@
-//! From the outputs of a policy to the joints of a robot.
+//! Conversion of a policy's outputs to joint targets of a robot.
 
-/// An output of the network at a joint of the robot.
+/// The conversion of one output of the network to a robot joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointTarget {
     /// Index of the joint in the robot.
@@ -11,7 +11,7 @@ pub struct JointTarget {
     pub offset: f64,
 }
 
-/// From actions in the order of a policy to joint targets in the order of a robot.
+/// Conversion of actions in the order of a policy to joint targets in the order of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointTargets {
     targets: Vec<JointTarget>,
@@ -23,27 +23,27 @@ impl JointTargets {
         Self { targets, clip }
     }
 
-    /// The joint of each output, in the order of the policy.
+    /// Returns the joint of each output, in the order of the policy.
     pub fn targets(&self) -> &[JointTarget] {
         &self.targets
     }
 
-    /// An output of the network within its bounds.
+    /// Returns an output of the network, clamped to its bounds.
     pub fn clipped(&self, action: f64) -> f64 {
         action.clamp(self.clip[0], self.clip[1])
     }
 
-    /// The target of output `index` of the policy.
+    /// Returns the target of output `index` of the policy.
     ///
     /// # Panics
     ///
-    /// If the policy has fewer outputs.
+    /// If the index is out of range.
     pub fn target(&self, index: usize, action: f64) -> f64 {
         let JointTarget { scale, offset, .. } = self.targets[index];
         self.clipped(action).mul_add(scale, offset)
     }
 
-    /// Writes the targets of an action into the joints of the robot; other joints keep their numbers.
+    /// Writes the targets of an action to the joints of the robot; other joints keep their values.
     pub fn apply(&self, action: &[f64], joints: &mut [f64]) {
         for (index, (JointTarget { joint, .. }, action)) in self.targets.iter().zip(action).enumerate() {
             joints[*joint] = self.target(index, *action);

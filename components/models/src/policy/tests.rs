@@ -1,4 +1,4 @@
-//! Policies: their file, the order of joints, their networks.
+//! Tests of policies: their file, joint order, and networks.
 
 use super::{Assembly, NetworkMismatch, Numbers, Observation, Policy, PolicyError, PolicyNetwork, Term};
 use crate::inference::Unary;

@@ -1,4 +1,4 @@
-//! The interface that models share.
+//! Tests of the common interface of models.
 
 use motorium_models::approximator::{Approximator, CLASSES, LatentMap};
 use motorium_models::gp::{GaussianProcess, GpError};
@@ -9,7 +9,7 @@ fn rows(n: usize, d: usize, phase: f64) -> Vec<f64> {
     (0..n * d).map(|i| (0.4 * (i / d) as f64 + 1.1 * (i % d) as f64 + phase).sin()).collect()
 }
 
-/// Parameters are taken over, change the prediction, and bring it back.
+/// Checks that new parameters change the prediction, and that the old ones restore it.
 fn check<M: Approximator>(model: &mut M)
 where
     M::Error: std::fmt::Debug,

@@ -1,14 +1,14 @@
-//! Golden numbers.
+//! Reference numbers.
 
 use serde_json::Value;
 
-/// Reads a file of golden numbers.
+/// Reads a file of reference numbers.
 pub(crate) fn read(name: &str) -> Value {
     let path = format!("{}/tests/golden/{name}", env!("CARGO_MANIFEST_DIR"));
     serde_json::from_str(&std::fs::read_to_string(path).expect("a golden file")).expect("JSON")
 }
 
-/// All numbers of a value, nested lists row by row.
+/// Returns all numbers of a value; nested lists row by row.
 pub(crate) fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(parts) => parts.iter().flat_map(numbers).collect(),
@@ -16,7 +16,7 @@ pub(crate) fn numbers(value: &Value) -> Vec<f64> {
     }
 }
 
-/// Asserts that numbers agree to `tolerance` of the largest.
+/// Asserts that numbers agree within `tolerance` relative to the largest.
 pub(crate) fn assert_close(found: &[f64], expected: &[f64], tolerance: f64, what: &str) {
     assert_eq!(found.len(), expected.len(), "{what}");
     let scale = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));

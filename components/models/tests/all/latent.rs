@@ -17,7 +17,7 @@ fn energy_and_gradients_equal_gpy() {
     assert_close(&by_parameters, &numbers(&golden["by_parameters"]), 1e-8, "by parameters");
 }
 
-/// Poses of an arm that follows two hidden causes, with directions and gains of its own.
+/// Poses of an arm that follows two hidden causes, with arm-specific directions and gains.
 fn arm(columns: usize, phase: f64, rows: std::ops::Range<usize>) -> Vec<f64> {
     rows.flat_map(|i| {
         let (u, v) = ((0.37 * i as f64).sin(), (0.23 * i as f64 + 1.0).cos());
@@ -38,7 +38,7 @@ fn settings(back: Option<BackForm>) -> Settings {
     Settings { latents: Some(2), iterations: 100, back, ..Settings::default() }
 }
 
-/// Mean squared error on poses that the model does not know, as part of the mean predictor's.
+/// Returns the mean squared error on unseen poses, relative to the mean predictor's.
 fn error_of(model: &LatentModel, robot: &str, columns: usize, phase: f64) -> f64 {
     let (human, truth) = (arm(6, 0.3, 60..90), arm(columns, phase, 60..90));
     let (from, to) = (model.space("human").expect("a space"), model.space(robot).expect("a space"));
@@ -84,13 +84,14 @@ fn a_robot_of_pure_noise_raises_a_warning() {
     let (human, first) = (arm(6, 0.3, 0..60), arm(4, 1.1, 0..60));
     let spaces = [data("human", 6, &human), data("first", 4, &first)];
     let (mut model, _) = LatentModel::train(&spaces, &settings(None)).expect("a model");
-    // the order of the poses has nothing to do with the human
+    // the order of the poses is unrelated to the human
     let noise: Vec<f64> = (0..180).map(|i| ((i * i * 7919) as f64 * 0.618_034).fract()).collect();
     let transferred = model.transfer(&data("noise", 3, &noise), 100).expect("a transfer");
     assert!(transferred.warning.is_some_and(|text| text.contains("hardly predicts noise")), "a warning");
 }
 
-/// Errors of the default and of the direct process on poses that are left out, each with the standard error.
+/// Returns the errors of the default model and of the direct process on held-out poses, each with its
+/// standard error.
 fn default_and_direct(human: &Poses, robot: &Poses, folds: usize) -> [(f64, f64); 2] {
     let errors = compare(human, robot, &Settings::default(), folds).expect("errors");
     ["latent", "gaussian_process"].map(|name| {

@@ -71,7 +71,7 @@ fn mistakes_are_named() {
     assert_eq!(error, HmmError::Shape { what: "values of a sequence", found: 3, expected: 2 });
 }
 
-/// All paths of `n` states of `k`.
+/// All paths of `n` states among `k`.
 fn paths(k: usize, n: usize) -> impl Iterator<Item = Vec<usize>> {
     (0..k.pow(n as u32)).map(move |code| (0..n).map(|t| code / k.pow(t as u32) % k).collect())
 }
@@ -209,7 +209,7 @@ fn movements_are_reproduced_by_regression_and_by_tracking() {
     let (tight, loose) = (follow(1e-2), follow(1e3));
     assert_eq!(tight.len(), columns.len());
     assert!(distance(&tight) < 0.1 && distance(&loose) > 2.0 * distance(&tight), "{}", distance(&tight));
-    // it passes over from one mean to the next without a step
+    // it moves from one mean to the next without a discontinuity
     assert!(tight.chunks(2).zip(tight.chunks(2).skip(1)).all(|(a, b)| (a[0] - b[0]).abs() < 0.05));
     let error = Tracker::new(&model, &[0, 9], 0.01, 1.0).expect_err("a state");
     assert_eq!(error, HmmError::Shape { what: "states", found: 10, expected: 8 });

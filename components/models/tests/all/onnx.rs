@@ -28,13 +28,13 @@ fn bytes(hexadecimal: &str) -> Vec<u8> {
     hexadecimal.as_bytes().as_chunks::<2>().0.iter().map(|[a, b]| 16 * digit(*a) + digit(*b)).collect()
 }
 
-/// The largest difference from onnxruntime, relative to numbers above 1.
+/// Returns the largest difference from onnxruntime, relative for numbers above 1.
 fn difference(case: &Case) -> Result<f32, OnnxError> {
     let model = Model::read(&bytes(&case.model))?;
     let shapes: Vec<Vec<usize>> = case.inputs.iter().map(|input| input.shape.clone()).collect();
     let mut program = model.program_with(&shapes)?;
     let mut largest = 0.0_f32;
-    // twice: a run must not depend on the one before
+    // twice: a run must not depend on the previous one
     for _ in 0..2 {
         for (index, input) in case.inputs.iter().enumerate() {
             program.input_mut(index).copy_from_slice(&input.values);
@@ -72,7 +72,7 @@ fn every_operator_matches_onnxruntime() {
 #[test]
 fn random_networks_match_onnxruntime() {
     compare(&cases(include_str!("networks.json")));
-    // more of them: MOTORIUM_ONNX_CASES=FILE made by `onnx_cases.py networks FILE 200`
+    // more cases: MOTORIUM_ONNX_CASES=FILE, written by `onnx_cases.py networks FILE 200`
     if let Some(path) = std::env::var_os("MOTORIUM_ONNX_CASES") {
         compare(&cases(&std::fs::read_to_string(path).expect("cases")));
     }

@@ -70,7 +70,7 @@ fn fitted_hyperparameters_equal_scikit_learn() {
     for (i, x) in query.chunks(2).enumerate() {
         let variance = gp.predict(x, &mut mean, &mut scratch);
         assert_close(&mean, &[numbers(&golden["fitted"]["mean"])[i]], 1e-3, "mean");
-        // scikit-learn's variance holds its noise, too
+        // scikit-learn's variance includes its noise
         assert_close(&[variance], &[numbers(&golden["fitted"]["variance"])[i]], 1e-3, "variance");
     }
 }

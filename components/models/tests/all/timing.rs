@@ -6,7 +6,7 @@ use motorium_models::gplvm::{BackForm, LatentModel, Settings, SpaceData};
 use motorium_models::kernel::Kernel;
 use motorium_models::optimise::Options;
 
-/// Processor time of this thread, s: on a busy machine the wall clock counts other programs.
+/// Processor time of this thread, s: on a busy machine the wall clock includes other programs.
 fn processor() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("the kernel counts");
     text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).expect("nanoseconds") * 1e-9

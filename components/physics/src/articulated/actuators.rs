@@ -1,4 +1,4 @@
-//! The actuators of the drives that are not ideal.
+//! The actuators of drives that are not ideal.
 
 use core::ops::Range;
 
@@ -12,11 +12,11 @@ use crate::joint::JointProperties;
 use crate::robot::{Robot, RobotSetup};
 use crate::{BuildError, JointCommand};
 
-/// The actuators of a robot. Without any, nothing is computed.
+/// The actuators of a robot. Robots without actuators need no computation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Actuators {
     joints: Vec<Driven>,
-    /// The commands as the actuators pass them on, one per joint.
+    /// The commands that the actuators pass on, one per joint.
     commands: Vec<JointCommand>,
 }
 
@@ -25,16 +25,16 @@ pub(super) struct Actuators {
 struct Driven {
     joint: usize,
     settings: ActuatorSettings,
-    /// Before the step, and after the part of it that is done.
+    /// State before the step, and after the completed part of the step.
     now: Actuator,
     next: Actuator,
     delay: Delay<JointCommand>,
     network: Option<ActuatorNetwork>,
-    /// Position error and velocity that the network has measured at the begin of the step.
+    /// Position error and velocity that the network measured at the start of the step.
     measured: [f64; 2],
-    /// The command that the drive follows in the step.
+    /// The command that the drive follows during the step.
     acting: JointCommand,
-    /// The command at the motor in the present integration step.
+    /// The command at the motor in the current integration step.
     at_motor: DriveCommand,
 }
 
@@ -43,7 +43,7 @@ struct Driven {
 pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointCommand>, Option<ActuatorNetwork>)>);
 
 impl Actuators {
-    /// Creates the actuators of the setup, for joints with these properties.
+    /// Creates the actuators of the setup for joints with these properties.
     pub(super) fn new(setup: &RobotSetup, joints: &[JointProperties]) -> Result<Self, BuildError> {
         let mut driven = Vec::new();
         for ((joint, settings), properties) in setup.actuators.iter().enumerate().zip(joints) {
@@ -69,15 +69,15 @@ impl Actuators {
         Ok(Self { joints: driven, commands: vec![JointCommand::default(); commands] })
     }
 
-    /// The settings, one per joint; empty where all are ideal.
+    /// Returns the settings, one per joint; empty if all actuators are ideal.
     pub(super) fn settings(&self) -> Vec<Option<ActuatorSettings>> {
         let mut settings = vec![None; self.commands.len()];
         self.joints.iter().for_each(|driven| settings[driven.joint] = Some(driven.settings.clone()));
         settings
     }
 
-    /// Applies other settings to the existing actuators. Their networks, efforts, heat and delayed commands
-    /// are kept.
+    /// Changes the settings of the existing actuators. Their networks, efforts, heat and delayed commands
+    /// stay.
     pub(super) fn set_settings(
         &mut self,
         settings: &[Option<ActuatorSettings>],
@@ -93,7 +93,7 @@ impl Actuators {
         Ok(())
     }
 
-    /// Takes over other effort limits.
+    /// Changes the effort limits.
     pub(super) fn set_limits(&mut self, joints: &[JointProperties]) {
         for driven in &mut self.joints {
             driven.now.set_limit(joints[driven.joint].effort_limit);
@@ -110,12 +110,12 @@ impl Actuators {
         }
     }
 
-    /// Returns `true` if a motor moves separately from its joint.
+    /// Returns `true` if a motor moves relative to its joint.
     pub(super) fn have_drivetrains(&self) -> bool {
         self.joints.iter().any(|driven| driven.now.drivetrain().is_some())
     }
 
-    /// Begins a step: computes the commands that act on these drives in it, and the outputs of networks.
+    /// Begins a step: selects the commands of these drives that act in it and evaluates the networks.
     pub(super) fn begin(&mut self, robot: &Robot, drives: &Range<usize>) {
         let (q, v) = (&robot.positions()[drives.clone()], &robot.velocities()[drives.clone()]);
         let commands = &robot.commands[drives.clone()];
@@ -126,7 +126,8 @@ impl Actuators {
             driven.acting = driven.delay.acting(commands[driven.joint]);
             let Driven { acting, next, measured, network, .. } = driven;
             let Some(network) = network else { continue };
-            // The drive measures its motor. A command without `kp` has no position target, and so no error.
+            // The drive measures its motor. A command without `kp` has no position setpoint, so the error is
+            // zero.
             let Motor { position, velocity } = next.motor().unwrap_or(joint);
             let error = if acting.kp > 0.0 { acting.position - position } else { 0.0 };
             *measured = [error, velocity];
@@ -136,8 +137,8 @@ impl Actuators {
         }
     }
 
-    /// The commands of an integration step of `h` \[s\] that begins with the joint positions `q` and
-    /// velocities `v`, as far as the actuators pass them on, and the bounds of the efforts in it.
+    /// Returns the commands that the actuators pass on for an integration step of `h` \[s\] from the joint
+    /// positions `q` and velocities `v`, and sets the effort bounds of that step.
     pub(super) fn pass<'a>(
         &'a mut self,
         commands: &'a [JointCommand],
@@ -159,7 +160,7 @@ impl Actuators {
                 integrator.set_bounds(*joint, [law.low, law.high]);
                 continue;
             }
-            // A share of the whole law, and a part that does not depend on the end of the step.
+            // A share of the whole law, plus a part that does not depend on the end of the step.
             self.commands[*joint] = JointCommand {
                 effort: law.share * acting.effort + law.carried,
                 kp: law.share * acting.kp,
@@ -171,7 +172,7 @@ impl Actuators {
         &self.commands
     }
 
-    /// Takes in the efforts of an integration step of `h` \[s\].
+    /// Records the efforts of an integration step of `h` \[s\].
     pub(super) fn apply(&mut self, efforts: &[f64], h: f64) {
         for Driven { joint, next, at_motor, .. } in &mut self.joints {
             if next.drivetrain().is_some() {
@@ -182,7 +183,7 @@ impl Actuators {
         }
     }
 
-    /// Ends a step of `dt` \[s\] in which `commands` were given.
+    /// Ends a step of `dt` \[s\] that ran with `commands`.
     pub(super) fn commit(&mut self, commands: &[JointCommand], dt: f64) {
         for driven in &mut self.joints {
             driven.now = driven.next;
@@ -199,8 +200,8 @@ impl Actuators {
         ActuatorsState(self.joints.iter().map(saved).collect())
     }
 
-    /// Restores a saved state; returns `false` if it belongs to other actuators. Effort limits and settings
-    /// are unchanged.
+    /// Restores a saved state. Returns `false` if it belongs to other actuators. Effort limits and settings
+    /// are not part of the state and stay.
     pub(super) fn restore(&mut self, state: &ActuatorsState) -> bool {
         let fits = state.0.len() == self.joints.len();
         if fits {
@@ -214,7 +215,7 @@ impl Actuators {
     }
 }
 
-/// The command of a drive with this effort limit, as one at its motor.
+/// Converts the command of a drive with this effort limit into a command at its motor.
 fn drive_command(command: &JointCommand, limit: f64) -> DriveCommand {
     let JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *command;
     let (band, limit) = (BRAKING_BAND * max_velocity.max(-min_velocity), limit.abs());

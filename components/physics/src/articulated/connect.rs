@@ -1,4 +1,4 @@
-//! Connections of parts of the articulated engine.
+//! Connections between parts in the articulated engine.
 
 use motorium_robots::Model;
 use nalgebra::{Isometry3, Translation3};
@@ -9,7 +9,7 @@ use crate::robot::Robot;
 use crate::{ConnectError, Connection, World};
 
 impl Articulated {
-    /// Connects two parts in their present relative pose.
+    /// Connects two parts in their current poses.
     pub(super) fn connect_parts(
         &mut self,
         (robot, world): (&Robot, &World),
@@ -41,7 +41,7 @@ impl Articulated {
         Ok(())
     }
 
-    /// Takes the connections of two parts away.
+    /// Removes the connections between two parts.
     pub(super) fn disconnect_parts(
         &mut self,
         robot: &Robot,
@@ -53,7 +53,7 @@ impl Articulated {
         self.scene.disconnect([a.0, b.0])
     }
 
-    /// The part that a link, an object or the world moves with, and its frame there.
+    /// Returns the member that a link, an object or the world moves with, and its frame in that member.
     fn part(&self, robot: &Robot, world: &World, name: &str) -> Option<(Member, Isometry3<f64>)> {
         if name == "world" {
             return Some((Member { owner: Owner::World, fixed: None }, Isometry3::identity()));
@@ -72,7 +72,7 @@ impl Articulated {
         Some((Member { owner, fixed: None }, frame.placement))
     }
 
-    /// Present pose of a part.
+    /// Returns the current pose of a part.
     fn pose_of(&self, robot: &Robot, owner: Owner) -> Isometry3<f64> {
         match owner {
             Owner::World => Isometry3::identity(),
@@ -83,13 +83,13 @@ impl Articulated {
     }
 }
 
-/// The articulation of a link, and its index there.
+/// Returns the articulation of a link and the index of the link in it.
 fn find_link(robot: &Robot, name: &str) -> Option<(usize, usize)> {
     let links = robot.articulations.iter().enumerate();
     links.into_iter().find_map(|(of, own)| Some((of, own.model.frame(name).ok()?.index())))
 }
 
-/// The link or object most likely meant.
+/// Returns the link or object with the most similar name.
 fn nearest(robot: &Robot, world: &World, name: &str) -> Option<String> {
     let links =
         robot.articulations.iter().flat_map(|own| own.model.frames()).map(|frame| frame.name.as_str());

@@ -1,5 +1,4 @@
-//! The end velocity of an integration step: drives, friction, stops and external impulses that all depend on
-//! it.
+//! The end velocity of an integration step. Drives, friction, stops and external impulses all depend on it.
 
 use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;
@@ -9,16 +8,16 @@ use super::laws::{Friction, Laws, Mode, START};
 use crate::JointCommand;
 use crate::joint::JointProperties;
 
-/// A mass matrix that is singular at this index of `v`: the joint moves no inertia.
+/// The mass matrix is singular at this index of `v`: the joint moves no inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the mass matrix is singular at velocity {0}: it moves no inertia")]
 pub struct Singular(pub usize);
 
-/// The start of a step.
+/// Quantities at the start of a step.
 pub(super) struct Start<'a> {
     /// Positions of the joints.
     pub(super) q: &'a [f64],
-    /// The whole velocity, a floating base's first.
+    /// The whole velocity; a floating base comes first.
     pub(super) v: &'a [f64],
     /// Length of the step \[s\].
     pub(super) h: f64,
@@ -36,14 +35,14 @@ pub(super) struct ImplicitSolver {
     pub(super) factor: MassFactor,
     /// Entries whose velocity a mode fixes.
     pub(super) held: Vec<bool>,
-    /// Generalized external impulse.
+    /// Generalized external impulse (nv).
     pub(super) impulse: Vec<f64>,
 }
 
-/// Largest number of sweeps of the relaxation, the fallback for a cycling active set.
+/// Largest number of sweeps of the relaxation, which replaces the active set when that cycles.
 const SWEEPS: usize = 200;
 
-/// Attempts of the active set before the relaxation. The first guess is nearly always confirmed.
+/// Guesses of the modes before the relaxation replaces the active set. The first is nearly always confirmed.
 pub(super) const GUESSES: usize = 24;
 
 impl ImplicitSolver {
@@ -75,8 +74,8 @@ impl ImplicitSolver {
         fits
     }
 
-    /// Begins a step: computes the laws of all joints, by the midpoint rule if `middle` has the positions
-    /// there.
+    /// Begins a step: computes the laws of all joints. `middle` has the positions at the midpoint in a step
+    /// of the midpoint rule.
     pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),
@@ -101,10 +100,10 @@ impl ImplicitSolver {
         }
     }
 
-    /// Returns `true` if the end velocity `x`, with the external impulses, confirms the modes; otherwise
-    /// updates the modes to match it.
+    /// Returns `true` if the end velocity `x`, with the external impulses, confirms the modes. Otherwise the
+    /// modes become the ones that `x` implies.
     pub(super) fn confirm(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {
-        // A velocity that a mode fixes stays exact.
+        // A velocity fixed by a mode stays exact.
         for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x.iter_mut()) {
             if let Some(velocity) = laws.fixed(mode) {
                 *x = velocity;
@@ -113,7 +112,7 @@ impl ImplicitSolver {
         let mut settled = true;
         for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
             let (constant, slope) = laws.force(mode);
-            // A held velocity counts only where one is held.
+            // The holding force matters only where a velocity is held.
             let missing = if laws.fixed(mode).is_some() {
                 let outside = start.bias[i] - self.impulse[i] / start.h;
                 inertial(start, x, i) / start.h + outside - (constant - slope * x[i])
@@ -127,7 +126,7 @@ impl ImplicitSolver {
         settled
     }
 
-    /// Ends a step: the efforts of the drives (one per joint) at the end velocity `x`.
+    /// Ends a step: computes the efforts of the drives (one per joint) at the end velocity `x`.
     pub(super) fn finish(&self, x: &[f64], tau: &mut [f64]) -> JointEvents {
         let mut events = JointEvents::default();
         for ((laws, x), tau) in self.laws.iter().zip(x).skip(x.len() - tau.len()).zip(tau) {
@@ -138,8 +137,8 @@ impl ImplicitSolver {
         events
     }
 
-    /// The end velocity of the current modes without external impulses, into `x` (nv): a linear system, which
-    /// joints with a fixed velocity leave.
+    /// Solves for the end velocity of the current modes without external impulses, into `x` (nv). Joints with
+    /// a fixed velocity drop out of the linear system.
     pub(super) fn solve_modes(&mut self, start: &Start<'_>, x: &mut [f64]) -> Result<(), Singular> {
         self.system.copy_from(start.mass);
         for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
@@ -147,7 +146,7 @@ impl ImplicitSolver {
             self.system[(i, i)] += start.h * slope;
             x[i] = start.h * (constant - start.bias[i]);
         }
-        // Column by column, the memory order of the matrix.
+        // Column by column, because the matrix is stored in column-major order.
         for (column, v) in start.mass.as_slice().chunks_exact(start.v.len()).zip(start.v) {
             for (x, entry) in x.iter_mut().zip(column) {
                 *x += entry * v;
@@ -171,9 +170,9 @@ impl ImplicitSolver {
         Ok(())
     }
 
-    /// Gauss-Seidel on the joints, each solved exactly: slower than the active set, but it always converges
-    /// because the problem is convex. External impulses stay as they were last. The next step starts with
-    /// fresh modes.
+    /// Relaxes the joints by Gauss-Seidel, each solved exactly. This is slower than the active set, but
+    /// always converges because the problem is convex. External impulses keep their last values. The next
+    /// step starts with fresh modes.
     pub(super) fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
         for _ in 0..SWEEPS {
             let mut change = 0.0_f64;
@@ -192,7 +191,7 @@ impl ImplicitSolver {
     }
 }
 
-/// Row `i` of `M (x - v)`. M is symmetric.
+/// Returns row `i` of `M (x - v)`. M is symmetric.
 fn inertial(start: &Start<'_>, x: &[f64], i: usize) -> f64 {
     let n = x.len();
     let row = &start.mass.as_slice()[i * n..][..n];

@@ -10,32 +10,33 @@ use crate::contact::ImpulseTarget;
 use crate::joint::JointProperties;
 use crate::{Integrator, JointCommand};
 
-/// A joint-space integrator: it moves a robot that touches nothing by one integration step at a time.
+/// A joint-space integrator: moves a robot without contacts by one integration step at a time.
 ///
-/// Semi-implicit Euler by default, of first order, in the independent coordinates: mimic joints, which have
-/// no coordinate, are exact. A floating base comes first. The end velocity `v+` of a step of length h solves
+/// The default method is semi-implicit Euler, of first order, in the independent coordinates. Mimic joints
+/// are exact because they have no independent coordinate. A floating base comes first. The end velocity `v+`
+/// of a step of length h solves
 ///
 /// ```text
 /// M(q) (v+ - v) / h + C(q, v) v + g(q) = tau(q + h v+, v+) - D v+ + friction(v+) + stop(q + h v+)
 /// q+ = q + h v+
 /// ```
 ///
-/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can hold, and
-/// inelastic limit stops. A floating base moves on a straight line and turns about a fixed axis during the
-/// step; its velocity is expressed in axes that are fixed meanwhile, so that its rotation alone changes no
-/// velocity.
+/// with the drive law `tau` of [`JointCommand`], viscous damping `D`, Coulomb friction that can stick, and
+/// inelastic limit stops. A floating base moves along a straight line and turns about a fixed axis during the
+/// step. Its velocity is expressed in axes that do not rotate during the step, so its rotation alone changes
+/// no velocity.
 ///
 /// Each term is a monotone function of its own `v+_i` and `M` is positive definite, so the solution exists
-/// and is unique for any gains (a strictly convex problem). An active set finds it: a joint's drive is linear
-/// or saturated, its friction sticks or slips, its stop holds or not; the linear system of the current modes
-/// is solved until its solution confirms the modes. The modes of the last step are the initial guess and
-/// nearly always right.
+/// and is unique for any gains (a strictly convex problem). An active set finds the solution: a joint's drive
+/// is linear or saturated, its friction sticks or slips, its stop holds or not. The linear system of the
+/// current modes is solved until its solution confirms the modes. The modes of the last step are the first
+/// guess and nearly always right.
 ///
-/// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves like one with Kd + h
-/// Kp. A drive without damping therefore comes to rest.
+/// The drive acts at the end of the step, which adds damping: a drive with Kp and Kd behaves like one
+/// with Kd + h Kp. A drive without damping therefore comes to rest.
 ///
-/// [`Integrator::Midpoint`] is of second order. It evaluates the inertia and the bias in the middle of the
-/// step, the latter at the mean of the velocities before and after:
+/// [`Integrator::Midpoint`] is of second order. It evaluates the inertia and the bias at the midpoint of the
+/// step, the bias with the mean of the velocities before and after:
 ///
 /// ```text
 /// q_m = q + h/2 v
@@ -44,9 +45,9 @@ use crate::{Integrator, JointCommand};
 /// q+ = q_m + h/2 v+
 /// ```
 ///
-/// with `v_m` from a first solution of the same step. Drives act at the end of the step as before, so that
-/// gains of any size are stable; the effects of drives, damping and friction are of first order. A joint that
-/// may reach its stop uses Euler's method in that step.
+/// with `v_m` from a first solution of the same step. Drives still act at the end of the step, so gains of
+/// any size are stable; the effects of drives, damping and friction are of first order. A joint that may
+/// reach its stop uses Euler's method in that step.
 ///
 /// Nothing allocates after [`new`](Self::new).
 ///
@@ -80,8 +81,8 @@ pub struct JointSpaceIntegrator {
     solver: ImplicitSolver,
     /// The method of [`advance`](Self::advance).
     method: Integrator,
-    /// The present step uses the midpoint rule, with these positions in its middle and these initial
-    /// velocities; a base's are in its axes there.
+    /// The current step uses the midpoint rule, with the positions `q_middle` at its midpoint and the start
+    /// velocities `v_middle`; a base's velocity is expressed in its axes at the midpoint.
     midway: bool,
     q_middle: Vec<f64>,
     v_middle: Vec<f64>,
@@ -98,7 +99,7 @@ pub struct JointEvents {
 }
 
 impl JointSpaceIntegrator {
-    /// A workspace for `model` with the passive properties `joints`, one per independent joint.
+    /// Creates a workspace for `model` with the passive properties `joints`, one per independent joint.
     pub fn new(model: &Model, joints: Vec<JointProperties>) -> Self {
         assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
         let n = model.nv();
@@ -118,17 +119,17 @@ impl JointSpaceIntegrator {
         }
     }
 
-    /// The same with this method in [`advance`](Self::advance).
+    /// Sets the method of [`advance`](Self::advance).
     pub fn with_method(self, method: Integrator) -> Self {
         Self { method, ..self }
     }
 
-    /// Passive properties of the joints.
+    /// Returns the passive properties of the joints.
     pub fn joints(&self) -> &[JointProperties] {
         &self.joints
     }
 
-    /// Takes over other passive properties, one set per independent joint.
+    /// Replaces the passive properties, one set per independent joint.
     pub(crate) fn set_joints(&mut self, joints: &[JointProperties]) {
         self.joints.copy_from_slice(joints);
         self.bounds.iter_mut().zip(joints).for_each(|(bounds, joint)| *bounds = limits(joint));
@@ -139,27 +140,27 @@ impl JointSpaceIntegrator {
         self.bounds[joint] = bounds;
     }
 
-    /// Resets the modes of the last step, so that the next step depends on its arguments alone.
+    /// Clears the modes of the last step, so that the next step depends only on its arguments.
     pub fn forget(&mut self) {
         self.solver.forget();
     }
 
-    /// The modes of the last step, with which the next begins.
+    /// Returns the modes of the last step, which start the next one.
     pub(crate) fn modes(&self) -> &[Mode] {
         self.solver.modes()
     }
 
-    /// Restores earlier modes; returns `false` if they belong to another robot.
+    /// Restores earlier modes. Returns `false` if they belong to another robot.
     pub(crate) fn set_modes(&mut self, modes: &[Mode]) -> bool {
         self.solver.set_modes(modes)
     }
 
-    /// Advances `q` (nq) and `v` (nv) by `h` \[s\] and writes the efforts that the drives apply meanwhile to
-    /// `tau`. `commands` and `tau` have one entry per independent joint.
+    /// Advances `q` (nq) and `v` (nv) by `h` \[s\] and writes the efforts that the drives apply during the
+    /// step to `tau`. `commands` and `tau` have one entry per independent joint.
     ///
     /// # Errors
     ///
-    /// [`Singular`] when a joint moves no inertia; `q` and `v` are then as before, `tau` is unspecified.
+    /// [`Singular`] if a joint moves no inertia; `q` and `v` are then unchanged, `tau` is unspecified.
     #[expect(
         clippy::too_many_arguments,
         reason = "a step maps (q, v, command) to (q, v, tau); bundling hides that"
@@ -186,8 +187,8 @@ impl JointSpaceIntegrator {
         Ok(self.finish(model, (q, v), (h, settled), tau))
     }
 
-    /// Begins a step; `force` is a generalized force besides gravity (nv, or empty). Guesses follow, each
-    /// [`find_free`](Self::find_free), impulses of contacts and [`confirm`](Self::confirm), then
+    /// Begins a step. `force` is a generalized force in addition to gravity (nv, or empty). Guesses follow,
+    /// each with [`find_free`](Self::find_free), contact impulses and [`confirm`](Self::confirm), then
     /// [`finish`](Self::finish).
     pub(super) fn begin(
         &mut self,
@@ -208,8 +209,8 @@ impl JointSpaceIntegrator {
         self.solver.begin((&self.joints, commands, &self.bounds), &start, None);
     }
 
-    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias of the
-    /// step is computed.
+    /// Begins a step of the midpoint rule. A first solution provides the mean velocity at which the bias of
+    /// the step is evaluated.
     fn begin_midway(
         &mut self,
         model: &Model,
@@ -229,7 +230,7 @@ impl JointSpaceIntegrator {
         let start = Start { q: model.joints_of_q(q), v: v_middle, h, mass, bias };
         self.solver.begin((&self.joints, commands, &self.bounds), &start, Some(model.joints_of_q(q_middle)));
         for _ in 0..GUESSES {
-            // A singular matrix is reported where the end velocity is looked for.
+            // A singular matrix is reported when the end velocity is computed.
             if self.solver.solve_modes(&start, x).is_err() || self.solver.confirm(&start, x) {
                 break;
             }
@@ -258,7 +259,7 @@ impl JointSpaceIntegrator {
         }
     }
 
-    /// The bias, less `force`. The mass matrix has been assembled.
+    /// Computes the bias minus `force`. The mass matrix has been assembled.
     fn assemble_bias(
         &mut self,
         model: &Model,
@@ -270,7 +271,8 @@ impl JointSpaceIntegrator {
             *bias -= force;
         }
         if model.base().floating {
-            // In fixed axes the base's velocity does not turn with it: remove the term of the turning axes.
+            // In axes that do not rotate, the base's velocity does not turn with the base: remove the term of
+            // the rotating axes.
             let turning = Vector3::from_column_slice(&v[3..6]).cross(&Vector3::from_column_slice(&v[..3]));
             for (row, bias) in self.bias.iter_mut().enumerate() {
                 *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();
@@ -278,9 +280,9 @@ impl JointSpaceIntegrator {
         }
     }
 
-    /// Momentum of a robot with a floating base at the start `v` of a step, linear and about the centre of
-    /// mass, in the axes of the base: the rows of the base of the mass matrix. `None` in a step of the
-    /// midpoint rule, whose mass matrix is another.
+    /// Returns the momentum of a robot with a floating base at the start `v` of a step, linear and about the
+    /// centre of mass, in base axes; it is computed from the base rows of the mass matrix. `None` in a step
+    /// of the midpoint rule, which has a different mass matrix.
     pub(super) fn start_momentum(&self, v: &[f64]) -> Option<[Vector3<f64>; 2]> {
         if self.midway {
             return None;
@@ -292,12 +294,12 @@ impl JointSpaceIntegrator {
             }
         }
         let (linear, angular) = (Vector3::new(sum[0], sum[1], sum[2]), Vector3::new(sum[3], sum[4], sum[5]));
-        // The block of force and turn is the first moment of mass.
+        // The block that couples force and rotation is the first moment of mass.
         let moment = Vector3::new(self.mass[(5, 1)], self.mass[(3, 2)], self.mass[(4, 0)]);
         Some([linear, angular - moment.cross(&linear) / self.mass[(0, 0)]])
     }
 
-    /// The end velocity of the present modes without impulses of contacts.
+    /// Computes the end velocity of the current modes without contact impulses.
     pub(super) fn find_free(
         &mut self,
         model: &Model,
@@ -309,15 +311,15 @@ impl JointSpaceIntegrator {
         self.solver.solve_modes(&start, self.v_next.as_mut_slice())
     }
 
-    /// True where the end velocity confirms the modes; otherwise the next guess has others.
+    /// Returns `true` if the end velocity confirms the modes; otherwise the next guess uses different ones.
     pub(super) fn confirm(&mut self, model: &Model, (q, v): (&[f64], &[f64]), h: f64) -> bool {
         let v = if self.midway { &self.v_middle } else { v };
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
         self.solver.confirm(&start, self.v_next.as_mut_slice())
     }
 
-    /// Ends a step: advances `q` and `v`, and writes the efforts of the drives. Modes that no guess confirmed
-    /// (`settled` is false) are found by relaxation.
+    /// Ends a step: advances `q` and `v`, and writes the efforts of the drives. If no guess confirmed its
+    /// modes (`settled` is false), relaxation finds them.
     pub(super) fn finish(
         &mut self,
         model: &Model,
@@ -342,21 +344,21 @@ impl JointSpaceIntegrator {
         events
     }
 
-    /// The end velocity as impulses of contacts move it.
+    /// Returns the end velocity as a target of contact impulses.
     pub(super) fn target(&mut self) -> ImpulseTarget<'_> {
         let ImplicitSolver { factor, held, impulse, .. } = &mut self.solver;
         ImpulseTarget { factor, held, x: self.v_next.as_mut_slice(), impulse }
     }
 }
 
-/// Lowest and highest effort of the drive of a joint.
+/// Returns the lowest and highest effort of a joint's drive.
 fn limits(joint: &JointProperties) -> [f64; 2] {
     let limit = joint.effort_limit.abs();
     [-limit, limit]
 }
 
-/// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is rotated from its initial axes
-/// into its final ones.
+/// Advances `q` with the end velocity `x` by `h`. Rotates the base's part of `x` from its axes at the start
+/// into its axes at the end.
 fn integrate_position(model: &Model, q: &mut [f64], x: &mut [f64], h: f64) {
     let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
     for (q, x) in q[offset..].iter_mut().zip(&x[base..]) {

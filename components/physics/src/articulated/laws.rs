@@ -1,10 +1,10 @@
-//! The laws of a joint as functions of its end velocity: drive, damping, friction, stops.
+//! The laws of a joint as functions of its end velocity: drive, damping, friction and stops.
 
 use crate::JointCommand;
 use crate::command::BRAKING_BAND;
 use crate::joint::JointProperties;
 
-/// The branch that each law of a joint is on.
+/// The active branch of each law of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Mode {
     pub(super) drive: Drive,
@@ -15,24 +15,24 @@ pub(crate) struct Mode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Drive {
     Linear,
-    /// The full effort forwards.
+    /// Full effort forwards.
     High,
-    /// The full effort backwards.
+    /// Full effort backwards.
     Low,
-    /// Moving forwards faster than it may: the effort falls with the velocity.
+    /// Faster forwards than the limit: the effort falls with the velocity.
     SlowForwards,
-    /// Moving backwards faster than it may.
+    /// Faster backwards than the limit.
     SlowBackwards,
 }
 
-/// The modes of a joint about which nothing is known.
+/// The initial modes of a joint.
 pub(super) const START: Mode = Mode { drive: Drive::Linear, friction: Friction::None, stop: Stop::Free };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Friction {
     None,
     Stick,
-    /// Moving forwards, friction pushes back.
+    /// Moving forwards; friction pushes backwards.
     Forwards,
     Backwards,
 }
@@ -44,41 +44,42 @@ pub(crate) enum Stop {
     Upper,
 }
 
-/// Laws of one joint as functions of its end velocity.
+/// The laws of one joint as functions of its end velocity.
 #[derive(Clone, Debug)]
 pub(crate) struct Laws {
     /// Drive effort before clamping: `drive_0 - drive_slope * v+`.
     drive_0: f64,
     drive_slope: f64,
-    /// The highest and the lowest effort of the drive.
+    /// Highest and lowest effort of the drive.
     high: f64,
     low: f64,
     /// Velocities beyond which the drive brakes.
     min_velocity: f64,
     max_velocity: f64,
-    /// Slope of its highest effort beyond those velocities.
+    /// Slope with which the highest effort falls beyond those velocities.
     braking_slope: f64,
-    /// Force of the joint's spring at no velocity, and how it and the damping fall with the velocity.
+    /// Force of the joint's spring at zero velocity, and the slope with which spring and damping forces fall
+    /// with the velocity.
     spring: f64,
     pub(super) damping: f64,
     pub(super) friction: f64,
-    /// Range of `v+` the stops allow.
+    /// Range of `v+` that the stops allow.
     pub(super) slowest: f64,
     pub(super) fastest: f64,
 }
 
-/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle: to undo it within one step would be
-/// a blow.
+/// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle, because correcting the distance
+/// within one step would be a blow.
 const RECOVERY_RATE: f64 = 20.0;
 
-/// Velocity at which a joint arrives at a stop at this distance exactly within `h`; beyond the stop, its
-/// largest return velocity.
+/// Returns the velocity at which a joint arrives exactly at a stop at this distance within `h`. For a joint
+/// beyond the stop, returns the recovery velocity.
 fn reach(distance: f64, beyond: bool, h: f64) -> f64 {
     if beyond { distance * RECOVERY_RATE } else { distance / h }
 }
 
 impl Laws {
-    /// A velocity of a floating base: nothing acts on it.
+    /// The velocity of a floating base, on which no law acts.
     pub(crate) const FREE: Self = Self {
         drive_0: 0.0,
         drive_slope: 0.0,
@@ -94,8 +95,8 @@ impl Laws {
         fastest: f64::INFINITY,
     };
 
-    /// The laws in a step of `h` from position `q`. The drive's effort is limited to `low` and `high`: the
-    /// joint's limits or, in this step, narrower ones.
+    /// Creates the laws of a step of `h` from position `q`. The drive's effort is limited to `low` and
+    /// `high`, which are the limits of the joint or, in this step, narrower.
     pub(crate) fn new(
         joint: &JointProperties,
         command: &JointCommand,
@@ -109,7 +110,7 @@ impl Laws {
         let drive_slope = command.kd + h * command.kp;
         let (limit, low, high) = if brakes && !limit.is_finite() {
             // Without an effort limit the drive brakes with the largest effort that its command requests up
-            // to twice its velocity limit; up to the limit itself this leaves the command alone.
+            // to twice its velocity limit. Below the limit this does not affect the command.
             let requested = |x: f64| (drive_0 - 2.0 * drive_slope * x).abs();
             let limit = requested(command.min_velocity).max(requested(command.max_velocity));
             (limit, low.max(-limit), high.min(limit))
@@ -132,9 +133,9 @@ impl Laws {
         }
     }
 
-    /// The laws in a step of the midpoint rule from position `q` over `middle`, from where the end velocity
-    /// applies. Stops act in its second half. A spring acts with the mean of its forces at both ends, which
-    /// conserves its energy.
+    /// Converts the laws to a step of the midpoint rule from position `q` over `middle`, where the end
+    /// velocity takes over. Stops apply to the second half of the step. A spring acts with the mean of its
+    /// forces at both ends, which conserves its energy.
     pub(super) fn midway(self, joint: &JointProperties, [q, middle]: [f64; 2], h: f64) -> Self {
         Self {
             spring: joint.stiffness * (joint.rest - 0.5 * (q + middle)),
@@ -145,32 +146,32 @@ impl Laws {
         }
     }
 
-    /// The highest effort at end velocity `x`.
+    /// Returns the highest effort at end velocity `x`.
     fn highest(&self, x: f64) -> f64 {
         if x > self.max_velocity { self.slowing_forwards(x).max(self.low) } else { self.high }
     }
 
-    /// The lowest effort at end velocity `x`.
+    /// Returns the lowest effort at end velocity `x`.
     fn lowest(&self, x: f64) -> f64 {
         if x < self.min_velocity { self.slowing_backwards(x).min(self.high) } else { self.low }
     }
 
-    /// The highest effort beyond `max_velocity`, as far as it falls.
+    /// Returns the highest effort beyond `max_velocity`, including its fall.
     fn slowing_forwards(&self, x: f64) -> f64 {
         self.high - self.braking_slope * (x - self.max_velocity)
     }
 
-    /// The lowest effort beyond `min_velocity`, as far as it rises.
+    /// Returns the lowest effort beyond `min_velocity`, including its rise.
     fn slowing_backwards(&self, x: f64) -> f64 {
         self.low - self.braking_slope * (x - self.min_velocity)
     }
 
-    /// Drive effort at end velocity `x`, after clamping.
+    /// Returns the drive effort at end velocity `x`, after clamping.
     pub(crate) fn drive(&self, x: f64) -> f64 {
         (self.drive_0 - self.drive_slope * x).clamp(self.lowest(x), self.highest(x))
     }
 
-    /// The branch of the drive at end velocity `x`, as if there were no `max_velocity`.
+    /// Returns the branch of the drive at end velocity `x` without velocity limits.
     fn plain_mode(&self, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if raw > self.high {
@@ -182,14 +183,14 @@ impl Laws {
         }
     }
 
-    /// Returns `true` if the drive's effort is below its command's.
+    /// Returns `true` if the drive's effort is smaller than the commanded one.
     pub(crate) fn is_saturated(&self, x: f64) -> bool {
         let raw = self.drive_0 - self.drive_slope * x;
         raw > self.highest(x) || raw < self.lowest(x)
     }
 
-    /// The branch of the drive at end velocity `x`, found in `mode`. The braking branch is between full
-    /// effort forwards and backwards: skipping it would make the iteration cycle.
+    /// Returns the branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and
+    /// backwards there is the braking branch; skipping it would make the iteration cycle.
     pub(crate) fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {
@@ -216,7 +217,7 @@ impl Laws {
         }
     }
 
-    /// Effort of the drive on a branch as `constant - slope * x`.
+    /// Returns the effort of the drive on a branch as `constant - slope * x`.
     pub(crate) fn drive_force(&self, drive: Drive) -> (f64, f64) {
         match drive {
             Drive::Linear => (self.drive_0, self.drive_slope),
@@ -227,7 +228,7 @@ impl Laws {
         }
     }
 
-    /// Force on the joint in `mode` as `constant - slope * x`, without stops and sticking.
+    /// Returns the force on the joint in `mode` as `constant - slope * x`, without stops and stiction.
     pub(super) fn force(&self, mode: &Mode) -> (f64, f64) {
         let (drive, slope) = self.drive_force(mode.drive);
         let friction = match mode.friction {
@@ -238,7 +239,7 @@ impl Laws {
         (drive + friction + self.spring, slope + self.damping)
     }
 
-    /// The velocity `mode` fixes, if it does.
+    /// Returns the velocity that `mode` fixes, if any.
     pub(super) fn fixed(&self, mode: &Mode) -> Option<f64> {
         match (mode.stop, mode.friction) {
             (Stop::Lower, _) => Some(self.slowest),
@@ -248,7 +249,7 @@ impl Laws {
         }
     }
 
-    /// The mode that the solution `x` belongs to; `missing` is the force that holds a fixed velocity.
+    /// Returns the mode of the solution `x`; `missing` is the force that holds a fixed velocity.
     pub(super) fn explain(&self, mode: &Mode, x: f64, missing: f64) -> Mode {
         let drive = self.drive_mode(mode.drive, x);
         let mut friction = mode.friction;
@@ -279,10 +280,11 @@ impl Laws {
         Mode { drive, friction, stop }
     }
 
-    /// The velocity that solves this joint's equation `inertia * x + rest = h * force(x)` for fixed
-    /// velocities of the others: a monotone scalar equation with kinks.
+    /// Solves this joint's equation `inertia * x + rest = h * force(x)` with the velocities of the other
+    /// joints fixed: a monotone scalar equation with kinks.
     pub(super) fn solve_alone(&self, inertia: f64, rest: f64, h: f64) -> f64 {
-        // Root of inertia x + rest - h (drive(x) - damping x) = h push, strictly increasing in x.
+        // Root of inertia x + rest - h (drive(x) - damping x) = h push, whose left side strictly increases in
+        // x.
         let root = |push: f64| {
             let push = push + self.spring;
             let linear =
@@ -293,7 +295,7 @@ impl Laws {
                 Drive::Low => full(self.low),
                 _ => linear,
             };
-            // Beyond a velocity limit the drive applies the minimum of its branches.
+            // Beyond a velocity limit the drive uses the branch with the lowest effort.
             let slowing = |effort: f64| {
                 (h * (effort + push) - rest) / (inertia + h * (self.braking_slope + self.damping))
             };

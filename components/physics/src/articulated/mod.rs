@@ -58,7 +58,7 @@ use part::Part;
 /// ```
 pub type ArticulatedSimulator = Simulation<Articulated>;
 
-/// The articulated engine: joint-space dynamics, drives and contacts solved together.
+/// The articulated engine: joint-space dynamics, drives and contacts, solved together.
 ///
 /// Each integration step of length h finds the end velocity `v+` of
 ///
@@ -68,22 +68,23 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// q+ = q + h v+
 /// ```
 ///
-/// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
-/// ([`JointSpaceIntegrator`] has the other terms). Several articulations and the free objects of the world
-/// are part of the same problem; parts without a common contact are solved separately. The method is
-/// semi-implicit Euler, of first order in h; bodies without contacts can use the [midpoint
+/// with contact impulses `lambda` that prevent penetration and friction in Coulomb's cone
+/// ([`JointSpaceIntegrator`] documents the other terms). Several articulations and the free objects of the
+/// world are part of the same problem; parts without contacts between them are solved separately. The method
+/// is semi-implicit Euler, of first order in h. Robots and objects that touch nothing may use the [midpoint
 /// rule](crate::Integrator::Midpoint) instead.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders
-/// and the outermost points of meshes, each against the surface of the other collider. Where these miss a
+/// and the outermost points of meshes, each against the surface of the other collider. If these points miss a
 /// contact, as between crossing edges, the nearest points of the two colliders are used. Two boxes touch at
 /// the corners of the patch that their faces share, or where two edges cross.
 ///
-/// Torques against spinning about the normal of a contact and against rolling about its tangents are part of
-/// the same problem, each at most its coefficient times the normal force. The surface of a conveyor carries
-/// along what touches it. The drag of the air on free objects is evaluated at the end of the step.
+/// Torques against spinning about a contact normal and against rolling about its tangents are part of the
+/// same problem, each bounded by its coefficient times the normal force. The surface of a conveyor carries
+/// along objects that touch it. The air drag on free objects is evaluated at the end of the step.
 ///
-/// Objects at rest for half a second sleep, with everything they touch, until something reaches them.
+/// Objects that have been still for half a second sleep together with everything they touch, until something
+/// reaches them.
 ///
 /// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each
 /// integration step the velocity of the base is corrected by the momentum that the integration lost.
@@ -95,7 +96,7 @@ pub struct Articulated {
     parts: Vec<Part>,
     scene: ContactScene,
     rays: Rays,
-    /// Poses of the bases, as all was placed last.
+    /// Poses of the bases when the colliders were last placed.
     bases: Vec<Isometry3<f64>>,
     sums: ImpulseSums,
 }
@@ -212,7 +213,7 @@ impl Engine for Articulated {
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
-        // The detection keeps a limited number of points: where it took some out there may be more.
+        // The detection keeps a limited number of points, so excluding some pairs may reveal more.
         loop {
             let close = self.close_links(warnings);
             if close.is_empty() {
@@ -327,7 +328,7 @@ impl Engine for Articulated {
 }
 
 impl Articulated {
-    /// Updates the poses of all colliders: robots in their present state, objects in their next one.
+    /// Places all colliders according to the robots' current state and the objects' next state.
     fn place_colliders(&mut self, robot: &Robot) {
         for (of, base) in self.bases.iter_mut().enumerate() {
             *base = robot.base_pose(of);
@@ -335,10 +336,10 @@ impl Articulated {
         self.scene.set_poses(|of| &robot.articulations[of].kinematics, &self.bases);
     }
 
-    /// Updates the poses of all colliders: robots and objects in their next state.
+    /// Places all colliders according to the next state of robots and objects.
     fn place_next(&mut self, robot: &Robot) {
         let parts = &self.parts;
-        // An articulation that has not been stepped yet is in its state at the start of the step.
+        // An articulation that has not been stepped yet is still in its state at the start of the step.
         let of = |of: usize| {
             if parts[of].h > 0.0 { &parts[of].kinematics } else { &robot.articulations[of].kinematics }
         };
@@ -347,17 +348,18 @@ impl Articulated {
 }
 
 impl Simulation<Articulated> {
-    /// Moves a floating base up or down until the robot stands on the ground plane or the terrain, or on the
-    /// plane z = 0 without one, and stops it; with several robots, all of them. A robot without collision
-    /// shapes stays in place.
+    /// Moves the floating base of each robot up or down until the robot stands on the ground plane or the
+    /// terrain, or on the plane z = 0 without one, and stops it. A robot without collision shapes stays where
+    /// it is.
     pub fn place_on_ground(&mut self) {
         (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
     }
 
-    /// [`place_on_ground`](Self::place_on_ground) for the articulation of this index.
+    /// Places the articulation with this index on the ground, as [`place_on_ground`](Self::place_on_ground)
+    /// does.
     pub fn place_one_on_ground(&mut self, articulation: usize) {
         let height = self.world.ground.map_or(0.0, |ground| ground.height);
-        // Steps in which nothing can touch leave the colliders where they were.
+        // Steps in which nothing can touch do not move the colliders.
         self.engine.place_colliders(&self.robot);
         let lowest = self.engine.scene.lowest(articulation);
         let lowest = self.engine.scene.above_terrain(articulation).unwrap_or(lowest);
@@ -371,14 +373,14 @@ impl Simulation<Articulated> {
         }
     }
 
-    /// Sum of the contact forces on the robot, without forces between links of robots, during the last
-    /// integration step \[N\], world axes.
+    /// Returns the sum of the contact forces on the robot during the last integration step \[N\], world axes,
+    /// without forces between links of robots.
     pub fn contact_force(&self) -> Vector3<f64> {
         self.engine.scene.force_on_robot()
     }
 
-    /// Passes each contact force on a moving link of a robot, friction included, of the last integration step
-    /// to `visit`. A force between two of its links is passed twice, once for each.
+    /// Passes each contact force on a moving link of a robot during the last integration step to `visit`,
+    /// friction included. A force between two links is passed twice, once for each.
     pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
         let scene = &self.engine.scene;
         for (index, contact, first, second) in scene.points() {

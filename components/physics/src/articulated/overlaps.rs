@@ -1,17 +1,17 @@
-//! Links that are too close to one another, and links and objects inside something, at the start.
+//! Links that start too close to each other, and links and objects that start inside something.
 
 use super::Articulated;
 use crate::BuildWarning;
 
-/// Links that start closer than this never touch each other \[m\].
+/// Links that start closer than this are excluded from self-collision \[m\].
 const TOO_CLOSE: f64 = 0.010;
 
-/// Depth inside an object beyond which a warning names the link or object that starts there \[m\].
+/// Penetration depth beyond which a link or object that starts inside something gets a warning \[m\].
 const INSIDE: f64 = 1e-3;
 
 impl Articulated {
-    /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things,
-    /// too.
+    /// Returns the pairs of links closer than [`TOO_CLOSE`], with a warning each. Also warns of links inside
+    /// other things.
     pub(super) fn close_links(&mut self, warnings: &mut Vec<BuildWarning>) -> Vec<[usize; 2]> {
         let mut close = Vec::new();
         self.scene.detect(0.0, TOO_CLOSE);
@@ -26,7 +26,7 @@ impl Articulated {
                     continue;
                 }
                 close.push(pair);
-                // Links of several shapes are named once.
+                // Links with several shapes are named once.
                 let named = |warning: &BuildWarning| {
                     matches!(warning, BuildWarning::SelfCollisionOff { first: a, second: b, .. }
                         if (a, b) == (&first, &second))
@@ -48,7 +48,7 @@ impl Articulated {
     }
 }
 
-/// Warns of two objects inside one another, once for each pair, by its deepest point.
+/// Warns of two overlapping objects, once for each pair, with the depth of its deepest point.
 fn add_overlap(names: (String, String), depth: f64, warnings: &mut Vec<BuildWarning>) {
     let known = warnings.iter_mut().find_map(|warning| match warning {
         BuildWarning::ObjectsOverlap { first, second, depth }

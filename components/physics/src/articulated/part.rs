@@ -14,25 +14,25 @@ use crate::{BuildError, Integrator};
 pub(super) struct Part {
     pub(super) integrator: JointSpaceIntegrator,
     pub(super) dynamics: Dynamics,
-    /// Next state, between integration steps of one step.
+    /// Kinematics of the next state, between integration steps of one step.
     pub(super) kinematics: Kinematics,
     /// Generalized force of the rotors (nv).
     pub(super) rotor_force: Vec<f64>,
-    /// Generalized force from outside during the next step (nv).
+    /// Generalized external force during the next step (nv).
     pub(super) external: Vec<f64>,
     pub(super) actuators: Actuators,
     pub(super) frame_jacobian: DMatrix<f64>,
     /// Momentum at the start of an integration step in the air.
     pub(super) momentum: Option<Momentum>,
-    /// Its modes are to be guessed again.
+    /// True if the modes must be guessed again.
     pub(super) pending: bool,
     pub(super) settled: bool,
-    /// Length of the next integration step \[s\]; zero where its step is over.
+    /// Length of the next integration step \[s\]; zero if its step is complete.
     pub(super) h: f64,
-    /// Joints whose effort was limited in the step, and joints at a limit at its end.
+    /// Joints whose effort was clamped in the step, and joints at a limit at its end.
     pub(super) saturated: usize,
     pub(super) at_limit: usize,
-    /// The method of steps in which nothing touches it.
+    /// Integration method of steps in which nothing touches the articulation.
     pub(super) method: Integrator,
 }
 

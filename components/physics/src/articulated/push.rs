@@ -1,4 +1,4 @@
-//! Forces from outside that act on links of the robot for one step.
+//! External forces that act on links of the robot for one step.
 
 use motorium_robots::{FrameId, Reference};
 use nalgebra::{Point3, Vector3};
@@ -9,8 +9,8 @@ use crate::robot::Articulation;
 use crate::simulation::Simulation;
 
 impl Simulation<Articulated> {
-    /// Applies `force` \[N, world axes\] at `point` \[m, axes of the link\] of a link during the next step,
-    /// besides the forces that have been applied before it. A link that is fixed to the world does not move.
+    /// Applies `force` \[N, world axes\] at `point` \[m, link axes\] of a link during the next step, in
+    /// addition to the forces already applied. A link that is fixed to the world does not move.
     ///
     /// ```
     /// use motorium_physics::{ArticulatedSimulator, Options, Simulator, World};
@@ -43,7 +43,7 @@ impl Simulation<Articulated> {
 }
 
 impl Part {
-    /// Adds the generalized force of a wrench at a point of a link to the next step.
+    /// Adds the generalized force of a wrench at a point of a link to the external force of the next step.
     pub(super) fn add_wrench(
         &mut self,
         own: &Articulation,

@@ -13,7 +13,7 @@ use crate::robot::{Articulation, Robot, State};
 use crate::{Integrator, JointCommand, StepError, StepReport};
 
 impl Articulated {
-    /// The next state of the robots and the objects, `dt` \[s\] after the current one.
+    /// Computes the next state of the robots and the objects, `dt` \[s\] after the current one.
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.scene.objects.begin();
         for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
@@ -58,7 +58,7 @@ impl Articulated {
         Ok(report)
     }
 
-    /// One integration step of the next state. The poses of robots and objects are set; before the `first`
+    /// Runs one integration step of the next state. Robots and objects have been placed; before the `first`
     /// step the next state equals the current one.
     fn integrate(
         &mut self,
@@ -116,7 +116,7 @@ impl Articulated {
 }
 
 impl Part {
-    /// Begins an integration step of the articulation of this index in `scene`.
+    /// Begins an integration step of the articulation with this index in `scene`.
     fn begin(
         &mut self,
         (own, first): (&Articulation, bool),
@@ -151,7 +151,7 @@ impl Part {
         let in_the_air = model.base().floating && rotors.is_empty() && unpushed && !scene.is_held(of);
         self.momentum = in_the_air.then(|| match self.integrator.start_momentum(v) {
             Some([linear, angular]) => {
-                // A base that floats has its axes as its coordinates have them.
+                // The axes of a floating base come from its coordinates.
                 let axes = UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
                 Momentum { linear: axes * linear, angular: axes * angular }
             }

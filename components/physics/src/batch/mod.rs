@@ -10,14 +10,14 @@ use crate::{
 };
 use workers::Workers;
 
-/// Blocks of worlds per thread: a thread that finishes early steps blocks of the others.
+/// Blocks of worlds per thread. A thread that finishes early steps blocks of other threads.
 const BLOCKS: usize = 4;
 
 /// Many simulations of robots of one kind, stepped together on several threads.
 ///
 /// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the
-/// other. Each world's result is bit-identical to a separate simulation on any number of threads. The threads
-/// live as long as the batch: between two calls they spin for some tens of microseconds, then sleep.
+/// other. Each world computes the same result as it would alone, bit for bit, on any number of threads. The
+/// threads live as long as the batch: between two calls they spin for some tens of microseconds, then sleep.
 ///
 /// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all
 /// worlds, each with its own data `W` ([`with_data`](Self::with_data)): command, step, observe, reward, reset
@@ -54,7 +54,7 @@ pub struct Batch<E, W = ()> {
     commands: Vec<JointCommand>,
     positions: Vec<f64>,
     velocities: Vec<f64>,
-    /// Numbers of an observation of one world, and the function that writes them.
+    /// Number of values in an observation of one world, and the function that writes them.
     observed: usize,
     observe: Observe<E>,
     observations: Vec<f64>,
@@ -64,7 +64,7 @@ pub struct Batch<E, W = ()> {
 /// Writes an observation of a world.
 type Observe<E> = Arc<dyn Fn(&Simulation<E>, &mut [f64]) + Send + Sync>;
 
-/// A block of worlds that one thread visits.
+/// A block of worlds, visited by one thread.
 struct Block<'a, E, W> {
     /// Index of the first world.
     first: usize,
@@ -78,7 +78,7 @@ struct Block<'a, E, W> {
 
 impl<E: Engine + Send> Batch<E> {
     /// Builds `count` worlds by `build`, which receives the index of each, and starts `threads` - 1 threads
-    /// (one thread is the caller's). All robots must have the same number of joints.
+    /// (the caller's thread is the remaining one). All robots must have the same number of joints.
     ///
     /// # Errors
     ///
@@ -86,7 +86,7 @@ impl<E: Engine + Send> Batch<E> {
     ///
     /// # Panics
     ///
-    /// If `count` is zero, the robots differ in size, or the system starts no thread.
+    /// If `count` is zero, the robots differ in size, or the system cannot start a thread.
     pub fn new(
         count: usize,
         threads: usize,
@@ -119,8 +119,8 @@ impl<E: Engine + Send> Batch<E> {
 }
 
 impl<E: Engine + Send, W: Send> Batch<E, W> {
-    /// Replaces the data of all worlds by the results of `make` for the index of each, such as a history of
-    /// observations, random numbers or a reward.
+    /// Replaces the data of all worlds with the values that `make` returns for the index of each, such as a
+    /// history of observations, random numbers or a reward.
     #[must_use]
     pub fn with_data<T: Send>(self, make: impl FnMut(usize) -> T) -> Batch<E, T> {
         let data = (0..self.worlds.len()).map(make).collect();
@@ -141,8 +141,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         }
     }
 
-    /// The same batch with `count` [observed](Self::observations) numbers per world. `observe` writes them
-    /// after every [`step`](Self::step), visit and reset, on the thread that does it.
+    /// Adds `count` [observed](Self::observations) numbers per world. `observe` writes them after every
+    /// [`step`](Self::step), visit and reset, on the thread that performs it.
     ///
     /// ```
     /// use std::path::Path;
@@ -174,63 +174,64 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         self
     }
 
-    /// Number of worlds.
+    /// Returns the number of worlds.
     pub fn count(&self) -> usize {
         self.worlds.len()
     }
 
-    /// A world, for reading its objects and contacts.
+    /// Returns a world, to read its objects and contacts.
     pub fn world(&self, index: usize) -> &Simulation<E> {
         &self.worlds[index]
     }
 
-    /// The data of all worlds, in their order.
+    /// Returns the data of all worlds in order.
     pub fn data(&self) -> &[W] {
         &self.data
     }
 
-    /// The data of all worlds, to be changed between two steps.
+    /// Returns the data of all worlds, to change it between two steps.
     pub fn data_mut(&mut self) -> &mut [W] {
         &mut self.data
     }
 
-    /// The commands of all drives of all worlds, one world after the other; they stay until changed.
+    /// Returns the commands of all drives of all worlds, one world after the other; they stay until changed.
     pub fn commands_mut(&mut self) -> &mut [JointCommand] {
         &mut self.commands
     }
 
-    /// Configurations of all worlds (nq each), one after the other.
+    /// Returns the configurations of all worlds (nq each), one after the other.
     pub fn all_positions(&self) -> &[f64] {
         &self.positions
     }
 
-    /// Velocities of all worlds (nv each), one after the other.
+    /// Returns the velocities of all worlds (nv each), one after the other.
     pub fn all_velocities(&self) -> &[f64] {
         &self.velocities
     }
 
-    /// Configuration (nq) of a world.
+    /// Returns the configuration (nq) of a world.
     pub fn positions(&self, world: usize) -> &[f64] {
         &self.positions[world * self.nq..][..self.nq]
     }
 
-    /// Velocity (nv) of a world.
+    /// Returns the velocity (nv) of a world.
     pub fn velocities(&self, world: usize) -> &[f64] {
         &self.velocities[world * self.nv..][..self.nv]
     }
 
-    /// [Observations](Self::observing) of all worlds, one after the other; empty if nothing is observed.
+    /// Returns the [observations](Self::observing) of all worlds, one after the other; empty if nothing is
+    /// observed.
     pub fn observations(&self) -> &[f64] {
         &self.observations
     }
 
-    /// The observation of a world.
+    /// Returns the observation of a world.
     pub fn observation(&self, world: usize) -> &[f64] {
         &self.observations[world * self.observed..][..self.observed]
     }
 
     /// Advances every world by `steps` steps of `dt` \[s\] under the commands of the batch. Returns the
-    /// outcome of each world's last step; a world whose step fails stays where it was before that step.
+    /// outcome of each world's last step. A world whose step fails keeps its state from before that step.
     pub fn step(&mut self, dt: f64, steps: usize) -> &[Result<StepReport, StepError>] {
         let commands = core::mem::take(&mut self.commands);
         let drives = self.drives;
@@ -250,8 +251,9 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     /// Calls `visit` once for every world with its index, simulation and data, on all threads, and returns
     /// when all calls have returned. States and observations are read after each visit.
     ///
-    /// A visit must depend only on its arguments; then the result is bit-identical on any number of threads.
-    /// The commands of the batch are not used: a visit sets the simulation's commands.
+    /// The effect of a visit must depend only on its arguments; then the result is the same bit for bit on
+    /// any number of threads. The commands of the batch are not used: a visit sets the commands of the
+    /// simulation.
     ///
     /// ```
     /// use std::path::Path;
@@ -307,7 +309,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
             .collect();
         let threads = self.workers.threads();
         self.workers.run(&|thread| {
-            // Each thread starts with its own worlds, which are in its caches, and then takes remaining ones.
+            // Each thread begins with its own worlds, which its caches hold, and then helps with the rest.
             let start = thread * blocks.len() / threads;
             for (claimed, block) in blocks[start..].iter().chain(&blocks[..start]) {
                 if !claimed.swap(true, Ordering::Relaxed) {
@@ -318,8 +320,8 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         });
     }
 
-    /// Resets one world to configuration `q` (nq) and velocity `v` (nv) with its objects at their starts, and
-    /// its commands to zero efforts.
+    /// Resets one world to configuration `q` (nq) and velocity `v` (nv), its objects to their starts, and its
+    /// commands to zero efforts.
     ///
     /// # Errors
     ///
@@ -331,7 +333,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
         Ok(())
     }
 
-    /// [`reset`](Self::reset) with other physical properties, which stay until the next call.
+    /// Resets one world with other physical properties, which stay until the next call.
     ///
     /// # Errors
     ///
@@ -357,7 +359,7 @@ impl<E: Engine + Send, W: Send> Batch<E, W> {
     }
 }
 
-/// Visits a world: its index, simulation, data, and the outcome of its last step.
+/// A visitor of a world: receives its index, simulation, data, and the outcome of its last step.
 type Visit<'a, E, W> =
     dyn Fn(usize, &mut Simulation<E>, &mut W, &mut Result<StepReport, StepError>) + Sync + 'a;
 

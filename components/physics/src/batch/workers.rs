@@ -1,4 +1,4 @@
-//! Threads that stay alive between the steps of a batch.
+//! Threads that stay alive between steps of a batch.
 
 #![allow(unsafe_code)] // a borrowed job is run by threads that outlive the borrow; `run` waits for all of them
 
@@ -20,7 +20,7 @@ pub(super) struct Workers {
 
 #[derive(Default)]
 struct Shared {
-    /// Number of jobs started so far: a worker runs one whenever it changes.
+    /// Number of jobs started so far; a worker runs a job whenever it changes.
     started: AtomicUsize,
     /// Workers that have not finished the current job.
     running: AtomicUsize,
@@ -30,7 +30,7 @@ struct Shared {
     panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
 
-/// The job of all threads, and the thread that waits for them.
+/// The function that all threads run, and the thread that waits for them.
 #[derive(Clone)]
 struct Job {
     work: *const (dyn Fn(usize) + Sync),
@@ -53,7 +53,7 @@ impl Workers {
         Self { shared, threads }
     }
 
-    /// Number of threads that run a job, including the caller's.
+    /// Returns the number of threads that run a job, including the caller's.
     pub(super) fn threads(&self) -> usize {
         self.threads.len() + 1
     }
@@ -190,7 +190,7 @@ mod tests {
         let calls = AtomicUsize::new(0);
         let asleep = |worker: &JoinHandle<()>| !worker.is_finished();
         for _ in 0..5 {
-            // Longer than a worker spins.
+            // Longer than the spin phase of a worker.
             let end = std::time::Instant::now() + std::time::Duration::from_millis(5);
             while std::time::Instant::now() < end {
                 thread::yield_now();

@@ -7,12 +7,12 @@ use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
 use motorium_robots::{ActuatorSettings, ActuatorTable, Model};
 
-/// Stages between the requested effort of a drive and the effort on the joint: an [`ActuatorTable`] with the
-/// times of a graph file.
+/// The stages between the effort that a drive requests and the effort that acts on the joint: an
+/// [`ActuatorTable`] with the times of a graph file.
 pub type ActuatorConfig = ActuatorTable<TimeSpan>;
 
-/// Returns the actuators of the joints of a model: `of_all`, overridden by actuators of single joints. Empty
-/// if all are ideal. Files are relative to `folder`.
+/// Returns the actuators of a model's joints: `of_all`, overridden by the settings of single joints. Empty if
+/// all are ideal. Files are read from `folder`.
 pub(super) fn settings(
     of_all: Option<&ActuatorConfig>,
     of_joints: &BTreeMap<String, ActuatorConfig>,

@@ -1,4 +1,4 @@
-//! Setting up the simulation of a component.
+//! Set-up of a component's simulation.
 
 use core::ops::Range;
 use std::collections::BTreeMap;
@@ -15,40 +15,41 @@ use super::config::{self, PhysicsConfig};
 use super::placing::{Placing, together};
 use crate::{Articulated, ArticulatedSimulator, Engine, Mujoco, Rapier, RobotSetup, Simulation, Simulator};
 
-/// The simulation of a component, and the robots in it.
+/// The simulation of a component and its robots.
 pub(super) struct Built<E> {
     pub(super) simulation: Simulation<E>,
     pub(super) robots: Vec<BuiltRobot>,
-    /// Articulations whose floating base starts on the ground, wherever that is.
+    /// Articulations whose floating base starts on the ground at an unspecified height.
     pub(super) on_ground: Vec<usize>,
-    /// Doubts about the file of the world.
+    /// Warnings about the world file.
     pub(super) doubts: Vec<String>,
 }
 
 /// One robot of a simulation.
 pub(super) struct BuiltRobot {
-    /// Its name in the graph, where there are several.
+    /// Name in the graph, if there are several robots.
     pub(super) name: Option<String>,
     pub(super) loaded: Loaded,
-    /// The articulation that it is, or is part of.
+    /// The articulation that the robot is, or is part of.
     pub(super) articulation: usize,
-    /// Its drives within the simulation's.
+    /// Range of the robot's drives in the simulation.
     pub(super) drives: Range<usize>,
 }
 
 impl BuiltRobot {
-    /// The name of one of its ports.
+    /// Returns the name of one of the robot's ports.
     pub(super) fn port(&self, port: &str) -> String {
         self.name.as_ref().map_or_else(|| port.to_string(), |name| format!("{name}.{port}"))
     }
 
-    /// Its links and joints begin with this in the simulation: nothing where it is the only one.
+    /// Returns the prefix of its link and joint names in the simulation; empty for a single robot.
     pub(super) fn prefix(&self) -> String {
         self.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default()
     }
 }
 
-/// Loads the robots and sets up their simulation; relative paths of the configuration begin at `folder`.
+/// Loads the robots and builds their simulation. Relative paths of the configuration are resolved against
+/// `folder`.
 pub(super) fn build<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robot: Option<&RobotReference>,
@@ -111,7 +112,7 @@ fn one<E: PhysicsEngine>(
     let drives = loaded.model.joint_count() + setup.rotors.len();
     let joints = config.start(&loaded)?;
     let base = config.base_start(&loaded, robot.pose.is_some())?;
-    // A base without a given place is put on the ground from high above everything else.
+    // A base without a specified pose starts high above everything else and is then lowered to the ground.
     let above = Translation3::new(0.0, 0.0, 1e3) * loaded.model.base().neutral;
     let q = config::configuration(&loaded.model, &base.unwrap_or(above), &joints);
     let mut simulation =
@@ -123,8 +124,8 @@ fn one<E: PhysicsEngine>(
     Ok(Built { simulation, robots: vec![robot], on_ground, doubts: Vec::new() })
 }
 
-/// Several robots. Each floating-base robot is an articulation; all fixed-base robots form one articulation
-/// with parallel trees.
+/// Builds several robots. Each robot with a floating base is an articulation. Robots with fixed bases share
+/// one articulation, with their trees next to each other in the world.
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robots: &[RobotReference],
@@ -141,7 +142,7 @@ fn several<E: PhysicsEngine>(
     let loaded = robots.iter().map(|robot| Placing::load(config, robot)).collect::<Result<Vec<_>, _>>()?;
     let floats = |index: usize| loaded[index].loaded.model.base().floating;
     let fixed: Vec<usize> = (0..loaded.len()).filter(|index| !floats(*index)).collect();
-    // The model of the fixed robots is at the place of the first one.
+    // The articulation of the fixed robots takes the position of the first of them.
     let groups: Vec<Vec<usize>> = (0..loaded.len())
         .filter(|index| floats(*index) || fixed.first() == Some(index))
         .map(|index| if floats(index) { vec![index] } else { fixed.clone() })
@@ -184,7 +185,7 @@ fn several<E: PhysicsEngine>(
     Ok(Built { simulation, robots, on_ground: anywhere, doubts })
 }
 
-/// Gives each articulation the actuators of its joints.
+/// Assigns each articulation the actuators of its joints.
 fn set_actuators(
     config: &PhysicsConfig,
     setups: &mut [RobotSetup],
@@ -193,7 +194,7 @@ fn set_actuators(
     let owner = |name: &String| setups.iter().position(|setup| setup.model.joint_index(name).is_some());
     let mut of_joints = vec![BTreeMap::new(); setups.len()];
     for (name, actuator) in &config.actuators {
-        // A name that no robot has is refused with the first.
+        // A name that no robot has is rejected with the first robot.
         of_joints[owner(name).unwrap_or(0)].insert(name.clone(), actuator.clone());
     }
     for (setup, of_joints) in setups.iter_mut().zip(&of_joints) {
@@ -202,15 +203,15 @@ fn set_actuators(
     Ok(())
 }
 
-/// An engine with its own component kind.
+/// An engine with a component kind.
 pub trait PhysicsEngine: Engine + Send + 'static {
     /// Name of the kind.
     const KIND: &'static str;
     /// One-line summary of the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component; for articulations in `anywhere` the configuration does
-    /// not define the start of the floating base.
+    /// Prepares a new simulation for its component. The configuration does not specify where the floating
+    /// bases of the articulations `anywhere` start.
     fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]);
 }
 

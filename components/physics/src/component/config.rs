@@ -15,7 +15,8 @@ use super::pushes::PushConfig;
 use crate::randomise::RandomiseConfig;
 use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 
-/// Configuration of the physics kinds: start of robots, their surroundings, and the settings of the engine.
+/// Configuration of the physics kinds: start of the robots, their surroundings, and the settings of the
+/// engine.
 ///
 /// ```toml
 /// solver = { contact_iterations = 4 }
@@ -24,62 +25,62 @@ use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
-    /// Named pose of the robot's profile, or of its SRDF, to start in. Without it and `position`: the home
-    /// pose, or, for a robot without a profile, all joints at zero (at the middle of their range where zero
-    /// is outside).
+    /// Named start pose, from the robot's profile or its SRDF. Default without `position`: the home pose, or,
+    /// for a robot without a profile, all joints at zero (at the middle of their range if it excludes zero).
     pub pose: Option<String>,
-    /// Joint positions to start at, rad or m: one number for all joints, or one for each in their order.
-    /// Instead of `pose`.
+    /// Start positions of the joints, rad or m: one number for all joints, or one for each in order. Replaces
+    /// `pose`.
     pub position: Option<PerJoint>,
-    /// True: the root link moves freely; false: it is fixed to the world. Default: from the robot's profile
-    /// and file. `physics.rapier` simulates fixed bases only.
+    /// True: the root link moves freely; false: it is fixed to the world. Default: according to the robot's
+    /// profile and file. `physics.rapier` supports fixed bases only.
     pub floating: Option<bool>,
-    /// Start of a floating base. Without it: where the profile has it in the pose, or standing on the ground.
+    /// Start of a floating base. Default: its position in the pose of the profile, or standing on the ground.
     pub base: Option<BaseStart>,
-    /// Starts of several robots, by their names. Default: `pose`, or the home pose of each.
+    /// Starts of several robots, by robot name. Default: `pose`, or the home pose of each.
     pub start: BTreeMap<String, RobotStart>,
-    /// Gravity, ground and objects around the robot, in a graph without a `[world]`.
+    /// Gravity, ground and objects around the robot, for a graph without a `[world]`.
     pub world: World,
-    /// Forces and torques from outside at stated times.
+    /// External forces and torques at specified times.
     pub pushes: Vec<PushConfig>,
-    /// The actuators of all joints; `physics.articulated` alone simulates them. Default: ideal ones.
+    /// The actuators of all joints, in `physics.articulated` only. Default: ideal actuators.
     pub actuator: Option<ActuatorConfig>,
-    /// Actuators of single joints by their names, in place of `actuator`. With several robots a name is
+    /// Actuators of single joints by joint name, instead of `actuator`. With several robots a name is
     /// `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
-    /// Connections of links and objects besides the joints of the robots, in their initial relative poses:
-    /// they close loops. With several robots a link is `ROBOT/LINK`.
+    /// Connections between links and objects in addition to the joints of the robots, made in the start
+    /// poses; they close loops. With several robots a link is `ROBOT/LINK`.
     pub connections: Vec<Connection>,
-    /// Springs in joints by joint name, replacing the MJCF file's. With several robots a name is
+    /// Springs in joints by joint name, instead of the springs of an MJCF file. With several robots a name is
     /// `ROBOT/JOINT`.
     pub springs: BTreeMap<String, SpringConfig>,
-    /// Surfaces of single links by name, replacing `solver`'s and the profile's. With several robots a name
-    /// is `ROBOT/LINK`.
+    /// Surfaces of single links by link name, instead of the surfaces of `solver` and of the profile. With
+    /// several robots a name is `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
-    /// Ranges of physical properties, drawn at the start of every episode. Default: nothing is drawn.
+    /// Ranges of physical properties, sampled at the start of every episode. Default: nothing is sampled.
     pub randomise: RandomiseConfig,
     /// Settings of the engine.
     pub solver: Options,
-    /// True: the commands come from drives simulated by another component, such as `can.drive_sim`, and are
-    /// applied unchecked; the actuator of those drives checks them. Default false.
+    /// True: the commands come from drives that another component simulates, such as `can.drive_sim`, and are
+    /// applied unchecked; that component's actuator checks them. Default false.
     pub plant: bool,
 }
 
-/// The surface of a link. Missing values are the same as of the other links.
+/// The surface of a link. Missing keys keep the values of the other links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceConfig {
-    /// Coefficient of friction, from 0; 0 is frictionless on everything without a `friction_combine`.
+    /// Coefficient of friction, from 0; 0 is frictionless in contact with everything that has no
+    /// `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: Option<f64>,
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     pub friction_combine: Option<FrictionCombine>,
-    /// Share of the approach speed kept after an impact, 0 to 1. A contact has the mean of both surfaces'.
+    /// Share of the approach speed kept after an impact, 0 to 1. A contact uses the mean of both surfaces.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
     /// Softness: contact points yield like a spring and a damper. Default: the surface is rigid.
     pub soft: Option<Softness>,
-    /// Friction along a direction of the link that differs from that across it.
+    /// Friction along one direction of the link that differs from the friction across it.
     pub grain: Option<Grain>,
 }
 
@@ -111,13 +112,13 @@ pub struct RobotStart {
 pub struct BaseStart {
     /// Position of the base frame in the world (m).
     pub position: [f64; 3],
-    /// Its roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    /// Roll, pitch and yaw of the base frame about the fixed axes x, y, z, in this order (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
 }
 
 impl PhysicsConfig {
-    /// Fixed or floating base.
+    /// Returns whether the base is fixed or floating.
     pub(super) fn base_mode(&self) -> BaseMode {
         match self.floating {
             None => BaseMode::AsFile,
@@ -126,8 +127,8 @@ impl PhysicsConfig {
         }
     }
 
-    /// Start pose of a floating base, if the configuration, the profile or the SRDF defines one. With
-    /// `placed` the graph defines the robot's pose, and the model starts there.
+    /// Returns the start pose of a floating base if the configuration, the profile or the SRDF specifies one.
+    /// `placed` is true if the graph specifies the pose of the robot: the model then starts there.
     pub(super) fn base_start(
         &self,
         robot: &Loaded,
@@ -165,12 +166,12 @@ impl PhysicsConfig {
         Ok(named.map(BasePose::isometry).or_else(of_srdf))
     }
 
-    /// Sets the surfaces of single links of these robots.
+    /// Assigns surfaces to single links of these robots.
     pub(super) fn set_surfaces(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
         for (link, surface) in &self.surfaces {
             let SurfaceConfig { friction, friction_combine, restitution, soft, grain } = surface;
             let key = |name: &str| format!("surfaces.{link}{name}");
-            // A link that no robot has is refused with the first.
+            // A link that no robot has is rejected with the first robot.
             let owner = setups.iter().position(|setup| setup.model.frame(link).is_ok()).unwrap_or(0);
             let setup = &mut setups[owner];
             if let Err(error) = setup.model.frame(link) {
@@ -203,10 +204,10 @@ impl PhysicsConfig {
         Ok(())
     }
 
-    /// Puts springs into joints of these robots.
+    /// Adds springs to joints of these robots.
     pub(super) fn set_springs(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
         for (joint, SpringConfig { stiffness, rest }) in &self.springs {
-            // A joint that no robot has is refused with the first.
+            // A joint that no robot has is rejected with the first robot.
             let has = |setup: &RobotSetup| setup.model.bodies().iter().any(|body| body.joint.name == *joint);
             let owner = setups.iter().position(has).unwrap_or(0);
             let setup = &mut setups[owner];
@@ -218,7 +219,7 @@ impl PhysicsConfig {
         Ok(())
     }
 
-    /// Makes the configured connections at the present poses.
+    /// Makes the configured connections in the current poses.
     pub(super) fn connect(&self, simulation: &mut impl Simulator) -> Result<(), ConfigError> {
         for (index, connection) in self.connections.iter().enumerate() {
             let refused = |error: crate::ConnectError| {
@@ -229,7 +230,7 @@ impl PhysicsConfig {
         Ok(())
     }
 
-    /// Start positions of the joints, within their limits.
+    /// Returns the start positions of the joints, within their limits.
     pub(super) fn start(&self, robot: &Loaded) -> Result<Vec<f64>, ConfigError> {
         let start = self.chosen_start(robot)?;
         let key = if self.position.is_some() { "position" } else { "pose" };
@@ -237,7 +238,7 @@ impl PhysicsConfig {
         let limits = model.lower().iter().zip(model.upper().iter());
         let joints = model.joint_names().iter().zip(&start).zip(limits);
         for (index, ((name, position), (lower, upper))) in joints.enumerate() {
-            // Written numbers are rounded.
+            // Numbers in files are rounded.
             if *position < lower - LIMIT_ROUNDING || *position > upper + LIMIT_ROUNDING {
                 let message =
                     format!("joint `{name}` starts at {position}, outside its limits {lower} to {upper}");
@@ -282,15 +283,16 @@ impl PhysicsConfig {
     }
 }
 
-/// Distance beyond a limit of a joint that is rounding of a written number, rad or m.
+/// Tolerance for start positions beyond a joint limit, which covers the rounding of written numbers, rad or
+/// m.
 const LIMIT_ROUNDING: f64 = 1e-6;
 
-/// The key pose of the robot's SRDF.
+/// Returns the named pose of the robot's SRDF.
 fn posture<'a>(robot: &'a Loaded, name: &str) -> Option<&'a Posture> {
     robot.postures.iter().find(|posture| posture.name == name)
 }
 
-/// Advice for a pose that does not exist.
+/// Returns advice for a pose that does not exist.
 fn advice(robot: &Loaded) -> String {
     let names: Vec<_> = robot.postures.iter().map(|posture| posture.name.as_str()).collect();
     if names.is_empty() {
@@ -300,7 +302,7 @@ fn advice(robot: &Loaded) -> String {
     }
 }
 
-/// The whole configuration: the base at `base`, the joints at `joints`.
+/// Returns the whole configuration: the base at `base`, the joints at `joints`.
 pub(super) fn configuration(model: &Model, base: &Isometry3<f64>, joints: &[f64]) -> Vec<f64> {
     let mut q = model.neutral();
     let offset = model.nq() - joints.len();
@@ -312,7 +314,7 @@ pub(super) fn configuration(model: &Model, base: &Isometry3<f64>, joints: &[f64]
     q
 }
 
-/// Zero, or where the range excludes it, its middle (its end, if it is open).
+/// Returns zero, or, if the range excludes zero, its middle (or its finite end).
 fn rest_position(low: f64, high: f64) -> f64 {
     let middle = 0.5 * (low + high);
     if low > 0.0 || high < 0.0 {
@@ -322,7 +324,7 @@ fn rest_position(low: f64, high: f64) -> f64 {
     }
 }
 
-/// The configuration error of a build error, at the key at fault.
+/// Converts a build error into a configuration error at the offending key.
 pub(super) fn refused(error: BuildError) -> ConfigError {
     let message = error.to_string();
     match error {

@@ -1,14 +1,16 @@
-//! Limits of the drives for the command gate, from the robot.
+//! The limits of the drives, from the robot to the command gate.
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;
 use motorium_robots::{Loaded, ProfileError};
 
-/// Limits and gains of every drive of a robot: the joints of its model, then its rotors, called `names`.
+/// Returns limits and gains of every drive of a robot: the joints of its model, then its rotors, named
+/// `names`.
 ///
-/// Position, velocity and effort limits come from the model; acceleration limits, effort rate limits and the
-/// gains of the safe states from the profile. Without gains, a joint has full effort at a twentieth of a
-/// radian (or metre), and a tenth of that gain as damping.
+/// Position, velocity and effort limits come from the model. Acceleration limits, limits of the effort's rate
+/// of change, and the gains of the safe states come from the profile. The default gains of a robot without
+/// gains reach full effort at a twentieth of a radian (or metre), with a damping of one tenth of the
+/// stiffness.
 pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLimits>, ConfigError> {
     let model = &robot.model;
     let profile = robot.profile.as_ref();
@@ -19,7 +21,7 @@ pub(super) fn of_drives(robot: &Loaded, names: &[String]) -> Result<Vec<JointLim
     let gains = profile.and_then(|profile| profile.gains(model).ok());
     let joint = |(i, name): (usize, &String)| {
         if i >= model.joint_count() {
-            // A rotor holds nothing in place; its thrust has separate limits.
+            // A rotor does not hold a position; its thrust has separate limits.
             return JointLimits::new(name);
         }
         let effort = model.effort_limit()[i].abs();
@@ -63,7 +65,7 @@ mod tests {
             for (i, effort) in robot.model.effort_limit().iter().enumerate() {
                 let velocity = robot.model.velocity_limit()[i];
                 let limits = JointLimits { velocity, ..JointLimits::new("joint") }.with_effort(effort.abs());
-                // twice the gain, as far as `kp_scale` goes
+                // twice the gain, the maximum of `kp_scale`
                 let passes = 2.0 * gains.kp[i] <= limits.max_kp && 2.0 * gains.kd[i] <= limits.max_kd;
                 assert!(
                     passes,

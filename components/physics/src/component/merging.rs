@@ -1,7 +1,7 @@
-//! Contact points merged into the entries of a message that has no room for all of them.
+//! Merging of contact points into the entries of a message that has no room for all of them.
 //!
-//! Points on the same link share entries: all but the first of them become two forces with their sum and
-//! their moment. A sensor that adds up forces, or wrenches, reads the same as with an entry for each point.
+//! Points on the same link share entries: all points but the first become two forces with the same sum and
+//! moment. A sensor that sums forces or wrenches reads the same values as with one entry per point.
 
 use nalgebra::{Point3, Vector3};
 
@@ -15,22 +15,22 @@ pub(super) struct Entry {
     pub(super) depth: f64,
 }
 
-/// Passes all points on, the same in every call.
+/// Passes all points to a function, identically in every call.
 type Visit<'a> = dyn FnMut(&mut dyn FnMut(&Entry)) + 'a;
 
 /// Points that share entries.
 #[derive(Clone, Copy, Debug)]
 struct Group {
     link: u32,
-    /// `None` where points on any other body share the entries.
+    /// `None` if points on any other body share the entries.
     other: Option<u32>,
     first: Entry,
-    /// Number of points, of its entries, and of points seen while entries are filled.
+    /// Number of points, of entries, and of points seen while entries are filled.
     points: usize,
     entries: usize,
     seen: usize,
     force: Vector3<f64>,
-    /// About the origin of the world \[N m\].
+    /// Moment about the world origin \[N m\].
     moment: Vector3<f64>,
     /// Sums of weights and of weighted positions.
     weight: f64,
@@ -40,7 +40,7 @@ struct Group {
     farthest: Vector3<f64>,
 }
 
-/// Room for the groups of a message of this many entries.
+/// Storage for the groups of a message with a maximum number of entries.
 pub(super) struct Merger {
     groups: Vec<Group>,
     most: usize,
@@ -51,8 +51,8 @@ impl Merger {
         Self { groups: Vec::with_capacity(most), most }
     }
 
-    /// Passes the entries of the points of `visit` to `write`. Returns the number of points without an entry:
-    /// they are merged, or dropped if there are more links than room.
+    /// Calls `write` with the entries for the points that `visit` passes. Returns the number of points
+    /// without a separate entry: they are merged, or omitted if there are more links than entries.
     pub(super) fn fill(&mut self, visit: &mut Visit<'_>, write: &mut dyn FnMut(&Entry)) -> u64 {
         let mut points = 0;
         visit(&mut |_| points += 1);
@@ -84,8 +84,8 @@ impl Merger {
         (points - written) as u64
     }
 
-    /// Distributes the entries over links, or over pairs of links and other bodies. Returns `false` if some
-    /// group has fewer than the two entries that merged points need, or none.
+    /// Distributes the entries to links, or to pairs of links and other bodies. Returns `false` if some group
+    /// gets no entry, or fewer than the two entries that merged points need.
     fn share(&mut self, visit: &mut Visit<'_>, pairs: bool) -> bool {
         let Self { groups, most } = self;
         groups.clear();
@@ -99,7 +99,7 @@ impl Merger {
                 whole = false;
             }
         });
-        // First one entry each, then a second, then the rest in order.
+        // One entry for each, then a second, then the rest in order.
         let mut left = *most - groups.len();
         for most in [2, usize::MAX] {
             for group in &mut *groups {
@@ -134,7 +134,7 @@ impl Group {
         self.link == entry.link && self.other.is_none_or(|other| other == entry.other)
     }
 
-    /// Points with a separate entry.
+    /// Returns the number of points with a separate entry.
     fn own(&self) -> usize {
         if self.points <= self.entries { self.points } else { self.entries.saturating_sub(2) }
     }
@@ -144,7 +144,8 @@ impl Group {
         if self.weight == 0.0 || (at - start).norm() > (self.farthest - start).norm() {
             self.farthest = at;
         }
-        // Points without force count a little, so that the place is defined where no point has any.
+        // Points without force have a small weight, so that the centre is defined even if no point has a
+        // force.
         let weight = entry.force.norm() + f64::MIN_POSITIVE;
         self.weight += weight;
         self.weighted += at * weight;
@@ -153,7 +154,7 @@ impl Group {
         self.depth = self.depth.max(entry.depth);
     }
 
-    /// The entries of the merged points: one or two forces on both sides of their centre.
+    /// Returns the entries of the merged points: one or two forces on both sides of their centre.
     fn merged(&self) -> [Option<Entry>; 2] {
         if self.weight == 0.0 {
             return [None; 2];
@@ -169,7 +170,7 @@ impl Group {
         let moment = self.moment - centre.cross(&self.force);
         let arm = arm(&(self.farthest - centre), &moment);
         let square = arm.norm_squared();
-        // Forces (F - D) / 2 and (F + D) / 2 at both ends of the arm, whose moment is arm x D.
+        // Forces (F - D) / 2 and (F + D) / 2 at both ends of the arm; their moment is arm x D.
         let difference = if square > 0.0 { moment.cross(&arm) / square } else { Vector3::zeros() };
         [
             entry(centre - arm, (self.force - difference) * 0.5),
@@ -178,7 +179,8 @@ impl Group {
     }
 }
 
-/// A vector as long as `reach`, and as near to it as one square to `moment` can be.
+/// Returns a vector with the length of `reach` and perpendicular to `moment`, as close to `reach` as
+/// possible.
 fn arm(reach: &Vector3<f64>, moment: &Vector3<f64>) -> Vector3<f64> {
     let length = reach.norm();
     let Some(axis) = moment.try_normalize(f64::MIN_POSITIVE) else { return *reach };
@@ -188,7 +190,7 @@ fn arm(reach: &Vector3<f64>, moment: &Vector3<f64>) -> Vector3<f64> {
     } else {
         axis.cross(&if axis.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() })
     };
-    // A pure couple of coincident points has no reach.
+    // A pure couple of coincident points has zero reach.
     across.normalize() * if length > 0.0 { length } else { 1.0 }
 }
 
@@ -196,7 +198,7 @@ fn arm(reach: &Vector3<f64>, moment: &Vector3<f64>) -> Vector3<f64> {
 mod tests {
     use super::*;
 
-    /// So many points on each of these links, which meet one of three other bodies.
+    /// Creates the given number of points on each link, in contact with one of three other bodies.
     fn points(links: &[usize]) -> Vec<Entry> {
         let mut entries = Vec::new();
         for (link, count) in links.iter().enumerate() {

@@ -30,26 +30,26 @@ use randomise::Randomiser;
 use robots::{Actuated, SafeStates, position};
 use truth::Truth;
 
-/// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating
+/// `physics.articulated`: a simulation with the [`Articulated`] engine, for robots with a fixed or a floating
 /// base.
 pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 
-/// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations
+/// `physics.rapier`: a simulation with the [`Rapier`] engine, for robots with a fixed base. Heap allocations
 /// inside rapier are counted separately.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
 
-/// `physics.mujoco`: a simulation by the [`Mujoco`] engine, for robots with a fixed or a floating base, where
-/// MuJoCo's library is installed.
+/// `physics.mujoco`: a simulation with the [`Mujoco`] engine, for robots with a fixed or a floating base;
+/// requires the MuJoCo library.
 pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
-/// A simulated robot that follows joint commands and publishes its joint state and, with a floating base, its
-/// base state; or several robots in one world, each with separate ports and a separate command gate.
+/// One or several simulated robots in one world. Each publishes its joint state, follows joint commands, and
+/// has its own ports and command gate. A robot with a floating base also publishes its base state.
 ///
 /// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time
-/// since the last step, and publishes the state at its end. After skipped steps the simulation catches up by
-/// at most four, so that the robot moves while its clock continues.
+/// since the last step, and publishes the state at its end. After skipped steps the simulation catches up on
+/// up to four of them, so that the robot does not freeze while its clock advances.
 ///
-/// After a crash the robot continues from its last published state, objects from their start.
+/// After a crash the robot continues from its last published state, and the objects restart from their start.
 pub struct PhysicsComponent<E> {
     robots: Vec<Actuated>,
     truth: Truth,
@@ -65,7 +65,7 @@ pub struct PhysicsComponent<E> {
     totals: Totals,
 }
 
-/// Counts of the whole run.
+/// Counts over the whole run.
 #[derive(Clone, Copy, Debug)]
 struct Totals {
     steps: u64,
@@ -86,7 +86,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         if !config.plant {
             declare.actuator();
         }
-        // Everything that could be refused later is refused now.
+        // Report every possible configuration error now rather than later.
         let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
         randomise::declare((&config.randomise, &config.connections), &built, declare)?;
         let Built { simulation, robots, doubts, .. } = built;
@@ -94,7 +94,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             declare.warn(doubt);
         }
         Pushes::new(&config.pushes, simulation.articulations())?;
-        // Links that are always close are part of the robot's design: the user cannot change that.
+        // Links that are always close are part of the robot's design, not a mistake that the user could fix.
         let mut warnings = simulation.warnings().to_vec();
         warnings.retain(|warning| !matches!(warning, BuildWarning::SelfCollisionOff { .. }));
         for warning in BuildWarning::summarise(&warnings) {
@@ -224,7 +224,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     }
 }
 
-/// The error of a step, with its time.
+/// Creates the error of a step, with its time.
 fn failed(tick: &Tick, error: impl core::fmt::Display) -> StepError {
     let settling = if tick.settling { " of settling" } else { "" };
     StepError::failed(format!("at {:.4} s{settling}: {error}", tick.time_ns as f64 * 1e-9))
@@ -242,13 +242,13 @@ impl Totals {
     }
 }
 
-/// The kinds of this crate, for a program that hosts them.
+/// Returns the component kinds of this crate, for a program that hosts them.
 ///
 /// ```
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"physics.articulated"));
 /// ```
-// Not inlined, as required by `Kind::of`.
+// Not inlined, as `Kind::of` requires.
 #[inline(never)]
 pub fn kinds() -> [Kind; 3] {
     [Kind::of::<ArticulatedPhysics>(), Kind::of::<MujocoPhysics>(), Kind::of::<RapierPhysics>()]

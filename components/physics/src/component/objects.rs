@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use crate::{Engine, ObjectId, Simulation, Simulator};
 
-/// Pose, speed and contacts of every object, by its name; `None` in a world without objects.
+/// Returns pose, speed and contacts of every object by its name; `None` in a world without objects.
 pub(super) fn report<E: Engine>(simulation: &Simulation<E>) -> Option<Value> {
     let objects = &simulation.world.objects;
     if objects.is_empty() {

@@ -1,4 +1,4 @@
-//! Several robots of one component: loaded and placed, with the fixed-base robots joined.
+//! Loading and placement of several robots of one component, and the articulation of those with fixed bases.
 
 use std::collections::BTreeMap;
 
@@ -10,20 +10,20 @@ use super::build::load;
 use super::config::{self, PhysicsConfig};
 use crate::{RobotSetup, RotorDrive};
 
-/// One of several robots, with its start.
+/// One of several robots with its start.
 pub(super) struct Placing {
     pub(super) loaded: Loaded,
     setup: RobotSetup,
-    /// Names of its links and joints begin with this.
+    /// Prefix of its link and joint names.
     prefix: String,
-    /// Its start (nq).
+    /// Start configuration (nq).
     pub(super) q: Vec<f64>,
-    /// The start of its floating base is undefined: on the ground.
+    /// True if the start of its floating base is not specified: it starts on the ground.
     pub(super) anywhere: bool,
 }
 
 impl Placing {
-    /// Loads a robot, and finds its start.
+    /// Loads a robot and determines its start.
     pub(super) fn load(config: &PhysicsConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
         let (setup, loaded) = load(config, robot)?;
         let start = config.start.get(&robot.name).cloned().unwrap_or_default();
@@ -35,19 +35,20 @@ impl Placing {
         };
         let joints = own.start(&loaded).map_err(|error| inside(error, &robot.name))?;
         let base = own.base_start(&loaded, robot.pose.is_some())?;
-        // A base without a given place is put on the ground from high above everything else.
+        // A base without a specified pose starts high above everything else and is then lowered to the
+        // ground.
         let above = Translation3::new(0.0, 0.0, 1e3) * loaded.model.base().neutral;
         let q = config::configuration(&loaded.model, &base.unwrap_or(above), &joints);
         let anywhere = loaded.model.base().floating && base.is_none();
         Ok(Self { loaded, setup, prefix: format!("{}/", robot.name), q, anywhere })
     }
 
-    /// Number of its drives.
+    /// Returns the number of its drives.
     pub(super) fn drives(&self) -> usize {
         self.loaded.model.joint_count() + self.setup.rotors.len()
     }
 
-    /// Its setup as a separate articulation.
+    /// Returns its setup as a separate articulation.
     pub(super) fn alone(&self) -> RobotSetup {
         let rotors = self
             .setup
@@ -67,7 +68,7 @@ impl Placing {
         }
     }
 
-    /// Values of links by the names that these have in the simulation.
+    /// Renames links to their names in the simulation.
     fn of_links<'a, T: Copy>(
         &'a self,
         values: &'a BTreeMap<String, T>,
@@ -75,7 +76,7 @@ impl Placing {
         values.iter().map(|(link, value)| (format!("{}{link}", self.prefix), *value))
     }
 
-    /// The links near its base, with their names in the simulation.
+    /// Returns the links near its base, by their names in the simulation.
     fn near_base(&self) -> Vec<String> {
         let model = &self.loaded.model;
         let first = model.bodies().iter().filter(|body| body.parent.is_none());
@@ -86,7 +87,7 @@ impl Placing {
     }
 }
 
-/// Fixed-base robots as one articulation, each at its pose in the graph.
+/// Joins robots with fixed bases into one articulation, each at its pose in the graph.
 pub(super) fn together(robots: &[&Placing]) -> Result<RobotSetup, ConfigError> {
     let mut rules = Srdf::default();
     for robot in robots {
@@ -119,7 +120,7 @@ pub(super) fn together(robots: &[&Placing]) -> Result<RobotSetup, ConfigError> {
     })
 }
 
-/// An error about the start of one of several robots.
+/// Converts an error about the start of one of several robots.
 fn inside(error: ConfigError, robot: &str) -> ConfigError {
     match &error.key {
         Some(key) => ConfigError { key: Some(format!("start.{robot}.{key}")), ..error },
@@ -127,8 +128,8 @@ fn inside(error: ConfigError, robot: &str) -> ConfigError {
     }
 }
 
-/// Pairs of links near the bases of two robots. Within one robot such links never touch: a joint joins them,
-/// or they are neighbours; and in the common model all bases are one.
+/// Returns the pairs of links near the bases of two robots. Within one robot such links never touch, because
+/// they are neighbours or share a joint. In the common model all bases are one link.
 fn between(robots: &[&Placing]) -> Vec<(String, String)> {
     let near: Vec<Vec<String>> = robots.iter().map(|robot| robot.near_base()).collect();
     let mut pairs = Vec::new();

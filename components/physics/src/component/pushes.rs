@@ -1,4 +1,4 @@
-//! Pushes from outside at stated times.
+//! External pushes at specified times.
 
 use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use crate::{Articulation, Engine, Simulation, Simulator};
 
-/// A force and a torque on a link of the robot from one time of a run, or of an episode, to another.
+/// A force and a torque on a link of the robot during an interval of a run or an episode.
 ///
 /// ```toml
 /// at = "2 s"
@@ -22,29 +22,29 @@ use crate::{Articulation, Engine, Simulation, Simulator};
 pub struct PushConfig {
     /// Time at which it begins.
     pub at: TimeSpan,
-    /// Its duration.
+    /// Duration of the push.
     pub duration: TimeSpan,
-    /// Link that is pushed; with several robots `ROBOT/LINK`. Without it: the base, of the first robot.
+    /// Pushed link; with several robots `ROBOT/LINK`. Default: the base of the first robot.
     #[serde(default)]
     pub link: Option<String>,
-    /// Point of the link at which it acts, in the axes of the link, m. Default: its origin.
+    /// Point of application, in link axes, m. Default: the origin of the link.
     #[serde(default)]
     pub point: [f64; 3],
-    /// The force in world axes, N. Default: none.
+    /// Force in world axes, N. Default: zero.
     #[serde(default)]
     pub force: [f64; 3],
-    /// Additional torque in world axes, N m. Default: none.
+    /// Additional torque in world axes, N m. Default: zero.
     #[serde(default)]
     pub torque: [f64; 3],
 }
 
-/// The pushes of a component, their links looked up.
+/// The pushes of a component with resolved links.
 pub(super) struct Pushes(Vec<Push>);
 
 struct Push {
     from_ns: u64,
     to_ns: u64,
-    /// Its articulation, and its index among the frames of that.
+    /// Index of the articulation, and of the link among its frames.
     link: (usize, FrameId),
     point: Point3<f64>,
     force: Vector3<f64>,
@@ -52,7 +52,7 @@ struct Push {
 }
 
 impl Pushes {
-    /// Checks the pushes for the robots.
+    /// Checks the pushes for these robots.
     pub(super) fn new(configs: &[PushConfig], robots: &[Articulation]) -> Result<Self, ConfigError> {
         let push = |(index, config): (usize, &PushConfig)| {
             let key = |name: &str| format!("pushes[{index}].{name}");
@@ -92,9 +92,9 @@ impl Pushes {
         configs.iter().enumerate().map(push).collect::<Result<_, _>>().map(Self)
     }
 
-    /// The pushes of the time `now_ns`, as forces at points: the link by its articulation and its index among
-    /// the frames, the point in its axes \[m\], the force in world axes \[N\]. A torque is a pair of forces
-    /// half a metre from the point each.
+    /// Returns the pushes at time `now_ns` as forces at points: the link by its articulation and its index
+    /// among the frames, the point in link axes \[m\], the force in world axes \[N\]. A torque is a pair of
+    /// forces, each half a metre from the point.
     pub(super) fn forces(
         &self,
         now_ns: u64,
@@ -108,7 +108,7 @@ impl Pushes {
         })
     }
 
-    /// Applies the pushes of the time `now_ns` to the next step of the simulation.
+    /// Applies the pushes at time `now_ns` to the next step of the simulation.
     pub(super) fn apply<E: Engine>(&self, simulation: &mut Simulation<E>, now_ns: u64) {
         for push in self.0.iter().filter(|push| (push.from_ns..push.to_ns).contains(&now_ns)) {
             simulation.apply_wrench_to(push.link, push.point, push.force, push.torque);
@@ -116,12 +116,12 @@ impl Pushes {
     }
 }
 
-/// Two forces, each with its arm from a point \[m, world axes\], that are a torque together.
+/// Returns two forces that form a torque, each with its arm from a point \[m, world axes\].
 fn couple(torque: &Vector3<f64>) -> Option<[(Vector3<f64>, Vector3<f64>); 2]> {
     if *torque == Vector3::zeros() {
         return None;
     }
-    // An axis across the torque: that along which it is smallest, made perpendicular.
+    // Arm perpendicular to the torque, derived from the axis with the smallest component.
     let mut arm = Vector3::zeros();
     arm[torque.iamin()] = 1.0;
     arm = (arm - torque * (torque.dot(&arm) / torque.norm_squared())).normalize();

@@ -1,4 +1,4 @@
-//! Physical properties sampled at the start of every episode, and within it.
+//! Physical properties, sampled at the start of and during every episode.
 
 use std::collections::VecDeque;
 
@@ -14,40 +14,41 @@ use super::build::{Built, BuiltRobot};
 use crate::randomise::{Draws, Property, Quantity, RandomiseConfig, RandomisedRobot, RangeError, check_ties};
 use crate::{Connection, Properties, ResetError, Simulation, Simulator};
 
-/// Episodes whose draws are in the report: the newest.
+/// Number of newest episodes whose draws are in the report.
 const REPORTED: usize = 64;
 
-/// Draws the properties of each episode, applies and publishes them.
+/// Samples the properties of each episode, applies them, and publishes them.
 pub(super) struct Randomiser {
     draws: Draws,
-    /// Articulations whose floating base is put on the ground.
+    /// Articulations whose floating base starts on the ground.
     on_ground: Vec<usize>,
-    /// One entry for each robot.
+    /// One output for each robot.
     outputs: Vec<Output<Message>>,
-    /// The draws of the newest episodes, the present one last.
+    /// The draws of the newest episodes, the current one last.
     episodes: VecDeque<Draw>,
-    /// The present draw has not been published.
+    /// True if the current draw has not been published.
     pending: bool,
-    /// Time after which it is drawn again within an episode \[ns\].
+    /// Interval between draws within an episode \[ns\].
     every_ns: Option<u64>,
-    /// Per drive of the simulation: factors of its gain and of its strength.
+    /// Factors of the gain and the strength of each drive of the simulation.
     drives: Vec<[f64; 2]>,
 }
 
-/// The draws of an episode, or of a part of it.
+/// The sampled values of an episode, or of a part of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Draw {
     episode: u64,
     seed: u64,
-    /// Number within the episode.
+    /// Index of the draw within the episode.
     number: u64,
     values: Vec<f64>,
 }
 
-/// The name of the port.
+/// Name of the port.
 const PORT: &str = "randomisation";
 
-/// Checks the ranges and declares the outputs, if anything is drawn. `connections` excludes the world's.
+/// Checks the ranges and declares the outputs; does nothing if nothing is sampled. `connections` are the
+/// connections that are not in the world.
 pub(super) fn declare<E: PhysicsEngine>(
     (config, connections): (&RandomiseConfig, &[Connection]),
     built: &Built<E>,
@@ -70,7 +71,7 @@ pub(super) fn declare<E: PhysicsEngine>(
     Ok(())
 }
 
-/// The samples of this table for these robots, of which each message has room for `MAX_DRAWN`.
+/// Returns the samples of this table for these robots; the message of each robot has room for `MAX_DRAWN`.
 fn draws(
     config: &RandomiseConfig,
     robots: &[BuiltRobot],
@@ -94,13 +95,13 @@ fn draws(
     Ok(draws)
 }
 
-/// An error in the `randomise` table as one of the component's configuration.
+/// Converts an error in the `randomise` table into a configuration error of the component.
 fn in_table(error: RangeError) -> ConfigError {
     let RangeError { key, message, advice } = error;
     ConfigError { key: Some(format!("randomise.{key}")), message, advice }
 }
 
-/// The property and the part of a quantity in a message.
+/// Returns the codes of a quantity's property and part in a message.
 fn code(quantity: &Quantity) -> (u32, u32) {
     let property = match quantity.property {
         Property::BaseMass => return (Message::BODY_MASS, Message::BASE),
@@ -139,7 +140,7 @@ fn code(quantity: &Quantity) -> (u32, u32) {
 }
 
 impl Randomiser {
-    /// `None` where nothing is drawn.
+    /// Returns `None` if nothing is sampled.
     pub(super) fn open<E: PhysicsEngine>(
         config: &RandomiseConfig,
         (simulation, robots, on_ground): (&Simulation<E>, &[BuiltRobot], Vec<usize>),
@@ -163,7 +164,7 @@ impl Randomiser {
         }))
     }
 
-    /// Starts an episode with the values drawn from its seed, at rest.
+    /// Starts an episode at rest with the samples of its seed.
     pub(super) fn start<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,
@@ -179,7 +180,7 @@ impl Randomiser {
         if start.lifts.iter().any(|lift| *lift != 0.0) {
             let mut q = simulation.configuration().to_vec();
             for (own, lift) in simulation.articulations().iter().zip(&start.lifts) {
-                // A fixed base has no height of its own.
+                // The height of a fixed base does not change.
                 if own.model().base().floating {
                     q[own.q().start + 2] += lift;
                 }
@@ -190,8 +191,8 @@ impl Randomiser {
         Ok(())
     }
 
-    /// Draws the properties that may change within an episode again when they are due; allocates memory that
-    /// is counted separately.
+    /// Samples the properties that may change within an episode when their interval has passed. The
+    /// allocations are counted separately.
     pub(super) fn follow<E: PhysicsEngine>(
         &mut self,
         simulation: &mut Simulation<E>,
@@ -213,10 +214,10 @@ impl Randomiser {
         })
     }
 
-    /// Keeps a draw, and hands its factors to the drives.
+    /// Records a draw and passes its factors to the drives.
     fn note<E: PhysicsEngine>(&mut self, simulation: &Simulation<E>, draw: Draw, factors: &[Vec<[f64; 2]>]) {
         for (own, factors) in simulation.articulations().iter().zip(factors) {
-            // Rotors follow the joints, and have none.
+            // Rotors follow the joints and have no factors.
             let first = own.drives().start;
             self.drives[first..first + factors.len()].copy_from_slice(factors);
         }
@@ -227,23 +228,23 @@ impl Randomiser {
         self.pending = true;
     }
 
-    /// Per drive of the simulation: factors of its gain and of its strength.
+    /// Returns the factors of the gain and the strength of each drive of the simulation.
     pub(super) fn drives(&self) -> &[[f64; 2]] {
         &self.drives
     }
 
-    /// Index and seed of the present episode, as numbers of a checkpoint.
+    /// Returns index and seed of the current episode as numbers of a checkpoint.
     pub(super) fn checkpoint(&self) -> [f64; 3] {
         let (episode, seed) = self.episodes.back().map_or((0, 0), |draw| (draw.episode, draw.seed));
         [episode as f64, (seed >> 32) as f64, (seed & 0xFFFF_FFFF) as f64]
     }
 
-    /// Index and seed of an episode from the numbers of a checkpoint.
+    /// Returns index and seed of an episode from the numbers of a checkpoint.
     pub(super) fn episode([episode, high, low]: [f64; 3]) -> (u64, u64) {
         (episode as u64, ((high as u64) << 32) | low as u64)
     }
 
-    /// Publishes the draws of the present episode, once.
+    /// Publishes the draws of the current episode once.
     pub(super) fn publish(&mut self) -> Result<(), StepError> {
         let Some(draw) = self.episodes.back().filter(|_| std::mem::take(&mut self.pending)) else {
             return Ok(());
@@ -264,7 +265,7 @@ impl Randomiser {
         Ok(())
     }
 
-    /// The draws of the newest episodes, as tables of names.
+    /// Returns the draws of the newest episodes as tables keyed by name.
     pub(super) fn report(&self) -> Value {
         let episodes = self.episodes.iter().map(|draw| {
             let mut report = Map::new();
@@ -283,7 +284,7 @@ impl Randomiser {
     }
 }
 
-/// Puts a value at a path of tables.
+/// Inserts a value at a path of nested tables.
 fn insert(table: &mut Map<String, Value>, path: &[String], value: f64) {
     let [first, rest @ ..] = path else { return };
     if rest.is_empty() {

@@ -1,4 +1,4 @@
-//! The robots of a component: their ports, their commands, their part of the report.
+//! The robots of a component: their ports, commands and reports.
 
 use core::ops::Range;
 
@@ -17,30 +17,31 @@ use crate::{Engine, JointCommand, Simulation, Simulator};
 
 /// One robot of the simulation, with its ports.
 pub(super) struct Actuated {
-    /// Its name in the graph, where there are several.
+    /// Name in the graph, if there are several robots.
     name: Option<String>,
     articulation: usize,
-    /// Its drives within the simulation's.
+    /// Range of the robot's drives in the simulation.
     drives: Range<usize>,
     command: Input<state::JointCommand>,
     state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
-    /// `None` if the commands come from simulated drives, which are checked elsewhere.
+    /// `None` if the commands come from simulated drives, which check them elsewhere.
     gate: Option<CommandGate>,
     /// Steps in the safe state.
     pub(super) safe: u64,
-    /// Steps resuming from it.
+    /// Steps spent returning from the safe state.
     pub(super) resuming: u64,
-    /// It has rotors, which no safe state keeps in the air.
+    /// True if the robot has rotors; no safe state keeps such a robot in the air.
     has_rotors: bool,
     /// Position of the base at the start \[m\].
     start: [f64; 3],
-    /// Heights of the base \[m\].
+    /// Range of the base's height \[m\].
     lowest: f64,
     highest: f64,
 }
 
-/// Gravity efforts for safe states, computed from the robots' files regardless of drawn properties.
+/// The gravity compensation of safe states. It uses the robots from their files, independent of sampled
+/// properties.
 pub(super) struct SafeStates {
     models: Vec<Model>,
     gravity: Vector3<f64>,
@@ -60,7 +61,7 @@ impl SafeStates {
         }
     }
 
-    /// Efforts of the joints of an articulation in its configuration `q`.
+    /// Returns the joint efforts of an articulation in its configuration `q`.
     fn efforts(&mut self, articulation: usize, q: &[f64]) -> &[f64] {
         let (model, efforts) = (&self.models[articulation], &mut self.efforts[articulation]);
         self.dynamics[articulation].gravity(model, q, self.gravity, efforts);
@@ -69,7 +70,7 @@ impl SafeStates {
 }
 
 impl Actuated {
-    /// Opens the ports of all robots; the bases start at `starts`.
+    /// Opens the ports of all robots, whose bases start at `starts`.
     pub(super) fn open<E: Engine>(
         robots: Vec<BuiltRobot>,
         (simulation, starts): (&Simulation<E>, &[[f64; 3]]),
@@ -110,7 +111,7 @@ impl Actuated {
         Ok(actuated)
     }
 
-    /// Applies the newest command as far as the gate lets it pass, or the safe state.
+    /// Applies the newest command after the gate's limits, or the safe state.
     pub(super) fn apply_command<E: Engine>(
         &mut self,
         simulation: &mut Simulation<E>,
@@ -127,7 +128,7 @@ impl Actuated {
         let mut of_drives = |effort: &mut [f64]| {
             let joints = safe_states.efforts(self.articulation, q);
             for (effort, drive) in effort.iter_mut().zip(drives.clone()) {
-                // A rotor holds nothing.
+                // A rotor does not hold a position.
                 *effort = joints.get(drive - first).copied().unwrap_or(0.0);
             }
         };
@@ -147,7 +148,7 @@ impl Actuated {
         }
     }
 
-    /// Notes where the base is after a step.
+    /// Records the position of the base after a step.
     pub(super) fn follow<E: Engine>(&mut self, simulation: &Simulation<E>) {
         let [.., height] = position(simulation, self.articulation);
         (self.lowest, self.highest) = (self.lowest.min(height), self.highest.max(height));
@@ -185,7 +186,8 @@ impl Actuated {
         (self.lowest, self.highest) = (f64::INFINITY, f64::NEG_INFINITY);
     }
 
-    /// Adds its part to the report of a run: of the only robot at the top, of several each under its name.
+    /// Adds the robot's part to the report of a run: at the top level for a single robot, otherwise under its
+    /// name.
     pub(super) fn report<E: Engine>(&self, simulation: &Simulation<E>, result: &mut Value) {
         let into = match &self.name {
             None => result,
@@ -217,18 +219,19 @@ impl Actuated {
     }
 }
 
-/// Position of the base of an articulation \[m\].
+/// Returns the position of an articulation's base \[m\].
 pub(super) fn position<E: Engine>(simulation: &Simulation<E>, articulation: usize) -> [f64; 3] {
     simulation.base_pose_of(articulation).translation.vector.into()
 }
 
-/// The joint names of one of several robots, without the robot's prefix.
+/// Returns the joint names of one of several robots without the robot's prefix.
 fn own_names(names: &[String], robot: &str) -> Vec<String> {
     let own = |name: &String| name.strip_prefix(robot)?.strip_prefix('/').map(str::to_string);
     names.iter().map(|name| own(name).unwrap_or_else(|| name.clone())).collect()
 }
 
-/// Applies the newest command of simulated drives as it is; one for another number of drives is no command.
+/// Applies the newest command of simulated drives unchanged. Ignores a command for a different number of
+/// drives.
 fn apply_as_given(
     input: &mut Input<state::JointCommand>,
     commands: &mut [JointCommand],
@@ -250,7 +253,7 @@ fn apply_as_given(
     }
 }
 
-/// Scales a command to a drive with other gain and strength.
+/// Scales a command by the gain and strength factors of a drive.
 fn scaled(command: JointCommand, factors: Option<&[[f64; 2]]>, index: usize) -> JointCommand {
     let Some([gain, strength]) = factors.map(|factors| factors[index]) else { return command };
     JointCommand {

@@ -1,4 +1,4 @@
-//! Contacts of a robot: contact points, and their impulses since the start of an episode.
+//! The contacts of a robot: contact points, and their impulses since the start of an episode.
 
 use std::collections::BTreeMap;
 
@@ -13,20 +13,20 @@ use super::build::BuiltRobot;
 use super::merging::{Entry, Merger};
 use crate::{Engine, Simulation, Simulator};
 
-/// `other` of a contact with the ground.
+/// Value of `other` for a contact with the ground.
 const GROUND: u32 = u32::MAX;
 
-/// `other` of a push of the graph.
+/// Value of `other` for a push of the graph.
 const PUSH: u32 = u32::MAX - 1;
 
-/// `other` of a contact with a link of another robot.
+/// Value of `other` for a contact with a link of another robot.
 const OTHER_ROBOT: u32 = 65_535;
 
-/// `other` of a contact with the link of index 0 of the same robot.
+/// Value of `other` for a contact with the link of index 0 of the same robot.
 const FIRST_LINK: u32 = 65_536;
 
-/// A push: the link by its articulation and its index there, the point in the axes of the link, lever arm and
-/// force in world axes.
+/// A push: the articulation and link index, the point in link axes, and the arm from that point and the force
+/// in world axes.
 pub(super) type Push = ((usize, FrameId), Point3<f64>, Vector3<f64>, Vector3<f64>);
 
 /// The contacts of one robot.
@@ -34,14 +34,13 @@ pub(super) struct Touched {
     contacts: Output<Contacts>,
     impulses: Output<ContactImpulses>,
     place: Place,
-    /// Names of its links, sorted, with their indices among the links of its model.
+    /// Sorted link names with their indices among the links of the model.
     links: Vec<(String, u32)>,
-    /// Link, impulse and moment since the start of the episode, in the order in which the links were first
-    /// touched.
+    /// Link, impulse and moment since the start of the episode, in the order of first contact.
     sums: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
     merger: Merger,
-    /// Contact points, and impulses on links since the start of the episode, for which the messages had no
-    /// room.
+    /// Number of contact points, and of impulses on links since the start of the episode, that did not fit
+    /// into messages.
     cut: Cut,
 }
 
@@ -52,18 +51,18 @@ struct Cut {
     impulses: u64,
 }
 
-/// The links of a robot within its articulation.
+/// The robot's range of the links of its articulation.
 #[derive(Clone, Copy)]
 struct Place {
     articulation: usize,
-    /// Number of links before its own.
+    /// Number of links before the robot's first link.
     first: u32,
-    /// Number of its links.
+    /// Number of the robot's links.
     count: u32,
 }
 
 impl Place {
-    /// Index of a link within the robot.
+    /// Returns the index of a link among the robot's links.
     fn index(&self, (articulation, link): (usize, FrameId)) -> Option<u32> {
         let index = (link.index() as u32).checked_sub(self.first)?;
         (articulation == self.articulation && index < self.count).then_some(index)
@@ -95,7 +94,7 @@ impl Touched {
         })
     }
 
-    /// Adds the impulses of contacts and pushes in a step of `dt` \[s\].
+    /// Accumulates the effect of contacts and pushes in a step of `dt` \[s\].
     pub(super) fn accumulate<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
@@ -124,8 +123,8 @@ impl Touched {
         self.cut = Cut::default();
     }
 
-    /// Publishes the contact points and the sums; `names` are the objects' names, sorted. If the message has
-    /// no room for all points, points of a link are [merged](Merger).
+    /// Publishes the contact points and the sums; `names` are the sorted object names. If the message has no
+    /// room for all points, some points of a link are [merged](Merger).
     pub(super) fn publish<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
@@ -179,12 +178,13 @@ impl Touched {
         Ok(())
     }
 
-    /// Contact points without a separate entry, and impulses left out of messages, in this episode.
+    /// Returns the number of contact points without a separate entry and of impulses omitted from messages,
+    /// in this episode.
     pub(super) fn left_out(&self) -> u64 {
         self.cut.contacts + self.cut.impulses
     }
 
-    /// The force of the contacts of each link with each other part after the last step, with their names.
+    /// Returns the contact force between each link and each other part after the last step, by name.
     pub(super) fn report<E: Engine>(&self, simulation: &Simulation<E>) -> serde_json::Value {
         let mut forces = BTreeMap::<(String, String), Vector3<f64>>::new();
         simulation.visit_contacts(&mut |contact| {
@@ -223,7 +223,7 @@ impl Touched {
     }
 }
 
-/// Adds an impulse on a link and its moment to the sums. Returns 1 where there is no room for the link, and 0
+/// Adds an impulse on a link and its moment to the sums. Returns 1 if there is no room for the link, and 0
 /// otherwise.
 fn add(
     sums: &mut Vec<(u32, Vector3<f64>, Vector3<f64>)>,

@@ -1,5 +1,5 @@
-//! True values that sensors measure besides the joints: contact points on the robot, poses of the objects of
-//! the world.
+//! True values for sensors in addition to the joints: contact points on the robot, and poses of the objects
+//! of the world.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{Declare, StepError};
@@ -10,19 +10,19 @@ use super::build::BuiltRobot;
 use super::touched::{Push, Touched};
 use crate::{Engine, Simulation, Simulator, World};
 
-/// The outputs of the truth that is no joint state and no base state. An output that is not wired costs
+/// The outputs of true values other than joint state and base state. An output that is not wired costs
 /// nothing.
 pub(super) struct Truth {
     /// One entry for each robot.
     robots: Vec<Touched>,
     objects: Option<Output<ObjectPoses>>,
-    /// Names of the objects, sorted, with their indices in the world.
+    /// Sorted object names with their indices in the world.
     names: Vec<(String, u32)>,
     /// One entry for each published object.
     ids: Vec<crate::ObjectId>,
 }
 
-/// Declares the outputs: contacts and their impulses of each robot, poses where there are objects.
+/// Declares the outputs: contacts and their impulses for each robot, and poses if there are objects.
 pub(super) fn declare(robots: &[BuiltRobot], world: &World, declare: &mut Declare) {
     for robot in robots {
         let doc = "contact points on the robot after the step";
@@ -36,7 +36,7 @@ pub(super) fn declare(robots: &[BuiltRobot], world: &World, declare: &mut Declar
 }
 
 impl Truth {
-    /// Opens the outputs that [`declare`] declared.
+    /// Opens the outputs declared by [`declare`].
     pub(super) fn open<E: Engine>(
         robots: &[BuiltRobot],
         simulation: &Simulation<E>,
@@ -58,7 +58,7 @@ impl Truth {
         })
     }
 
-    /// Adds the impulses of contacts and pushes in a step of `dt` \[s\].
+    /// Accumulates the effect of contacts and pushes in a step of `dt` \[s\].
     pub(super) fn accumulate<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
@@ -73,8 +73,8 @@ impl Truth {
         self.robots.iter_mut().for_each(Touched::reset);
     }
 
-    /// Reports the contacts of the links after the last step, and the contacts and impulses that did not fit
-    /// into messages.
+    /// Reports the contacts of the links after the last step, and the numbers of contacts and impulses that
+    /// did not fit into messages.
     pub(super) fn report<E: Engine>(&self, simulation: &Simulation<E>, result: &mut serde_json::Value) {
         let contacts = self.robots.iter().map(|own| own.report(simulation));
         let contacts = contacts.flat_map(|rows| rows.as_array().cloned().unwrap_or_default());

@@ -1,4 +1,5 @@
-//! Ways and speeds of colliders, which carry a bound of the distance of two from step to step.
+//! Distances travelled and speeds of colliders, which carry a lower bound of the distance between two
+//! colliders from step to step.
 
 use motorium_robots::{Collisions, Kinematics, Twist};
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -6,23 +7,23 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use super::colliders::{Collider, Owner};
 use super::objects::FreeBody;
 
-/// Margin within which contact points are found at least \[m\].
+/// Smallest margin within which contact points are found \[m\].
 pub(super) const FORESIGHT: f64 = 0.002;
 
-/// Reserve added to a distance travelled, as a share of the present speed.
+/// Margin per distance covered at the current speed.
 const HASTE: f64 = 1.5;
 
 /// Motion of a collider.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
-    /// Farthest distance of a point from its origin \[m\]; zero for fixed colliders.
+    /// Farthest distance of a point from the origin \[m\]; zero for a collider that never moves.
     reach: f64,
-    /// Pose when it was followed last; `None` at the start.
+    /// Last followed pose; `None` at the start.
     last: Option<(Matrix3<f64>, Vector3<f64>)>,
-    /// Bound of the distance travelled by any of its points, in the world and relative to the robot's base
-    /// \[m\].
+    /// Bound of the distance travelled by any point of the collider, in the world and relative to the robot's
+    /// base \[m\].
     way: [f64; 2],
-    /// Bound of the speed of any of its points \[m/s\], likewise.
+    /// Bound of the speed of any point of the collider \[m/s\], likewise.
     speed: [f64; 2],
 }
 
@@ -31,29 +32,29 @@ pub(super) struct Motion {
 struct BaseMotion {
     rotation: Matrix3<f64>,
     position: Vector3<f64>,
-    /// Rotation since the last time.
+    /// Rotation since the last update.
     turn: Matrix3<f64>,
-    /// Position the last time.
+    /// Position at the last update.
     before: Vector3<f64>,
     velocity: Twist,
 }
 
 /// Motions of all colliders.
 ///
-/// A pair that was measured at some distance stays at least that far apart, less the distances travelled by
-/// both: until these have used it up it need not be measured again. Within a floating robot the distances are
-/// relative to its base, so that flight and fall use up nothing.
+/// Two colliders at a measured distance stay at least that far apart, minus the distances both have
+/// travelled. The pair needs no new measurement until these have used up the distance. Within a floating
+/// robot, distances are relative to its base, so flight and fall use up nothing.
 #[derive(Clone, Debug)]
 pub(super) struct Motions {
     colliders: Vec<Motion>,
-    /// One entry per floating articulation.
+    /// One entry per articulation with a floating base.
     bases: Vec<Option<BaseMotion>>,
-    /// Per articulation: it floats.
+    /// One entry per articulation: true for a floating base.
     floating: Vec<bool>,
 }
 
-/// The part of a motion that counts for a pair: 1 where both belong to one articulation, whose base is the
-/// same.
+/// Returns the index of the motion bound that applies to a pair: 1 if both belong to one articulation and so
+/// share its base.
 pub(super) fn part([a, b]: [&Collider; 2]) -> usize {
     usize::from(a.owner.is_robot() && a.owner.articulation() == b.owner.articulation())
 }
@@ -75,7 +76,7 @@ impl Motions {
         }
     }
 
-    /// Restarts: nothing has moved.
+    /// Resets all motions to zero.
     pub(super) fn forget(&mut self) {
         for motion in &mut self.colliders {
             (motion.last, motion.way, motion.speed) = (None, [0.0; 2], [0.0; 2]);
@@ -83,8 +84,8 @@ impl Motions {
         self.bases.fill(None);
     }
 
-    /// Updates all colliders to their present poses in `places`, with the motion of the `kinematics` of
-    /// articulations and of `objects`.
+    /// Follows all colliders to their current `places`. `kinematics` and `objects` provide the velocities of
+    /// articulations and objects.
     pub(super) fn follow<'a>(
         &mut self,
         colliders: &[Collider],
@@ -146,13 +147,13 @@ impl Motions {
         self.bases[of] = Some(BaseMotion { rotation, position, turn, before, velocity });
     }
 
-    /// Bound of the speed of any point of a collider \[m/s\].
+    /// Returns a bound of the speed of any point of a collider \[m/s\].
     pub(super) fn speed(&self, index: usize) -> f64 {
         self.colliders[index].speed[0]
     }
 
-    /// Longest distance travelled by a collider since `start` \[m\], and the highest speed now \[m/s\], of
-    /// the relevant `parts`.
+    /// Returns the longest distance a collider has travelled since `start` \[m\] and the highest current
+    /// speed \[m/s\], for the relevant `parts`.
     pub(super) fn most_since(&self, start: &[[f64; 2]], parts: [bool; 2]) -> (f64, f64) {
         let mut most = (0.0_f64, 0.0_f64);
         for part in (0..2).filter(|part| parts[*part]) {
@@ -171,26 +172,26 @@ impl Motions {
         }
     }
 
-    /// Sum of the distances travelled by two colliders \[m\] and of their speeds \[m/s\].
+    /// Returns the sum of the distances travelled by two colliders \[m\] and the sum of their speeds \[m/s\].
     pub(super) fn of_pair(&self, part: usize, first: usize, second: usize) -> (f64, f64) {
         let (first, second) = (&self.colliders[first], &self.colliders[second]);
         (first.way[part] + second.way[part], first.speed[part] + second.speed[part])
     }
 }
 
-/// The distance within which surfaces that move at `speed` \[m/s\] may touch in a step of `h` \[s\].
+/// Returns the distance within which surfaces that move at `speed` \[m/s\] may touch in a step of `h` \[s\].
 pub(super) fn margin(h: f64, speed: f64) -> f64 {
     FORESIGHT + HASTE * h * speed
 }
 
-/// Bound of the distance that any point within `reach` of the origin has moved between two poses.
+/// Returns a bound of the distance travelled between two poses by any point within `reach` of the origin.
 fn apart(
     (from, start): (&Matrix3<f64>, &Vector3<f64>),
     (to, end): (&Matrix3<f64>, &Vector3<f64>),
     reach: f64,
 ) -> f64 {
-    // The chord of the rotation at the distance of one: Frobenius' norm of the difference is sqrt(2) times
-    // that.
+    // Chord of the rotation at unit distance: the Frobenius norm of the difference is sqrt(2) times the
+    // chord.
     let chord = (0.5 * (to - from).norm_squared()).sqrt();
     (end - start).norm() + reach * chord
 }

@@ -1,51 +1,50 @@
-//! Contact of two boxes: the axis that separates them most, and the faces clipped against one another.
+//! Contact of two boxes: the axis of largest separation, and the faces clipped against each other.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Point3, Vector3};
 
-/// The second box bears the reference face only where its face separates better by this \[m\]: rounding must
-/// not decide between two parallel faces.
+/// The reference face is on the second box only if its face separates better by this distance \[m\], so that
+/// rounding does not decide between two parallel faces.
 const PREFERENCE: f64 = 1e-4;
 
-/// Two edges touch where their axis separates better than every face by this \[m\].
+/// Two edges touch if their axis separates better than every face by this distance \[m\].
 const CROSSING: f64 = 1e-5;
 
 /// Squared sine of the angle below which two edges count as parallel.
 const PARALLEL: f64 = 1e-6;
 
-/// Corners this far outside of a face still count as within it \[m\].
+/// Corners this far outside a face still count as inside it \[m\].
 const WITHIN: f64 = 5e-5;
 
-/// Begin of the numbers of contacts between edges.
+/// Smallest feature number of contacts between edges.
 const EDGES: u32 = 1 << 30;
 
 /// A corner of the clipped face.
 #[derive(Clone, Copy)]
 struct Corner {
-    /// In the frame of the box with the reference face \[m\].
+    /// Position in the frame of the box with the reference face \[m\].
     at: Vector3<f64>,
-    /// The same number for the same corner, or the same crossing of an edge and a side.
+    /// Feature number, which is stable for the same corner or the same crossing of an edge and a side.
     id: u32,
-    /// The edge to the next corner: 0 to 3 are edges of the face, 4 to 7 the sides that it was clipped
-    /// against.
+    /// The edge to the next corner: 0 to 3 are edges of the face, 4 to 7 are the clipping sides.
     edge: u32,
 }
 
-/// Room for a quadrilateral clipped by four sides.
+/// Capacity for a quadrilateral clipped by four sides.
 const CORNERS: usize = 8;
 
-/// The axis that separates two boxes most.
+/// The axis of largest separation of two boxes.
 #[derive(Clone, Copy)]
 enum Axis {
     /// Normal of a face of the first or second box: its axis and the sign that points to the other box.
     Face { second: bool, axis: usize, sign: f64 },
-    /// Square to an edge of each box, from the first to the second, in the frame of the first.
+    /// Perpendicular to an edge of each box, from the first to the second, in the frame of the first.
     Edges { axes: [usize; 2], normal: Vector3<f64> },
 }
 
-/// Passes the contact points of two boxes (half sides and poses) that are nearer than `margin` \[m\] to
-/// `found`: the number of the feature, the point halfway between the surfaces, the normal from the second to
-/// the first, and the distance. Returns a lower bound of the distance of the boxes \[m\]; where they overlap,
-/// the depth with a negative sign.
+/// Passes the contact points of two boxes (half extents and poses) closer than `margin` \[m\] to `found`: the
+/// feature number, the point halfway between the surfaces, the normal from the second to the first, and the
+/// distance. Returns a lower bound of the distance between the boxes \[m\], or the negative penetration depth
+/// if they overlap.
 pub(super) fn collide(
     (a, pose_a): (&Vector3<f64>, &IsometryMatrix3<f64>),
     (b, pose_b): (&Vector3<f64>, &IsometryMatrix3<f64>),
@@ -53,7 +52,7 @@ pub(super) fn collide(
     mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
 ) -> f64 {
     let (ra, rb) = (pose_a.rotation.matrix(), pose_b.rotation.matrix());
-    // The second box, in the frame of the first.
+    // Pose of the second box in the frame of the first.
     let turn = ra.tr_mul(rb);
     let offset = ra.tr_mul(&(pose_b.translation.vector - pose_a.translation.vector));
     let (separation, axis) = separate(a, b, &turn, &offset);
@@ -68,7 +67,7 @@ pub(super) fn collide(
             found(id | signs(&normal) << 4, pose_a * Point3::from(middle), -(ra * normal), separation);
         }
         Axis::Face { second, axis, sign } => {
-            // The reference box, and the other in its frame.
+            // The box with the reference face, and the other box in its frame.
             let (own, other, turn, offset) =
                 if second { (b, a, turn.transpose(), -turn.tr_mul(&offset)) } else { (a, b, turn, offset) };
             let pose = if second { pose_b } else { pose_a };
@@ -88,12 +87,13 @@ pub(super) fn collide(
     separation
 }
 
-/// Number of the octant of a direction.
+/// Returns the octant number of a direction.
 fn signs(direction: &Vector3<f64>) -> u32 {
     (0..3).map(|axis| u32::from(direction[axis] > 0.0) << axis).sum()
 }
 
-/// The largest separation along the axes of both boxes and the products of their edges, and its axis.
+/// Returns the largest separation along the axes of both boxes and the cross products of their edges, with
+/// its axis.
 fn separate(a: &Vector3<f64>, b: &Vector3<f64>, turn: &Matrix3<f64>, offset: &Vector3<f64>) -> (f64, Axis) {
     let absolute = turn.abs();
     let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
@@ -110,7 +110,7 @@ fn separate(a: &Vector3<f64>, b: &Vector3<f64>, turn: &Matrix3<f64>, offset: &Ve
     let mut crossing: Option<(f64, Axis)> = None;
     for (i, (j, k)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
         for (u, (v, w)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
-            // The product of axis i of the first and axis u of the second.
+            // Cross product of axis i of the first box and axis u of the second.
             let squared = turn[(j, u)] * turn[(j, u)] + turn[(k, u)] * turn[(k, u)];
             if squared < PARALLEL {
                 continue;
@@ -133,7 +133,7 @@ fn separate(a: &Vector3<f64>, b: &Vector3<f64>, turn: &Matrix3<f64>, offset: &Ve
     crossing.unwrap_or(best)
 }
 
-/// The nearest points of the edges that touch, in the frame of the first box.
+/// Returns the nearest points of the touching edges, in the frame of the first box.
 fn edges(
     a: &Vector3<f64>,
     b: &Vector3<f64>,
@@ -159,7 +159,7 @@ fn edges(
 }
 
 /// Passes the corners of the incident face of `other`, clipped by the sides of the reference face, and their
-/// heights above it to `found`.
+/// heights above the reference face to `found`.
 fn clip(
     own: &Vector3<f64>,
     other: &Vector3<f64>,
@@ -167,7 +167,7 @@ fn clip(
     (axis, sign): (usize, f64),
     found: &mut dyn FnMut(Corner, f64),
 ) {
-    // The face of the other box that looks most against the normal.
+    // The face of the other box whose normal is most opposed to the reference normal.
     let against = turn.row(axis) * sign;
     let incident = against.iter().enumerate().max_by(|x, y| x.1.abs().total_cmp(&y.1.abs()));
     let incident = incident.map_or(0, |(index, _)| index);
@@ -197,8 +197,8 @@ fn clip(
             if (from <= 0.0) != (to <= 0.0) && kept < CORNERS {
                 let share = ((from + WITHIN) / (from - to)).clamp(0.0, 1.0);
                 let at = here.at + (there.at - here.at) * share;
-                // Where the edge leaves, the side is the next edge. The numbers are above the numbers of
-                // whole corners.
+                // Where the edge leaves, the next edge is the clipping side. These numbers are above the
+                // numbers of whole corners.
                 let edge = if from <= 0.0 { 4 + side as u32 } else { here.edge };
                 next[kept] = Corner { at, id: 32 | here.edge << 2 | side as u32, edge };
                 kept += 1;
@@ -288,9 +288,9 @@ mod tests {
             let second = pose(away.into(), [wave(0.9) * 3.0, wave(1.3), wave(1.9) * 3.0]);
             let (least, found) = points((half.0, first), (half.1, second));
             let (swapped, _) = points((half.1, second), (half.0, first));
-            // Which face bears the reference may differ by the preference.
+            // The choice of the reference box may depend on the preference.
             assert!((least - swapped).abs() < PREFERENCE + 1e-12, "{index}: {least} {swapped}");
-            // The distance, by samples of the surface of one against the other box.
+            // Estimate the distance from samples on the surface of one box against the other.
             let mut distance = f64::INFINITY;
             for sample in 0..4000 {
                 let at = f64::from(sample);
@@ -303,8 +303,8 @@ mod tests {
             }
             assert!(least <= distance + 1e-9, "{index}: {least} m, {distance} m");
             for (_, point, normal, depth) in found {
-                // Each point is halfway between the surfaces: the second is at half the distance along the
-                // normal.
+                // Each point is halfway between the surfaces: half the distance along the normal leads to the
+                // second surface.
                 let on_second = second.inverse_transform_point(&(point - normal * (0.5 * depth)));
                 let beyond = on_second.coords.abs() - Vector3::from(half.1);
                 assert!(beyond.max() < 1.1 * WITHIN, "{index}: {beyond}");

@@ -1,4 +1,4 @@
-//! Steps in which nothing can touch, known from the motion of the joints alone.
+//! Detection of steps in which nothing can touch, from the motion of the joints alone.
 
 use motorium_robots::{JointKind, Model};
 
@@ -9,27 +9,27 @@ use super::near_pairs::{NearPairs, SKIN};
 use super::parties::Least;
 use crate::robot::Articulation;
 
-/// Detections without prediction after one that has saved none.
+/// Number of detections without a look-ahead after a look-ahead that saved no detection.
 const PAUSE: u32 = 16;
 
-/// Bounds of the distances travelled by all colliders of robots since the last check of the pairs, by the
-/// changes of the joints.
+/// Bounds of the distances that the colliders of robots have travelled since the pairs were last inspected,
+/// from the changes of the joints.
 ///
-/// A rotating joint moves the parts it carries by at most its angle times their distance from its origin,
-/// which is at most the length of the links between. While the joints between two colliders have not used up
-/// their distance, nothing touches, and no pose of a collider is needed.
+/// A revolute joint moves its descendants by at most its angle times the distance from its origin, which is
+/// at most the length of the links in between. As long as the joints between two colliders have not used up
+/// the distance between them, nothing touches, and no collider pose is needed.
 #[derive(Clone, Debug)]
 pub(super) struct Calm {
     trees: Vec<Tree>,
-    /// One entry per collider; `None` for one fixed in the world.
+    /// One entry per collider; `None` for colliders fixed in the world.
     places: Vec<Option<Place>>,
     watched: Vec<Watched>,
-    /// Distance travelled by the fastest collider from the listing of near pairs to the last check \[m\].
+    /// Longest distance a collider travelled between the listing of near pairs and the last look-ahead \[m\].
     way: f64,
-    /// Distance within which contact points are found at least \[m\].
+    /// Smallest distance within which contact points are found \[m\].
     least: f64,
     known: bool,
-    /// Steps since the last check, and detections until the next.
+    /// Steps since the last look-ahead, and detections until the next one.
     steps: u32,
     wait: u32,
 }
@@ -40,9 +40,9 @@ struct Tree {
     floating: bool,
     /// The base, then the bodies.
     links: Vec<Link>,
-    /// Configuration at the last check.
+    /// Configuration at the last look-ahead.
     q: Vec<f64>,
-    /// Motion of the base in the world, and of all relative to it.
+    /// Motion of the base in the world, and of all links relative to the base.
     base: Bound,
     bounds: Vec<Bound>,
 }
@@ -53,23 +53,23 @@ struct Link {
     column: usize,
     multiplier: f64,
     prismatic: bool,
-    /// Distance of its origin from its parent's at the last check \[m\].
+    /// Distance of its origin from its parent's origin at the last look-ahead \[m\].
     length: f64,
 }
 
-/// Bounds of the motion of a link: changes since the last check, and present rates.
+/// Bounds of the motion of a link: changes since the last look-ahead, and current rates.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bound {
     /// Angle \[rad\] and its rate \[rad/s\].
     turn: [f64; 2],
-    /// Way of its origin \[m\] and speed \[m/s\].
+    /// Distance travelled by its origin \[m\] and speed \[m/s\].
     way: [f64; 2],
     /// Distance along the links from the origin of the base \[m\].
     depth: f64,
 }
 
-/// The place of a collider: its articulation, its link, and the distance of its farthest point from the
-/// origin of that \[m\].
+/// The attachment of a collider: its articulation, its link, and the distance of its farthest point from the
+/// link origin \[m\].
 #[derive(Clone, Copy, Debug)]
 struct Place {
     tree: usize,
@@ -77,18 +77,18 @@ struct Place {
     reach: f64,
 }
 
-/// A pair that may come near.
+/// A pair that may approach each other.
 #[derive(Clone, Copy, Debug)]
 struct Watched {
     colliders: [usize; 2],
-    /// The last link that carries both, of one articulation.
+    /// The last link that carries both colliders of one articulation.
     common: Option<usize>,
-    /// The distance that the colliders may use up \[m\].
+    /// Distance that the colliders may still use up \[m\].
     left: f64,
 }
 
 impl Calm {
-    /// For these articulations, and this number of pairs of their colliders and others.
+    /// Creates the bounds for these articulations with room for `pairs` pairs of their colliders and others.
     pub(super) fn new(colliders: &[Collider], articulations: &[Articulation], pairs: usize) -> Self {
         let place = |collider: &Collider| {
             let (tree, link) = match collider.owner {
@@ -111,12 +111,12 @@ impl Calm {
         }
     }
 
-    /// Invalidates everything until the next check.
+    /// Discards all knowledge until the next look-ahead.
     pub(super) fn forget(&mut self) {
         (self.known, self.steps, self.wait) = (false, 0, 0);
     }
 
-    /// Looks at the near pairs after a detection that has found nothing; after one that has, nothing is
+    /// Inspects the near pairs after a detection without contact points. After any other detection nothing is
     /// known.
     pub(super) fn look(
         &mut self,
@@ -151,7 +151,7 @@ impl Calm {
     }
 
     /// Returns `true` if nothing can touch in a step of `h` \[s\] from this state of all articulations.
-    /// `parts` are the relevant parts of [`Motions`].
+    /// `parts` selects the relevant [`Motions`].
     pub(super) fn holds(
         &mut self,
         articulations: &[Articulation],
@@ -175,7 +175,7 @@ impl Calm {
                 (way, speed) = (way.max(moved), speed.max(rate));
             }
         }
-        // No unlisted pair can have come near.
+        // Pairs that are not listed must not have come near.
         let far = 2.0 * (self.way + way) + margin(h, 2.0 * speed).max(self.least) < SKIN;
         let holds = far
             && self.watched.iter().all(|watched| {
@@ -220,7 +220,7 @@ impl Tree {
         }
     }
 
-    /// The last link that carries both.
+    /// Returns the last link that carries both.
     fn common(&self, mut a: usize, mut b: usize) -> usize {
         while a != b {
             if a > b {
@@ -263,8 +263,8 @@ impl Tree {
         }
     }
 
-    /// Bound of the distance travelled by any point of a collider \[m\] and of its speed \[m/s\] relative to
-    /// a link that carries it, or in the world.
+    /// Returns bounds of the distance travelled by any point of a collider \[m\] and of its speed \[m/s\],
+    /// relative to a link that carries it, or in the world.
     #[inline]
     fn motion(&self, place: &Place, carrier: Option<usize>) -> [f64; 2] {
         let bound = &self.bounds[place.link];

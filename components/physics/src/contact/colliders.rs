@@ -14,29 +14,29 @@ use nalgebra::{Isometry3, Vector3};
 use crate::robot::Robot;
 use crate::{BuildWarning, Options, RobotSetup, World};
 
-/// Links that start closer than this never touch each other \[m\].
+/// Links that start closer than this are excluded from self-collision \[m\].
 const TOO_CLOSE: f64 = 0.010;
 
-/// The part of the simulation that a collider moves with.
+/// The part of the simulation that moves a collider.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Owner {
-    /// The world: the ground, fixed objects, links that do not move.
+    /// The world: the ground, fixed objects, and links that do not move.
     World,
-    /// The moving base of the articulation of this index.
+    /// The moving base of the articulation with this index.
     Base(usize),
     /// A body of an articulation.
     Body(usize, usize),
-    /// A moving object, by its index among the moving objects.
+    /// A movable object, by its index among the movable objects.
     Object(usize),
 }
 
 impl Owner {
-    /// True for the moving parts of robots.
+    /// Returns `true` for moving parts of robots.
     pub(crate) fn is_robot(self) -> bool {
         self.articulation().is_some()
     }
 
-    /// The articulation that it is a moving part of.
+    /// Returns the articulation if the owner is a moving part of one.
     pub(crate) fn articulation(self) -> Option<usize> {
         match self {
             Self::Base(of) | Self::Body(of, _) => Some(of),
@@ -49,7 +49,7 @@ impl Owner {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Member {
     pub(crate) owner: Owner,
-    /// Index of the object, if it is one that is fixed.
+    /// Index of the object, if it is fixed.
     pub(crate) fixed: Option<usize>,
 }
 
@@ -60,45 +60,46 @@ pub(crate) struct Collider {
     pub(crate) name: String,
     pub(crate) owner: Owner,
     pub(crate) shape: ConvexShape,
-    /// Frame of the shape relative to its owner. Moving objects use the frame of their principal axes of
-    /// inertia.
+    /// Frame of the shape in the frame of its owner. For movable objects this is the frame of their principal
+    /// axes of inertia.
     pub(crate) placement: Isometry3<f64>,
-    /// Index of the object that it is, of one that is fixed.
+    /// Index of the object, if it is fixed.
     pub(crate) fixed: Option<usize>,
-    /// For a part of a mesh or a compound: index of its object in the world, and its frame relative to the
-    /// object.
+    /// For a part of a mesh or a compound: the index of its object in the world, and the frame of the part in
+    /// the object.
     pub(crate) part: Option<(usize, Isometry3<f64>)>,
-    /// The triangles by which it touches, about the origin of its shape, which is their box.
+    /// The triangles of a mesh, about the origin of the collider's shape, which is their bounding box.
     pub(crate) surface: Option<Arc<TriangleSurface>>,
-    /// Planes of the faces of the hull of an object: outward normal, and height along it \[m\].
+    /// Face planes of an object's hull: outward normal, and height along it \[m\].
     pub(crate) faces: Vec<(Vector3<f64>, f64)>,
-    /// The same for any hull, for edges of meshes; empty if no mesh touches by its triangles.
+    /// Face planes of any hull, for contacts with mesh edges; empty if no mesh in the world uses its
+    /// triangles.
     pub(crate) sides: Vec<(Vector3<f64>, f64)>,
     pub(crate) friction: f64,
     pub(crate) friction_combine: Option<FrictionCombine>,
-    /// Coefficients of torsional and of rolling friction \[m\].
+    /// Coefficients of torsional and rolling friction \[m\].
     pub(crate) torsional: f64,
     pub(crate) rolling: f64,
     pub(crate) restitution: f64,
-    /// Velocity of the surface relative to the owner, in the axes of the collider \[m/s\].
+    /// Velocity of the surface relative to the owner, in collider axes \[m/s\].
     pub(crate) conveyor: Option<Vector3<f64>>,
     pub(crate) soft: Option<Softness>,
     pub(crate) grain: Option<ColliderGrain>,
 }
 
-/// Friction of a collider that differs by direction.
+/// Direction-dependent friction of a collider.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ColliderGrain {
-    /// Unit vector in the axes of the collider.
+    /// Unit vector in collider axes.
     pub(crate) direction: Vector3<f64>,
     /// Coefficient of friction along it.
     pub(crate) along: f64,
-    /// The coefficients across it and along it that were described.
+    /// The configured coefficients across and along the direction.
     described: [f64; 2],
 }
 
 impl Collider {
-    /// The end of a connection that holds this collider.
+    /// Returns the end of a connection that holds this collider.
     pub(crate) fn member(&self) -> Member {
         Member { owner: self.owner, fixed: self.fixed }
     }
@@ -109,32 +110,35 @@ impl ColliderGrain {
         Self { direction, along, described: [across, along] }
     }
 
-    /// Takes over another coefficient across it: that along it changes by the same factor.
+    /// Changes the coefficient across the direction; the coefficient along it changes by the same factor.
     pub(super) fn scale(&mut self, friction: f64) {
         let [across, along] = self.described;
         self.along = if across > 0.0 { along * (friction / across) } else { along };
     }
 }
 
-/// All colliders (robots first, then objects, then the ground or the terrain), and the pairs that may touch.
+/// All colliders (robots first, then objects, then the ground or the terrain) and the pairs of them that may
+/// touch.
 pub(crate) struct Colliders {
     pub(crate) colliders: Vec<Collider>,
-    /// Index of the first collider of the first object of the world.
+    /// Index of the first collider of the first object in the world.
     pub(crate) first_object: usize,
-    /// The colliders of each object of the world.
+    /// The colliders of each object in the world.
     pub(crate) objects: Vec<Range<usize>>,
-    /// The underlying collision model, with the same indices and pairs. It excludes the terrain.
+    /// The collision model of the colliders, with the same indices and pairs. It does not contain the
+    /// terrain.
     pub(crate) model: CollisionModel,
-    /// The surface of the terrain, which is the last collider; its shape there is a placeholder.
+    /// The surface of the terrain, which is the last collider. A placeholder shape represents it in the
+    /// collision model.
     pub(crate) terrain: Option<Arc<HeightField>>,
-    /// The description that it was made from.
+    /// The description of the terrain.
     pub(super) described: Option<Terrain>,
 }
 
 impl Colliders {
-    /// Links on one body or on two bodies that a joint or a parent joins never touch, nor do any when the
-    /// robot has no self-collision; the rules of `setup` disable and enable further pairs. Shapes that cannot
-    /// be used are left out with a warning.
+    /// Creates the colliders and their pairs. Links on one body, or on two bodies connected by a joint or a
+    /// parent, never touch. No links touch if the robot has no self-collision. The rules of `setup` disable
+    /// and enable further pairs. Unusable shapes are omitted with a warning.
     pub(crate) fn new(
         setups: &[RobotSetup],
         world: &World,
@@ -234,7 +238,7 @@ impl Colliders {
                     matches!(object.shape, ObjectShape::Mesh(_) | ObjectShape::Compound(_))
                 });
                 let part = parted.map(|(of, object)| (of, object.pose().inv_mul(&model.placement(index))));
-                // A direction given in the axes of the object, converted to the axes of its part.
+                // Rotates a direction from the axes of the object into the axes of its part.
                 let turned = |direction: Vector3<f64>| match parted {
                     Some((_, Object { shape: ObjectShape::Compound(_), .. })) => {
                         part.map_or(direction, |(_, frame)| frame.rotation.inverse() * direction)
@@ -274,14 +278,14 @@ impl Colliders {
                 }
             })
             .collect();
-        // Where a mesh touches by its triangles, its edges meet the faces of hulls.
+        // The edges of a mesh that touches by its triangles need the faces of hulls.
         if colliders.iter().any(|collider| collider.surface.is_some()) {
             for collider in colliders.iter_mut().filter(|collider| collider.surface.is_none()) {
                 collider.sides = sides(&collider.shape);
             }
         }
-        // Colliders of one owner, and two fixed ones, need no check. Links excluded within their own robot
-        // are also excluded with the same links of another, as in one model of both.
+        // Colliders of one owner, and two that never move, need no check. Links that touch nothing on their
+        // own robot touch nothing on another either, as in one model of both.
         let silent = |index: usize| {
             let rules = model.robot(index).map(|of| &setups[of].collision_rules.disabled_links);
             rules.is_some_and(|links| links.iter().any(|link| link == model.link(index)))
@@ -318,7 +322,8 @@ impl Colliders {
         Self { colliders, first_object, objects, model, terrain: field.map(Arc::new), described }
     }
 
-    /// The object of the world that a collider belongs to, and its frame relative to the object if different.
+    /// Returns the object of the world that a collider belongs to, and the collider's frame in the object if
+    /// it differs.
     pub(crate) fn object_of(&self, collider: usize) -> Option<(usize, Option<&Isometry3<f64>>)> {
         let last = self.objects.last()?.end;
         if !(self.first_object..last).contains(&collider) {
@@ -328,13 +333,13 @@ impl Colliders {
         Some((of, self.colliders[collider].part.as_ref().map(|(_, frame)| frame)))
     }
 
-    /// True where both colliders are links of the robot, moving or not.
+    /// Returns `true` if both colliders are links of the robot, moving or not.
     pub(crate) fn both_links(&self, pair: [usize; 2]) -> bool {
         pair.iter().all(|&index| index < self.first_object)
     }
 
-    /// Excludes pairs of links that are too close at the start, with a warning each, and warns of links
-    /// inside something else. Returns `true` if there was any such pair.
+    /// Excludes pairs of links that are too close in the current pose, with a warning each, and warns of
+    /// links inside something else. Returns `true` if such pairs exist.
     pub(crate) fn exclude_close(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) -> bool {
         let mut distances = Collisions::new(&self.model);
         for (index, own) in robot.articulations.iter().enumerate() {
@@ -362,13 +367,13 @@ impl Colliders {
     }
 }
 
-/// The replacement of the parts of meshes: each is convex already, and has few corners.
+/// Replacement of mesh parts: each is already convex and has few corners.
 const PART: MeshMode = MeshMode::Hull { most_corners: usize::MAX };
 
-/// Corners of the hull whose sides meet edges of triangles, at most: more cost too much.
+/// Largest number of corners of a hull whose sides meet triangle edges; more would cost too much.
 const MOST_SIDED: usize = 512;
 
-/// The planes of the faces of a hull, for edges of triangles.
+/// Returns the face planes of a hull, for contacts with triangle edges.
 fn sides(shape: &ConvexShape) -> Vec<(Vector3<f64>, f64)> {
     let ConvexShape::Hull { points } = shape else { return Vec::new() };
     if points.len() <= MOST_SIDED {
@@ -378,13 +383,13 @@ fn sides(shape: &ConvexShape) -> Vec<(Vector3<f64>, f64)> {
     ConvexShape::Hull { points: points.iter().copied().step_by(step).collect() }.faces()
 }
 
-/// The triangles by which an object touches, if it does so.
+/// Returns the triangles of an object that touches by its triangles.
 fn surface_of(object: &Object) -> Option<Arc<TriangleSurface>> {
     let ObjectShape::Mesh(mesh) = &object.shape else { return None };
     mesh.body().ok()?.surface.clone()
 }
 
-/// Converts a grain from the axes of a link to the axes of its solid with this index.
+/// Converts a grain from link axes to the axes of the solid with this index on the link.
 fn of_link(setup: &RobotSetup, model: &CollisionModel, index: usize, grain: &Grain) -> (Vector3<f64>, f64) {
     let link = setup.model.frame(model.link(index)).ok();
     let placement =

@@ -1,11 +1,10 @@
-//! The solver of the contact problem: sweeps over the contact points, and Newton steps over all of them at
-//! once.
+//! The solver of the contact problem: sweeps over the contact points, and Newton steps over all of them.
 
 use super::newton::Newton;
 use super::site::Couple;
 
-/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique for a rigid robot
-/// on redundant contact points.
+/// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique if a rigid robot
+/// stands on more points than determine them.
 pub(super) const COMPLIANCE: f64 = 1e-6;
 
 /// Largest number of sweeps over all contact points.
@@ -14,7 +13,8 @@ const SWEEPS: usize = 200;
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
 const SETTLED: f64 = 1e-8;
 
-/// A change in a sweep above this multiple of the change before the Newton step shows that the step diverged.
+/// If the sweep after a Newton step changes more than this multiple of the sweep before it, the step
+/// diverged.
 const ASTRAY: f64 = 1.0;
 
 /// The contact problem of a step:
@@ -25,42 +25,43 @@ const ASTRAY: f64 = 1.0;
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
-/// A sweep solves one contact point after the other (block Gauss-Seidel): it finds the open, sticking and
-/// slipping points within a few rounds, and then converges slowly if points are redundant, as under a flat
-/// sole. A Newton step solves the equations of these modes for all points at once. Its result is kept if the
-/// next sweep hardly changes it; either way a sweep confirms the solution.
+/// A sweep solves one contact point after the other (block Gauss-Seidel). It determines within a few rounds
+/// which points are open, stick or slip, and then converges slowly if points are redundant, as under a flat
+/// sole. A Newton step solves the equations of these modes for all points at once. The result of a Newton
+/// step is kept if the next sweep hardly changes it. In either case a sweep confirms the final solution.
 ///
-/// Torques against rolling and spinning are separate blocks of three rows: `w` is an angular velocity there,
-/// and their bounds grow with the normal impulse of their contact point. Newton steps leave them to the
-/// sweeps. Bilateral blocks have no bounds, and are part of every Newton step.
+/// Torques against rolling and spinning are separate blocks of three rows each. Their `w` is an angular
+/// velocity, and their bounds grow with the normal impulse of their contact point. Newton steps leave them to
+/// the sweeps. Bilateral blocks have no bounds and are part of every Newton step.
 #[derive(Clone, Debug)]
 pub(crate) struct ConeSolver {
     /// Three times the number of contact points.
     pub(super) rows: usize,
-    /// W, rows by rows: the normal's, then two tangents', for each contact point.
+    /// W, stored by rows: for each contact point the normal, then two tangents.
     pub(super) delassus: Vec<f64>,
-    /// w: without the impulses before [`solve`](Self::solve), with them after.
+    /// Velocities w: without impulses before [`solve`](Self::solve), with impulses after it.
     pub(super) velocity: Vec<f64>,
-    /// Per contact point.
+    /// One entry per contact point.
     pub(super) target: Vec<f64>,
     pub(super) friction: Vec<f64>,
-    /// Approach speed per impulse of compliant surfaces.
+    /// Approach speed per unit of impulse of compliant surfaces.
     pub(super) soft: Vec<f64>,
-    /// No impulse moves the point.
+    /// True if no impulse moves the point.
     pub(super) immovable: Vec<bool>,
-    /// Torque blocks of contact points, which follow all contact points.
+    /// Torques at contact points. Their blocks follow all contact points.
     pub(super) couples: Vec<Option<Couple>>,
     answers: Vec<PointAnswer>,
-    /// The points that an impulse at each point moves, itself included, ascending, one list after the other.
+    /// For each point, the ascending indices of the points that its impulse moves, itself included; the lists
+    /// are concatenated.
     coupled: Vec<u32>,
-    /// End of the list of each point.
+    /// End of each point's list.
     ends: Vec<usize>,
     pub(super) lambda: Vec<f64>,
     pub(super) newton: Newton,
 }
 
 impl ConeSolver {
-    /// For up to `most` contact points.
+    /// Creates a solver for up to `most` contact points.
     pub(super) fn new(most: usize) -> Self {
         let rows = 3 * most;
         Self {
@@ -80,7 +81,7 @@ impl ConeSolver {
         }
     }
 
-    /// The impulses `lambda` of `points` contact points, starting from their present values.
+    /// Solves for the impulses `lambda` of `points` contact points, starting from their current values.
     pub(super) fn solve(&mut self, points: usize) {
         self.rows = 3 * points;
         let rows = self.rows;
@@ -89,7 +90,7 @@ impl ConeSolver {
                 self.lambda[3 * index..][..3].fill(0.0);
             }
         }
-        // W is symmetric: its rows are its columns.
+        // W is symmetric, so its rows are its columns.
         for (row, lambda) in self.delassus.chunks_exact(rows.max(1)).zip(&self.lambda[..rows]) {
             if *lambda != 0.0 {
                 for (velocity, entry) in self.velocity[..rows].iter_mut().zip(row) {
@@ -108,7 +109,7 @@ impl ConeSolver {
             };
         }
         self.find_coupled();
-        // Sweeps before the next Newton step; doubled whenever one diverges.
+        // Number of sweeps before the next Newton step; doubled whenever a step diverges.
         let (mut patience, mut wait) = (1, 1);
         let mut sweeps = 0;
         while sweeps < SWEEPS {
@@ -138,7 +139,7 @@ impl ConeSolver {
         }
     }
 
-    /// The points that each point moves: few in a pile of objects, all of one robot.
+    /// Finds the points that each point moves: few in a pile of objects, all on one robot.
     fn find_coupled(&mut self) {
         let (rows, points) = (self.rows, self.rows / 3);
         self.coupled.clear();
@@ -177,12 +178,13 @@ impl ConeSolver {
         }
     }
 
-    /// Solves each contact point once. Returns the largest change of a velocity.
+    /// Solves each contact point once. Returns the largest velocity change.
     fn sweep(&mut self) -> f64 {
         (0..self.rows / 3).fold(0.0_f64, |change, index| change.max(self.relax(index)))
     }
 
-    /// Solves one contact point for fixed impulses at the others. Returns the largest change of its velocity.
+    /// Solves one contact point with the impulses at the other points fixed. Returns the largest change of
+    /// its velocity.
     fn relax(&mut self, index: usize) -> f64 {
         if self.immovable[index] {
             return 0.0;
@@ -209,24 +211,24 @@ impl ConeSolver {
     }
 }
 
-/// The block of W of one contact point, and its derived response to impulses.
+/// The W block of one contact point with derived quantities: the response of the point to impulses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PointAnswer {
-    /// Compliance along the normal, and the inverse of the entry there, compliance included.
+    /// Compliance along the normal, and the inverse of the normal entry, compliance included.
     compliance: f64,
     inverse: f64,
-    /// Entries between the normal and the tangents.
+    /// Coupling entries between the normal and the tangents.
     coupling: [f64; 2],
-    /// Inverse of the tangent block: its diagonal and off-diagonal entry.
+    /// Inverse of the tangential block: its diagonal and its off-diagonal entry.
     tangents: [f64; 3],
-    /// Inverse of the largest eigenvalue of that block.
+    /// Inverse of the largest eigenvalue of the tangential block.
     slip: f64,
-    /// The diagonal.
+    /// The diagonal of the block.
     pub(super) diagonal: [f64; 3],
 }
 
 impl PointAnswer {
-    /// For a point whose impulse is not solved for.
+    /// The response of a point whose impulse is not computed.
     pub(super) const NONE: Self = Self {
         compliance: 0.0,
         inverse: 0.0,
@@ -236,14 +238,16 @@ impl PointAnswer {
         diagonal: [0.0; 3],
     };
 
-    /// From the block of W of the point, whose surfaces yield by `soft` per impulse.
+    /// Creates the response from the point's W block and the approach speed `soft` per unit of impulse of its
+    /// surfaces.
     pub(super) fn new(own: &[[f64; 3]; 3], soft: f64) -> Self {
-        // Along a tangent that the joints hold, one of them may be zero.
+        // Along a tangent that the joints hold, one of the entries may be zero.
         let [normal, tangents] = [own[0][0], own[1][1].max(own[2][2])].map(|entry| COMPLIANCE * entry);
         Self::with_compliance(own, [normal + soft, tangents])
     }
 
-    /// From the block of W of the torques at a contact point, whose joints may hold it about any of the axes.
+    /// Creates the response from the W block of the torques at a contact point. Joints may hold the point
+    /// about any of the axes.
     pub(super) fn couple(own: &[[f64; 3]; 3]) -> Self {
         let soft = COMPLIANCE * own[0][0].max(own[1][1]).max(own[2][2]);
         Self::with_compliance(own, [soft; 2])
@@ -263,8 +267,8 @@ impl PointAnswer {
         }
     }
 
-    /// The impulse for fixed impulses at all other points: `old` is the impulse now, and `velocity` the
-    /// velocity with it.
+    /// Returns the impulse with the impulses at all other points fixed: `old` is the current impulse, and
+    /// `velocity` the current velocity.
     #[inline]
     pub(super) fn relax(
         &self,
@@ -284,8 +288,8 @@ impl PointAnswer {
         [normal, tangent[0], tangent[1]]
     }
 
-    /// The moments, about the normal and about the tangents, for fixed impulses at all other points; each of
-    /// the two kinds has its bound.
+    /// Returns the moments about the normal and about the tangents with the impulses at all other points
+    /// fixed. Each kind has its own bound.
     #[inline]
     pub(super) fn relax_couple(
         &self,
@@ -301,8 +305,8 @@ impl PointAnswer {
         [about_normal, tangent[0], tangent[1]]
     }
 
-    /// The two tangential entries of an impulse, no greater than `bound` together, that stop the `slip` or
-    /// oppose it.
+    /// Returns the two tangential entries of an impulse, limited to the magnitude `bound`, that stop the
+    /// `slip` or oppose it.
     #[inline]
     fn relax_tangent(&self, old: [f64; 2], slip: [f64; 2], bound: f64) -> [f64; 2] {
         let [first, second, beside] = self.tangents;
@@ -310,7 +314,7 @@ impl PointAnswer {
             [old[0] - (first * slip[0] - beside * slip[1]), old[1] - (second * slip[1] - beside * slip[0])];
         let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
         if squared(&tangent) > bound * bound {
-            // Slipping: a projected step along the slip, whose fixed point opposes it.
+            // Slipping: a projected step along the slip, whose fixed point opposes the slip.
             tangent = [old[0] - slip[0] * self.slip, old[1] - slip[1] * self.slip];
             let size = squared(&tangent);
             if size > bound * bound {
@@ -323,7 +327,7 @@ impl PointAnswer {
 }
 
 impl Couple {
-    /// Largest moments about the normal and about the tangents at this normal impulse.
+    /// Returns the largest moments about the normal and about the tangents at this normal impulse.
     #[inline]
     pub(super) fn bounds(&self, normal: f64) -> [f64; 2] {
         if self.holds {
@@ -333,7 +337,7 @@ impl Couple {
     }
 }
 
-/// The inner product of two vectors of one length, in four sums side by side.
+/// Returns the inner product of two vectors of equal length, computed in four parallel sums.
 #[inline]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a, last_of_a) = a.as_chunks::<4>();

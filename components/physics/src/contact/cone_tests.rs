@@ -21,8 +21,8 @@ struct Solved {
     points: usize,
 }
 
-/// `bodies` flat soles of 1 kg fall and slide onto the ground, each with the same number of random points,
-/// coupled by their carrier.
+/// `bodies` flat soles of 1 kg that fall and slide onto the ground, each with `points` random points coupled
+/// by the carrying body.
 fn soles(points: usize, bodies: usize, friction: f64, numbers: &mut Numbers) -> Solved {
     let (rows, freedoms) = (3 * points, 6 * bodies);
     let mut jacobian = DMatrix::zeros(rows, freedoms);
@@ -60,7 +60,7 @@ fn soles(points: usize, bodies: usize, friction: f64, numbers: &mut Numbers) -> 
 }
 
 impl Solved {
-    /// The worst violation of the contact conditions, as a velocity \[m/s\].
+    /// Returns the worst violation of the contact conditions, as a velocity \[m/s\].
     fn violation(&self) -> f64 {
         let rows = 3 * self.points;
         let lambda = &self.solver.lambda;
@@ -81,7 +81,7 @@ impl Solved {
             if held < bound * (1.0 - 1e-6) {
                 worst = worst.max(slip);
             } else if lambda[at] > 0.0 && bound > 0.0 && slip > 1e-6 {
-                // On the edge friction opposes the slip.
+                // On the edge of the cone friction opposes the slip.
                 let along = w(at + 1) * lambda[at + 1] + w(at + 2) * lambda[at + 2];
                 worst = worst.max((slip + along / held).abs());
             }

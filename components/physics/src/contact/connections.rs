@@ -9,24 +9,25 @@ use super::objects::FreeBody;
 use super::surface::SurfaceLaw;
 use crate::ConnectionKind;
 
-/// Part of the keys of connections.
+/// Key bit of connections.
 const CONNECTION: u64 = 1 << 61;
 
-/// Share of an error corrected in a step, and the largest correction speed \[m/s, rad/s\].
+/// Share of an error that is corrected in a step, and the largest correction speed \[m/s, rad/s\].
 const SHARE: f64 = 0.2;
 const FASTEST: (f64, f64) = (0.5, 5.0);
 
-/// A bilateral contact point: its kind, and its drift.
+/// A bilateral contact point: the constrained directions and their drift.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Held {
-    /// Holds the orientation, not the position.
+    /// True if the orientation is constrained, false if the position is.
     pub(super) turning: bool,
-    /// First part relative to the second, world axes \[m or rad\].
+    /// Error of the first part relative to the second, world axes \[m or rad\].
     error: Vector3<f64>,
 }
 
 impl Held {
-    /// Velocity of the first part relative to the second that corrects the error, in a step of `h` \[s\].
+    /// Returns the velocity of the first part relative to the second that corrects the error in a step of `h`
+    /// \[s\].
     pub(super) fn velocity(&self, h: f64) -> Vector3<f64> {
         let velocity = self.error * (-SHARE / h);
         let most = if self.turning { FASTEST.1 } else { FASTEST.0 };
@@ -38,27 +39,27 @@ impl Held {
 #[derive(Clone, Debug)]
 pub(crate) struct Joined {
     pub(crate) members: [Member; 2],
-    /// The frame that they share, in the axes of each.
+    /// The shared frame in the frame of each part.
     pub(crate) frames: [Isometry3<f64>; 2],
     pub(crate) kind: ConnectionKind,
-    /// Survives a reset of the simulation.
+    /// True if the connection survives a reset of the simulation.
     pub(crate) lasting: bool,
-    /// Indices of the [sums](super::sums::ImpulseSums) that the impulse on each is added to.
+    /// Indices of the [sums](super::sums::ImpulseSums) that accumulate the impulse on each part.
     sums: [Option<usize>; 2],
     number: u64,
 }
 
-/// All connections, and their points as all is placed.
+/// All connections, and their points in the current poses.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Connections {
     all: Vec<Joined>,
     points: Vec<ContactPoint>,
-    /// Number of the next.
+    /// Number of the next connection.
     next: u64,
 }
 
 impl Connections {
-    /// Adds one. `links` are the indices of the [sums](super::sums::ImpulseSums::link) of its links.
+    /// Adds a connection. `links` are the indices of the [sums](super::sums::ImpulseSums::link) of its links.
     pub(crate) fn add(
         &mut self,
         colliders: &[Collider],
@@ -77,19 +78,19 @@ impl Connections {
         self.points.reserve(self.most());
     }
 
-    /// Removes the connections between these two parts; `false` if there are none.
+    /// Removes the connections between these two parts. Returns `false` if they have none.
     pub(crate) fn remove(&mut self, parts: [Member; 2]) -> bool {
         let before = self.all.len();
         self.all.retain(|joined| !joins(joined, parts));
         before > self.all.len()
     }
 
-    /// Removes temporary connections.
+    /// Removes connections that do not survive a reset.
     pub(crate) fn reset(&mut self) {
         self.all.retain(|joined| joined.lasting);
     }
 
-    /// The largest number of points.
+    /// Returns the largest number of points.
     pub(crate) fn most(&self) -> usize {
         2 * self.all.len()
     }
@@ -104,12 +105,12 @@ impl Connections {
         self.points.reserve(self.most());
     }
 
-    /// True for two parts that are connected.
+    /// Returns `true` if the two parts are connected.
     pub(crate) fn joins(&self, parts: [Member; 2]) -> bool {
         self.all.iter().any(|joined| joins(joined, parts))
     }
 
-    /// Computes the points at the present poses.
+    /// Computes the points in the current poses.
     pub(super) fn update_points<'a>(
         &mut self,
         (kinematics, bases): (impl Fn(usize) -> &'a Kinematics, &[Isometry3<f64>]),
@@ -129,7 +130,7 @@ impl Connections {
             let mut add = |turning: bool, error: Vector3<f64>| {
                 self.points.push(ContactPoint {
                     key: CONNECTION | joined.number << 1 | u64::from(turning),
-                    // A part may be missing: see `sums`.
+                    // A part may have no collider: see `sums`.
                     colliders: (usize::MAX, usize::MAX),
                     owners: (joined.members[0].owner, joined.members[1].owner),
                     point,
@@ -149,12 +150,12 @@ impl Connections {
         }
     }
 
-    /// The points of connections of which a side moves.
+    /// Returns the points of connections with a moving side.
     pub(super) fn points(&self, moves: impl Fn(Owner) -> bool) -> impl Iterator<Item = &ContactPoint> {
         self.points.iter().filter(move |point| moves(point.owners.0) || moves(point.owners.1))
     }
 
-    /// Indices of the sums of the two parts of the point with this key.
+    /// Returns the indices of the sums of both parts of the point with this key.
     pub(super) fn sums(&self, key: u64) -> [Option<usize>; 2] {
         let number = (key & !CONNECTION) >> 1;
         self.all.iter().find(|joined| joined.number == number).map_or([None; 2], |joined| joined.sums)

@@ -1,4 +1,4 @@
-//! Contact generation: the points where colliders touch, or soon may.
+//! Contact generation: the points where colliders touch, or may soon touch.
 
 use motorium_robots::{Collisions, ConvexShape, Kinematics};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -16,32 +16,33 @@ use super::surface::SurfaceLaw;
 use super::terrain;
 use crate::robot::{Articulation, Robot};
 
-/// Contact points kept at once, for the robots and for each object that moves. Of more, the deepest.
+/// Largest number of contact points for the robots and for each movable object. If there are more, the
+/// deepest are kept.
 const MOST: usize = 96;
 const MOST_EACH: usize = 16;
 
-/// A point where two surfaces touch, or soon may.
+/// A point where two surfaces touch, or may soon touch.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ContactPoint {
-    /// The same number for the same features of the same two colliders.
+    /// Key, which is stable for the same features of the same two colliders.
     pub(crate) key: u64,
-    /// Indices of the two colliders: the normal points from the second to the first.
+    /// Indices of the two colliders; the normal points from the second to the first.
     pub(crate) colliders: (usize, usize),
     pub(crate) owners: (Owner, Owner),
-    /// In the world \[m\], halfway between the surfaces.
+    /// Position in the world \[m\], halfway between the surfaces.
     pub(crate) point: Point3<f64>,
     /// Unit vector in the world.
     pub(crate) normal: Vector3<f64>,
-    /// Between the surfaces \[m\], negative where they overlap.
+    /// Distance between the surfaces \[m\], negative for penetration.
     pub(crate) distance: f64,
-    /// Bound of the speed of the surfaces relative to one another \[m/s\].
+    /// Bound of the relative speed of the surfaces \[m/s\].
     pub(crate) speed: f64,
     pub(crate) law: SurfaceLaw,
-    /// Bilateral: a connection of two parts instead of a contact.
+    /// Set for a connection of two parts, which is bilateral, not a contact.
     pub(crate) held: Option<Held>,
-    /// Length of the integration step in which its impulse acts \[s\].
+    /// Length of the integration step of its impulse \[s\].
     pub(crate) h: f64,
-    /// Neither side moves: the point and its force are from an earlier integration step.
+    /// True if neither side moves: the point and its force come from an earlier integration step.
     pub(crate) kept: bool,
 }
 
@@ -52,29 +53,29 @@ pub(super) struct Pair {
     pub(super) index: usize,
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Distance of the origins beyond which the pair is not near \[m\]; infinite for a half-space.
+    /// Origins farther apart than this distance are not near each other \[m\]; infinite for a half-space.
     pub(super) reach: f64,
     pub(super) half_space: bool,
-    /// The two colliders.
+    /// The kinds of parties.
     pub(super) parties: Parties,
-    /// Which part of the motions counts.
+    /// Index of the applicable motion bound.
     pub(super) part: usize,
-    /// Remaining distance without a measurement, to be used up by both \[m\].
+    /// The pair needs no measurement until the sum of both travelled distances reaches this \[m\].
     pub(super) until: f64,
 }
 
-/// Share of the step of a collider in the next integration step.
+/// The state of a collider in the next integration step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     Moves,
-    /// Fixed in the world, or asleep.
+    /// Part of the world, or asleep.
     Rests,
-    /// Its step is over.
+    /// The step of the collider is complete.
     Done,
 }
 
-/// Placeholder length of the integration step of an inactive contact point \[s\]: nonzero, because forces
-/// divide by it.
+/// Placeholder for the step length of a contact point that has not taken part in a step yet \[s\]; not zero,
+/// because forces are divided by it.
 pub(super) const UNKNOWN: f64 = 1.0;
 
 /// Error of a measured distance \[m\].
@@ -82,22 +83,22 @@ pub(super) const ROUNDING: f64 = 1e-6;
 
 /// A workspace for contact detection. Nothing allocates after [`new`](Self::new).
 ///
-/// [`narrow`] computes the points of a pair. Pairs that cannot have come near since their last measurement
-/// are skipped ([`Motions`]), most of them without a separate check ([`NearPairs`]).
+/// [`narrow`] finds the points of a pair. Pairs that cannot have approached since their last measurement are
+/// skipped ([`Motions`]), most of them without individual checks ([`NearPairs`]).
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     near: NearPairs,
     points: Vec<ContactPoint>,
-    /// Points of the last detection.
+    /// The points of the last detection.
     earlier: Vec<ContactPoint>,
-    /// Per collider.
+    /// One entry per collider.
     moving: Vec<Motion>,
     /// Largest number of contact points.
     most: usize,
     distances: Collisions,
     motions: Motions,
     calm: Calm,
-    /// Colliders that are not the terrain.
+    /// Number of colliders other than the terrain.
     solids: usize,
 }
 
@@ -113,7 +114,7 @@ pub(crate) struct DetectorState {
 }
 
 impl Detector {
-    /// For all pairs of the collision model. A half-space is the second of its pairs.
+    /// Creates a detector for all pairs of the collision model. A half-space is second in its pairs.
     pub(crate) fn new(
         Colliders { colliders, model, .. }: &Colliders,
         articulations: &[Articulation],
@@ -161,35 +162,35 @@ impl Detector {
         }
     }
 
-    /// Largest number of contact points.
+    /// Returns the largest number of contact points.
     pub(crate) fn capacity(&self) -> usize {
         self.most
     }
 
-    /// Sets the share of the step of each collider in the next integration step.
+    /// Sets the state of each collider in the next integration step.
     pub(crate) fn set_moving(&mut self, colliders: &[Collider], of: impl Fn(Owner) -> Motion) {
         for (moving, collider) in self.moving.iter_mut().zip(colliders) {
             *moving = of(collider.owner);
         }
     }
 
-    /// The points found last, to be completed.
+    /// Returns the points of the last detection, to be completed.
     pub(crate) fn points_mut(&mut self) -> &mut [ContactPoint] {
         &mut self.points
     }
 
-    /// The points found last.
+    /// Returns the points of the last detection.
     pub(crate) fn points(&self) -> &[ContactPoint] {
         &self.points
     }
 
-    /// True where there may be more contact points than fit.
+    /// Returns `true` if there may be more contact points than fit.
     pub(crate) fn is_full(&self) -> bool {
         let touch = || self.points.iter().filter(|point| point.held.is_none()).count();
         self.points.len() >= self.most && touch() >= self.most
     }
 
-    /// Forgets the last step.
+    /// Clears the last step.
     pub(crate) fn forget(&mut self) {
         self.points.clear();
         self.near.forget();
@@ -199,7 +200,7 @@ impl Detector {
         self.pairs.iter_mut().for_each(|pair| pair.until = f64::NEG_INFINITY);
     }
 
-    /// All that later detections depend on.
+    /// Saves everything that later detections depend on.
     pub(crate) fn save(&self) -> DetectorState {
         DetectorState {
             until: self.pairs.iter().map(|pair| pair.until).collect(),
@@ -211,12 +212,12 @@ impl Detector {
         }
     }
 
-    /// True for a state of a detector with as many pairs.
+    /// Returns `true` if the state has the same number of pairs.
     pub(crate) fn fits(&self, state: &DetectorState) -> bool {
         self.pairs.len() == state.until.len()
     }
 
-    /// Goes back to a saved state of this detector.
+    /// Restores a saved state of this detector.
     pub(crate) fn restore(&mut self, state: &DetectorState) {
         for (pair, until) in self.pairs.iter_mut().zip(&state.until) {
             pair.until = *until;
@@ -228,7 +229,7 @@ impl Detector {
         self.points.clone_from(&state.points);
     }
 
-    /// Places a collider of the world.
+    /// Moves a collider of the world to a pose.
     pub(crate) fn set_pose(&mut self, collider: usize, pose: Isometry3<f64>) {
         if collider >= self.solids {
             return;
@@ -236,14 +237,14 @@ impl Detector {
         self.distances.set_pose(collider, &pose);
         self.near.forget();
         self.calm.forget();
-        // The world is fixed except for this: its motion is not tracked.
+        // World colliders do not move otherwise, so their motion is not followed.
         for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
             pair.until = f64::NEG_INFINITY;
         }
     }
 
-    /// Sets the poses of the colliders of each articulation from its `kinematics` and its base in `bases`,
-    /// and of the `objects`.
+    /// Places the colliders of each articulation according to its `kinematics` and its base in `bases`, and
+    /// the colliders of `objects`.
     pub(crate) fn set_poses<'a>(
         &mut self,
         Colliders { colliders, model, .. }: &Colliders,
@@ -261,22 +262,22 @@ impl Detector {
         self.motions.follow(colliders, &self.distances, (kinematics, bases), objects);
     }
 
-    /// True where nothing can touch in a step of `h` \[s\] of these robots, whose colliders need not be
-    /// placed.
+    /// Returns `true` if nothing can touch in a step of `h` \[s\] of these robots. Their colliders need not
+    /// be placed.
     pub(crate) fn is_calm(&mut self, robot: &Robot, h: f64) -> bool {
         let state = (&*robot.state.q, &*robot.state.v);
         self.calm.holds(&robot.articulations, state, (h, self.near.parts()))
     }
 
-    /// Looks how near the robots are to anything as they are placed, after a detection with these `least`
-    /// distances.
+    /// Inspects the distances between the robots in their current poses and everything else, after a
+    /// detection with these `least` distances.
     pub(crate) fn look_ahead(&mut self, robot: &Robot, least: Least) {
         let free = self.points.is_empty();
         let pairs = (&*self.pairs, &self.near, &self.motions);
         self.calm.look(&robot.articulations, &robot.state.q, pairs, (free, least));
     }
 
-    /// Height of the lowest point of an articulation \[m\]; infinite without colliders.
+    /// Returns the height of the lowest point of an articulation \[m\]; infinite without colliders.
     pub(crate) fn lowest(&self, colliders: &[Collider], articulation: usize) -> f64 {
         let mut lowest = f64::INFINITY;
         let own = |collider: &Collider| collider.owner.articulation() == Some(articulation);
@@ -290,25 +291,26 @@ impl Detector {
         lowest
     }
 
-    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a
-    /// terrain.
+    /// Returns the height of the lowest point of an articulation above the terrain below it \[m\]; `None`
+    /// without a terrain.
     pub(crate) fn above_terrain(&self, colliders: &Colliders, articulation: usize) -> Option<f64> {
         terrain::clearance(colliders, articulation, &self.distances)
     }
 
-    /// Adds the points of connections of which a side `moves`.
+    /// Adds the points of connections with a side that `moves`.
     pub(crate) fn add_connections(&mut self, connections: &Connections, moves: impl Fn(Owner) -> bool) {
         self.points.extend(connections.points(moves));
     }
 
-    /// Reserves room for this many connection points.
+    /// Reserves space for this number of connection points.
     pub(crate) fn make_room(&mut self, points: usize) {
         self.points.reserve(self.most + points);
         self.earlier.reserve(self.most + points);
     }
 
     /// Finds all contact points closer than the `least` distance of their parties \[m\], and points that may
-    /// touch within `h` \[s\]. Colliders that do not move in this integration step keep their last points.
+    /// touch within `h` \[s\]. Points between colliders that do not move in this integration step are kept
+    /// from the last detection.
     pub(crate) fn detect(
         &mut self,
         all: &Colliders,
@@ -373,14 +375,14 @@ impl Detector {
         &self.points
     }
 
-    /// Drops the points that cannot touch within `h` \[s\].
+    /// Drops points that cannot touch within `h` \[s\].
     pub(crate) fn keep_for(&mut self, h: f64) -> &[ContactPoint] {
         self.points.retain(|point| point.kept || point.distance < margin(h, point.speed));
         &self.points
     }
 }
 
-/// Adds a contact point; without room it replaces the shallowest.
+/// Adds a contact point. If there is no room it replaces the shallowest one.
 fn keep((points, most): (&mut Vec<ContactPoint>, usize), point: ContactPoint) {
     if points.len() < most {
         points.push(point);

@@ -1,34 +1,34 @@
-//! Surfaces of convex shapes, and the points with which they touch others first.
+//! Surfaces of convex shapes, and the points of a shape that touch others first.
 
 use motorium_robots::ConvexShape;
 use nalgebra::{Unit, Vector3};
 
 use super::outermost::{self, DENSE};
 
-/// A point of a shape that may touch: the surface is `radius` around it.
+/// A point of a shape that may touch; the surface is at `radius` around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Feature {
-    /// The same number for the same part of the shape.
+    /// Feature number, which is stable for the same part of the shape.
     pub(crate) index: u32,
     pub(crate) point: Vector3<f64>,
     pub(crate) radius: f64,
 }
 
-/// Closer than this to an edge of a box, a point may belong to either face \[m\].
+/// A point closer than this to an edge of a box may belong to either face \[m\].
 const EDGE_BAND: f64 = 1e-3;
 
 /// The contact geometry of a convex shape.
 pub(crate) trait ContactGeometry {
-    /// Signed distance of `point` from the surface \[m\], negative inside, and the outward normal there.
-    /// `None` for a hull.
+    /// Returns the signed distance of `point` from the surface \[m\], negative inside, and the outward normal
+    /// there. `None` for a hull.
     fn surface(&self, point: &Vector3<f64>) -> Option<(f64, Vector3<f64>)>;
 
-    /// [`surface`](Self::surface) for a point of a body in the direction `reference` (a unit vector,
-    /// outward). Within a millimetre of the edge of a box, `reference` selects the face that the point
-    /// touches: the lower edges of two boxes on one ground coincide exactly, and rounding must not decide.
+    /// Returns [`surface`](Self::surface) for a point of a body in the direction `reference` (a unit vector,
+    /// outward). Within a millimetre of the edge of a box, `reference` decides which face the point touches:
+    /// the lower edges of two boxes on the same ground meet exactly, and rounding must not decide.
     fn surface_towards(&self, point: &Vector3<f64>, reference: &Vector3<f64>) -> Option<(f64, Vector3<f64>)>;
 
-    /// True where the [features](Self::features) differ by the direction.
+    /// Returns `true` if the [features](Self::features) depend on the direction.
     fn turns_features(&self) -> bool;
 
     /// Passes the points that may touch a body in the direction `towards` (a unit vector) to `visit`.
@@ -115,7 +115,7 @@ impl ContactGeometry for ConvexShape {
                 }
             }
             Self::Cylinder { radius, half_length: half } => {
-                // The outermost point of each rim, and three more around it that carry a standing cylinder.
+                // The outermost point of each rim, and three more around it to support a standing cylinder.
                 let out = Vector3::new(towards.x, towards.y, 0.0);
                 let out = Unit::try_new(out, 1e-9).unwrap_or(Vector3::x_axis()).into_inner() * *radius;
                 let round = Vector3::new(-out.y, out.x, 0.0);
@@ -141,7 +141,7 @@ impl ContactGeometry for ConvexShape {
     }
 }
 
-/// Distance and normal of a sphere of `radius` around `core`.
+/// Returns distance and normal of a sphere of `radius` around `core`.
 fn from_core(point: &Vector3<f64>, core: &Vector3<f64>, radius: f64) -> (f64, Vector3<f64>) {
     let away = point - core;
     let distance = away.norm();
@@ -191,7 +191,7 @@ mod tests {
             assert!((distance + 1e-9).abs() < 1e-15, "{distance}");
             assert_eq!(shape.surface_towards(&edge, &-Vector3::z()).unwrap().1, -Vector3::z());
         }
-        // Away from edges nothing changes, and deep inside the nearest face counts.
+        // Away from edges `reference` has no effect, and deep inside the nearest face counts.
         for point in [Vector3::new(0.25, 0.0, 0.12), Vector3::new(0.1, 0.1, 0.09)] {
             assert_eq!(shape.surface_towards(&point, &Vector3::x()), shape.surface(&point));
         }
@@ -206,7 +206,7 @@ mod tests {
                     Vector3::new((1.3 * phase).sin(), (2.1 * phase).cos(), (0.7 * phase).sin()).normalize();
                 let mut out = f64::MIN;
                 shape.features(&towards, &mut |f| out = out.max(f.point.dot(&towards) + f.radius));
-                // The support function, by its definition for each of them.
+                // The support function, computed from its definition for each shape.
                 let across = towards.x.hypot(towards.y);
                 let expected = match &shape {
                     ConvexShape::Sphere { radius } => *radius,

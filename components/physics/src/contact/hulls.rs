@@ -1,4 +1,4 @@
-//! Faces of convex colliders, which points and edges of others touch.
+//! Faces of convex colliders, in contact with points and edges of others.
 
 use motorium_robots::ConvexShape;
 use nalgebra::Vector3;
@@ -6,17 +6,17 @@ use nalgebra::Vector3;
 use super::colliders::Collider;
 use super::features::ContactGeometry;
 
-/// Closer than this to an edge of a hull, a point may belong to either face \[m\].
+/// A point closer than this to an edge of a hull may belong to either face \[m\].
 const EDGE_BAND: f64 = 1e-3;
 
-/// Largest distance outside of the other faces at which a point is over a face \[m\].
+/// A point above a face is at most this far outside the other faces \[m\].
 const BESIDE: f64 = 1e-5;
 
-/// Planes of a box or of a cylinder with eight sides.
+/// Largest number of planes: a cylinder with eight sides has ten, a box six.
 pub(super) const SIDES: usize = 10;
 
 impl Collider {
-    /// Outward normal of the face most in front of which a point beyond the surface is.
+    /// Returns the outward normal of the face that a point beyond the surface is in front of most.
     pub(super) fn away(&self, point: &Vector3<f64>) -> Option<Vector3<f64>> {
         if self.faces.is_empty() {
             return self.shape.surface(point).map(|(_, away)| away);
@@ -25,8 +25,8 @@ impl Collider {
         self.faces.iter().max_by(|a, b| height(a).total_cmp(&height(b))).map(|(normal, _)| *normal)
     }
 
-    /// [`ContactGeometry::surface_towards`], also for a hull with known faces: there `None` for a point
-    /// beside all faces.
+    /// Returns [`ContactGeometry::surface_towards`], also for a hull with known faces. `None` for a point of
+    /// a hull that is not above any face.
     pub(super) fn surface_towards(
         &self,
         point: &Vector3<f64>,
@@ -47,12 +47,12 @@ impl Collider {
     }
 }
 
-/// The planes of the faces of a collider: outward normals and heights along them.
+/// The face planes of a collider: outward normals and heights along them.
 pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
 
 impl<'a> Faces<'a> {
-    /// Planes of a box, of a hull next to meshes that touch by their triangles, or of a prism around a
-    /// cylinder that is turned towards the segment between `ends`; other shapes have none.
+    /// Returns the planes of a box, of a hull in a world with mesh triangles, or of a prism around a
+    /// cylinder, turned towards the segment between `ends`. Other shapes have none.
     pub(super) fn from_collider(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],
@@ -90,7 +90,7 @@ impl<'a> Faces<'a> {
         self.0
     }
 
-    /// The part of a segment behind all faces but one, as shares of its length.
+    /// Returns the part of a segment behind all faces but one, as fractions of its length.
     pub(super) fn clip(&self, ends: &[Vector3<f64>; 2], but: usize) -> Option<[f64; 2]> {
         let mut part = [0.0_f64, 1.0_f64];
         for (_, (normal, height)) in self.0.iter().enumerate().filter(|(face, _)| *face != but) {

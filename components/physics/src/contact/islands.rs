@@ -1,18 +1,18 @@
-//! Islands: the parts of a contact problem that have nothing to do with one another.
+//! Islands: the independent parts of a contact problem.
 
 use core::ops::Range;
 
-/// Contact points by islands. Two points belong to one island if a chain of points and moving bodies joins
-/// them: impulses in one island move nothing in another.
+/// Contact points grouped by island. Two points belong to the same island if a chain of points and moving
+/// bodies connects them: impulses in one island move nothing in another.
 ///
 /// Bodies are numbered: articulations first, then free objects.
 #[derive(Clone, Debug)]
 pub(super) struct Islands {
-    /// A body of the same island; the representative of an island its own.
+    /// A body of the same island; the representative of an island is its own parent.
     parent: Vec<u32>,
-    /// Island of the body that represents it.
+    /// Island of each representative body.
     label: Vec<u32>,
-    /// Contact points island by island, each in ascending order.
+    /// Contact points, grouped by island, in ascending order within each.
     order: Vec<u32>,
     /// End of each island in `order`.
     ends: Vec<u32>,
@@ -20,11 +20,11 @@ pub(super) struct Islands {
     of_point: Vec<u32>,
 }
 
-/// No island.
+/// Not in any island.
 const NONE: u32 = u32::MAX;
 
 impl Islands {
-    /// For this many bodies and up to `most` contact points.
+    /// Creates a workspace for this many bodies and up to `most` contact points.
     pub(super) fn new(bodies: usize, most: usize) -> Self {
         Self {
             parent: vec![0; bodies],
@@ -35,14 +35,14 @@ impl Islands {
         }
     }
 
-    /// Reserves room for this many contact points.
+    /// Reserves space for this number of contact points.
     pub(super) fn make_room(&mut self, most: usize) {
         self.order.reserve(most);
         self.ends.reserve(most);
         self.of_point.reserve(most);
     }
 
-    /// Sorts contact points by islands; each has the one or two bodies that move there.
+    /// Groups contact points by island; each point has the one or two bodies that move there.
     pub(super) fn find(&mut self, points: impl Iterator<Item = [Option<usize>; 2]> + Clone) {
         for (index, parent) in self.parent.iter_mut().enumerate() {
             *parent = index as u32;
@@ -58,7 +58,7 @@ impl Islands {
         self.ends.clear();
         for bodies in points {
             let body = bodies[0].or(bodies[1]);
-            // A point between parts that do not move is of no island.
+            // A point between parts that do not move is not in any island.
             let island = body.map_or(NONE, |body| {
                 let root = self.root(body);
                 if self.label[root] == NONE {
@@ -72,7 +72,7 @@ impl Islands {
                 self.ends[island as usize] += 1;
             }
         }
-        // From counts to places.
+        // Convert counts to offsets.
         let mut place = 0;
         for end in &mut self.ends {
             (*end, place) = (place, place + *end);
@@ -96,30 +96,30 @@ impl Islands {
         body
     }
 
-    /// Island of a contact point; `None` between parts that do not move.
+    /// Returns the island of a contact point; `None` between parts that do not move.
     pub(super) fn island(&self, point: usize) -> Option<usize> {
         let island = self.of_point[point];
         (island != NONE).then_some(island as usize)
     }
 
-    /// Number of islands.
+    /// Returns the number of islands.
     pub(super) fn count(&self) -> usize {
         self.ends.len()
     }
 
-    /// Island of a body; `None` where it touches nothing.
+    /// Returns the island of a body; `None` if it touches nothing.
     pub(super) fn of_body(&mut self, body: usize) -> Option<usize> {
         let root = self.root(body);
         (self.label[root] != NONE).then(|| self.label[root] as usize)
     }
 
-    /// Places of the points of an island in the [order](Self::point).
+    /// Returns the places of an island's points in the [order](Self::point).
     pub(super) fn places(&self, island: usize) -> Range<usize> {
         let start = if island == 0 { 0 } else { self.ends[island - 1] };
         start as usize..self.ends[island] as usize
     }
 
-    /// The contact point at a place of the order.
+    /// Returns the contact point at a place of the order.
     pub(super) fn point(&self, place: usize) -> usize {
         self.order[place] as usize
     }

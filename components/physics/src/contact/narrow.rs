@@ -12,25 +12,26 @@ use super::features::{ContactGeometry, Feature};
 use super::patch;
 use super::surfaces;
 
-/// The nearest points of a pair are a separate contact point if they are nearer than all features by this
+/// The nearest points of a pair are a separate contact point if they are closer than all features by this
 /// distance \[m\].
 const MISSED: f64 = 1e-4;
 
-/// Number of the nearest points among the features of a pair.
+/// Feature number of the nearest points of a pair.
 const NEAREST: u32 = u32::MAX >> 1;
 
-/// Beyond its margin a distance is measured up to this \[m\], so that it need not be again for a while.
+/// Distances beyond the margin are measured up to this value \[m\], so that they need no new measurement for
+/// a while.
 pub(super) const AHEAD: f64 = 0.05;
 
-/// Passes the contact points of a pair nearer than `margin` \[m\] to `found`: true where the first of the two
-/// bears the surface, the number of the feature, the point, the normal and the distance. Returns a lower
-/// bound of the distance of the pair \[m\].
+/// Passes the contact points of a pair closer than `margin` \[m\] to `found`: true if the surface is on the
+/// first collider, the feature number, the point, the normal and the distance. Returns a lower bound of the
+/// distance of the pair \[m\].
 ///
 /// A mesh touches by its [triangles](surfaces). Two boxes touch at the corners of their faces
-/// [clipped](boxes) against one another. Others that touch in a line or a face do so at the corners of their
-/// [patch]. The points of the rest are the [features](ContactGeometry::features) of each collider near the
-/// surface of the other. If these miss the contact, as between edges that cross or on a hull, the nearest
-/// points of the two are used.
+/// [clipped](boxes) against each other. Other shapes that touch in a line or a face do so at the corners of
+/// their [patch]. For the rest, the points are the [features](ContactGeometry::features) of each collider
+/// near the surface of the other. If these miss the contact, as between crossing edges or on a hull, the
+/// nearest points of the two are used.
 pub(super) fn measure(
     model: &CollisionModel,
     pair: &Pair,
@@ -82,7 +83,7 @@ pub(super) fn measure(
         least.set(least.get().min(distance));
         found(swapped, feature, point, normal, distance);
     };
-    // Two that touch in a line or a face.
+    // Two colliders that touch in a line or a face.
     let mut patch = |swapped: bool, feature, point, normal, distance: f64| {
         if distance < margin {
             found(!swapped, feature, point, normal, distance);
@@ -92,7 +93,7 @@ pub(super) fn measure(
     if patch::collide([(first, a), (second, b)], apart, margin, &mut patch) {
         return nearest.distance;
     }
-    // A sphere has one feature, which finds all there is.
+    // A sphere has one feature, which finds everything.
     let round = |collider: &Collider| matches!(collider.shape, ConvexShape::Sphere { .. });
     if !round(second) || round(first) {
         search((first, a), (second, b), margin, |f, p, n, d| found(false, f, p, n, d));
@@ -108,7 +109,7 @@ pub(super) fn measure(
     nearest.distance
 }
 
-/// The features of `from` that are near the surface of `onto`.
+/// Finds the features of `from` near the surface of `onto`.
 fn search(
     (from, from_pose): (&Collider, &IsometryMatrix3<f64>),
     (onto, onto_pose): (&Collider, &IsometryMatrix3<f64>),

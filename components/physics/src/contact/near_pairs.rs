@@ -1,54 +1,54 @@
-//! Pairs of colliders that may come near one another soon.
+//! Pairs of colliders that may soon approach each other.
 
 use motorium_robots::Collisions;
 
 use super::bounds::{Motions, margin};
 use super::detect::{Pair, ROUNDING};
 
-/// Pairs within this of their margin are listed \[m\].
+/// Pairs within this distance of their margin are listed \[m\].
 pub(super) const SKIN: f64 = 0.08;
 
 /// A list of the pairs that may need a measurement (a Verlet list). It is valid until the fastest collider
-/// could have brought any other pair near, so a step checks few of many pairs.
+/// could have brought any other pair near, so only a few of many pairs are inspected per step.
 #[derive(Clone, Debug)]
 pub(super) struct NearPairs {
     list: Vec<u32>,
-    /// Ways of the colliders when the list was made.
+    /// Distances travelled by the colliders when the list was built.
     start: Vec<[f64; 2]>,
     made: bool,
-    /// Parts of the motions that count for any pair.
+    /// Parts of the motions that apply to any pair.
     parts: [bool; 2],
 }
 
 impl NearPairs {
-    /// For these pairs of this many colliders.
+    /// Creates a list for these pairs of `colliders` colliders.
     pub(super) fn new(pairs: &[Pair], colliders: usize) -> Self {
         let parts = [0, 1].map(|part| pairs.iter().any(|pair| pair.part == part));
         Self { list: Vec::with_capacity(pairs.len()), start: vec![[0.0; 2]; colliders], made: false, parts }
     }
 
-    /// Parts of the motions that count for any pair.
+    /// Returns the parts of the motions that apply to any pair.
     pub(super) fn parts(&self) -> [bool; 2] {
         self.parts
     }
 
-    /// Longest distance travelled by a collider since the list was made \[m\].
+    /// Returns the longest distance travelled by a collider since the list was built \[m\].
     pub(super) fn way(&self, motions: &Motions) -> f64 {
         motions.most_since(&self.start, self.parts).0
     }
 
-    /// Invalidates the list.
+    /// Marks the list to be rebuilt.
     pub(super) fn forget(&mut self) {
         self.made = false;
     }
 
-    /// Indices of the pairs, ascending.
+    /// Returns the indices of the pairs, ascending.
     pub(super) fn list(&self) -> &[u32] {
         &self.list
     }
 
-    /// Rebuilds the list if it may be missing pairs, for a step of `h` \[s\] and distances up to `least`
-    /// \[m\].
+    /// Rebuilds the list if it may have to contain other pairs, for a step of `h` \[s\] and distances up to
+    /// `least` \[m\].
     pub(super) fn update(
         &mut self,
         pairs: &mut [Pair],

@@ -3,13 +3,13 @@
 use super::cone::{COMPLIANCE, ConeSolver, dot};
 use super::impulses::DENSE;
 
-/// Times that a Newton step opens points that would pull.
+/// Number of times that a Newton step opens points that would pull.
 const OPENINGS: usize = 4;
 
-/// Slower than this \[m/s\] a contact point on the edge of its cone counts as sticking.
+/// A contact point on the edge of its cone that is slower than this \[m/s\] counts as sticking.
 const STANDING: f64 = 1e-9;
 
-/// Most unknowns of a Newton step: beyond, sweeps cost less.
+/// Largest number of unknowns of a Newton step; beyond it, sweeps cost less.
 const MOST_UNKNOWNS: usize = 3 * DENSE;
 
 /// Workspace of the Newton steps.
@@ -17,7 +17,7 @@ const MOST_UNKNOWNS: usize = 3 * DENSE;
 pub(super) struct Newton {
     /// Rows of the unknowns.
     unknowns: Vec<usize>,
-    /// Rows of the normals of points that are opened.
+    /// Rows of the normals of points to be opened.
     opening: Vec<usize>,
     modes: Vec<Mode>,
     system: Vec<f64>,
@@ -27,20 +27,20 @@ pub(super) struct Newton {
     pub(super) velocity: Vec<f64>,
 }
 
-/// The mode of a contact point that presses.
+/// The mode of a contact point under pressure.
 #[derive(Clone, Copy, Debug)]
 enum Mode {
-    /// Without friction: its normal is the only unknown.
+    /// Frictionless: its normal is the only unknown.
     Smooth,
     Stick,
     /// Direction and speed of the slip.
     Slip([f64; 2], f64),
-    /// A connection: like a point that sticks in every direction.
+    /// A connection: like a sticking point, but it may also pull.
     Held,
 }
 
 impl Newton {
-    /// For up to `most` contact points.
+    /// Creates a workspace for up to `most` contact points.
     pub(super) fn new(most: usize) -> Self {
         let rows = 3 * most;
         Self {
@@ -56,8 +56,8 @@ impl Newton {
 }
 
 impl ConeSolver {
-    /// Solves the equations of the present modes for all contact points that press. Points that would pull
-    /// are opened first. `false` where there are too many points or their matrix is singular.
+    /// Solves the equations of the current modes for all contact points under pressure. Points that would
+    /// pull are opened first. Returns `false` if there are too many points or their matrix is singular.
     pub(super) fn newton_step(&mut self) -> bool {
         for opened in 0..=OPENINGS {
             self.find_modes();
@@ -93,8 +93,8 @@ impl ConeSolver {
         true
     }
 
-    /// Applies the Newton step, projected onto the cones, which the solution of the modes' equations may
-    /// leave.
+    /// Applies the Newton step, projected onto the cones, because the equations of the modes may lead out of
+    /// them.
     fn apply_step(&mut self) {
         let Newton { unknowns, modes, step, .. } = &mut self.newton;
         let mut next = 0;
@@ -126,7 +126,7 @@ impl ConeSolver {
         }
     }
 
-    /// The modes of the contact points that press, and their unknowns.
+    /// Determines the modes of the contact points under pressure, and their unknowns.
     fn find_modes(&mut self) {
         let Self { rows, velocity, friction, couples, immovable, lambda, newton, .. } = self;
         newton.unknowns.clear();
@@ -162,8 +162,8 @@ impl ConeSolver {
         }
     }
 
-    /// The linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q = |w_t| / (mu
-    /// lambda_n)`.
+    /// Assembles the linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q =
+    /// |w_t| / (mu lambda_n)`.
     fn assemble_newton(&mut self) {
         let Self { rows, delassus, velocity, target, friction, soft, lambda, newton, .. } = self;
         let Newton { unknowns, modes, system, step, .. } = newton;
@@ -227,7 +227,7 @@ fn choose(row: &[f64], unknowns: &[usize], into: &mut [f64]) {
     }
 }
 
-/// Solves a dense system by elimination with partial pivoting, in place. `false` where it is singular.
+/// Solves a dense system in place by elimination with partial pivoting. Returns `false` if it is singular.
 fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
     let n = right.len();
     for k in 0..n {
@@ -264,8 +264,8 @@ fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
     substitute(system, right)
 }
 
-/// Solves a dense system with a symmetric positive definite matrix in place, such as W where nothing slips.
-/// Uses each row from the diagonal on. Returns `false` if the matrix is not positive definite.
+/// Solves a dense system with a symmetric positive definite matrix in place, such as W if nothing slips. Only
+/// the entries from the diagonal on are read. Returns `false` if the matrix is not positive definite.
 fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
     let n = right.len();
     for k in 0..n {
@@ -290,13 +290,13 @@ fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
     substitute(system, right)
 }
 
-/// Length of a row up to its last entry that is not zero: points of objects that do not touch are not
+/// Returns the length of a row up to its last nonzero entry; points of objects that do not touch are not
 /// coupled.
 fn width(row: &[f64]) -> usize {
     row.iter().rposition(|entry| *entry != 0.0).map_or(0, |last| last + 1)
 }
 
-/// The end of an elimination: `system` is upper triangular. `false` where the solution is not finite.
+/// Completes an elimination: `system` is upper triangular. Returns `false` if the solution is not finite.
 fn substitute(system: &[f64], right: &mut [f64]) -> bool {
     let n = right.len();
     for k in (0..n).rev() {
@@ -313,7 +313,7 @@ mod tests {
 
     #[test]
     fn both_eliminations_solve_a_positive_definite_system() {
-        // A = B B' + 1, whose solution is chosen first.
+        // A = B B' + 1, with a solution chosen in advance.
         let n = 7;
         let b = |row: usize, column: usize| ((3 * row + 5 * column) as f64).sin();
         let entry = |row: usize, column: usize| {

@@ -1,4 +1,4 @@
-//! The objects that move, each a free rigid body.
+//! Movable objects, each a free rigid body.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
@@ -13,34 +13,34 @@ use crate::{Integrator, World};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FreeBody {
     pub(crate) pose: Isometry3<f64>,
-    /// Velocity of its centre \[m/s\], world axes.
+    /// Velocity of the centre of mass \[m/s\], world axes.
     pub(crate) linear: Vector3<f64>,
     /// Angular velocity \[rad/s\], world axes.
     pub(crate) angular: Vector3<f64>,
     pub(crate) mass: f64,
     /// Drag area \[m2\].
     drag: f64,
-    /// Principal moments of inertia, along its own axes \[kg m2\].
+    /// Principal moments of inertia, in body axes \[kg m2\].
     inertia: Vector3<f64>,
-    /// Time for which it has hardly moved \[s\].
+    /// Time for which the body has hardly moved \[s\].
     still: f64,
-    /// At rest, and left out of every computation until something wakes it.
+    /// True if the body is at rest and excluded from every computation until something wakes it.
     pub(crate) asleep: bool,
-    /// Without contacts in the present step, which uses the midpoint rule.
+    /// True if the body touches nothing in the current step and uses the midpoint rule.
     free: bool,
-    /// The frame of its principal axes at its centre of mass, whose pose this is, in the object; `None` where
-    /// that is the object's own.
+    /// Pose, in the object, of the frame of the principal axes at the centre of mass; `None` if it coincides
+    /// with the object's frame.
     pub(crate) axes: Option<Isometry3<f64>>,
 }
 
-/// A body that moves no faster than this \[m/s, rad/s\] hardly moves.
+/// Speeds up to which a body hardly moves \[m/s, rad/s\].
 const STILL: (f64, f64) = (1e-4, 1e-3);
 
-/// Bodies that have hardly moved for this time may sleep \[s\].
+/// Time without notable motion after which bodies may sleep \[s\].
 const DROWSY: f64 = 0.5;
 
 impl FreeBody {
-    /// Inverse of its inertia, in world axes \[1/(kg m2)\].
+    /// Returns the inverse inertia in world axes \[1/(kg m2)\].
     pub(crate) fn inverse_inertia(&self) -> Matrix3<f64> {
         let rotation = self.pose.rotation.to_rotation_matrix().into_inner();
         let mut scaled = rotation;
@@ -50,19 +50,19 @@ impl FreeBody {
         scaled * rotation.transpose()
     }
 
-    /// Counts the time for which it has hardly moved, `h` \[s\] more.
+    /// Updates the time for which the body has hardly moved by `h` \[s\].
     fn count_rest(&mut self, h: f64) {
         let moves =
             self.linear.norm_squared() > STILL.0 * STILL.0 || self.angular.norm_squared() > STILL.1 * STILL.1;
         self.still = if moves { 0.0 } else { self.still + h };
     }
 
-    /// True where it has hardly moved for long enough.
+    /// Returns `true` if the body has hardly moved for long enough.
     pub(crate) fn is_drowsy(&self) -> bool {
         self.still >= DROWSY
     }
 
-    /// Stops it and leaves it out of every computation.
+    /// Stops the body and excludes it from every computation.
     pub(crate) fn sleep(&mut self) {
         (self.linear, self.angular, self.asleep) = (Vector3::zeros(), Vector3::zeros(), true);
     }
@@ -71,23 +71,23 @@ impl FreeBody {
         (self.still, self.asleep) = (0.0, false);
     }
 
-    /// Pose of the object.
+    /// Returns the pose of the object.
     pub(crate) fn object_pose(&self) -> Isometry3<f64> {
         self.axes.map_or(self.pose, |axes| self.pose * axes.inverse())
     }
 
-    /// Places the object at rest.
+    /// Moves the object to a pose, at rest.
     pub(crate) fn stop_at(&mut self, pose: Isometry3<f64>) {
         let pose = self.axes.map_or(pose, |axes| pose * axes);
         (self.pose, self.linear, self.angular) = (pose, Vector3::zeros(), Vector3::zeros());
     }
 
-    /// Velocity after `h` \[s\] under gravity and in the air alone.
+    /// Advances the velocity by `h` \[s\] under gravity and air drag.
     fn fall(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
         self.linear = air.slowed((self.drag, self.mass), self.linear + gravity * h, h);
-        // One Newton step of the gyroscopic torque at the mean of both velocities, in the body's axes: of
-        // second order, for spins to some 1000 rad/s at 1 ms. About its middle axis a thin strip makes the
-        // slope singular at 2 / h = 2000 rad/s.
+        // One Newton step of the gyroscopic torque at the mean of both velocities, in body axes: second
+        // order, for spins up to about 1000 rad/s at 1 ms. For a thin strip about its middle axis the slope
+        // becomes singular at 2 / h = 2000 rad/s.
         let w = self.pose.rotation.inverse_transform_vector(&self.angular);
         let momentum = self.inertia.component_mul(&w);
         let error = w.cross(&momentum) * h;
@@ -99,12 +99,13 @@ impl FreeBody {
         }
     }
 
-    /// The whole motion of `h` \[s\] under gravity and drag by the midpoint rule: the displacement uses the
-    /// mean velocity, and the rotation conserves energy and the length of the angular momentum.
+    /// Integrates the whole motion over `h` \[s\] under gravity and air drag by the midpoint rule. The
+    /// displacement uses the mean velocity, and the rotation conserves energy and the magnitude of the
+    /// angular momentum.
     fn fly(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
         let before = self.linear;
         self.linear = air.slowed((self.drag, self.mass), before + gravity * h, h);
-        // I (w+ - w) + h w_m x I w_m = 0 in the body's axes, by Newton's method.
+        // I (w+ - w) + h w_m x I w_m = 0 in body axes, by Newton's method.
         let start = self.pose.rotation.inverse_transform_vector(&self.angular);
         let inertia = Matrix3::from_diagonal(&self.inertia);
         let mut end = start;
@@ -133,23 +134,23 @@ impl FreeBody {
     }
 }
 
-/// Newton steps of the midpoint rule for a rotation. The second leaves rounding at any speed that a step can
-/// follow.
+/// Newton steps of the midpoint rule for a rotation. The second leaves only rounding at any speed that a step
+/// can follow.
 const NEWTON: usize = 4;
 
-/// All objects that move, with room for their next state.
+/// All movable objects, with space for their next state.
 #[derive(Clone, Debug)]
 pub(crate) struct Objects {
     pub(crate) now: Vec<FreeBody>,
     pub(crate) next: Vec<FreeBody>,
-    /// The next state before it fell.
+    /// The next state before free fall.
     pub(crate) before: Vec<FreeBody>,
-    /// Gravity of the last step \[m/s2\]; NaN before the first.
+    /// Gravity in the last step \[m/s2\]; NaN before the first.
     pub(crate) gravity: Vector3<f64>,
     air: Air,
-    /// Integration method of objects without contacts.
+    /// Integration method of objects that touch nothing.
     pub(crate) method: Integrator,
-    /// Per object of the world: its index among the moving objects.
+    /// For each object of the world, its index among the movable objects.
     pub(crate) movable: Vec<Option<usize>>,
 }
 
@@ -182,12 +183,12 @@ impl Objects {
         std::mem::swap(&mut self.now, &mut self.next);
     }
 
-    /// Stores the next state as `before`.
+    /// Copies the next state to `before`.
     pub(crate) fn before_fall(&mut self) {
         self.before.copy_from_slice(&self.next);
     }
 
-    /// Finds the objects without contacts in `points`.
+    /// Finds objects without contacts in `points`.
     pub(crate) fn find_free(&mut self, points: &[ContactPoint]) {
         if self.method == Integrator::Euler {
             return;
@@ -200,7 +201,7 @@ impl Objects {
         }
     }
 
-    /// Velocities of the next state after free fall for the time of each \[s\].
+    /// Advances the velocities of the next state by free fall for the time of each object \[s\].
     pub(crate) fn fall(&mut self, gravity: &Vector3<f64>, lengths: &[f64]) {
         for (body, h) in self.next.iter_mut().zip(lengths).filter(|(body, h)| !body.asleep && **h > 0.0) {
             if !body.free {
@@ -209,12 +210,12 @@ impl Objects {
         }
     }
 
-    /// Returns `true` if this object sleeps in the next state; `false` for none.
+    /// Returns `true` if the object with this index sleeps in the next state; `false` for `None`.
     pub(crate) fn is_asleep(&self, index: Option<usize>) -> bool {
         index.is_some_and(|index| self.next[index].asleep)
     }
 
-    /// Wakes all where gravity is another than in the last step.
+    /// Wakes all objects if gravity differs from the last step.
     pub(crate) fn feel(&mut self, gravity: &Vector3<f64>) {
         if self.gravity != *gravity {
             self.next.iter_mut().for_each(FreeBody::wake);
@@ -222,12 +223,12 @@ impl Objects {
         self.gravity = *gravity;
     }
 
-    /// Wakes all.
+    /// Wakes all objects.
     pub(crate) fn wake(&mut self) {
         self.now.iter_mut().for_each(FreeBody::wake);
     }
 
-    /// Poses of the next state, after its velocities.
+    /// Advances the poses of the next state with its velocities.
     pub(crate) fn move_on(&mut self, lengths: &[f64]) {
         for (body, h) in self.next.iter_mut().zip(lengths).filter(|(body, h)| !body.asleep && **h > 0.0) {
             if body.free {
@@ -239,7 +240,7 @@ impl Objects {
         }
     }
 
-    /// The first object of the world whose next state is not finite or out of all bounds.
+    /// Returns the first object of the world whose next state is not finite or out of bounds.
     pub(crate) fn diverged(&self) -> Option<usize> {
         let sound = |body: &FreeBody| {
             let numbers = body.pose.translation.vector.iter().chain(&body.linear).chain(&body.angular);

@@ -1,20 +1,20 @@
-//! Dense hulls: the few of their corners by which they touch.
+//! Dense hulls: the few corners by which they touch.
 
 use nalgebra::Vector3;
 
 use super::axes::axes;
 
-/// Hulls of more corners than this touch by some of them.
+/// Hulls with more corners than this touch by a subset of them.
 pub(super) const DENSE: usize = 64;
 
-/// Corners of a hull within these shares of its size of the outermost one count as in one plane with it, and
+/// Corners within these shares of the hull's size of the outermost corner count as in one plane with it, or
 /// as near that plane.
 const FLAT: f64 = 1e-4;
 const NEAR: f64 = 0.02;
 
-/// The corners of a hull that are outermost in the direction `up` (a unit vector), and nearly so. The
-/// outermost one comes first, then, of the corners within `depth` \[m\] of it, the farthest in `N - 1`
-/// directions perpendicular to `up`. Returns their number.
+/// Finds the outermost corners of a hull in the direction `up` (a unit vector): the outermost one first,
+/// then, of the corners within `depth` \[m\] of it, the farthest in `N - 1` directions perpendicular to `up`.
+/// Returns their number.
 fn outermost<const N: usize>(
     points: &[Vector3<f64>],
     up: &Vector3<f64>,
@@ -52,7 +52,7 @@ fn outermost<const N: usize>(
     count
 }
 
-/// The corners of the outermost face of a dense hull in the direction `up`, at most `N`.
+/// Returns the corners of the outermost face of a dense hull in the direction `up`, at most `N`.
 pub(super) fn outermost_face<const N: usize>(
     points: &[Vector3<f64>],
     up: &Vector3<f64>,
@@ -63,7 +63,7 @@ pub(super) fn outermost_face<const N: usize>(
 }
 
 /// Passes the corners by which a dense hull touches a plane in the direction `up` to `visit`: the corners of
-/// its outermost face, and of faces that may soon be.
+/// its outermost face, and of faces that may soon be outermost.
 pub(super) fn touching(points: &[Vector3<f64>], up: &Vector3<f64>, size: f64, visit: &mut dyn FnMut(u32)) {
     let (mut face, mut near) = ([0; 9], [0; 5]);
     let count = outermost(points, up, FLAT * size, &mut face);

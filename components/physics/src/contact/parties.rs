@@ -1,17 +1,17 @@
-//! Parties of a contact: anything a robot may hold is integrated in shorter steps than the ground it stands
-//! on.
+//! The parties of a contact. Contacts of robots with objects that they may hold use shorter steps than
+//! contacts with the ground.
 
 use super::colliders::Owner;
 use super::detect::ContactPoint;
 
-/// The kind of contact that a pair makes, or may make.
+/// The kinds of parties that a pair brings into contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parties {
     /// Objects, or objects and the world.
     Objects,
-    /// A robot with itself or with the world.
+    /// A robot with itself or the world.
     Robot,
-    /// A robot with an object that moves, or with another robot: it may hold it.
+    /// A robot with a movable object or another robot, which it may hold.
     Grasp,
 }
 
@@ -28,27 +28,27 @@ impl Parties {
 }
 
 impl ContactPoint {
-    /// True where a robot meets an object that moves, or another robot.
+    /// Returns `true` for a robot with a movable object or another robot.
     pub(super) fn is_grasp(&self) -> bool {
         Parties::new(self.owners.0, self.owners.1) == Parties::Grasp
     }
 }
 
-/// Distances within which contact points are found regardless of the motion \[m\].
+/// Distances within which contact points are found even if they cannot touch in the step \[m\].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Least {
-    /// For robots, with themselves and the world.
+    /// Distance between robots and themselves or the world.
     pub(crate) robots: f64,
-    /// For robots with moving objects and with one another.
+    /// Distance between robots and movable objects or each other.
     pub(crate) grasps: f64,
 }
 
-/// Distance from a holdable object below which contacts decide the length of a robot's integration steps
-/// \[m\].
+/// Within this distance of something that a robot may hold, contacts determine the length of its integration
+/// steps \[m\].
 pub(super) const NEAR: f64 = 0.010;
 
 impl Least {
-    /// Those at the begin of a step.
+    /// Distances at the start of a step.
     pub(super) const OF_STEP: Self = Self { robots: 0.0, grasps: NEAR };
 
     pub(super) fn for_parties(self, parties: Parties) -> f64 {

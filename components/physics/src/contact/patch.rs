@@ -1,10 +1,8 @@
 //! Contact patches: a face of one collider clipped against a face, an edge or a side line of the other.
 //!
-//! [Features](super::features) find every contact where the end of a line or the corner of a face is over the
-//! other collider. Where both
-//! ends are beyond it, as with a rod on a narrow pad, they find one point at most. A patch has the points
-//! where lines and faces leave one
-//! another, so it bears moments.
+//! [Features](super::features) find every contact in which the end of a line or the corner of a face is above
+//! the other collider. If both ends are beyond it, as with a rod on a narrow pad, they find at most one
+//! point. A patch has the points where lines and faces leave each other, so it can transmit moments.
 
 use motorium_robots::ConvexShape;
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
@@ -12,40 +10,41 @@ use nalgebra::{IsometryMatrix3, Point3, Vector3};
 use super::colliders::Collider;
 use super::outermost::{DENSE, outermost_face};
 
-/// Corners of a disc.
+/// Number of corners of a disc.
 const DISC: usize = 8;
 
-/// Room for the corners of a face.
+/// Largest number of corners of a face.
 const MOST: usize = 16;
 
-/// Room for a face clipped by another.
+/// Largest number of corners of a face clipped by another.
 const CLIPPED: usize = 2 * MOST;
 
-/// Corners of a patch that become contact points. More add no support, and cost a solver its convergence.
+/// Number of patch corners that become contact points. More would add no support and slow down the
+/// convergence of a solver.
 const KEPT: usize = 4;
 
 /// Largest sine of the tilt of a face or a line against the contact plane.
 const TILT: f64 = 0.02;
 
-/// The normal of a face counts as the contact normal where it separates the two by this less than their
-/// distance at most \[m\].
+/// The normal of a face is used as the contact normal if its separation is less than the distance of the
+/// colliders by at most this \[m\].
 const SEPARATION: f64 = 2e-5;
 
-/// Corners this far outside of a face count as within it \[m\].
+/// Corners this far outside a face still count as inside it \[m\].
 const WITHIN: f64 = 5e-5;
 
-/// Begin of the numbers of the points of a patch.
+/// Smallest feature number of patch points.
 const PATCH: u32 = 1 << 30;
 
 /// A flat or straight part of a surface, world axes.
 struct Part {
     points: [Vector3<f64>; MOST],
     count: usize,
-    /// The surface is this far around the points \[m\].
+    /// Distance of the surface from the points \[m\].
     radius: f64,
     /// Outward normal of a face.
     normal: Option<Vector3<f64>>,
-    /// A disc, of which the points are corners.
+    /// True for a disc, whose rim is approximated by the points.
     disc: bool,
 }
 
@@ -53,18 +52,16 @@ struct Part {
 #[derive(Clone, Copy)]
 struct Corner {
     at: Vector3<f64>,
-    /// The same number for the same corner, or the same crossing of an edge and a side.
+    /// Feature number, which is stable for the same corner or the same crossing of an edge and a side.
     id: u32,
-    /// The edge to the next corner: of the part, or of the face from [`MOST`] on.
+    /// The edge to the next corner: an edge of the part, or of the face from [`MOST`] on.
     edge: u32,
 }
 
-/// Passes the points of the patch of two colliders to `found`: true where the second has the face, the number
-/// of the point, the point
-/// halfway between the surfaces, the normal towards the collider without the face, and the distance. `normal`
-/// points from the first to the
-/// second, and `distance` \[m\] is theirs. Returns false, and has passed nothing, where they do not touch in
-/// a line or a face.
+/// Passes the points of the patch of two colliders to `found`: true if the face is on the second collider,
+/// the number of the point, the point halfway between the surfaces, the normal towards the collider without
+/// the face, and the distance. `normal` points from the first to the second, and `distance` \[m\] is the
+/// distance between them. Returns `false` and passes nothing if they do not touch in a line or a face.
 pub(super) fn collide(
     [(first, a), (second, b)]: [(&Collider, &IsometryMatrix3<f64>); 2],
     (normal, distance): (&Vector3<f64>, f64),
@@ -97,7 +94,7 @@ pub(super) fn collide(
     false
 }
 
-/// Height along `up` of the lowest point of a collider.
+/// Returns the height along `up` of the lowest point of a collider.
 fn lowest((collider, pose): (&Collider, &IsometryMatrix3<f64>), up: &Vector3<f64>) -> f64 {
     let local = pose.rotation.inverse_transform_vector(up);
     let depth = match &collider.shape {
@@ -140,7 +137,8 @@ impl Part {
     }
 }
 
-/// The face of a collider that looks most towards a direction; `None` where that is round or a corner.
+/// Returns the face of a collider that faces a direction best; `None` if the collider is round or has a
+/// corner there.
 fn face(collider: &Collider, pose: &IsometryMatrix3<f64>, towards: &Vector3<f64>) -> Option<Part> {
     let local = pose.rotation.inverse_transform_vector(towards);
     let face = match &collider.shape {
@@ -157,7 +155,7 @@ fn face(collider: &Collider, pose: &IsometryMatrix3<f64>, towards: &Vector3<f64>
     face.normal.is_some().then(|| face.placed(pose))
 }
 
-/// The face, edge or side line of a collider that is nearly square to a direction.
+/// Returns the face, edge or side line of a collider that is nearly perpendicular to a direction.
 fn part((collider, pose): (&Collider, &IsometryMatrix3<f64>), towards: &Vector3<f64>) -> Option<Part> {
     let local = pose.rotation.inverse_transform_vector(towards);
     let line = |radius: f64, half_length: f64| {
@@ -208,7 +206,8 @@ fn box_face(half: &Vector3<f64>, axis: usize, sign: f64) -> Part {
     face
 }
 
-/// The end of a cylinder. The deepest point of its rim is one of its corners, unless it lies flat.
+/// Returns the end of a cylinder. The deepest point of its rim is one of the corners, unless the disc lies
+/// flat.
 fn disc(radius: f64, half_length: f64, towards: &Vector3<f64>) -> Part {
     let end = towards.z.signum();
     let mut face = Part { disc: true, ..Part::new(0.0, Some(Vector3::new(0.0, 0.0, end))) };
@@ -220,8 +219,8 @@ fn disc(radius: f64, half_length: f64, towards: &Vector3<f64>) -> Part {
     face
 }
 
-/// The corners of a hull that are outermost in a direction, in their order around it: a face where three or
-/// more are in one plane.
+/// Returns the outermost corners of a hull in a direction, in their order around it: a face if three or more
+/// are in one plane.
 fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Part> {
     let highest = points.iter().map(|point| point.dot(towards)).fold(f64::MIN, f64::max);
     let mut part = Part::new(0.0, None);
@@ -249,7 +248,7 @@ fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Pa
         arm.dot(&other).atan2(arm.dot(&one))
     };
     part.points[..part.count].sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-    // Twice the area as a vector: the normal of the plane that fits best.
+    // Twice the area as a vector: the normal of the best-fitting plane.
     let next = |index: usize| part.points[(index + 1) % part.count];
     let sum =
         |sum: Vector3<f64>, index: usize| sum + (part.points[index] - centre).cross(&(next(index) - centre));
@@ -259,7 +258,7 @@ fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Pa
     Some(part)
 }
 
-/// Clips a part by the sides of a face with this outward normal, and passes points nearer than `margin` \[m\]
+/// Clips a part by the sides of a face with this outward normal, and passes points closer than `margin` \[m\]
 /// to `found`. Returns `false` and passes nothing if fewer than two points remain.
 fn clip(
     face: &Part,
@@ -277,7 +276,7 @@ fn clip(
     let straight = count == 2;
     for side in 0..face.count {
         let (from, to) = (face.points[side], face.points[(side + 1) % face.count]);
-        // Corners are in a positive order about the direction that the face looks in, or in the other one.
+        // Corners are ordered counterclockwise or clockwise about the outward direction of the face.
         let across = (to - from).cross(outward);
         let middle = face.points().iter().sum::<Vector3<f64>>() / face.count as f64;
         let Some(across) = across.try_normalize(1e-12) else { continue };
@@ -322,9 +321,9 @@ fn clip(
     true
 }
 
-/// Four corners that bear nearly the same moments as all: the deepest, and the ones that span the largest
-/// area with it. A corner replaces an earlier one only if it is better by more than rounding, so the choice
-/// is the same from step to step.
+/// Selects four corners that transmit nearly the same moments as all: the deepest, and the ones that span the
+/// largest area with it. A corner replaces an earlier one only if it is better by more than rounding, so the
+/// choice is stable from step to step.
 fn spread(corners: &[Corner], outward: &Vector3<f64>, gap: impl Fn(&Corner) -> f64) -> [usize; KEPT] {
     let best = |value: &dyn Fn(&Corner) -> f64, least: f64| {
         let mut best = (0, value(&corners[0]));
@@ -345,8 +344,8 @@ fn spread(corners: &[Corner], outward: &Vector3<f64>, gap: impl Fn(&Corner) -> f
     [first, second, third, fourth]
 }
 
-/// Passes the ends of the common part of two parallel lines to `found`. Returns `false` and passes nothing
-/// without a common part.
+/// Passes the ends of the overlap of two parallel lines to `found`. Returns `false` and passes nothing if
+/// they do not overlap.
 fn parallel(
     one: &Part,
     other: &Part,
@@ -375,7 +374,7 @@ fn parallel(
         (here, there)
     });
     let gaps = points.map(|(here, there)| (here - there).norm() - one.radius - other.radius);
-    // Lines without a radius, and crossed ones, have no direction between them.
+    // Lines without a radius, and lines that have passed each other, have no direction between them.
     if gaps[0].min(gaps[1]) > distance + SEPARATION || one.radius + other.radius < 1e-6 {
         return false;
     }

@@ -1,5 +1,4 @@
-//! Properties of colliders that may change from one reset to the next: their surfaces, and the heights of the
-//! terrain.
+//! Collider properties that may change between resets: their surfaces, and the heights of the terrain.
 
 use std::sync::Arc;
 
@@ -9,7 +8,7 @@ use super::colliders::{Collider, Colliders};
 use crate::Surface;
 
 impl Colliders {
-    /// Takes over the heights of another terrain of the same size. True if they are others.
+    /// Applies the heights of another terrain of the same size. Returns `true` if they differ.
     pub(crate) fn set_terrain(&mut self, terrain: Option<&Terrain>) -> Result<bool, TerrainError> {
         let (Some(terrain), Some(field)) = (terrain, &mut self.terrain) else { return Ok(false) };
         if self.described.as_ref() == Some(terrain) {
@@ -20,7 +19,7 @@ impl Colliders {
         Ok(true)
     }
 
-    /// The surface of each collider.
+    /// Returns the surface of each collider.
     pub(crate) fn surfaces(&self) -> Vec<Surface> {
         let surface = |collider: &Collider| Surface {
             name: collider.name.clone(),
@@ -30,10 +29,10 @@ impl Colliders {
         self.colliders.iter().map(surface).collect()
     }
 
-    /// Takes over a surface for each collider.
+    /// Sets the surface of each collider.
     pub(crate) fn set_surfaces(&mut self, surfaces: &[Surface]) {
         for (collider, surface) in self.colliders.iter_mut().zip(surfaces) {
-            // Friction along a grain changes by the same factor.
+            // Friction along the grain direction changes by the same factor.
             if let Some(grain) = &mut collider.grain {
                 grain.scale(surface.friction);
             }
@@ -41,7 +40,7 @@ impl Colliders {
         }
     }
 
-    /// True where a surface resists rolling or spinning.
+    /// Returns `true` if any surface resists rolling or spinning.
     pub(crate) fn resist_turning(&self) -> bool {
         self.colliders.iter().any(|collider| collider.torsional > 0.0 || collider.rolling > 0.0)
     }

@@ -1,4 +1,4 @@
-//! The contact scene: colliders, objects that move, and the impulses between all of them.
+//! The contact scene: colliders, movable objects, and the impulses between all of them.
 
 mod calm;
 mod connected;
@@ -25,14 +25,15 @@ pub(crate) struct ContactScene {
     connections: Connections,
     /// Number of articulations.
     articulations: usize,
-    /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where
-    /// its step is over.
+    /// Length of the next integration step of each articulation and each movable object \[s\]; zero if its
+    /// step is complete.
     lengths: Vec<f64>,
-    /// Robots that may hold something, and all that they may hold, which take the steps of grasps.
+    /// True for robots that may hold something, and for everything that they may hold; these use the steps of
+    /// grasps.
     near: Vec<bool>,
-    /// Number of integration steps of the present step.
+    /// Number of integration steps of the current step.
     steps: usize,
-    /// Objects at rest may sleep.
+    /// True if objects at rest may sleep.
     sleeping: bool,
 }
 
@@ -42,15 +43,15 @@ pub(crate) struct SceneState {
     detector: DetectorState,
     impulses: Vec<Known>,
     objects: Vec<FreeBody>,
-    /// Gravity of the last integration step \[m/s2\].
+    /// Gravity in the last integration step \[m/s2\].
     gravity: Vector3<f64>,
-    /// For fixed objects.
+    /// Placements of fixed objects.
     placements: Vec<Isometry3<f64>>,
     connections: (Vec<Joined>, u64),
 }
 
 impl ContactScene {
-    /// A scene of these colliders; `world` gives the objects.
+    /// Creates a scene of these colliders with the objects of `world`.
     pub(crate) fn new(robot: &Robot, colliders: Colliders, world: &World, options: &Options) -> Self {
         let detector = Detector::new(&colliders, &robot.articulations);
         let objects = Objects::new(world, options.integrator);
@@ -74,18 +75,18 @@ impl ContactScene {
         }
     }
 
-    /// The colliders.
+    /// Returns the colliders.
     pub(crate) fn colliders(&self) -> &Colliders {
         &self.colliders
     }
 
-    /// Takes over a surface for each collider, and the masses of the articulations.
+    /// Updates the surface of each collider and the masses of the articulations.
     pub(crate) fn set_properties(&mut self, surfaces: &[Surface], robot: &Robot) {
         self.colliders.set_surfaces(surfaces);
         self.impulses.set_masses(robot);
     }
 
-    /// Takes over the heights of another terrain of the same size. True if they are others.
+    /// Applies the heights of another terrain of the same size. Returns `true` if they differ.
     pub(crate) fn set_terrain(&mut self, terrain: Option<&Terrain>) -> Result<bool, TerrainError> {
         self.colliders.set_terrain(terrain)
     }
@@ -96,8 +97,8 @@ impl ContactScene {
         self.detector = Detector::new(&self.colliders, &robot.articulations);
     }
 
-    /// Sets the poses of each articulation from its `kinematics` and its base in `bases`, and of the objects
-    /// in their next state.
+    /// Places each articulation according to its `kinematics` and its base in `bases`, and the objects in
+    /// their next state.
     pub(crate) fn set_poses<'a>(
         &mut self,
         kinematics: impl Fn(usize) -> &'a Kinematics,
@@ -107,9 +108,10 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\] at the present poses: finds the contact points, and the robots so near to
+    /// Begins a step of `dt` \[s\] in the current poses. Finds the contact points, and the robots so near to
     /// an object or to another robot that they use the integration steps of contacts, with everything they
-    /// may touch. Returns the larger number of integration steps in use, `far` from contacts or near.
+    /// may touch. Returns the number of integration steps that occurs: the larger of `far` from contacts and
+    /// near.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
@@ -124,10 +126,10 @@ impl ContactScene {
         self.steps
     }
 
-    /// Sets the lengths of the integration step with this number, the first being 0.
+    /// Sets the lengths of the integration step with this index, from 0.
     pub(crate) fn set_lengths(&mut self, step: usize, dt: f64, [far, near]: [usize; 2]) {
         for (body, length) in self.lengths.iter_mut().enumerate() {
-            // An object may wake in any of the steps: it uses the short ones, if there are any.
+            // An object may wake in any of the steps, so it uses the short ones, if any.
             let asleep = self.objects.is_asleep(body.checked_sub(self.articulations));
             let steps = if self.near[body] || asleep { near.min(self.steps) } else { far };
             *length = if step < steps { dt / steps as f64 } else { 0.0 };
@@ -135,12 +137,13 @@ impl ContactScene {
         self.set_moving();
     }
 
-    /// Length of the next integration step of an articulation \[s\]; zero where its step is over.
+    /// Returns the length of the next integration step of an articulation \[s\]; zero if its step is
+    /// complete.
     pub(crate) fn length(&self, articulation: usize) -> f64 {
         self.lengths[articulation]
     }
 
-    /// Length of the longest of the next integration steps \[s\].
+    /// Returns the length of the longest of the next integration steps \[s\].
     pub(crate) fn longest(&self) -> f64 {
         self.lengths.iter().fold(0.0, |most, length| most.max(*length))
     }
@@ -156,8 +159,8 @@ impl ContactScene {
         });
     }
 
-    /// Sets up the impulses at the contact points for an integration step: the objects of the next state
-    /// fall, the articulations move with `v`.
+    /// Sets up the impulses at the contact points for an integration step. The objects of the next state fall
+    /// freely, the articulations move with `v`.
     pub(crate) fn prepare<'a>(
         &mut self,
         articulations: &[Articulation],
@@ -170,7 +173,7 @@ impl ContactScene {
         detector.keep_for(h);
         impulses.wake(detector.points_mut(), &mut objects.next, lengths);
         objects.find_free(detector.points());
-        // Poses do not change yet: only the velocities fall.
+        // Only the velocities change by free fall; the poses do not change yet.
         objects.before_fall();
         objects.fall(gravity, &lengths[articulations.len()..]);
         let slopes = |owner: Owner, point: &Point3<f64>, axes: &[_; 3], sign: f64, columns: &mut [_]| {
@@ -185,8 +188,8 @@ impl ContactScene {
         impulses.prepare(detector.points(), v, (&objects.before, &objects.next), slopes);
     }
 
-    /// Adds the impulses of this integration step to `sums`; impulses on sleeping objects once in a step of
-    /// `dt` \[s\], in the first.
+    /// Adds the impulses of this integration step to `sums`. Impulses on sleeping bodies are added once per
+    /// step of `dt` \[s\], in the first integration step.
     pub(crate) fn add_impulses(&self, first: bool, dt: f64, sums: &mut ImpulseSums) {
         let share = |point: &ContactPoint| match point.kept {
             false => 1.0,
@@ -216,8 +219,8 @@ impl ContactScene {
         }
     }
 
-    /// Ends an integration step: the objects move by their velocities with the impulses. An island in which
-    /// nothing has moved for half a second sleeps.
+    /// Ends an integration step: moves the objects by their velocities with the impulses. Objects of an
+    /// island in which nothing has moved for half a second are put to sleep.
     pub(crate) fn finish(&mut self) {
         let Self { detector, impulses, objects, lengths, articulations, .. } = self;
         impulses.push_objects(&mut objects.next);
@@ -227,20 +230,20 @@ impl ContactScene {
         }
     }
 
-    /// Height of the lowest point of an articulation, as it was placed last \[m\]; infinite without
-    /// colliders.
+    /// Returns the height of the lowest point of an articulation when it was last placed \[m\]; infinite
+    /// without colliders.
     pub(crate) fn lowest(&self, articulation: usize) -> f64 {
         self.detector.lowest(&self.colliders.colliders, articulation)
     }
 
-    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a
-    /// terrain.
+    /// Returns the height of the lowest point of an articulation above the terrain below it \[m\]; `None`
+    /// without a terrain.
     pub(crate) fn above_terrain(&self, articulation: usize) -> Option<f64> {
         self.detector.above_terrain(&self.colliders, articulation)
     }
 
-    /// Finds the contact points of robots within `least` \[m\], and of anything that may touch within `h`
-    /// \[s\], at the current poses. Discards the points of the last step.
+    /// Finds the contact points of robots within `least` \[m\] and all points that may touch within `h`
+    /// \[s\], in the last placed poses. The points of the last step are dropped.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
         let least = Least { robots: least, grasps: least };
         self.detector.detect(&self.colliders, &self.connections, (h, least));
@@ -248,7 +251,7 @@ impl ContactScene {
         self.detector.points()
     }
 
-    /// All that later steps depend on.
+    /// Saves everything that later steps depend on.
     pub(crate) fn save(&self) -> SceneState {
         SceneState {
             detector: self.detector.save(),
@@ -260,14 +263,14 @@ impl ContactScene {
         }
     }
 
-    /// True for a state of a scene with as many pairs and objects.
+    /// Returns `true` if the state has the same numbers of pairs and objects.
     pub(crate) fn fits(&self, state: &SceneState) -> bool {
         self.detector.fits(&state.detector)
             && self.objects.now.len() == state.objects.len()
             && self.placements().count() == state.placements.len()
     }
 
-    /// Goes back to a saved state of this scene.
+    /// Restores a saved state of this scene.
     pub(crate) fn restore(&mut self, state: &SceneState) {
         self.objects.now.clone_from(&state.objects);
         self.objects.begin();
@@ -282,12 +285,12 @@ impl ContactScene {
         self.impulses.restore(&state.impulses);
     }
 
-    /// Poses of the colliders after the robot's.
+    /// Returns the placements of the colliders after the robot's.
     fn placements(&self) -> impl Iterator<Item = Isometry3<f64>> {
         self.colliders.colliders[self.colliders.first_object..].iter().map(|collider| collider.placement)
     }
 
-    /// The objects where the world description has them, without impulses of a step before.
+    /// Moves the objects to their poses in the world description, without impulses of an earlier step.
     pub(crate) fn restart(&mut self, world: &World) {
         self.objects = Objects::new(world, self.objects.method);
         for (index, object) in world.objects.iter().enumerate().filter(|(_, object)| !object.is_dynamic()) {
@@ -298,7 +301,7 @@ impl ContactScene {
         self.impulses.forget();
     }
 
-    /// Pose of object `index` of the world.
+    /// Returns the pose of object `index` of the world.
     pub(crate) fn object_pose(&self, index: usize) -> Isometry3<f64> {
         match self.objects.movable[index] {
             Some(movable) => self.objects.now[movable].object_pose(),
@@ -309,9 +312,9 @@ impl ContactScene {
         }
     }
 
-    /// Places object `index` of the world, at rest.
+    /// Moves object `index` of the world to a pose, at rest.
     pub(crate) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
-        // Others may have rested on it.
+        // Other objects may have rested on it.
         self.objects.wake();
         match self.objects.movable[index] {
             Some(movable) => self.objects.now[movable].stop_at(*pose),
@@ -325,7 +328,7 @@ impl ContactScene {
         }
     }
 
-    /// Linear \[m/s\] and angular \[rad/s\] velocity of object `index` of the world, world axes.
+    /// Returns the linear \[m/s\] and angular \[rad/s\] velocity of object `index` of the world, world axes.
     pub(crate) fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         self.objects.movable[index].map_or((Vector3::zeros(), Vector3::zeros()), |movable| {
             let body = &self.objects.now[movable];
@@ -333,7 +336,7 @@ impl ContactScene {
         })
     }
 
-    /// Sets the velocity of object `index` of the world, if it moves.
+    /// Sets the velocity of object `index` of the world if it is movable.
     pub(crate) fn set_object_velocity(
         &mut self,
         index: usize,
@@ -347,26 +350,26 @@ impl ContactScene {
         }
     }
 
-    /// True when a contact point of the last step is on a robot.
+    /// Returns `true` if a contact point of the last step is on a robot.
     pub(crate) fn on_robot(&self) -> bool {
         let on_robot = |point: &ContactPoint| point.owners.0.is_robot() || point.owners.1.is_robot();
         self.detector.points().iter().any(|point| point.held.is_none() && on_robot(point))
     }
 
-    /// True when a contact point of the last step is between an articulation and something else.
+    /// Returns `true` if a contact point of the last step is between an articulation and something else.
     pub(crate) fn is_held(&self, articulation: usize) -> bool {
         let own = |owner: Owner| owner.articulation() == Some(articulation);
         let outside = |point: &ContactPoint| own(point.owners.0) != own(point.owners.1);
         self.detector.points().iter().any(outside)
     }
 
-    /// True when a contact point of the last step is on an articulation.
+    /// Returns `true` if a contact point of the last step is on an articulation.
     pub(crate) fn is_touched(&self, articulation: usize) -> bool {
         let own = |owner: Owner| owner.articulation() == Some(articulation);
         self.detector.points().iter().any(|point| own(point.owners.0) || own(point.owners.1))
     }
 
-    /// Contact points of the last step with the index of their impulse and their colliders.
+    /// Returns the contact points of the last step with the index of their impulse and their colliders.
     pub(crate) fn points(&self) -> impl Iterator<Item = (usize, &ContactPoint, &Collider, &Collider)> {
         let colliders = &self.colliders.colliders;
         let contacts = self.detector.points().iter().enumerate().filter(|(_, point)| point.held.is_none());
@@ -375,12 +378,13 @@ impl ContactScene {
         })
     }
 
-    /// Force at the contact point of this index on the first of its two colliders, world axes \[N\].
+    /// Returns the force at the contact point with this index on the first of its two colliders, world axes
+    /// \[N\].
     pub(crate) fn force(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
         self.impulses.at_contact(index, point) / point.h
     }
 
-    /// Sum of the forces on the robots in the last integration step, world axes \[N\].
+    /// Returns the sum of the forces on the robots in the last integration step, world axes \[N\].
     pub(crate) fn force_on_robot(&self) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (index, point, ..) in self.points() {

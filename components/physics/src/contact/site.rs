@@ -1,4 +1,4 @@
-//! A contact point as the problem of the impulses sees it.
+//! A contact point as part of the impulse problem.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,43 +15,43 @@ use super::surface::SurfaceLaw;
 pub(super) struct Site {
     /// The normal, and two tangents, which are shorter than 1 along and across a [grain](SurfaceLaw::axes).
     pub(super) axes: [Vector3<f64>; 3],
-    /// Squares of their lengths.
+    /// Squared lengths of the axes.
     pub(super) squares: [f64; 3],
-    /// The two colliders; impulses act on the first, and in the opposite direction on the second.
+    /// Sides of the two colliders. Impulses act on the first, and in the opposite direction on the second.
     pub(super) sides: [Side; 2],
-    /// Velocity along the axes that the objects' fall alone gives, and that without impulses.
+    /// Velocity along the axes due to the objects' fall alone, and velocity without impulses.
     pub(super) falling: [f64; 3],
     pub(super) free: [f64; 3],
-    /// Velocity along the normal that is aimed at.
+    /// Target velocity along the normal.
     pub(super) target: f64,
     /// Coefficient of restitution of an impact, and the speed of rebound by Newton's law \[m/s\]; zero
     /// otherwise.
     pub(super) restitution: f64,
     pub(super) bounce: f64,
-    /// The surfaces overlap, so that the target is a share of the speed of recovery.
+    /// True if the surfaces overlap, so that the target is a share of the recovery speed.
     pub(super) overlapping: bool,
     pub(super) recovery: f64,
     pub(super) friction: f64,
-    /// Approach speed per impulse of a compliant surface \[1/kg\].
+    /// Approach speed per unit of impulse of a compliant surface \[1/kg\].
     pub(super) soft: f64,
-    /// Velocity of the first surface relative to the second that conveyors give, along the axes.
+    /// Velocity of the first surface relative to the second due to conveyors, along the axes.
     pub(super) conveyed: [f64; 3],
-    /// Torques at a contact point: impulses are moments, velocities angular.
+    /// Set for the torques at a contact point: impulses are moments, velocities angular.
     pub(super) couple: Option<Couple>,
-    /// No impulse moves the point.
+    /// True if no impulse moves the point.
     pub(super) immovable: bool,
-    /// Its answer to impulses, in an island that is solved body by body.
+    /// Response to impulses in an island that is solved body by body.
     pub(super) answer: PointAnswer,
 }
 
-/// The friction at a contact point against spinning about its normal and rolling about its tangents.
+/// Friction at a contact point against spinning about its normal and rolling about its tangents.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Couple {
-    /// Bilateral without bounds: a connection.
+    /// True for a connection, which is bilateral and unbounded.
     pub(super) holds: bool,
-    /// The contact point, whose normal impulse bounds the moments.
+    /// Index of the contact point whose normal impulse bounds the moments.
     pub(super) point: usize,
-    /// Largest moments per normal impulse \[m\].
+    /// Largest moments per unit of normal impulse \[m\].
     pub(super) torsional: f64,
     pub(super) rolling: f64,
 }
@@ -59,18 +59,18 @@ pub(super) struct Couple {
 /// The part of the world on one side of a contact point.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Side {
-    /// Nothing that impulses move.
+    /// A part that impulses do not move.
     World,
-    /// The articulation of this index.
+    /// The articulation with this index.
     Articulation(usize),
     /// A free object: its index, and the arm from its centre to the point, world axes \[m\].
     Object(usize, Vector3<f64>),
-    /// A free object that moments turn.
+    /// A free object rotated by moments.
     Turned(usize),
 }
 
 impl Side {
-    /// The free object on this side.
+    /// Returns the free object on this side.
     #[inline]
     pub(super) fn object(self) -> Option<usize> {
         match self {
@@ -80,23 +80,23 @@ impl Side {
     }
 }
 
-/// A free object's answer to impulses.
+/// The response of a free object to impulses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mobility {
     pub(super) inverse_mass: f64,
-    /// World axes \[1/(kg m2)\].
+    /// Inverse inertia, world axes \[1/(kg m2)\].
     pub(super) inverse_inertia: Matrix3<f64>,
-    /// Velocity of its centre \[m/s\] and angular velocity \[rad/s\], with the impulses as they are.
+    /// Velocity of the centre \[m/s\] and angular velocity \[rad/s\], with the current impulses.
     pub(super) linear: Vector3<f64>,
     pub(super) angular: Vector3<f64>,
-    /// Both before a sweep, and their parts of the direction of the extrapolation.
+    /// Both velocities before a sweep, and their parts of the extrapolation direction.
     pub(super) before: [Vector3<f64>; 2],
     pub(super) along: [Vector3<f64>; 2],
-    /// Already listed among the objects of its island.
+    /// True once the object is listed in its island.
     pub(super) listed: bool,
 }
 
-/// Row of the Jacobian over the velocity of a free object, and the same times the inverse of its inertia.
+/// Row of the Jacobian over the velocity of a free object, and the row times the object's inverse inertia.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ObjectRow {
     pub(super) object: usize,
@@ -118,13 +118,13 @@ impl Mobility {
         }
     }
 
-    /// Velocity at `arm` from its centre.
+    /// Returns the velocity at `arm` from the centre.
     #[inline]
     pub(super) fn velocity_at(&self, arm: &Vector3<f64>) -> Vector3<f64> {
         self.linear + self.angular.cross(arm)
     }
 
-    /// Takes in an impulse on one side of a contact point.
+    /// Applies an impulse on one side of a contact point.
     #[inline]
     pub(super) fn take(&mut self, side: &Side, impulse: &Vector3<f64>) {
         match side {
@@ -134,7 +134,7 @@ impl Mobility {
         }
     }
 
-    /// Takes in an impulse at `arm` from its centre.
+    /// Applies an impulse at `arm` from the centre.
     #[inline]
     pub(super) fn push(&mut self, arm: &Vector3<f64>, impulse: &Vector3<f64>) {
         self.linear += impulse * self.inverse_mass;
@@ -163,7 +163,8 @@ impl Site {
         answer: PointAnswer::NONE,
     };
 
-    /// The point between moving bodies at their poses in `bodies`. Velocities and targets follow.
+    /// Creates the site of a point between moving bodies in the poses of `bodies`. Velocities and targets are
+    /// set later.
     pub(super) fn new(point: &ContactPoint, bodies: &[FreeBody]) -> Self {
         let side = |owner: Owner| match owner {
             Owner::World => Side::World,
@@ -179,14 +180,14 @@ impl Site {
             squares,
             sides: [side(point.owners.0), side(point.owners.1)],
             friction: point.law.friction,
-            // Tangential motion by conveyors is no motion of the surface.
+            // Conveyor velocity across the surface does not move the surface.
             conveyed: [0.0, axes[1].dot(&point.law.conveyed), axes[2].dot(&point.law.conveyed)],
             immovable: false,
             ..Self::KEPT
         }
     }
 
-    /// A bilateral point, in a step of `h` \[s\]. Velocities follow.
+    /// Creates the site of a bilateral point in a step of `h` \[s\]. Velocities are set later.
     pub(super) fn held(point: &ContactPoint, held: &Held, h: f64, bodies: &[FreeBody]) -> Self {
         let side = |owner: Owner| match owner {
             Owner::World => Side::World,
@@ -207,7 +208,7 @@ impl Site {
         }
     }
 
-    /// The torques at the contact point of this index. Velocities follow.
+    /// Creates the site of the torques at the contact point with this index. Velocities are set later.
     pub(super) fn couple(index: usize, point: &ContactPoint) -> Self {
         let side = |owner: Owner| match owner {
             Owner::World => Side::World,
@@ -224,14 +225,14 @@ impl Site {
         }
     }
 
-    /// The articulations that meet here, each once.
+    /// Returns the articulations at this point, each once.
     pub(super) fn articulations(&self) -> impl Iterator<Item = usize> + use<> {
         let of = self.sides.map(|side| if let Side::Articulation(of) = side { Some(of) } else { None });
         let second = if of[0] == of[1] { None } else { of[1] };
         of[0].into_iter().chain(second)
     }
 
-    /// Velocity along an axis by the motion of the objects alone.
+    /// Returns the velocity along an axis due to the motion of the objects alone.
     pub(super) fn speed(&self, axis: usize, bodies: &[FreeBody]) -> f64 {
         let mut sum = 0.0;
         for (side, sign) in self.sides.iter().zip([1.0, -1.0]) {
@@ -248,7 +249,7 @@ impl Site {
         sum
     }
 
-    /// The rows of the Jacobian over the objects, of both sides, along an axis.
+    /// Returns the rows of the Jacobian over the objects on both sides, along an axis.
     pub(super) fn rows(&self, axis: usize, bodies: &[Mobility]) -> [Option<ObjectRow>; 2] {
         let row = |side: Side, sign: f64| {
             let along = self.axes[axis] * sign;
@@ -264,7 +265,7 @@ impl Site {
         [row(self.sides[0], 1.0), row(self.sides[1], -1.0)]
     }
 
-    /// The impulse on the first side, world axes.
+    /// Returns the impulse on the first side, world axes.
     #[inline]
     pub(super) fn vector(&self, lambda: &[f64]) -> Vector3<f64> {
         self.axes[0] * lambda[0] + self.axes[1] * lambda[1] + self.axes[2] * lambda[2]

@@ -1,4 +1,4 @@
-//! The law of the two surfaces that meet at a contact point.
+//! The combined law of the two surfaces at a contact point.
 
 use motorium_robots::{FrictionCombine, Softness};
 use nalgebra::{Rotation3, Vector3};
@@ -6,25 +6,24 @@ use nalgebra::{Rotation3, Vector3};
 use super::axes::axes;
 use super::colliders::{Collider, ColliderGrain};
 
-/// The law of two surfaces that meet.
+/// The combined law of two surfaces in contact.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfaceLaw {
     pub(crate) friction: f64,
-    /// Largest torque about the normal and about the tangents, per normal force \[m\].
+    /// Largest torque about the normal and about the tangents, per unit of normal force \[m\].
     pub(crate) torsional: f64,
     pub(crate) rolling: f64,
     pub(crate) restitution: f64,
-    /// Velocity of the first surface relative to the second that conveyors give, world axes \[m/s\].
+    /// Velocity of the first surface relative to the second due to conveyors, world axes \[m/s\].
     pub(crate) conveyed: Vector3<f64>,
-    /// Compliance of the point, instead of restitution.
+    /// Softness of a compliant point, which replaces restitution.
     pub(crate) soft: Option<Softness>,
-    /// Direction along which friction differs, world axes, and the friction along and across it relative to
-    /// `friction`.
+    /// Direction of the grain, world axes, and the friction along and across it relative to `friction`.
     pub(crate) grain: Option<(Vector3<f64>, [f64; 2])>,
 }
 
 impl SurfaceLaw {
-    /// The law of a part without a surface.
+    /// The law of a point without surfaces.
     pub(super) const NONE: Self = Self {
         friction: 0.0,
         torsional: 0.0,
@@ -35,7 +34,7 @@ impl SurfaceLaw {
         grain: None,
     };
 
-    /// The law of two colliders, whose rotations `turned` has by their places.
+    /// Combines the laws of two colliders; `turned` returns their rotations by index.
     pub(crate) fn between([a, b]: [&Collider; 2], turned: impl Fn(usize) -> Rotation3<f64>) -> Self {
         let mut conveyed = Vector3::zeros();
         for (place, collider, sign) in [(0, a, 1.0), (1, b, -1.0)] {
@@ -52,7 +51,7 @@ impl SurfaceLaw {
         };
         let mut friction = combined(a.friction, b.friction);
         let mut grain = None;
-        // If both have a grain the first counts.
+        // If both surfaces have a grain, the first one counts.
         for (place, own) in [(1, b), (0, a)] {
             if let Some(ColliderGrain { direction, along, .. }) = own.grain {
                 let along =
@@ -74,23 +73,23 @@ impl SurfaceLaw {
         }
     }
 
-    /// The same with the other surface as the first.
+    /// Returns the law with the surfaces exchanged.
     pub(crate) fn swapped(self) -> Self {
         Self { conveyed: -self.conveyed, ..self }
     }
 
-    /// The axes of a contact point: its normal, and two tangents. Along a grain and across it these are
-    /// shortened so that the bound of friction is a circle: impulses along them are then as much smaller, and
-    /// so are the velocities that these oppose.
+    /// Returns the axes of a contact point: its normal, and two tangents. The tangents along and across a
+    /// grain are shortened so that the friction bound is a circle. Impulses along them are smaller by these
+    /// factors, and so are the velocities that they oppose.
     pub(super) fn axes(&self, normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let Some((direction, [along, across])) = self.grain else { return axes(normal) };
         let tangent = direction - normal * normal.dot(&direction);
-        // A surface perpendicular to its grain has none.
+        // A surface perpendicular to its grain has no grain.
         let Some(one) = tangent.try_normalize(1e-6) else { return axes(normal) };
         [*normal, one * along, normal.cross(&one) * across]
     }
 
-    /// True where the surfaces resist rolling or spinning.
+    /// Returns `true` if the surfaces resist rolling or spinning.
     pub(crate) fn resists_turning(&self) -> bool {
         self.torsional > 0.0 || self.rolling > 0.0
     }

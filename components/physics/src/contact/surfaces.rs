@@ -1,10 +1,10 @@
 //! Contact points of a convex collider with the triangles of a mesh.
 //!
-//! [Features](super::features) of the collider touch the triangles below them; a round feature touches an
-//! edge or a corner of the mesh if that is nearer than all triangles. Protruding
+//! [Features](super::features) of the collider touch the triangles below them. Round features touch an edge
+//! or a corner of the mesh if that is closer than all triangles. Protruding
 //! [edges](motorium_robots::SurfaceEdge) of the mesh touch faces and edges of the collider. Sides between
-//! coplanar triangles, and in valleys, are no edges, so that a sliding body feels only the triangles. A
-//! triangle touches bodies whose centre is in front of it.
+//! coplanar triangles, and sides in valleys, are not edges, so that objects slide over them and touch only
+//! the triangles. A triangle touches colliders whose centre is in front of it.
 
 use motorium_robots::{ConvexShape, SurfaceEdge, SurfaceTriangle, TriangleSurface};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
@@ -15,40 +15,40 @@ use super::hulls::{Faces, SIDES};
 use super::narrow::AHEAD;
 use super::normals::Normals;
 
-/// Triangles of different planes that a feature touches at once.
+/// Largest number of triangles in different planes that a feature touches at once.
 const MOST: usize = 4;
 
-/// Triangles whose normals differ by less touch as one: the cosine of 18 degrees.
+/// Triangles whose normals differ by less than 18 degrees touch as one: the cosine of 18 degrees.
 const ALIKE: f64 = 0.95;
 
 /// Depth behind a triangle up to which it pushes a feature out \[m\].
 const DEPTH: f64 = 0.03;
 
-/// Begin of the numbers of contacts with edges.
+/// Smallest feature number of contacts with edges.
 const EDGES: u32 = 1 << 29;
 
-/// Two edges touch where their normal separates better than the face by this \[m\].
+/// Two edges touch if their normal separates better than the face by this distance \[m\].
 const CROSSING: f64 = 1e-5;
 
 /// Squared sine of the angle below which two edges count as parallel.
 const PARALLEL: f64 = 1e-6;
 
-/// Squared sine of the angle below which an edge touches a round side in a line.
+/// Squared sine of the angle below which an edge touches a round side along a line.
 const PARALLEL_SIDES: f64 = 4e-4;
 
-/// Shorter lines that an edge and a round side share are points \[m\].
+/// Lines shared by an edge and a round side that are shorter than this count as points \[m\].
 const SHARED: f64 = 5e-5;
 
-/// A triangle that a feature touches.
+/// A triangle touched by a feature.
 #[derive(Clone, Copy)]
 struct Touch {
     distance: f64,
     normal: Vector3<f64>,
-    /// Touches the face, neither side nor corner.
+    /// True for a contact with the face, false for a side or corner.
     over: bool,
     /// Middle of the triangle.
     middle: Point3<f64>,
-    /// A point of its plane.
+    /// A point in the triangle's plane.
     corner: Point3<f64>,
 }
 
@@ -60,9 +60,9 @@ struct Mover<'a> {
     margin: f64,
 }
 
-/// Passes the contact points of a collider with the triangles of a mesh nearer than `margin` \[m\] to
-/// `found`: the number of the feature, the point, the normal from the mesh to the collider, and the distance.
-/// Returns a lower bound of their distance \[m\].
+/// Passes the contact points of a collider with the triangles of a mesh closer than `margin` \[m\] to
+/// `found`: the feature number, the point, the normal from the mesh to the collider, and the distance.
+/// Returns a lower bound of the distance between both \[m\].
 pub(super) fn collide(
     (mover, mover_pose): (&Collider, &IsometryMatrix3<f64>),
     (surface, surface_pose): (&TriangleSurface, &IsometryMatrix3<f64>),
@@ -87,7 +87,7 @@ pub(super) fn collide(
     if mover.collider.shape.turns_features() {
         mover.rims(surface, &extent, &mut found);
     } else {
-        // Their features are the same in every direction.
+        // Features that are the same in every direction.
         let all = |_: &SurfaceTriangle| true;
         mover.collider.shape.features(&Vector3::z(), &mut |feature| {
             mover.feature(surface, (&feature, &all), &mut found);
@@ -100,7 +100,7 @@ pub(super) fn collide(
     f64::NEG_INFINITY
 }
 
-/// Half sides of the box along the axes of the mesh that holds a shape about its origin \[m\].
+/// Returns the half extents, along the mesh axes, of the box around a shape centred at its origin \[m\].
 fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
     match shape {
         ConvexShape::Box { half } => pose.rotation.matrix().abs() * half,
@@ -109,8 +109,8 @@ fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
 }
 
 impl Mover<'_> {
-    /// The rims of a cylinder, or the corners of a dense hull: triangles of each normal touch the deepest
-    /// points against that normal.
+    /// Handles the rims of a cylinder, or the corners of a dense hull. Triangles of each normal touch the
+    /// points that are deepest against that normal.
     fn rims(
         &self,
         surface: &TriangleSurface,
@@ -135,7 +135,7 @@ impl Mover<'_> {
         }
     }
 
-    /// A feature against the selected triangles.
+    /// Tests a feature against the accepted triangles.
     fn feature(
         &self,
         surface: &TriangleSurface,
@@ -168,13 +168,13 @@ impl Mover<'_> {
                 keep(&mut touches, touch);
             }
         });
-        // A point beyond the other side of a rail is behind this side, but not inside the rail.
+        // Something beyond the other side of a rail is behind this side of it, but not inside.
         if side.outside {
             let deepest = -2.0 * self.margin;
             touches.iter_mut().for_each(|slot| *slot = slot.filter(|touch| touch.distance > deepest));
             nearest = nearest.filter(|touch| touch.distance > deepest);
         }
-        // A face wins against its own sides.
+        // A face takes precedence over its sides.
         let beside = nearest.filter(|touch| {
             let faces = touches.iter().flatten();
             !touch.over && !faces.into_iter().any(|face| face.distance <= touch.distance + 1e-12)
@@ -185,7 +185,7 @@ impl Mover<'_> {
         }
     }
 
-    /// A triangle below a corner of the collider.
+    /// Returns the contact of a triangle with a corner of the collider above it.
     fn sharp(&self, triangle: &SurfaceTriangle, place: &Point3<f64>) -> Option<Touch> {
         let corner = triangle.corners[0];
         let distance = triangle.normal.dot(&(place - corner));
@@ -196,7 +196,7 @@ impl Mover<'_> {
         Some(Touch { distance, normal: triangle.normal, over: true, middle: middle(triangle), corner })
     }
 
-    /// A triangle near the centre of a sphere.
+    /// Returns the contact of a triangle near the centre of a sphere.
     fn round(&self, triangle: &SurfaceTriangle, place: &Point3<f64>, radius: f64) -> Option<Touch> {
         let corner = triangle.corners[0];
         let height = triangle.normal.dot(&(place - corner));
@@ -204,7 +204,7 @@ impl Mover<'_> {
         let length = out.norm();
         let over = triangle.is_below(place, 0.0);
         if height <= 0.0 {
-            // Its centre has gone through.
+            // The centre has passed through the triangle.
             let near = over && -height < radius.min(DEPTH);
             let (distance, normal) = (height - radius, triangle.normal);
             return near.then(|| Touch { distance, normal, over, middle: middle(triangle), corner });
@@ -236,7 +236,7 @@ impl Mover<'_> {
         let mut room = [(Vector3::zeros(), 0.0); SIDES];
         let faces = Faces::from_collider(self.collider, &ends, &mut room);
         let out = |normal: &Vector3<f64>| self.pose.rotation * -normal;
-        // The faces that the edge may touch, the two that it is least deep behind.
+        // The faces that the edge may touch: the two that it penetrates least.
         let mut best: [Option<(f64, usize, [f64; 2])>; 2] = [None; 2];
         for (face, (normal, height)) in faces.planes().iter().enumerate() {
             if !edge.points_out(&out(normal)) {
@@ -255,7 +255,7 @@ impl Mover<'_> {
             }
         }
         let Some((least, face, part)) = best[0] else { return };
-        // Where two edges cross, their normal separates better than the face does.
+        // If two edges cross, their normal separates better than the face's.
         if let Some((_, other, _)) = best[1]
             && let Some((normal, point, distance)) = self.crossing(edge, &ends, &faces, [face, other])
             && distance > least + CROSSING
@@ -277,9 +277,9 @@ impl Mover<'_> {
         }
     }
 
-    /// Contact of an edge with the side of a capsule or a cylinder of this radius and half length: in a
-    /// point, or at the ends of the line that both share. False where the edge may touch the end of one that
-    /// has no round `caps`.
+    /// Finds the contact of an edge with the side of a capsule or a cylinder with this radius and half
+    /// length: a point, or the ends of the shared line. Returns `false` if the edge may touch the end of a
+    /// shape without round `caps`.
     fn side(
         &self,
         edge: &SurfaceEdge,
@@ -311,7 +311,7 @@ impl Mover<'_> {
             }
         }
         let [near, on_axis] = nearest_of_segments(&edge.ends, &axis);
-        // The end is nearer than the side.
+        // The end is closer than the side.
         let inside = half_length - along.dot(&(on_axis - self.centre)).abs();
         if !caps && inside < (radius - (on_axis - near).norm()).max(1e-9) {
             return false;
@@ -320,8 +320,8 @@ impl Mover<'_> {
         true
     }
 
-    /// Contact of an edge with the edge of the collider between two of its faces, in the frame of the
-    /// collider: the normal to it, the point, the distance. `None` where both are parallel.
+    /// Returns the contact of an edge with the collider's edge between two of its faces, in the frame of the
+    /// collider: the normal to it, the point, the distance. `None` if both are parallel.
     fn crossing(
         &self,
         edge: &SurfaceEdge,
@@ -337,19 +337,19 @@ impl Mover<'_> {
         if square < PARALLEL * own.norm_squared() || own.norm_squared() < PARALLEL {
             return None;
         }
-        // From the mesh to the collider: against the faces' outward normals.
+        // From the mesh to the collider: against the outward normals of the faces.
         let outward = one.0 + two.0;
         let normal = axis / square.sqrt();
         let normal = if normal.dot(&outward) > 0.0 { -normal } else { normal };
         if !edge.points_out(&(self.pose.rotation * normal)) {
             return None;
         }
-        // A point of the line in which the two faces meet.
+        // A point on the intersection line of the two faces.
         let cosine = one.0.dot(&two.0);
         let scale = 1.0 / (1.0 - cosine * cosine);
         let line = one.0 * ((one.1 - two.1 * cosine) * scale) + two.0 * ((two.1 - one.1 * cosine) * scale);
         let distance = normal.dot(&(line - ends[0]));
-        // Where the mesh's edge passes the line.
+        // The point where the mesh's edge passes the line.
         let way = line - ends[0];
         let own = own.normalize();
         let cross = along.dot(&own);
@@ -361,9 +361,9 @@ impl Mover<'_> {
     }
 }
 
-/// The side of the nearest triangle on which a point is.
+/// The side of the nearest triangle that a point is on.
 struct Side {
-    /// Squared distance \[m2\], and the height above the triangle relative to it.
+    /// Squared distance \[m2\], and the height above the triangle relative to the distance.
     nearest: f64,
     height: f64,
     outside: bool,
@@ -379,7 +379,7 @@ impl Side {
     fn look(&mut self, triangle: &SurfaceTriangle, place: &Point3<f64>) {
         let out = place - triangle.nearest(place);
         let (square, height) = (out.norm_squared(), triangle.normal.dot(&out));
-        // Of the triangles that meet in the nearest point, the one facing it most decides.
+        // If several triangles meet in the nearest point, the one that faces the point most decides.
         let same = (square - self.nearest).abs() <= 1e-9 * square;
         if square < self.nearest && !same || same && height.abs() > self.height.abs() {
             (self.nearest, self.height, self.outside) = (square, height, height > 0.0);
@@ -392,8 +392,8 @@ fn middle(triangle: &SurfaceTriangle) -> Point3<f64> {
     Point3::from((a + b + c) / 3.0)
 }
 
-/// Keeps a touched triangle: the nearest one of nearly equal normals, and the nearest one of a ridge. In a
-/// valley all are kept.
+/// Keeps a touched triangle: the nearest of triangles with nearly the same normal, and the nearest on a
+/// ridge. In a valley all are kept.
 fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
     let same = |other: &Touch| {
         let alike = other.normal.dot(&touch.normal) > ALIKE;
@@ -412,7 +412,7 @@ fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
     }
 }
 
-/// The points of two segments that are nearest to one another.
+/// Returns the nearest points of two segments.
 fn nearest_of_segments(a: &[Point3<f64>; 2], b: &[Point3<f64>; 2]) -> [Point3<f64>; 2] {
     let (u, v, between) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
     let (uu, uv, vv) = (u.norm_squared(), u.dot(&v), v.norm_squared());

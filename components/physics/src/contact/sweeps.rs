@@ -1,4 +1,4 @@
-//! Sweeps over the contact points of a large island, body by body: the Delassus matrix is never formed.
+//! Sweeps over the contact points of a large island, body by body, without forming the Delassus matrix.
 
 use core::ops::Range;
 
@@ -6,17 +6,17 @@ use nalgebra::Vector3;
 
 use super::site::{Mobility, Side, Site};
 
-/// Largest number of sweeps, and that where another method follows.
+/// Largest number of sweeps, and the largest number before another method takes over.
 const SWEEPS: usize = 50;
 pub(super) const FEW: usize = 10;
 
-/// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest
-/// that an impulse makes at its own point, as in impacts.
+/// Velocity change \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest
+/// velocity that an impulse causes at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
 const SETTLED_SHARE: f64 = 1e-4;
 
-/// Change at which another method continues, which is more exact where sweeps converge slowly, as in a tower
-/// \[m/s\].
+/// Velocity change before another method takes over \[m/s\]. That method is more accurate where sweeps
+/// converge slowly, as in a tower.
 const SETTLED_OF_FEW: f64 = 1e-7;
 
 /// Half solutions of the contact points on articulations.
@@ -26,13 +26,13 @@ pub(super) struct Reduced<'a> {
     pub(super) n: usize,
     /// `n` rows for each contact point.
     pub(super) rows: &'a [[f64; 4]],
-    /// Those that are not zero, up to `n` for each contact point, and their number.
+    /// Indices of nonzero rows, up to `n` for each contact point, and their number.
     pub(super) support: &'a [u32],
     pub(super) supported: &'a [usize],
 }
 
 impl Reduced<'_> {
-    /// The rows of a contact point that are not zero, with their places.
+    /// Returns the nonzero rows of a contact point with their indices.
     #[inline]
     fn rows_of_point(&self, point: usize) -> impl Iterator<Item = (usize, &[f64; 4])> {
         let own = &self.rows[point * self.n..][..self.n];
@@ -41,10 +41,10 @@ impl Reduced<'_> {
     }
 }
 
-/// Room for the extrapolation between sweeps.
+/// Workspace of the extrapolation between sweeps.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
-    /// Change of each impulse in a sweep, and the direction of the extrapolation.
+    /// Change of each impulse in a sweep, and the extrapolation direction.
     change: Vec<f64>,
     direction: Vec<f64>,
     /// `sum` before the sweep, and its part of the direction.
@@ -55,7 +55,8 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// For up to this many contact points, `n` velocities of articulations, and this many objects.
+    /// Creates a workspace for up to `points` contact points, `n` velocities of articulations and `objects`
+    /// objects.
     pub(super) fn new(points: usize, n: usize, objects: usize) -> Self {
         Self {
             change: vec![0.0; 3 * points],
@@ -69,8 +70,8 @@ impl Room {
 
 /// A large island.
 ///
-/// The velocities of free objects and, of articulations, half a solution `sum` for all impulses are kept up
-/// to date, so that a contact point is solved at the cost of the one or two bodies that meet there.
+/// The velocities of free objects, and half a solution `sum` of the articulations for all impulses, are kept
+/// up to date. Solving a contact point thus costs only the one or two bodies that meet there.
 pub(super) struct Island<'a, P: Fn(usize) -> usize> {
     pub(super) sites: &'a [Site],
     pub(super) lambda: &'a mut [f64],
@@ -78,14 +79,15 @@ pub(super) struct Island<'a, P: Fn(usize) -> usize> {
     pub(super) reduced: Reduced<'a>,
     pub(super) sum: &'a mut [f64],
     pub(super) room: &'a mut Room,
-    /// Places of its points, and the point at a place.
+    /// Places of the island's points, and the map from a place to a point.
     pub(super) places: Range<usize>,
     pub(super) point: P,
 }
 
 impl<P: Fn(usize) -> usize> Island<'_, P> {
-    /// Finds the impulses, from their present values, by up to [`SWEEPS`] sweeps, or a [`FEW`]. The
-    /// velocities of its objects exclude impulses; `sum` is zero. Returns whether the sweeps converged.
+    /// Computes the impulses, starting from their current values, with up to [`SWEEPS`] sweeps, or a [`FEW`].
+    /// On entry the objects have their velocities without impulses and `sum` is zero. Returns whether the
+    /// sweeps settled.
     pub(super) fn solve(&mut self, few: bool) -> bool {
         self.room.objects.clear();
         for place in self.places.clone() {
@@ -111,16 +113,16 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         settled
     }
 
-    /// Sweeps, between which the impulses are extrapolated along the conjugate of their last changes, as in
-    /// the nonlinear conjugate gradient method of Silcowitz and others (2010). Every extrapolation is
-    /// followed by a sweep, so that the impulses are in their cones at the end.
+    /// Sweeps until the impulses settle. Between sweeps the impulses are extrapolated along the conjugate of
+    /// their last changes, as in the nonlinear conjugate gradient method of Silcowitz and others (2010).
+    /// Every extrapolation is followed by a sweep, so the final impulses are in their cones.
     fn sweep_until_settled(&mut self, (most, [settled, share_settled]): (usize, [f64; 2])) -> bool {
         let mut before = f64::INFINITY;
         for sweep in 0..most {
             self.begin_sweep();
             let (mut change, mut largest, mut squared) = (0.0_f64, 0.0_f64, 0.0);
             for step in 0..self.places.len() {
-                // Alternating directions, so that impulses propagate through a pile both ways.
+                // Alternate directions, so that impulses pass through a pile both ways.
                 let place =
                     if sweep % 2 == 0 { self.places.start + step } else { self.places.end - 1 - step };
                 let index = (self.point)(place);
@@ -133,7 +135,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
                 largest = largest.max(self.lambda[3 * index] * diagonal[0]);
                 for (moved, diagonal) in moved.iter().zip(diagonal) {
                     change = change.max((moved * diagonal).abs());
-                    // Weighed by the mobility, so that light and heavy bodies count alike.
+                    // Weighted by the mobility, so that light and heavy bodies count equally.
                     squared += moved * moved * diagonal;
                 }
             }
@@ -145,13 +147,13 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
             }
             let share = squared / before;
             before = squared;
-            // Growing changes mean that the direction diverged.
+            // Growing changes show that the direction diverges.
             self.extrapolate(if share < 1.0 { share } else { 0.0 });
         }
         false
     }
 
-    /// Keeps the velocities before a sweep.
+    /// Stores the velocities before a sweep.
     fn begin_sweep(&mut self) {
         let Self { room, bodies, sum, .. } = self;
         for object in &room.objects {
@@ -161,8 +163,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         room.before.copy_from_slice(sum);
     }
 
-    /// Continues along `share` of the last direction, and adds the last change to it. Velocities are linear
-    /// in the impulses and follow their own parts of the direction.
+    /// Extrapolates along `share` of the last direction, and adds the last change to it. Velocities are
+    /// linear in the impulses, so they are extrapolated along their parts of the direction.
     fn extrapolate(&mut self, share: f64) {
         let Self { room, bodies, sum, lambda, places, point, .. } = self;
         let last = |direction: f64| if share > 0.0 { share * direction } else { 0.0 };
@@ -189,7 +191,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         }
     }
 
-    /// Velocity of the surfaces at a contact point that the objects' motion gives, world axes.
+    /// Returns the relative velocity of the surfaces at a contact point due to the motion of the objects,
+    /// world axes.
     #[inline]
     fn relative(&self, site: &Site) -> Vector3<f64> {
         let of = |side: &Side| match side {
@@ -200,7 +203,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         of(&site.sides[0]) - of(&site.sides[1])
     }
 
-    /// Takes in an impulse at a contact point.
+    /// Applies an impulse at a contact point.
     #[inline]
     fn push(&mut self, index: usize, impulse: &[f64; 3]) {
         let site = &self.sites[index];
@@ -215,7 +218,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         }
     }
 
-    /// Solves one contact point for fixed impulses at the others. Returns the change of its impulse.
+    /// Solves one contact point with the impulses at the other points fixed. Returns the change of its
+    /// impulse.
     #[inline]
     fn relax(&mut self, index: usize) -> [f64; 3] {
         let site = &self.sites[index];
@@ -231,7 +235,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
             }
         }
         velocity[0] += site.axes[0].dot(&relative);
-        // Most of the points that may touch within the step do not.
+        // Most of the points that may touch within the step do not touch.
         if old == [0.0; 3] && site.couple.is_none() && velocity[0] >= site.target {
             return [0.0; 3];
         }

@@ -1,4 +1,4 @@
-//! Compilation of a model, and the places of our coordinates in MuJoCo's.
+//! Compilation of a model, and the indices of motorium's coordinates in MuJoCo's vectors.
 
 use motorium_robots::{Coordinate, ObjectMass};
 
@@ -9,11 +9,11 @@ use crate::contact::Colliders;
 use crate::robot::{Articulation, Robot};
 use crate::{BuildError, World};
 
-/// Places of our coordinates in MuJoCo's vectors: of positions, and of velocities.
+/// Indices of motorium's coordinates in MuJoCo's position and velocity vectors.
 pub(super) struct Places {
     pub(super) articulations: Vec<ArticulationPlaces>,
     pub(super) objects: Vec<ObjectPlace>,
-    /// Mass properties of the objects that move freely.
+    /// Mass properties of the movable objects.
     pub(super) masses: Vec<Option<ObjectMass>>,
 }
 
@@ -28,14 +28,14 @@ pub(super) struct ArticulationPlaces {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ObjectPlace {
-    /// Moves freely.
+    /// A movable object.
     Free(usize, usize),
-    /// Fixed where it is placed.
+    /// An object at a fixed pose.
     Placed(usize),
 }
 
 impl Mujoco {
-    /// Writes the model and has MuJoCo compile it.
+    /// Writes the model and compiles it with MuJoCo.
     pub(super) fn compile(
         library: &'static Library,
         robot: &Robot,
@@ -60,7 +60,8 @@ impl Mujoco {
             for index in 0..model.bodies().len() {
                 let name = mjcf::body_joint(of, index);
                 let (place, dof) = joint(&native, name.clone())?;
-                // Checks the layout: values written into the model are found at their offsets.
+                // Check the assumed memory layout: values written into the model must be found at their
+                // offsets.
                 let armature = mjcf::armature(robot, (of, index));
                 if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != armature {
                     return Err(lost(format!("armature of {name}")));
@@ -92,7 +93,7 @@ impl Mujoco {
     }
 }
 
-/// Inertia of drive and rotor on the joint of each body of each articulation.
+/// Returns the inertia of drive and rotor on the joint of each body of each articulation.
 pub(super) fn armatures(robot: &Robot) -> Vec<Vec<f64>> {
     let of_part = |(of, own): (usize, &Articulation)| {
         (0..own.model.bodies().len()).map(|body| mjcf::armature(robot, (of, body))).collect()

@@ -1,15 +1,15 @@
-//! Contact points of a step, and the law of MuJoCo's contacts for surfaces with restitution.
+//! The contact points of a step, and the law of MuJoCo's contacts for surfaces with restitution.
 //!
-//! A contact of MuJoCo is a spring with a damper that never pulls. A body that hits it with speed v leaves
-//! with e v, where e depends only on the damping ratio: the closed form of a linear spring and damper until
-//! its force is zero.
+//! A MuJoCo contact is a spring with a damper that never pulls. A body that hits it with speed v leaves with
+//! e v, where e depends only on the damping ratio. The closed form describes a linear spring and damper until
+//! its force reaches zero.
 
 use nalgebra::{Point3, Vector3};
 
 /// The contact points of a step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
-    /// Something was within a centimetre of something else.
+    /// True if two parts were within a centimetre of each other.
     pub(super) near: bool,
     pub(super) touches: Vec<Touch>,
 }
@@ -22,43 +22,42 @@ pub(super) struct Touch {
     pub(super) depth: f64,
     pub(super) force: f64,
     pub(super) friction: Vector3<f64>,
-    /// Against spinning and rolling, on the second collider \[N m\].
+    /// Torque against spinning and rolling, on the second collider \[N m\].
     pub(super) torque: Vector3<f64>,
 }
 
-/// Room for contact points that are noted without a call of the allocator.
+/// Number of contact points that are recorded without allocation.
 const TOUCHES: usize = 512;
 
 impl Seen {
-    /// None yet: whatever is near is found out in the next step.
+    /// Starts without contact points; the next step finds them.
     pub(super) fn new() -> Self {
         Self { near: true, touches: Vec::with_capacity(TOUCHES) }
     }
 }
 
-/// Fastest time constant of a contact \[s\]; MuJoCo allows no less than two integration steps.
+/// Shortest time constant of a contact \[s\]; MuJoCo accepts no less than two integration steps.
 const TIME_CONSTANT: f64 = 0.002;
 
 /// Damping ratio of a surface without restitution.
 const DAMPED: f64 = 3.0;
 
-/// Impedance of a contact: the share of the force that a rigid surface would have, at the surface and a
-/// millimetre below.
+/// Impedance of a contact: the share of a rigid surface's force, at the surface and a millimetre below.
 pub(super) const IMPEDANCE: &str = "0.99 0.999 0.001";
 
-/// MuJoCo's `solref` for a restitution from 0 to 1: time constant \[s\] and damping ratio.
+/// Returns MuJoCo's `solref` for a restitution from 0 to 1: time constant \[s\] and damping ratio.
 pub(super) fn reference(restitution: f64) -> [f64; 2] {
     let ratio = damping_ratio(restitution);
     [TIME_CONSTANT / ratio.min(1.0), ratio]
 }
 
-/// The damping ratio with which a body leaves with this share of its speed.
+/// Returns the damping ratio at which a body keeps this share of its speed.
 fn damping_ratio(restitution: f64) -> f64 {
     let (mut low, mut high) = (1e-4, DAMPED);
     if rebound(high) >= restitution {
         return high;
     }
-    // It decreases with the ratio: halve the interval down to rounding.
+    // Restitution falls with the ratio, so bisect the interval down to rounding.
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if rebound(middle) > restitution {
@@ -70,13 +69,13 @@ fn damping_ratio(restitution: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Share of its speed with which a body leaves a spring of frequency 1 and this damping ratio, once the force
-/// is zero.
+/// Returns the share of its speed with which a body leaves a spring of frequency 1 and this damping ratio,
+/// once the force is zero.
 fn rebound(ratio: f64) -> f64 {
     let z = ratio;
     if z < 1.0 {
         let omega = (1.0 - z * z).sqrt();
-        // Time from touch to the zero of the force.
+        // Time from first contact until the force is zero.
         let time = (2.0 * z * omega).atan2(2.0 * z * z - 1.0) / omega;
         (-z * time).exp()
     } else if z > 1.0 {
@@ -92,7 +91,7 @@ fn rebound(ratio: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The same by integration: x'' = -2 z x' - x from x' = 1 until the force is zero.
+    /// Computes the same by integration: x'' = -2 z x' - x from x' = 1 until the force is zero.
     fn integrated(z: f64) -> f64 {
         let (mut x, mut v, h) = (0.0_f64, 1.0_f64, 1e-5);
         loop {

@@ -1,7 +1,7 @@
-//! Memory layout of the used structures of MuJoCo 3.17.0: offsets in bytes on a system with 64-bit pointers.
-//! A test compares them with the headers of the library.
+//! Memory layout of the used parts of MuJoCo 3.17.0's structures: offsets in bytes on systems with 64-bit
+//! pointers. A test compares them with the headers that ship with the library.
 
-/// Version of this layout, as reported by `mj_version`.
+/// Version with this layout, as returned by `mj_version`.
 pub(super) const VERSION: core::ffi::c_int = 3_017_000;
 
 /// Defines constants for offsets of fields, and a table of all of them.
@@ -39,7 +39,7 @@ offsets! {
     CONTACTS = "mjData", "contact", 161472;
 }
 
-/// Places in `warning` of too many contacts and of too many rows of constraints.
+/// Indices in `warning` of too many contacts and too many constraint rows.
 pub(super) const FULL: [usize; 2] = [1, 2];
 
 /// A count of warnings (`mjWarningStat`).
@@ -52,9 +52,9 @@ pub(super) struct Warning {
 /// A contact point (`mjContact`).
 #[repr(C)]
 pub(super) struct Contact {
-    /// Distance of the surfaces \[m\], negative where they overlap.
+    /// Distance of the surfaces \[m\], negative for penetration.
     pub(super) distance: f64,
-    /// Between the surfaces \[m\].
+    /// Midpoint between the surfaces \[m\].
     pub(super) position: [f64; 3],
     /// Rows: the normal, from the first to the second geometry, and two tangents.
     pub(super) frame: [f64; 9],
@@ -64,7 +64,7 @@ pub(super) struct Contact {
     pub(super) geometries: [i32; 2],
     _flexible: [i32; 6],
     _excluded: i32,
-    /// First row of constraints, negative without constraints.
+    /// First constraint row, negative if the contact has none.
     pub(super) row: i32,
 }
 

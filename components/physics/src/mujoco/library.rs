@@ -1,4 +1,4 @@
-//! MuJoCo's shared library: found, loaded and checked once in a process.
+//! MuJoCo's shared library: located, loaded and checked once per process.
 
 #![allow(unsafe_code)] // a library that is loaded at run time has no signatures but those that are written here
 
@@ -10,16 +10,16 @@ use std::sync::OnceLock;
 
 use super::layout::VERSION;
 
-/// Environment variable with the path of the library, or of its folder.
+/// Environment variable with the path of the library or its folder.
 pub(super) const VARIABLE: &str = "MOTORIUM_MUJOCO";
 
 /// File name of the library.
 pub(super) const FILE: &str = "libmujoco.so.3.17.0";
 
-/// An error of loading MuJoCo's library.
+/// An error in loading MuJoCo's library.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LibraryError {
-    /// Not found.
+    /// The library was not found.
     #[error(
         "MuJoCo's library `{}` was not found; install it by `pip install mujoco==3.17.0` into the Python of your \
          path, or set {} to the library or its folder",
@@ -27,7 +27,7 @@ pub enum LibraryError {
         VARIABLE
     )]
     Missing,
-    /// The variable names something else.
+    /// The variable does not name the library.
     #[error(
         "{} is `{}`, where there is no `{}`; `pip install mujoco==3.17.0` brings it",
         VARIABLE, path.display(), FILE
@@ -36,29 +36,29 @@ pub enum LibraryError {
         /// Value of the variable.
         path: PathBuf,
     },
-    /// Cannot be loaded.
+    /// The library cannot be loaded.
     #[error("MuJoCo's library `{}` cannot be loaded: {reason}", path.display())]
     Unusable {
-        /// The library.
+        /// Path of the library.
         path: PathBuf,
-        /// Words of the loader of the system.
+        /// Message from the system's loader.
         reason: String,
     },
-    /// Another version.
+    /// The library has an unsupported version.
     #[error(
         "MuJoCo's library `{}` is of version {found}, expected 3.17.0, whose memory layout motorium knows; \
          `pip install mujoco==3.17.0` brings it",
         path.display()
     )]
     Version {
-        /// The library.
+        /// Path of the library.
         path: PathBuf,
         /// Reported version.
         found: String,
     },
 }
 
-/// A model or the data of a simulation, known to the library alone.
+/// A model or the data of a simulation, opaque outside the library.
 pub(super) type Opaque = *mut c_void;
 
 /// The functions of the library.
@@ -81,11 +81,11 @@ pub(super) struct Library {
 }
 
 impl Library {
-    /// The library of this process.
+    /// Returns the library of this process.
     ///
     /// # Errors
     ///
-    /// [`LibraryError`]; it stays for the life of the process.
+    /// [`LibraryError`]; it persists for the life of the process.
     pub(super) fn get() -> Result<&'static Self, LibraryError> {
         static LIBRARY: OnceLock<Result<Library, LibraryError>> = OnceLock::new();
         LIBRARY.get_or_init(|| find().and_then(|path| Self::load(&path))).as_ref().map_err(Clone::clone)
@@ -105,22 +105,22 @@ impl Library {
             let address = unsafe { libc::dlsym(handle, name.as_ptr()) };
             if address.is_null() { Err(unusable(last_error())) } else { Ok(address) }
         };
-        /// The function at an address.
+        /// Returns the function at an address.
         ///
         /// # Safety
         ///
-        /// A function of this type must be there.
+        /// The address must point to a function of this type.
         unsafe fn function<F: Copy>(address: *mut c_void) -> F {
             const { assert!(size_of::<F>() == size_of::<*mut c_void>(), "a pointer to a function") };
-            // SAFETY: the caller guarantees the symbol, and both are pointers.
+            // SAFETY: the caller guarantees the type, and both are pointers.
             unsafe { core::mem::transmute_copy(&address) }
         }
-        // SAFETY: this is its type in every version.
+        // SAFETY: the function has this type in every version.
         let version: unsafe extern "C" fn() -> c_int = unsafe { function(symbol(c"mj_version")?) };
-        // SAFETY: the function has no arguments and returns a number, in every version.
+        // SAFETY: it has no parameters and returns a number, in every version.
         let found = unsafe { version() };
         if found != VERSION {
-            // Three digits for each part; older versions have one.
+            // Three digits per component; older versions have one.
             let found = match found {
                 old if old < 10_000 => format!("{}.{}.{}", old / 100, old / 10 % 10, old % 10),
                 new => format!("{}.{}.{}", new / 1_000_000, new / 1_000 % 1_000, new % 1_000),
@@ -151,19 +151,20 @@ impl Library {
             [(c"mju_user_warning", ignore as Handler), (c"mju_user_error", fail as Handler)]
         {
             let place = symbol(name)?.cast::<Handler>();
-            // SAFETY: both are global variables of a pointer to such a function, and no other thread has the
-            // library yet.
+            // SAFETY: both are global variables that hold a pointer to such a function, and no other thread
+            // uses the library yet.
             unsafe { place.write(handler) };
         }
         Ok(library)
     }
 }
 
-/// Receives a warning of MuJoCo, which would otherwise write a file into the working directory. The causes
-/// (states that are not finite, full buffers of contacts) are checked after every step.
+/// Receives a warning from MuJoCo, which would otherwise write a file into the working directory. The
+/// conditions it warns of (states that are not finite, no room for contacts) are checked after every step.
 extern "C" fn ignore(_: *const c_char) {}
 
-/// Takes an error after which MuJoCo cannot go on, and ends the process: a panic cannot leave this function.
+/// Receives an error from which MuJoCo cannot continue, and aborts the process: a panic cannot unwind out of
+/// this function.
 extern "C" fn fail(message: *const c_char) {
     // SAFETY: MuJoCo passes a text that ends with a zero byte.
     let message = unsafe { CStr::from_ptr(message) };
@@ -171,7 +172,7 @@ extern "C" fn fail(message: *const c_char) {
 }
 
 fn last_error() -> String {
-    // SAFETY: the text, if there is one, stays until this thread's next call of the loader.
+    // SAFETY: the text, if any, stays valid until this thread's next call of the loader.
     unsafe {
         let text = libc::dlerror();
         if text.is_null() {
@@ -182,7 +183,7 @@ fn last_error() -> String {
     }
 }
 
-/// The path of the library.
+/// Returns the path of the library.
 pub(super) fn find() -> Result<PathBuf, LibraryError> {
     if let Some(path) = std::env::var_os(VARIABLE) {
         let path = PathBuf::from(path);
@@ -201,8 +202,8 @@ pub(super) fn find() -> Result<PathBuf, LibraryError> {
     found.ok_or(LibraryError::Missing)
 }
 
-/// Places of the library below the prefix of a Python: `lib/python3.*/site-packages/mujoco`, or Debian's
-/// `dist-packages`.
+/// Returns the possible paths of the library below the prefix of a Python:
+/// `lib/python3.*/site-packages/mujoco`, or Debian's `dist-packages`.
 fn in_prefix(prefix: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(prefix.join("lib")) else { return Vec::new() };
     let is_python = |name: &std::ffi::OsStr| name.as_bytes().starts_with(b"python3");

@@ -1,8 +1,8 @@
-//! The robot and its world as MuJoCo's text format, MJCF.
+//! The robot and its world in MuJoCo's text format, MJCF.
 //!
-//! Names are numbers: `c3` the geometry of collider 3, `j2` the joint of body 2, `o1` body and joint of
+//! Names are numbered: `c3` is the geometry of collider 3, `j2` the joint of body 2, `o1` body and joint of
 //! object 1, `base` the free joint of a floating base. Only pairs of colliders that may touch are written,
-//! each with its own surface law; no geometry touches anything else.
+//! each with its own surface law; other geometries do not touch.
 
 use std::fmt::Write as _;
 
@@ -15,41 +15,41 @@ use crate::contact::{Collider, Colliders, Owner};
 use crate::rapier::rapier_shape;
 use crate::robot::Robot;
 
-/// Law of joint friction: with time constant and impedance at MuJoCo's bounds a joint sticks.
+/// Law of joint friction: with time constant and impedance at MuJoCo's bounds, a joint sticks.
 const FRICTION: &str = r#"solreffriction="0.002 1" solimpfriction="0.9999 0.9999 0.001""#;
 
-/// Law of joint stops: a joint that reaches one stops within two milliseconds; a joint beyond it returns by a
-/// 20th of its distance per millisecond, without an impact.
+/// Law of joint stops: a joint that reaches a stop halts within two milliseconds. A joint beyond its stop
+/// returns by a 20th of the distance per millisecond, without a blow.
 const STOP: &str = r#"solreflimit="0.002 3.5" solimplimit="0.9999 0.9999 0.001""#;
 
 /// Law of mimic joints.
 const COUPLING: &str = r#"solref="0.002 1" solimp="0.9999 0.9999 0.001""#;
 
-/// Distance at which contact points are listed before they bear a force \[m\].
+/// Distance within which contact points are listed before they transmit a force \[m\].
 pub(super) const NEAR: f64 = 0.010;
 
-/// Length of a step that is written into the model \[s\]. Every step sets its own; this one is read back, to
-/// see that it is found.
+/// Step length written into the model \[s\]. Every step sets its own length; this one is read back to check
+/// the layout.
 pub(super) const TIMESTEP: f64 = 0.00390625;
 
 /// Depth of the ground below the lowest point of a terrain \[m\].
 const BASE: f64 = 1.0;
 
-/// Height of a level terrain in MuJoCo's model \[m\].
+/// Height of a level terrain in the MuJoCo model \[m\].
 const LEVEL: f64 = 1e-3;
 
-/// Positions that no joint reaches \[rad or m\]: the other end of a range with one end.
+/// Position that no joint reaches \[rad or m\]: the open end of a range with one limit.
 const NO_LIMIT: f64 = 1e6;
 
-/// True for a shape that MuJoCo can take: not for a hull without volume.
+/// Returns `true` for a shape that MuJoCo accepts, which excludes hulls without volume.
 pub(super) fn is_usable(shape: &ConvexShape) -> bool {
     !matches!(shape, ConvexShape::Hull { .. }) || rapier_shape(shape).is_some()
 }
 
-/// The text of the model. The collision model defines the pairs of colliders.
+/// Returns the text of the model. The collision model provides the pairs of colliders.
 pub(super) fn write(robot: &Robot, world: &World, colliders: &Colliders) -> String {
     let mut text = String::new();
-    // Writing to a text cannot fail.
+    // Writing to a string cannot fail.
     let _ = Writer { text: &mut text, robot, world, colliders }.document();
     text
 }
@@ -94,7 +94,7 @@ impl Writer<'_> {
         writeln!(self.text, "</mujoco>")
     }
 
-    /// The points of hulls, and the heights of the terrain.
+    /// Writes the points of hulls and the heights of the terrain.
     fn assets(&mut self) -> std::fmt::Result {
         writeln!(self.text, "<asset>")?;
         for (index, collider) in self.colliders.colliders.iter().enumerate() {
@@ -116,7 +116,7 @@ impl Writer<'_> {
                 half[1],
                 (high - low).max(LEVEL)
             )?;
-            // As on a map: the row of greatest y comes first.
+            // As on a map, the row with the largest y comes first.
             for row in (0..rows).rev() {
                 for column in 0..columns {
                     let place = [x + spacing * column as f64, y + spacing * row as f64];
@@ -128,7 +128,7 @@ impl Writer<'_> {
         writeln!(self.text, "</asset>")
     }
 
-    /// The geometries of a part of the robot, or of the world but its objects.
+    /// Writes the geometries of a part of the robot, or of the world without its objects.
     fn geometries(&mut self, owner: Owner) -> std::fmt::Result {
         let Colliders { colliders, first_object, objects, .. } = self.colliders;
         let objects = *first_object..objects.last().map_or(*first_object, |last| last.end);
@@ -142,7 +142,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// The collider of the terrain, which is the last.
+    /// Returns the collider of the terrain, which is the last.
     fn terrain(&self) -> Option<usize> {
         self.colliders.terrain.as_ref().map(|_| self.colliders.colliders.len() - 1)
     }
@@ -181,7 +181,7 @@ impl Writer<'_> {
         writeln!(self.text, r#"<geom name="c{index}" {shape} {pose} contype="0" conaffinity="0"/>"#)
     }
 
-    /// The bodies of an articulation on `parent`, with all that they carry.
+    /// Writes the bodies of an articulation on `parent`, with everything they carry.
     fn bodies(&mut self, of: usize, parent: Option<usize>) -> std::fmt::Result {
         let bodies = self.robot.articulations[of].model.bodies();
         for (index, body) in bodies.iter().enumerate().filter(|(_, body)| body.parent == parent) {
@@ -210,7 +210,7 @@ impl Writer<'_> {
             let (lower, upper) = (joint.lower, joint.upper);
             if lower.is_finite() || upper.is_finite() {
                 let lower = lower.max(-NO_LIMIT);
-                // MuJoCo requires a gap between the ends.
+                // MuJoCo requires a nonempty interval.
                 let upper = upper.min(NO_LIMIT).max(lower + 1e-9);
                 write!(self.text, r#" limited="true" range="{lower} {upper}" {STOP}"#)?;
             }
@@ -225,7 +225,7 @@ impl Writer<'_> {
         writeln!(self.text, r#"<inertial pos="{com}" mass="{mass}" fullinertia="{full}"/>"#)
     }
 
-    /// The objects: objects with a mass move freely, the others are fixed.
+    /// Writes the objects: objects with a mass are movable, the others are fixed at their poses.
     fn objects(&mut self) -> std::fmt::Result {
         let world = self.world;
         for (index, object) in world.objects.iter().enumerate() {
@@ -251,7 +251,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Mimic joints.
+    /// Writes mimic joints.
     fn couplings(&mut self) -> std::fmt::Result {
         writeln!(self.text, "<equality>")?;
         for (of, own) in self.robot.articulations.iter().enumerate() {
@@ -269,7 +269,7 @@ impl Writer<'_> {
         writeln!(self.text, "</equality>")
     }
 
-    /// The pairs of colliders that may touch.
+    /// Writes the pairs of colliders that may touch.
     fn pairs(&mut self) -> std::fmt::Result {
         writeln!(self.text, "<contact>")?;
         let all = &self.colliders.colliders;
@@ -306,17 +306,18 @@ impl Writer<'_> {
     }
 }
 
-/// Name of the free joint of an articulation.
+/// Returns the name of an articulation's free joint.
 pub(super) fn base_joint(of: usize) -> String {
     format!("b{of}")
 }
 
-/// Name of the joint of a body of an articulation.
+/// Returns the name of the joint of an articulation's body.
 pub(super) fn body_joint(of: usize, body: usize) -> String {
     format!("j{of}_{body}")
 }
 
-/// Inertia of drive and rotor at a joint of a body of an articulation, without the implicit terms of drives.
+/// Returns the inertia of drive and rotor on the joint of an articulation's body, without the contribution of
+/// implicit drives.
 pub(super) fn armature(robot: &Robot, (of, body): (usize, usize)) -> f64 {
     let own = &robot.articulations[of];
     let joint = &own.model.bodies()[body].joint;

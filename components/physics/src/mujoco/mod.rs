@@ -1,9 +1,9 @@
-//! The MuJoCo engine: the library of DeepMind's MuJoCo, loaded at run time.
+//! The MuJoCo engine: DeepMind's MuJoCo library, loaded at run time.
 //!
-//! The library comes from the Python package `mujoco`. Building motorium does not need it, and only programs
-//! that use this engine load it. It is [found and checked](library) once per process; the [layout](layout) of
-//! its structures belongs to one version. [MJCF](mjcf) is generated from our model and world and
-//! [compiled](compile), [native] holds the compiled model, and [step] advances it.
+//! The library comes with the Python package `mujoco`. It is not needed to build motorium, and programs that
+//! do not use this engine do not load it. It is [found and checked](library) once per process; the
+//! [layout](layout) of its structures applies to one version. [MJCF](mjcf) is written from motorium's model
+//! and world and [compiled](compile), [native] holds the result, and [step] advances it.
 
 mod compile;
 mod contact;
@@ -53,19 +53,19 @@ use step::pose_at;
 /// ```
 pub type MujocoSimulator = Simulation<Mujoco>;
 
-/// The MuJoCo engine, with the library of MuJoCo 3.17.0.
+/// The MuJoCo engine, based on the library of MuJoCo 3.17.0.
 ///
-/// MuJoCo is found where `pip install mujoco==3.17.0` puts it, below the Python of `MOTORIUM_PYTHON`, of
-/// `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, or in `/usr/local/lib` and `/usr/lib`;
+/// MuJoCo is searched where `pip install mujoco==3.17.0` installs it: below the Python of `MOTORIUM_PYTHON`,
+/// of `VIRTUAL_ENV`, of every folder of `PATH` and of `~/.local`, and in `/usr/local/lib` and `/usr/lib`.
 /// `MOTORIUM_MUJOCO` names the library or its folder instead.
 ///
-/// Semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver of contacts,
-/// joint stops, joint friction and mimic joints (Newton, elliptic cones) includes them as inertia. Effort
-/// limits hold in every step: if a drive exceeds its limit, the step is solved again. Contacts are MuJoCo's
-/// soft ones, as stiff as a step of a millisecond allows; their friction is the mean of both surfaces', and
-/// their damping is chosen so that a body rebounds with the mean restitution.
+/// The method is semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver
+/// of contacts, joint stops, joint friction and mimic joints (Newton, elliptic cones) accounts for them as
+/// inertia. Effort limits hold in every step: a step in which a drive exceeds its limit is solved again.
+/// Contacts are MuJoCo's soft contacts, as stiff as a step of a millisecond allows. Their friction is the
+/// mean of both surfaces, and their damping is chosen to match the mean restitution.
 ///
-/// A terrain is MuJoCo's height field, which ends at the edge of its grid. Rays are cast by motorium itself,
+/// A terrain is a MuJoCo height field, which ends at the edge of its grid. motorium itself casts rays,
 /// against the same shapes.
 pub struct Mujoco {
     options: Options,
@@ -75,7 +75,7 @@ pub struct Mujoco {
     rays: Rays,
     native: Native,
     places: Places,
-    /// Collider of each of MuJoCo's geometries.
+    /// The collider of each MuJoCo geometry.
     geometries: Vec<usize>,
     /// Inertia of drive and rotor on the joint of each body of each articulation.
     armatures: Vec<Vec<f64>>,
@@ -83,21 +83,21 @@ pub struct Mujoco {
     drives: Vec<Drive>,
     seen: Seen,
     seen_next: Seen,
-    /// Generalized force from outside during the next step (nv), as our model has them.
+    /// Generalized external force during the next step (nv), in motorium's order.
     external: Vec<f64>,
     generalized: Vec<f64>,
-    /// The same in MuJoCo's order.
+    /// The same force in MuJoCo's order.
     forces: Vec<f64>,
     /// One entry per articulation.
     jacobians: Vec<DMatrix<f64>>,
     sums: ImpulseSums,
-    /// MuJoCo's state before a step, and before a try of an integration step.
+    /// MuJoCo's state before a step, and before an attempt at an integration step.
     before: Vec<f64>,
     motion: Vec<f64>,
 }
 
-/// Share of the default compliance of a joint's constraints: MuJoCo's friction, stops and couplings of joints
-/// are soft, ours are not.
+/// Factor of the yield of joint constraints: MuJoCo's friction, stops and couplings of joints are soft,
+/// motorium's are not.
 const YIELD: f64 = 1e-4;
 
 /// The state of a [`Mujoco`] engine that later steps depend on.
@@ -110,11 +110,11 @@ pub struct MujocoState {
 }
 
 impl Mujoco {
-    /// Looks for MuJoCo's library, and loads it.
+    /// Locates MuJoCo's library and loads it.
     ///
     /// # Errors
     ///
-    /// [`LibraryError`], with the package to install.
+    /// [`LibraryError`], with advice on what to install.
     pub fn find() -> Result<(), LibraryError> {
         Library::get().map(|_| ())
     }
@@ -315,7 +315,7 @@ impl Engine for Mujoco {
             }
             ObjectPlace::Placed(mocap) => self.native.set_mocap(mocap, p.into(), [r.w, r.i, r.j, r.k]),
         }
-        // Anything it comes close to is detected in the next step.
+        // The next step finds contacts near the object.
         self.seen.near = true;
     }
 
@@ -325,7 +325,7 @@ impl Engine for Mujoco {
                 let (_, rotation) = pose_at(&self.native.qpos()[place..place + 7]);
                 let qvel = &self.native.qvel()[dof..dof + 6];
                 let angular = rotation * Vector3::from_column_slice(&qvel[3..]);
-                // MuJoCo's is the velocity of the origin.
+                // MuJoCo's velocity is the velocity of the origin.
                 let centre = self.places.masses[index].and_then(|own| own.frame);
                 let arm = centre.map_or_else(Vector3::zeros, |own| rotation * own.translation.vector);
                 (Vector3::from_column_slice(&qvel[..3]) + angular.cross(&arm), angular)

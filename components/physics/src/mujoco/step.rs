@@ -1,4 +1,4 @@
-//! The step: drives that are implicit in the mass matrix, and the contacts that MuJoCo found.
+//! The step: implicit drives in the mass matrix, and the contacts found by MuJoCo.
 
 use motorium_robots::{Coordinate, ObjectMass, Reference};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
@@ -14,11 +14,12 @@ use crate::robot::{Articulation, Robot, State, base_pose};
 use crate::simulation::Engine as _;
 use crate::{StepError, StepReport};
 
-/// Solutions of one integration step in which drives may turn out to be saturated, or not to be any more.
+/// Largest number of solutions of one integration step, in each of which drives may enter or leave
+/// saturation.
 const ATTEMPTS: usize = 10;
 
 impl Mujoco {
-    /// The next state of robot and objects.
+    /// Computes the next state of robot and objects.
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.native.get_state(Parts::INTEGRATION, &mut self.before);
         let steps = if self.seen.near { self.options.contact_iterations } else { self.options.substeps };
@@ -38,12 +39,12 @@ impl Mujoco {
         if self.native.is_full() { Err(StepError::TooManyContacts) } else { Ok(report) }
     }
 
-    /// One integration step of `h` \[s\] of the next state.
+    /// Runs one integration step of `h` \[s\] on the next state.
     ///
     /// A drive's effort `c - s v+` at the end velocity `v+` equals the effort `c - s v` with an additional
-    /// inertia of `h s` on the diagonal of the mass matrix: `(M + h s) (v+ - v) / h = c - s v - ...`. So
-    /// MuJoCo's solver of contacts, stops and friction sees the acting drive. Damping is treated in the same
-    /// way.
+    /// inertia of `h s` on the diagonal of the mass matrix: `(M + h s) (v+ - v) / h = c - s v - ...`.
+    /// MuJoCo's solver of contacts, stops and friction therefore accounts for the drive. Damping is handled
+    /// in the same way.
     fn integrate(&mut self, robot: &mut Robot, h: f64, report: &mut StepReport) {
         self.write_state(&robot.articulations, &robot.state);
         self.set_external(robot);
@@ -116,7 +117,7 @@ impl Mujoco {
         report.at_limit = at_limit;
     }
 
-    /// Generalized forces without the drives', in MuJoCo's order: rotors and external forces.
+    /// Sets the generalized forces other than the drives', in MuJoCo's order: rotors and external forces.
     fn set_external(&mut self, robot: &mut Robot) {
         let Robot { articulations, commands, state, .. } = robot;
         self.forces.fill(0.0);
@@ -147,7 +148,7 @@ impl Mujoco {
         }
     }
 
-    /// The forces of the air on free objects in an integration step of `h` \[s\].
+    /// Adds the forces of the air on free objects in an integration step of `h` \[s\].
     fn add_drag(&mut self, gravity: &Vector3<f64>, h: f64) {
         let air = Air::new(&self.world);
         for (index, object) in self.world.objects.iter().enumerate() {
@@ -168,7 +169,7 @@ impl Mujoco {
         }
     }
 
-    /// Places MuJoCo's robots in the next state of ours. Mimic joints follow exactly.
+    /// Writes the next state of the robots to MuJoCo. Mimic joints follow exactly.
     fn write_state(&mut self, articulations: &[Articulation], state: &State) {
         for (own, places) in articulations.iter().zip(&self.places.articulations) {
             let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
@@ -190,7 +191,7 @@ impl Mujoco {
         }
     }
 
-    /// Reads the next state of the robots.
+    /// Reads the next state of the robots from MuJoCo.
     fn read_state(&self, articulations: &[Articulation], state: &mut State) {
         let (qpos, qvel) = (self.native.qpos(), self.native.qvel());
         for (own, places) in articulations.iter().zip(&self.places.articulations) {
@@ -213,7 +214,7 @@ impl Mujoco {
         }
     }
 
-    /// Notes the contact points of the integration step that was the last.
+    /// Records the contact points of the last integration step.
     fn look_at_contacts(&mut self, report: &mut StepReport) {
         let Self { native, seen_next: Seen { near, touches }, geometries, colliders, .. } = self;
         touches.clear();
@@ -230,7 +231,7 @@ impl Mujoco {
     }
 }
 
-/// The contact point `index` between two colliders, if it touches.
+/// Returns contact point `index` between two colliders if it touches.
 fn touch(native: &Native, index: usize, colliders: [usize; 2]) -> Option<Touch> {
     let contact = &native.contacts()[index];
     let force = if contact.row >= 0 { native.contact_force(index) } else { [0.0; 6] };
@@ -246,7 +247,7 @@ fn touch(native: &Native, index: usize, colliders: [usize; 2]) -> Option<Touch> 
     })
 }
 
-/// Position and rotation at the beginning of a part of MuJoCo's positions.
+/// Returns position and rotation at the start of a slice of MuJoCo's positions.
 pub(super) fn pose_at(qpos: &[f64]) -> (Vector3<f64>, UnitQuaternion<f64>) {
     let rotation = Quaternion::new(qpos[3], qpos[4], qpos[5], qpos[6]);
     (Vector3::from_column_slice(&qpos[..3]), UnitQuaternion::new_normalize(rotation))

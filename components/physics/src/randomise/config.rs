@@ -15,8 +15,8 @@ pub struct Interval(pub [f64; 2]);
 
 /// Ranges of physical properties, sampled at the start of every episode from its seed.
 ///
-/// Masses, damping, friction and efforts are factors of the robot's and the world's own values, restitution
-/// is absolute, starts are displacements. Each body, joint and object has a separate sample.
+/// Masses, damping, friction and efforts are factors of the nominal values of robot and world. Restitution is
+/// absolute, and starts are displacements. Each body, joint and object has a separate sample.
 ///
 /// ```toml
 /// mass     = [0.9, 1.1]
@@ -27,11 +27,11 @@ pub struct Interval(pub [f64; 2]);
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RandomiseConfig {
-    /// Factor of the acceleration of free fall, from 0 to 100.
+    /// Factor of the gravitational acceleration, from 0 to 100.
     pub gravity: Option<Interval>,
     /// Factor of the mass and the inertia of each body of the robot, above 0 to 100.
     pub mass: Option<Interval>,
-    /// Factor of the friction of the robot's surface, one for all of it, from 0 to 100.
+    /// Factor of the friction of the robot's surface, one for the whole robot, from 0 to 100.
     pub friction: Option<Interval>,
     /// Restitution of the robot's surface, from 0 to 1.
     pub restitution: Option<Interval>,
@@ -45,8 +45,8 @@ pub struct RandomiseConfig {
     pub start: Option<Interval>,
     /// The actuators of the joints.
     pub actuator: ActuatorIntervals,
-    /// Time after which all but starts, objects and the terrain is sampled again within an episode. Default:
-    /// never.
+    /// Interval between samples of all properties except starts, objects and terrain within an episode.
+    /// Default: once per episode.
     pub every: Option<TimeSpan>,
     /// Displacement of the start of a floating base.
     pub base: PlaceIntervals,
@@ -54,13 +54,13 @@ pub struct RandomiseConfig {
     pub ground: SurfaceIntervals,
     /// The shape of the terrain.
     pub terrain: TerrainIntervals,
-    /// Objects of the world, by their names.
+    /// Objects of the world by name.
     pub objects: BTreeMap<String, ObjectIntervals>,
-    /// For several robots, by name: ranges that replace the ones above.
+    /// Ranges of single robots by name, instead of the ranges above.
     pub robots: BTreeMap<String, RobotIntervals>,
 }
 
-/// Ranges of the properties of one of several robots, replacing the common ones.
+/// Ranges of the properties of one of several robots, which replace the common ranges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RobotIntervals {
@@ -78,17 +78,17 @@ pub struct RobotIntervals {
     pub effort_limit: Option<Interval>,
     /// Displacement of the start of each joint, rad or m.
     pub start: Option<Interval>,
-    /// Its actuators.
+    /// Actuators of the robot.
     pub actuator: ActuatorIntervals,
 }
 
-/// Ranges of the actuators of joints: factors of their values in the graph.
+/// Ranges of the actuators of joints, as factors of their settings in the graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ActuatorIntervals {
-    /// Factor of the stiffness and the damping that a drive is commanded, from 0 to 100.
+    /// Factor of the commanded stiffness and damping of a drive, from 0 to 100.
     pub gain: Option<Interval>,
-    /// Factor of all efforts that a drive gives, and of its largest, from 0 to 100.
+    /// Factor of all efforts of a drive and of its effort limit, from 0 to 100.
     pub strength: Option<Interval>,
     /// Factor of `delay` of an actuator, above 0 to 100.
     pub delay: Option<Interval>,
@@ -103,7 +103,7 @@ pub struct ActuatorIntervals {
 }
 
 impl ActuatorIntervals {
-    /// Returns these intervals, with missing ones from `other`.
+    /// Returns these intervals, with missing ones replaced by the intervals of `other`.
     fn or(self, other: Self) -> Self {
         Self {
             gain: self.gain.or(other.gain),
@@ -116,7 +116,7 @@ impl ActuatorIntervals {
         }
     }
 
-    /// Returns the interval of this name.
+    /// Returns the interval with this name.
     fn named(&self, key: &str) -> Option<Interval> {
         match key {
             "gain" => self.gain,
@@ -138,9 +138,9 @@ pub struct PlaceIntervals {
     pub x: Option<Interval>,
     /// Along y of the world, m.
     pub y: Option<Interval>,
-    /// Along z of the world, m. Of a base without a given place: its height above the ground.
+    /// Along z of the world, m. For a base without a specified position: its height above the ground.
     pub z: Option<Interval>,
-    /// Turn about z of the world, rad.
+    /// Rotation about z of the world, rad.
     pub yaw: Option<Interval>,
 }
 
@@ -154,13 +154,13 @@ pub struct SurfaceIntervals {
     pub restitution: Option<Interval>,
 }
 
-/// Ranges of the shape of a terrain. Its size stays, and so do its layers.
+/// Ranges of the shape of a terrain. Its size and its layers do not change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TerrainIntervals {
-    /// Seed of its layers' random values: whole numbers from 0 to 1e15, both ends included.
+    /// Seed of the random features of its layers: whole numbers from 0 to 1e15, both ends included.
     pub seed: Option<Interval>,
-    /// Factor of all its heights, from 0 to 100.
+    /// Factor of all heights, from 0 to 100.
     pub scale: Option<Interval>,
 }
 
@@ -180,18 +180,18 @@ pub struct ObjectIntervals {
     pub y: Option<Interval>,
     /// Displacement of the start along z of the world, m.
     pub z: Option<Interval>,
-    /// Turn of the start about z of the world, rad.
+    /// Rotation of the start about z of the world, rad.
     pub yaw: Option<Interval>,
 }
 
-/// The numbers that a quantity may have.
+/// The allowed values of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Allowed {
     /// A factor above 0.
     Positive,
-    /// A factor from 0 up.
+    /// A factor from 0.
     Factor,
-    /// From 0 to 1.
+    /// A value from 0 to 1.
     Share,
     /// A displacement.
     Displacement,
@@ -212,11 +212,11 @@ impl Allowed {
 }
 
 impl Interval {
-    /// Checks it against the allowed range. `key` is dotted, without `randomise`.
+    /// Checks the interval against the allowed values. `key` is dotted, without `randomise`.
     pub(super) fn check(self, key: &str, allowed: Allowed) -> Result<(), RangeError> {
         let Self([low, high]) = self;
         let (least, most, expected) = allowed.range();
-        // Written so that NaN is refused.
+        // Written so that NaN is rejected.
         if !((least..=most).contains(&low) && (least..=most).contains(&high)) {
             return Err(RangeError::new(key, format!("[{low}, {high}], expected {expected}")));
         }
@@ -230,13 +230,13 @@ impl Interval {
         Ok(())
     }
 
-    /// The whole number at a share from 0 to 1 of the range, each equally often.
+    /// Returns the whole number at a fraction from 0 to 1 of the interval; each number is equally likely.
     pub(super) fn whole_at(self, share: f64) -> f64 {
         let Self([low, high]) = self;
         (low + (high + 1.0 - low) * share).floor().clamp(low, high)
     }
 
-    /// The value at a share from 0 to 1 of the range.
+    /// Returns the value at a fraction from 0 to 1 of the interval.
     pub(super) fn interpolate(self, share: f64) -> f64 {
         let Self([low, high]) = self;
         (low + (high - low) * share).clamp(low, high)
@@ -244,12 +244,12 @@ impl Interval {
 }
 
 impl RandomiseConfig {
-    /// True if nothing is drawn.
+    /// Returns `true` if nothing is sampled.
     pub(crate) fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The ranges of a robot, with their parent key.
+    /// Returns the ranges of a robot, with the key of their table.
     pub(super) fn of_robot(&self, name: Option<&str>) -> RobotIntervals {
         let own = name.and_then(|name| self.robots.get(name)).copied().unwrap_or_default();
         RobotIntervals {
@@ -264,7 +264,7 @@ impl RandomiseConfig {
         }
     }
 
-    /// The key of a range of a robot.
+    /// Returns the key of a robot's range.
     pub(super) fn key_of_robot(&self, name: Option<&str>, key: &str) -> String {
         let own = name.and_then(|name| Some((name, self.robots.get(name)?)));
         let Some((name, own)) = own else { return key.to_owned() };

@@ -23,13 +23,13 @@ use start::{Scene, Share, shares};
 
 use crate::{Engine, Properties, Simulation, Simulator};
 
-/// A range that cannot be sampled.
+/// A range is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{key}`: {message}")]
 pub struct RangeError {
-    /// Its key in the `randomise` table, dotted.
+    /// Dotted key in the `randomise` table.
     pub key: String,
-    /// The value found, and the values expected.
+    /// The found and the expected values.
     pub message: String,
     /// Advice, if any.
     pub advice: Option<String>,
@@ -49,15 +49,15 @@ impl RangeError {
 /// A robot whose properties are sampled.
 #[derive(Clone, Debug)]
 pub struct RandomisedRobot {
-    /// Its name, where there are several. Its links then begin with `NAME/` in the simulation.
+    /// Name of the robot, if there are several. Its links then start with `NAME/` in the simulation.
     pub name: Option<String>,
-    /// Index of the articulation that it is, or is part of.
+    /// Index of the articulation that the robot is, or is part of.
     pub articulation: usize,
-    /// Its own model.
+    /// Model of this robot alone.
     pub model: Model,
 }
 
-/// Samples of physical properties: equal seeds give equal numbers, in a graph and in a batch.
+/// Samples of physical properties. Equal seeds produce equal values, in a graph and in a batch.
 ///
 /// ```
 /// use std::path::Path;
@@ -81,17 +81,17 @@ pub struct Draws {
     quantities: Vec<Quantity>,
     shares: Vec<Share>,
     nominal: Properties,
-    /// Start without a displacement (nq).
+    /// Start without displacement (nq).
     q: Vec<f64>,
 }
 
 impl Draws {
-    /// Samples for `robots`, in the order of the simulation, with `nominal` properties that start at `q`
+    /// Creates samples for `robots`, in the order of the simulation, with `nominal` properties and start `q`
     /// (nq).
     ///
     /// # Errors
     ///
-    /// The first range that is out of bounds, or belongs to nothing in the simulation.
+    /// The first range that is out of bounds, or matches nothing in the simulation.
     pub fn new(
         config: &RandomiseConfig,
         robots: &[RandomisedRobot],
@@ -102,11 +102,11 @@ impl Draws {
         Ok(Self { quantities, shares: shares(robots), nominal, q: q.to_vec() })
     }
 
-    /// Samples for a simulation of one robot, which starts as it is now.
+    /// Creates samples for a simulation of one robot, with its current state as the start.
     ///
     /// # Errors
     ///
-    /// As [`new`](Self::new).
+    /// As for [`new`](Self::new).
     pub fn for_one_robot<E: Engine>(
         config: &RandomiseConfig,
         simulation: &Simulation<E>,
@@ -116,13 +116,13 @@ impl Draws {
         Self::new(config, &[robot], (nominal, simulation.configuration()))
     }
 
-    /// All sampled quantities, in a fixed order.
+    /// Returns all sampled quantities in a fixed order.
     pub fn quantities(&self) -> &[Quantity] {
         &self.quantities
     }
 
-    /// The value of each quantity in an episode with this seed. Within an episode, `number` counts the
-    /// samples of the properties that [vary in time](Quantity::varies_in_time), from 0 at its start.
+    /// Returns the value of each quantity in an episode with this seed. Within an episode, `number` counts
+    /// the samples of the properties that [vary in time](Quantity::varies_in_time), from 0 at its start.
     pub fn values(&self, seed: u64, number: u64) -> Vec<f64> {
         let value = |quantity: &Quantity| {
             let number = if quantity.varies_in_time() { number } else { 0 };
@@ -131,7 +131,7 @@ impl Draws {
         self.quantities.iter().map(value).collect()
     }
 
-    /// The start of an episode with these [values](Self::values).
+    /// Returns the start of an episode with these [values](Self::values).
     ///
     /// # Panics
     ///
@@ -142,14 +142,14 @@ impl Draws {
         scene.varied(&self.quantities, values)
     }
 
-    /// Samples the start of an episode: [`apply`](Self::apply) of [`values`](Self::values).
+    /// Samples the start of an episode: [`apply`](Self::apply) to [`values`](Self::values).
     pub fn draw(&self, seed: u64, number: u64) -> Start {
         self.apply(&self.values(seed, number))
     }
 }
 
-/// A number from 0 to 1, uniformly distributed over the seeds. It depends on the seed, the number of the
-/// sample in its episode and the path alone: adding a range does not change the other samples.
+/// Returns a number from 0 to 1, uniformly distributed over the seeds. It depends only on the seed, the index
+/// of the sample in its episode, and the path, so adding a range does not change the other samples.
 fn share((seed, number): (u64, u64), path: &[String]) -> f64 {
     let mut digest = XxHash3_64::default();
     digest.write(&seed.to_le_bytes());
@@ -158,7 +158,7 @@ fn share((seed, number): (u64, u64), path: &[String]) -> f64 {
     }
     for part in path {
         digest.write(part.as_bytes());
-        // no byte of UTF-8
+        // not a valid byte of UTF-8
         digest.write(&[0xFF]);
     }
     Pcg64::seed_from_u64(digest.finish()).random()

@@ -1,4 +1,4 @@
-//! The random quantities, and the effect of each.
+//! The sampled quantities and their effects.
 
 use motorium_robots::{ActuatorSettings, Connection};
 
@@ -60,7 +60,7 @@ pub enum Property {
     ObjectYaw,
     /// Factor of the stiffness and the damping commanded to a drive.
     ActuatorGain,
-    /// Factor of all efforts of a drive, and of its largest.
+    /// Factor of all efforts of a drive and of its effort limit.
     ActuatorStrength,
     /// Factor of the delay of an actuator.
     ActuatorDelay,
@@ -79,25 +79,26 @@ pub enum Property {
 pub struct Quantity {
     /// The property.
     pub property: Property,
-    /// Index of the body, joint or object in its robot or world; 0 for properties of a whole.
+    /// Index of the body, joint or object in its robot or world; 0 for properties of a whole robot or world.
     pub part: usize,
-    /// Its key in the `randomise` table and the name of its part, such as `mass`, `link`.
+    /// Key in the `randomise` table and the name of the part, such as `mass`, `link`.
     pub path: Vec<String>,
-    /// Its range.
+    /// Range of the value.
     pub interval: Interval,
-    /// The robot that it belongs to; `None` for the world.
+    /// Index of the robot; `None` for the world.
     pub robot: Option<usize>,
 }
 
 impl Quantity {
-    /// True for a property that may change within an episode: no start, object or terrain.
+    /// Returns `true` for a property that may change within an episode, which excludes starts, objects and
+    /// terrain.
     pub fn varies_in_time(&self) -> bool {
         let once = Property::Start..=Property::ObjectYaw;
         !once.contains(&self.property)
             && ![Property::TerrainSeed, Property::TerrainScale].contains(&self.property)
     }
 
-    /// Its value at a share from 0 to 1 of its range.
+    /// Returns the value at a fraction from 0 to 1 of the range.
     pub(super) fn value(&self, share: f64) -> f64 {
         if self.property == Property::TerrainSeed {
             self.interval.whole_at(share)
@@ -220,7 +221,8 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
     Ok(())
 }
 
-/// Refuses a random start of a connected object: the connection is made once, at the nominal poses.
+/// Returns an error if the start of a connected object is sampled: the connection is made once, in the
+/// nominal poses.
 pub(crate) fn check_ties<'c>(
     config: &RandomiseConfig,
     connections: impl Iterator<Item = &'c Connection>,
@@ -301,7 +303,7 @@ fn of_robot(
     add(Property::Start, "start", joints(&|_| true), ranges.start, Allowed::Displacement)?;
     let settings = |joint: usize| actuators.get(joint)?.as_ref();
     let own = &ranges.actuator;
-    // A network gives its efforts itself, whatever the drive is commanded.
+    // A network computes its efforts independently of the commanded gains.
     let driven = joints(&|joint| settings(joint).is_none_or(|own| own.network.is_none()));
     add(Property::ActuatorGain, "actuator.gain", driven.clone(), own.gain, Allowed::Factor)?;
     add(Property::ActuatorStrength, "actuator.strength", driven, own.strength, Allowed::Factor)?;
@@ -318,7 +320,7 @@ fn of_robot(
     add(Property::ActuatorStiffness, "actuator.stiffness", elastic, own.stiffness, Allowed::Positive)
 }
 
-/// Checks the settings that both ends of a range make of the actuators of these joints.
+/// Checks the actuator settings of these joints at both ends of a range.
 fn check_ends(
     key: &str,
     (property, interval): (Property, Interval),
@@ -340,7 +342,7 @@ fn check_ends(
     Ok(())
 }
 
-/// The place of the base of a robot that floats. Ranges that no robot can use are refused.
+/// Adds the start of a robot's floating base. Ranges that do not apply to any robot are rejected.
 fn of_base(
     config: &RandomiseConfig,
     (index, robots): (usize, &[RandomisedRobot]),

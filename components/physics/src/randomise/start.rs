@@ -6,16 +6,16 @@ use super::RandomisedRobot;
 use super::quantity::{Property, Quantity};
 use crate::{Properties, Surface};
 
-/// The part of the simulation's models that one robot is.
+/// A robot's part of the models of a simulation.
 #[derive(Clone, Debug)]
 pub(super) struct Share {
-    /// The articulation that it is, or is part of.
+    /// Index of the articulation that the robot is, or is part of.
     articulation: usize,
-    /// Its first body.
+    /// Index of its first body.
     bodies: usize,
-    /// Its first joint.
+    /// Index of its first joint.
     pub(super) joints: usize,
-    /// Prefix of the names of its links.
+    /// Prefix of its link names.
     prefix: String,
 }
 
@@ -23,7 +23,7 @@ pub(super) struct Share {
 pub(super) struct Scene<'a> {
     pub(super) nominal: &'a Properties,
     pub(super) shares: &'a [Share],
-    /// Start of the configuration (nq).
+    /// Start configuration (nq).
     pub(super) q: &'a [f64],
 }
 
@@ -37,17 +37,17 @@ pub struct Start {
     /// Vertical displacement of each articulation's floating base, applied after it is placed on the ground
     /// \[m\].
     pub lifts: Vec<f64>,
-    /// Returns `true` if the posture, the pose of a base or the terrain differs from the nominal one: a base
-    /// on the ground must then be placed again.
+    /// True if the posture, the pose of a base or the terrain differs from the nominal one: a base on the
+    /// ground must then be placed again.
     pub moved: bool,
     /// Per articulation and joint: factors of the gains commanded to the drive and of its strength.
     pub drives: Vec<Vec<[f64; 2]>>,
 }
 
-/// The part that each robot has in the model of its articulation.
+/// Returns each robot's part of the model of its articulation.
 pub(super) fn shares(robots: &[RandomisedRobot]) -> Vec<Share> {
     let share = |(index, robot): (usize, &RandomisedRobot)| {
-        // Robots of one articulation are stored in their order.
+        // Robots in one articulation keep their order.
         let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
         Share {
             articulation: robot.articulation,
@@ -60,7 +60,7 @@ pub(super) fn shares(robots: &[RandomisedRobot]) -> Vec<Share> {
 }
 
 impl Scene<'_> {
-    /// The start of an episode with `values`, one for each quantity.
+    /// Returns the start of an episode with `values`, one for each quantity.
     pub(super) fn varied(&self, quantities: &[Quantity], values: &[f64]) -> Start {
         let mut world = self.nominal.world.clone();
         let mut surfaces = self.nominal.surfaces.clone();
@@ -145,7 +145,7 @@ impl Scene<'_> {
         Start { properties, q, lifts, moved, drives }
     }
 
-    /// Sets the friction or the restitution of the surfaces that a quantity is about.
+    /// Sets the friction or the restitution of the surfaces that a quantity applies to.
     fn set_surfaces(&self, surfaces: &mut [Surface], quantity: &Quantity, value: f64) {
         let world = &self.nominal.world;
         let is_object = |name: &str| world.objects.iter().any(|object| object.name == name);
@@ -182,13 +182,13 @@ pub(super) fn vary(settings: &mut ActuatorSettings, property: Property, value: f
     }
 }
 
-/// The bodies that an independent joint moves, itself or by a joint that follows it.
+/// Returns the bodies that an independent joint moves, directly or through a mimic joint.
 fn of_joint(model: &Model, joint: usize) -> impl Iterator<Item = usize> {
     let bodies = model.bodies().iter().enumerate();
     bodies.filter(move |(_, body)| body.joint.coordinate.index() == joint).map(|(index, _)| index)
 }
 
-/// Turns an orientation x y z w about z of the world.
+/// Rotates an orientation x y z w about z of the world.
 fn turn(orientation: &mut [f64], angle: f64) {
     let [x, y, z, w] = [orientation[0], orientation[1], orientation[2], orientation[3]];
     let (sin, cos) = (0.5 * angle).sin_cos();

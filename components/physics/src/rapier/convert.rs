@@ -1,4 +1,4 @@
-//! Between nalgebra, which motorium speaks, and glam, which rapier speaks.
+//! Conversions between nalgebra, used by motorium, and glam, used by rapier.
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::math::{Pose, Rotation, Vector};
@@ -24,7 +24,7 @@ pub(super) fn pose_back(p: &Pose) -> Isometry3<f64> {
     let r = p.rotation;
     Isometry3::from_parts(
         Translation3::from(vector_back(p.translation)),
-        // Normalised again: a state that is read and written back must not drift off the unit sphere.
+        // Normalised again, so that a state that is read and written back does not drift off the unit sphere.
         UnitQuaternion::new_normalize(Quaternion::new(r.w, r.x, r.y, r.z)),
     )
 }

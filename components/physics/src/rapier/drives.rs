@@ -1,4 +1,4 @@
-//! Drives with effort limits, which rapier does not have.
+//! Drives with effort limits, which rapier does not support.
 
 use super::Rapier;
 use super::multibody::DriveAction;
@@ -7,8 +7,8 @@ use crate::robot::{Robot, State};
 use crate::{StepError, StepReport};
 
 impl Rapier {
-    /// Sets every drive for a step of integration steps of `h` \[s\]: its law or its limit acts. `overdriven`
-    /// then marks the latter, and `tau_next` holds its effort.
+    /// Sets every drive for a step with integration steps of `h` \[s\]: either its law or its limit acts. In
+    /// the latter case `overdriven` is set, and `tau_next` holds the effort.
     pub(super) fn command_drives(&mut self, robot: &mut Robot, h: f64) -> Result<(), StepError> {
         let Robot { articulations, joints, commands, state, gravity, .. } = robot;
         let own = &articulations[0];
@@ -33,7 +33,7 @@ impl Rapier {
         Ok(())
     }
 
-    /// Reads the next state of the robot, and the efforts that acted.
+    /// Reads the next state of the robot and the efforts that acted.
     pub(super) fn read_state(&mut self, robot: &mut Robot, report: &mut StepReport) {
         let Robot { articulations, joints, commands, state, .. } = robot;
         let model = &articulations[0].model;

@@ -1,4 +1,4 @@
-//! Masses and inertias as rapier can take them.
+//! Masses and inertias in a form that rapier accepts.
 
 use motorium_robots::Model;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -7,16 +7,18 @@ use rapier3d_f64::dynamics::MassProperties;
 use super::convert;
 use crate::{BuildError, World};
 
-/// Rapier's unit of mass is a milligram: masses, inertias and forces are multiplied by this factor.
+/// Rapier's unit of mass is a milligram: masses, inertias and forces are multiplied by this factor on input.
 ///
-/// Rapier diagonalises inertias with absolute thresholds, below which any axis counts as a principal one. In
-/// kilograms a gripper's finger (1e-6 kg m2) is below, and its inertia would be about the wrong axis.
+/// Rapier diagonalises inertias with absolute thresholds, below which it accepts any axis as a principal
+/// axis. In kilograms, the inertia of a gripper's finger (1e-6 kg m2) is below the threshold, and rapier
+/// would apply it about the wrong axis.
 pub(super) const MILLIGRAMS: f64 = 1e6;
 
-/// Relative distance put between the principal moments. Rapier also picks arbitrary axes when two are equal.
+/// Relative difference added between the principal moments. Rapier also picks arbitrary axes if two moments
+/// are equal.
 const SPREAD: f64 = 1e-7;
 
-/// Mass \[kg\], centre of mass and inertia about it \[kg m2\] for rapier.
+/// Returns mass \[kg\], centre of mass and inertia about it \[kg m2\] for rapier.
 pub(super) fn mass_properties(mass: f64, com: &Vector3<f64>, rotational: &Matrix3<f64>) -> MassProperties {
     let eigen = rotational.symmetric_eigen();
     let mut axes = eigen.eigenvectors;
@@ -37,11 +39,11 @@ pub(super) fn mass_properties(mass: f64, com: &Vector3<f64>, rotational: &Matrix
     )
 }
 
-/// Largest mass supported by rapier \[kg\], with a factor of two to spare. The inverse of a larger mass, in
-/// milligrams, counts as zero: the body would fall through everything.
+/// Largest mass that rapier supports \[kg\], with a factor of two to spare. Rapier treats the inverse of a
+/// larger mass, in milligrams, as zero: the body would fall through everything.
 const MOST: f64 = 2.0e4;
 
-/// Refuses robots and objects that rapier would let fall.
+/// Rejects robots and objects that would fall through everything in rapier.
 pub(super) fn check_masses(model: &Model, world: &World) -> Result<(), BuildError> {
     let objects =
         world.objects.iter().filter_map(|object| Some((&*object.name, object.mass_properties()?.mass)));

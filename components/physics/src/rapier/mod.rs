@@ -1,12 +1,11 @@
-//! The rapier engine: `rapier3d` in its f64 form, a robot with a fixed base as a reduced-coordinate
-//! multibody.
+//! The rapier engine: `rapier3d` in its f64 form, with a fixed-base robot as a reduced-coordinate multibody.
 //!
-//! Rapier's pipeline allocates at every step, in the LU factorisation of the multibody's mass matrix and in
+//! Rapier's pipeline allocates in every step, in the LU factorisation of the multibody's mass matrix and in
 //! its solver vectors; no setting avoids it.
 //!
-//! The same program on the same machine gives the same bits, in every process. Rapier's feature
-//! `enhanced-determinism` adds agreement between kinds of machines, at the price of slower trigonometry; it
-//! is not enabled.
+//! The same program on the same machine produces the same bits, in every process. Rapier's feature
+//! `enhanced-determinism` would extend this to different machines at the price of slower trigonometry; it is
+//! not enabled.
 
 pub(crate) mod convert;
 mod drives;
@@ -40,13 +39,13 @@ pub type RapierSimulator = Simulation<Rapier>;
 
 /// The rapier engine.
 ///
-/// Every step has [`Options::contact_iterations`] integration steps, each with one sweep of rapier's contact
-/// solver. The engine cannot distinguish steps near a contact, so `substeps` must be 1.
+/// Every step consists of [`Options::contact_iterations`] integration steps, each with one sweep of rapier's
+/// contact solver. The engine cannot distinguish steps near a contact from others, so `substeps` must be 1.
 ///
-/// A robot with a floating base is refused. The robot's base is at the origin of the world. Continuous
+/// Robots with a floating base are rejected. The robot's base is at the origin of the world. Continuous
 /// collision detection is off: at 1 kHz nothing slower than 5 m/s passes through 5 mm. Rapier has no effort
-/// limits: a drive counts as saturated if it would be without contacts, or if the last step exceeded its
-/// limit, so an impact may exceed the limit for one step.
+/// limits. A drive counts as saturated if it would be without contacts, or if the last step pushed it beyond
+/// its limit; an impact may therefore exceed the limit for one step.
 pub struct Rapier {
     options: Options,
     colliders: Colliders,
@@ -55,11 +54,12 @@ pub struct Rapier {
     integrator: JointSpaceIntegrator,
     scene: Scene,
     multibody: Multibody,
-    /// The multibody must be placed at the robot's state before the next step.
+    /// True if the multibody must be set to the robot's state before the next step.
     stale: bool,
-    /// A wrench from outside acts in the next step.
+    /// True if an external wrench acts in the next step.
     pushed: bool,
-    /// Per joint: the last step pushed its drive beyond its limit, so that in the next the limit itself acts.
+    /// Per joint: true if the last step pushed its drive beyond its limit, so that the limit itself acts in
+    /// the next step.
     overdriven: Vec<bool>,
     /// Length of the last step \[s\].
     dt: f64,
@@ -160,7 +160,7 @@ impl Engine for Rapier {
     ) {
         let robot = robot.first();
         let Some(body) = robot.model.frames()[link.index()].body else { return };
-        // Rapier computes the poses of the links and their centres of mass only in its first step.
+        // Rapier places the links and computes their centres of mass only in its first step.
         let com = robot.kinematics.body_pose(body) * Point3::from(robot.model.bodies()[body].inertia.com);
         let arm = robot.kinematics.pose(&robot.model, link) * point - com;
         let [force, torque] = wrench;
@@ -170,7 +170,7 @@ impl Engine for Rapier {
 
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
-        // A fresh scene: rapier warm-starts from old contacts, and a run must depend on its start alone.
+        // A fresh scene: rapier warm-starts from old contacts, but a run must depend only on its start.
         let enclose = self.scene.enclosure();
         (self.scene, self.multibody) = populate(robot, world, &self.options, &self.colliders, enclose);
         (self.stale, self.pushed) = (true, false);
@@ -256,7 +256,7 @@ impl Engine for Rapier {
 }
 
 impl Rapier {
-    /// Ends the wrenches from outside.
+    /// Removes the external wrenches.
     fn let_go(&mut self) {
         if std::mem::take(&mut self.pushed) {
             self.multibody.let_go(&mut self.scene);
@@ -265,14 +265,14 @@ impl Rapier {
 }
 
 impl Simulation<Rapier> {
-    /// Runs every call of rapier's pipeline inside `enclose`, which must call it, for example to count its
+    /// Runs every call of rapier's pipeline inside `enclose`, which must execute it, for example to count its
     /// allocations separately.
     pub fn enclose_rapier(&mut self, enclose: Enclose) {
         self.engine.scene.set_enclosure(enclose);
     }
 }
 
-/// Rapier's sets with the objects at their start.
+/// Creates rapier's sets with the objects at their start.
 fn populate(
     robot: &Robot,
     world: &World,

@@ -15,14 +15,14 @@ use crate::joint::JointProperties;
 
 /// The robot as rapier's multibody: handles of its parts.
 pub(super) struct Multibody {
-    /// One entry per body of the model.
+    /// One handle per body of the model.
     pub(super) links: Vec<RigidBodyHandle>,
     joints: Vec<MultibodyJointHandle>,
-    /// Displacement of every coordinate, in rapier's order.
+    /// Displacement of every coordinate in rapier's order.
     displacement: Vec<f64>,
 }
 
-/// The law of a drive in the coming step.
+/// The law of a drive in the next step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum DriveAction {
     /// The impedance law of the command.
@@ -31,15 +31,15 @@ pub(super) enum DriveAction {
     Constant(f64),
 }
 
-/// Stiffness of the spring that represents a constant effort \[Nm/rad or N/m\]: over a millisecond at 10
-/// rad/s the effort changes by a hundred-millionth.
+/// Stiffness of the spring that emulates a constant effort \[Nm/rad or N/m\]: over a millisecond at 10 rad/s
+/// the effort changes by a hundred-millionth.
 const CONSTANT: f64 = 1e-6;
 
-/// Rapier removes this share of a limit's violation per second \[1/s\], as the joint-space integrator does.
+/// Share of a limit violation that rapier removes per second \[1/s\], as in the joint-space integrator.
 const RECOVERY_RATE: f64 = 20.0;
 
 impl Multibody {
-    /// Builds the multibody at joint position zero. The caller attaches the colliders.
+    /// Builds the multibody at zero joint positions. The caller attaches the colliders.
     pub(super) fn new(model: &Model, joints: &[JointProperties], scene: &mut Scene) -> Self {
         let base = scene.bodies.insert(RigidBodyBuilder::fixed());
         let mut links = Vec::with_capacity(model.bodies().len());
@@ -63,7 +63,7 @@ impl Multibody {
         multibody
     }
 
-    /// Mimic joints: rapier keeps `q2 = multiplier q1 + offset` by a constraint.
+    /// Adds mimic joints: rapier enforces `q2 = multiplier q1 + offset` by a constraint.
     fn couple(&mut self, model: &Model, scene: &mut Scene) {
         for (index, body) in model.bodies().iter().enumerate() {
             let Coordinate::Mimic { of, multiplier, offset } = body.joint.coordinate else { continue };
@@ -83,7 +83,7 @@ impl Multibody {
         }
     }
 
-    /// Friction and armature. Damping follows with the drives' own.
+    /// Sets friction and armature. Damping is part of the drives' damping.
     fn set_passive(&mut self, model: &Model, joints: &[JointProperties], scene: &mut Scene) {
         for (index, body) in model.bodies().iter().enumerate() {
             let (multibody, link) = self.link_mut(scene, index);
@@ -97,14 +97,14 @@ impl Multibody {
         if let Some(handle) = self.joints.first() {
             let (multibody, _) =
                 scene.multibodies.get_mut(*handle).expect("the multibody stays for the scene's lifetime");
-            // The joint set leaves the six freedoms of a free root in until it has seen that the base is
-            // fixed.
+            // The joint set keeps the six degrees of freedom of a free root until it has seen that the base
+            // is fixed.
             multibody.forward_kinematics(&scene.bodies, true);
             self.displacement = vec![0.0; multibody.ndofs()];
         }
     }
 
-    /// Places the links at `q`.
+    /// Sets the links to the positions `q`.
     pub(super) fn set_positions(&mut self, model: &Model, scene: &mut Scene, q: &[f64]) {
         let Some(first) = self.joints.first().copied() else { return };
         for (index, body) in model.bodies().iter().enumerate() {
@@ -120,7 +120,7 @@ impl Multibody {
         multibody.update_rigid_bodies(&mut scene.bodies, true);
     }
 
-    /// Gives the joints the velocity `v`.
+    /// Sets the joint velocities to `v`.
     pub(super) fn set_velocity(&mut self, model: &Model, scene: &mut Scene, v: &[f64]) {
         for (index, body) in model.bodies().iter().enumerate() {
             let coordinate = &body.joint.coordinate;
@@ -133,8 +133,8 @@ impl Multibody {
     /// Sets the drive of independent joint `column` at position `q`.
     ///
     /// The law becomes an implicit spring and damper in the mass matrix, which is exact and stable for any
-    /// gains, where rapier's motors would be rows of an iteration that has not converged. Velocity setpoint
-    /// and feed-forward shift the spring's rest position.
+    /// gains. Rapier's motors would instead be rows of an unconverged iteration. Velocity setpoint and
+    /// feed-forward shift the spring's rest position.
     pub(super) fn drive(
         &mut self,
         model: &Model,
@@ -157,15 +157,15 @@ impl Multibody {
         link.joint.set_spring(axis(joint.kind) as usize, MILLIGRAMS * stiffness, q + push / stiffness);
     }
 
-    /// Applies a force and a torque \[N, Nm, world axes\] at the centre of mass of a body, until it [lets
-    /// go](Self::let_go).
+    /// Applies a force and a torque \[N, Nm, world axes\] at the centre of mass of a body until
+    /// [`let_go`](Self::let_go).
     pub(super) fn push(&self, scene: &mut Scene, body: usize, [force, torque]: [Vector3<f64>; 2]) {
         let link = &mut scene.bodies[self.links[body]];
         link.add_force(convert::vector(&(force * MILLIGRAMS)), true);
         link.add_torque(convert::vector(&(torque * MILLIGRAMS)), true);
     }
 
-    /// Ends all that [pushes](Self::push).
+    /// Removes all forces applied by [`push`](Self::push).
     pub(super) fn let_go(&self, scene: &mut Scene) {
         for link in &self.links {
             scene.bodies[*link].reset_forces(false);
@@ -173,7 +173,7 @@ impl Multibody {
         }
     }
 
-    /// Reads position and velocity of the independent joints.
+    /// Reads positions and velocities of the independent joints.
     pub(super) fn read(&self, model: &Model, scene: &Scene, q: &mut [f64], v: &mut [f64]) {
         for (column, (q, v)) in q.iter_mut().zip(v).enumerate() {
             let index = model.joint_body(column);
@@ -197,7 +197,7 @@ impl Multibody {
     }
 }
 
-/// Place of a link's only freedom in rapier's generalized vectors.
+/// Returns the index of a link's only degree of freedom in rapier's generalized vectors.
 fn dof(multibody: &rapier3d_f64::dynamics::Multibody, link: usize) -> usize {
     multibody.link(link).expect("the id is that of the joint's own link").assembly_id()
 }
@@ -206,7 +206,7 @@ fn axis(kind: JointKind) -> JointAxis {
     if kind == JointKind::Prismatic { JointAxis::LinX } else { JointAxis::AngX }
 }
 
-/// Rapier's joint about or along its own x axis, which is turned onto the joint's.
+/// Creates rapier's joint about or along its x axis, rotated onto the joint's axis.
 fn joint(body: &Body) -> GenericJoint {
     let joint = &body.joint;
     let turn = Isometry3::from_parts(Default::default(), onto(&joint.axis));
@@ -217,14 +217,14 @@ fn joint(body: &Body) -> GenericJoint {
     if joint.limits.lower.is_finite() || joint.limits.upper.is_finite() {
         rapier.set_limits(axis, [joint.limits.lower, joint.limits.upper]);
     }
-    // A stiff limit whose violation decays at RECOVERY_RATE: rapier's default undoes it within one step, a
-    // blow.
+    // A stiff limit whose violation decays at RECOVERY_RATE. Rapier's default corrects it within one step,
+    // which is a blow.
     let omega = 1e6 * std::f64::consts::TAU;
     rapier.softness = SpringCoefficients::new(1e6, 0.5 * omega / RECOVERY_RATE);
     rapier
 }
 
-/// The shortest rotation from x to `axis`.
+/// Returns the shortest rotation from x onto `axis`.
 fn onto(axis: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     motorium_robots::lie::so3::least_rotation(&Vector3::x_axis(), axis)
 }

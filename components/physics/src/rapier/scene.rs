@@ -1,4 +1,4 @@
-//! Rapier's sets of bodies, colliders and joints, with the objects of the world.
+//! Rapier's sets of bodies, colliders and joints, including the objects of the world.
 
 use motorium_robots::{FrictionCombine, ObjectMass};
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -19,10 +19,11 @@ use crate::air::Air;
 use crate::contact::Collider;
 use crate::{Contact, World};
 
-/// A function that runs a given call, such as one that counts its allocations separately.
+/// A function that executes the call it receives, such as one that counts its allocations separately.
 pub type Enclose = fn(&mut dyn FnMut());
 
-/// Rapier's rule for the friction of a collider. Rapier orders its rules as [`FrictionCombine`] does.
+/// Returns rapier's combine rule for the friction of a collider. Rapier orders its rules like
+/// [`FrictionCombine`].
 fn combine_rule(collider: &Collider) -> CoefficientCombineRule {
     match FrictionCombine::of_surface(collider.friction, collider.friction_combine) {
         FrictionCombine::Mean => CoefficientCombineRule::Average,
@@ -39,7 +40,7 @@ pub(super) struct Scene {
     pub(super) multibodies: MultibodyJointSet,
     pub(super) objects: Vec<RigidBodyHandle>,
     air: Air,
-    /// Drag area \[m2\] and mass \[kg\] of each object; `None` where the air does not move it.
+    /// Drag area \[m2\] and mass \[kg\] of each object; `None` if the air does not move it.
     drags: Vec<Option<(f64, f64)>>,
     enclose: Enclose,
     parameters: IntegrationParameters,
@@ -52,7 +53,7 @@ pub(super) struct Scene {
     ccd: CCDSolver,
 }
 
-/// All sets of a [`Scene`], contacts with their warm starts included.
+/// All sets of a [`Scene`], including contacts with their warm starts.
 pub(super) struct SceneState {
     bodies: RigidBodySet,
     colliders: ColliderSet,
@@ -80,12 +81,12 @@ impl Scene {
         }
     }
 
-    /// True for a state of a scene with as many bodies and colliders.
+    /// Returns `true` if the state has the same numbers of bodies and colliders.
     pub(super) fn fits(&self, state: &SceneState) -> bool {
         self.bodies.len() == state.bodies.len() && self.colliders.len() == state.colliders.len()
     }
 
-    /// Goes back to a saved state. The pipeline itself holds nothing but memory to work in.
+    /// Restores a saved state. The pipeline itself contains only working memory.
     pub(super) fn restore(&mut self, state: &SceneState) {
         self.bodies.clone_from(&state.bodies);
         self.colliders.clone_from(&state.colliders);
@@ -98,21 +99,21 @@ impl Scene {
         self.ccd.clone_from(&state.ccd);
     }
 
-    /// Rapier with the objects of `world`, without their colliders.
+    /// Creates a scene with the objects of `world`, without their colliders.
     pub(super) fn new(world: &World, contact_iterations: usize, enclose: Enclose) -> Self {
         // Rapier's contacts are springs on the effective mass. Its default of 30 Hz lets a gripper's finger
-        // of 15 g sink in by a centimetre under 20 N, this one by a tenth of a millimetre. Penetration decays
-        // in 3 ms, without bouncing.
+        // of 15 g sink in by a centimetre under 20 N; 500 Hz reduces this to a tenth of a millimetre.
+        // Penetration decays in 3 ms, without bouncing.
         let softness = SpringCoefficients::new(500.0, 5.0);
         let parameters = IntegrationParameters {
             num_solver_iterations: contact_iterations,
-            // Contacts are foreseen 5 mm ahead; nothing here is fast and thin enough to need continuous
+            // Contacts are predicted 5 mm ahead; nothing here is fast and thin enough to need continuous
             // detection.
             normalized_prediction_distance: 0.005,
             max_ccd_substeps: 0,
             contact_softness: softness,
             static_contact_softness: softness,
-            // Both trade exactness of the contact points for speed in scenes of thousands of bodies.
+            // Both trade accuracy of the contact points for speed in scenes with thousands of bodies.
             contact_clustering: false,
             contact_recycling: false,
             ..IntegrationParameters::default()
@@ -132,7 +133,8 @@ impl Scene {
                     }
                     None => RigidBodyBuilder::fixed(),
                 };
-                // A sleeping object would wake a step late, and falling asleep is another event in a step.
+                // A sleeping object would wake a step late, and falling asleep would add one more event to a
+                // step.
                 bodies.insert(
                     builder
                         .pose(convert::pose(&object.pose()))
@@ -188,7 +190,7 @@ impl Scene {
         }
     }
 
-    /// One step of `dt` \[s\] of everything enabled.
+    /// Advances all enabled bodies by one step of `dt` \[s\].
     pub(super) fn step(&mut self, dt: f64, gravity: &Vector3<f64>, pairs: &PairTable) {
         self.parameters.dt = dt;
         self.set_drag(dt, gravity);
@@ -213,7 +215,7 @@ impl Scene {
         });
     }
 
-    /// Sets the forces of the air during the next step of `dt` \[s\].
+    /// Sets the forces of the air for the next step of `dt` \[s\]; they replace the last step's.
     fn set_drag(&mut self, dt: f64, gravity: &Vector3<f64>) {
         for (handle, drag) in self.objects.iter().zip(&self.drags) {
             let Some(drag) = *drag else { continue };
@@ -232,7 +234,7 @@ impl Scene {
         self.enclose = enclose;
     }
 
-    /// Integration step inside a step of `dt` \[s\].
+    /// Returns the integration step inside a step of `dt` \[s\].
     pub(super) fn substep(&self, dt: f64) -> f64 {
         dt / self.parameters.num_solver_iterations as f64
     }
@@ -246,7 +248,7 @@ impl Scene {
         (convert::vector_back(body.linvel()), convert::vector_back(body.angvel()))
     }
 
-    /// Sets the velocity of an object, if it moves.
+    /// Sets the velocity of an object if it is movable.
     pub(super) fn set_object_velocity(
         &mut self,
         index: usize,
@@ -260,17 +262,17 @@ impl Scene {
         }
     }
 
-    /// Places an object and stops it.
+    /// Moves an object to a pose, at rest.
     pub(super) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         let body = &mut self.bodies[self.objects[index]];
-        // Rapier removes a body from the simulation when its state becomes NaN.
+        // Rapier disables a body whose state is no longer finite.
         body.set_enabled(true);
         body.set_position(convert::pose(pose), true);
         body.set_linvel(Vector::ZERO, true);
         body.set_angvel(Vector::ZERO, true);
     }
 
-    /// The first object whose state is not finite.
+    /// Returns the first object whose state is not finite.
     pub(super) fn diverged_object(&self) -> Option<usize> {
         self.objects.iter().position(|handle| {
             let body = &self.bodies[*handle];
@@ -294,8 +296,8 @@ impl Scene {
                 continue;
             };
             for manifold in pair.manifolds() {
-                // Of a manifold with more points the solver uses four; the others keep the impulses of the
-                // step that last used them.
+                // The solver uses four points of a larger manifold; the impulses of the other points date
+                // from the last step that used them.
                 for solved in &manifold.data.solver_contacts {
                     let index = (solved.contact_id[0] & !NEW_CONTACT_BIT) as usize;
                     let Some(point) = manifold.points.get(index) else { continue };

@@ -1,4 +1,4 @@
-//! Convex shapes as rapier's, and rapier's filter for pairs of them.
+//! Conversion of convex shapes to rapier's, and rapier's filter for pairs of colliders.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -12,7 +12,7 @@ use rapier3d_f64::prelude::SolverFlags;
 use super::convert;
 use crate::contact::Collider;
 
-/// Returns the shape and its frame relative to `shape`; `None` for a hull without volume.
+/// Returns the rapier shape and its frame in the frame of `shape`; `None` for a hull without volume.
 pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
     let upright = match shape {
         ConvexShape::Sphere { radius } => SharedShape::ball(*radius),
@@ -24,7 +24,7 @@ pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry
         }
         ConvexShape::HalfSpace => SharedShape::halfspace(Vector::Z),
         ConvexShape::Cylinder { radius, half_length } => {
-            // Rapier's cylinders are along y.
+            // Rapier's cylinders have their axis along y.
             let shape = SharedShape::cylinder(*half_length, *radius);
             return Some((shape, Isometry3::rotation(Vector3::x() * FRAC_PI_2)));
         }
@@ -32,13 +32,13 @@ pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry
     Some((upright, Isometry3::identity()))
 }
 
-/// The shape of a collider and its frame: its triangles, where it touches by these.
+/// Returns the shape of a collider and its frame; its triangles, if it touches by them.
 pub(super) fn collider_shape(collider: &Collider) -> Option<(SharedShape, Isometry3<f64>)> {
     let Some(surface) = &collider.surface else { return rapier_shape(&collider.shape) };
     let corners = surface.triangles().iter().flat_map(|triangle| triangle.corners);
     let points: Vec<Vector> = corners.map(|corner| convert::vector(&corner.coords)).collect();
     let triangles = (0..points.len() as u32 / 3).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]);
-    // Nothing catches on the sides between triangles of one plane.
+    // Objects must not catch on the sides between coplanar triangles.
     let flags = TriMeshFlags::FIX_INTERNAL_EDGES | TriMeshFlags::MERGE_DUPLICATE_VERTICES;
     let shape = SharedShape::trimesh_with_flags(points, triangles.collect(), flags).ok()?;
     Some((shape, Isometry3::identity()))
@@ -52,7 +52,7 @@ pub(super) struct PairTable {
 }
 
 impl PairTable {
-    /// For `count` colliders of which these pairs may touch.
+    /// Creates a table for `count` colliders, of which these pairs may touch.
     pub(super) fn new(count: usize, pairs: &[[usize; 2]]) -> Self {
         let mut allowed = vec![false; count * count];
         for [a, b] in pairs {
@@ -63,7 +63,8 @@ impl PairTable {
     }
 }
 
-/// Filter for every pair with overlapping bounding boxes. The user data of a collider is its index.
+/// Rapier calls this for every pair with overlapping bounding boxes. The user data of a collider is its
+/// index.
 impl PhysicsHooks for PairTable {
     fn filter_contact_pair(&self, context: &PairFilterContext<'_>) -> Option<SolverFlags> {
         let index = |handle: ColliderHandle| context.colliders[handle].user_data as usize;

@@ -1,4 +1,4 @@
-//! Drives with actuators that are not ideal.
+//! Drives with non-ideal actuators.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use motorium_physics::{
 };
 use motorium_robots::{ActuatorSettings, Envelope, load};
 
-/// A rod of 1 kg and 1 m without gravity, that begins at rest.
+/// A rod of 1 kg and 1 m without gravity, initially at rest.
 fn rod(settings: ActuatorSettings) -> ArticulatedSimulator {
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let setup = RobotSetup { actuators: vec![Some(settings)], ..RobotSetup::from(model) };

@@ -11,7 +11,7 @@ use crate::panda;
 
 const DT: f64 = 1e-3;
 
-/// Heap allocations of 1000 steps after 2000 others, the arm swinging about home.
+/// Heap allocations of 1000 steps after a warm-up of 2000, with the arm swinging about home.
 fn steady(simulation: &mut dyn Simulator) -> u64 {
     assert!(counts_allocations());
     let commands = panda::hold(&panda::home());
@@ -78,7 +78,7 @@ fn objects_that_roll_on_a_belt_in_the_wind_allocate_nothing() {
 
 #[test]
 fn an_arm_that_hits_objects_allocates_nothing() {
-    // A cube on a pillar between the fingers: the swinging hand knocks it off.
+    // A cube on a pillar between the fingers; the swinging hand knocks it off.
     let (model, home) = (panda::loaded().model, panda::home());
     let mut kinematics = Kinematics::new(&model);
     kinematics.update(&model, &home);

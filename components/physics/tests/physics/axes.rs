@@ -1,11 +1,11 @@
-//! Joint axes as CAD exporters write them: nearly, not exactly, along a coordinate axis.
+//! Joint axes as CAD exporters write them: almost, but not exactly, along a coordinate axis.
 
 use motorium_physics::{JointCommand, Options, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 
 use crate::engines::engines;
 
-/// A rod that hangs sideways from a horizontal hinge: the joint frame is turned so that its z axis is the
+/// A rod that extends sideways from a horizontal hinge. The joint frame is rotated so that its z axis is the
 /// world's y axis.
 fn rod(axis: &str) -> Model {
     let urdf = format!(
@@ -39,7 +39,7 @@ fn an_axis_near_minus_z_turns_alike_on_every_engine() {
 
 #[test]
 fn the_contact_solver_turns_such_an_axis_alike() {
-    // The rod's end lands on a shelf: the same contact, whichever way the axis is written.
+    // The rod's end lands on a shelf, with the same contact for both forms of the axis.
     for axis in ["0 0 -1", "0 1.22465e-16 -1"] {
         let urdf = r#"<collision><origin xyz="0.6 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
             <joint name="hinge""#;

@@ -1,4 +1,4 @@
-//! Batches: each world's result equals a separate simulation.
+//! Batches: each world computes the same result as alone.
 
 use motorium_physics::{Batch, Simulator};
 
@@ -57,7 +57,7 @@ fn a_world_that_fails_leaves_the_others_alone() {
     assert_eq!(failed, [false, true, false]);
     assert_eq!(batch.positions(1), before);
     assert_ne!(batch.positions(0), before);
-    // And it can be started again.
+    // The world can be reset.
     let (q, v) = (before.clone(), vec![0.0; batch.velocities(0).len()]);
     batch.reset(1, &q, &v).unwrap();
     assert!(batch.step(1e-3, 10).iter().all(Result::is_ok));

@@ -1,5 +1,5 @@
-//! Steps in which the joints alone show that nothing touches: the contacts are the same as with a check of
-//! every pair in every step.
+//! Steps in which the joints alone show that nothing touches. The resulting contacts are the same as if every
+//! pair were checked in every step.
 
 use motorium_physics::{ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Simulator, World};
 
@@ -7,7 +7,7 @@ use crate::legged::held_in;
 
 const DT: f64 = 1e-3;
 
-/// Far away: placing it makes the next step check all pairs.
+/// A distant post; moving it forces a check of all pairs in the next step.
 fn post() -> Object {
     Object {
         name: "post".to_owned(),
@@ -22,9 +22,9 @@ fn ground(height: f64) -> Option<Ground> {
     Some(Ground { height, ..Ground::default() })
 }
 
-/// Runs a robot with and without a check of all pairs in every step, by the same commands: bit-identical to
-/// the end or to the first contact. Nearest points of two links depend on previously found ones, and the
-/// motion in their contact with them. Returns the number of steps with contacts.
+/// Runs a robot with and without a check of all pairs in every step, under the same commands. The states are
+/// equal to the bit, until the end or the first contact: the nearest points of two links depend on earlier
+/// ones, and the motion in contact depends on these points. Returns the number of steps with contacts.
 fn same_either_way(
     name: &str,
     ground: Option<Ground>,

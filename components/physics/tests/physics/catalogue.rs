@@ -1,12 +1,12 @@
-//! Every robot of the catalogue whose base is fixed can be simulated: held by its default gains it stays
-//! where it is, and pushed off it moves.
+//! Simulations of every catalogue robot with a fixed base: its default gains hold it in place, and it moves
+//! when pushed.
 
 use std::path::Path;
 
 use motorium_physics::{ArticulatedSimulator, Ground, JointCommand, Options, Simulator, World};
 use motorium_robots::{Loaded, catalogue, load};
 
-/// The robot at home, its drives holding it there; joints without drives are free.
+/// The robot held at home by its drives; joints without drives are free.
 fn held(robot: &Loaded) -> (ArticulatedSimulator, Vec<f64>) {
     held_in(robot, World::default())
 }
@@ -35,7 +35,7 @@ fn every_fixed_base_robot_is_held_by_default_gains() {
         let name = robot.model.name();
         let profile = robot.profile.as_ref().unwrap();
         names.push(name.to_owned());
-        // A biped in the plane falls until its feet find the ground; this world has none.
+        // A planar biped falls until its feet reach the ground; this world has no ground.
         if name == "planar-biped" {
             continue;
         }
@@ -70,7 +70,7 @@ fn every_drive_follows_its_setpoint() {
             still.step(0.001).unwrap();
             moving.step(0.001).unwrap();
         }
-        // What swings freely shakes the drives beside it.
+        // Freely swinging joints shake the drives next to them.
         let (least, most) = if model.joint_names().len() > 2 { (0.006, 0.016) } else { (0.002, 0.03) };
         for index in (0..home.len()).filter(|index| !passive(*index)) {
             let apart = (moving.positions()[index] - still.positions()[index]).abs();

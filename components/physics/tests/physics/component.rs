@@ -1,4 +1,4 @@
-//! `physics.articulated`, `physics.rapier` and `physics.mujoco` in a graph: in lockstep, hosted in this
+//! `physics.articulated`, `physics.rapier` and `physics.mujoco` in a graph, in lockstep and hosted in this
 //! process.
 
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ use crate::engines::has_mujoco;
 
 const KINDS: [&str; 2] = ["physics.articulated", "physics.rapier"];
 
-/// Sends every joint to one offset from where it first saw it, until step `until`.
+/// Commands every joint to a fixed offset from its first measured position, until step `until`.
 #[derive(serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct DriverConfig {
@@ -83,7 +83,7 @@ impl Component for Driver {
     }
 }
 
-/// Keeps the base states it sees.
+/// Records the received base states.
 #[derive(Default, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct WatcherConfig {}
@@ -218,7 +218,7 @@ fn when_commands_cease_the_arm_holds_where_it_is() {
     let physics = &report.results["physics"];
     assert!(physics["steps_in_safe_state"].as_u64().unwrap() > 1900, "{physics}");
     let driver = &report.results["driver"];
-    // 50 ms are not enough to get half way, and after that it must neither go on nor fall.
+    // 50 ms are not enough to get halfway. Afterwards it must neither continue nor fall.
     for (start, last) in numbers(&driver["start"]).iter().zip(numbers(&driver["last"])) {
         assert!((last - start).abs() < 0.15, "{last}, started at {start}");
     }

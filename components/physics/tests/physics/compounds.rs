@@ -1,5 +1,4 @@
-//! Objects of several shapes, on every engine, and worlds of MJCF that hold them: height fields and bodies
-//! that are held together.
+//! Objects with several shapes on every engine, and MJCF worlds with height fields and connected bodies.
 
 use motorium_physics::{Ground, Object, ObjectShape, Simulator, World};
 use motorium_robots::{CompoundPart, parse_mjcf_world};
@@ -15,7 +14,7 @@ fn part(shape: ObjectShape, position: [f64; 3], mass: Option<f64>) -> CompoundPa
     CompoundPart { shape, position, rpy: [0.0; 3], mass }
 }
 
-/// A block of 0.2 x 0.16 x 0.1 m of two halves, one of which is on its side.
+/// A block of 0.2 x 0.16 x 0.1 m made of two halves, one of which lies on its side.
 fn halves() -> Object {
     let left = part(ObjectShape::Box { size: [0.1, 0.16, 0.1] }, [-0.05, 0.0, 0.0], None);
     let right = CompoundPart {
@@ -32,7 +31,7 @@ fn halves() -> Object {
     }
 }
 
-/// Two balls on a rod, of which one is heavier.
+/// Two balls on a rod, one of them heavier.
 fn dumbbell() -> Object {
     let ball = |x: f64, mass: f64| part(ObjectShape::Sphere { radius: 0.05 }, [x, 0.0, 0.0], Some(mass));
     let rod = CompoundPart {
@@ -69,10 +68,10 @@ fn a_block_of_two_halves_moves_as_one_on_every_engine() {
         assert!((way - expected).abs() < 0.02 * expected, "{engine:?}: {way} m, one block {expected} m");
         let apart = one.xy().angle(&two.xy());
         println!("{engine:?}: ways {apart:.4} rad apart, straying {:.4} m", (one - two).norm());
-        // Where contacts are springs, as in Rapier and MuJoCo, it strays by some hundredths of a radian.
+        // With spring contacts, as in Rapier and MuJoCo, it deviates by some hundredths of a radian.
         let most = if engine == Engine::Articulated { 1e-3 } else { 0.08 };
         assert!(apart < most, "{engine:?}: it slides {apart} rad beside the way of one block");
-        // In MuJoCo, whose contacts are springs with regularised friction, it turns by 0.3 rad on its way.
+        // In MuJoCo, whose contacts are springs with regularised friction, it turns by 0.3 rad as it slides.
         let turned = ends[1].rotation.angle();
         let most = if engine == Engine::Mujoco { 0.4 } else { 1e-2 };
         assert!(turned < most, "{engine:?}: it turns by {turned}");
@@ -92,7 +91,7 @@ fn a_dumbbell_rests_on_both_balls_by_weight() {
         simulation.visit_contacts(&mut |contact| {
             shares[usize::from((here * contact.point).x > 0.0)] += contact.force
         });
-        // Moments about either ball: the rod's weight is halved.
+        // Moments about either ball: each carries half of the rod's weight.
         for (found, expected) in shares.iter().zip([1.1 * G, 3.1 * G]) {
             assert!((found - expected).abs() < 0.02 * expected, "{engine:?}: {shares:?} N");
         }
@@ -180,7 +179,7 @@ fn a_ball_rolls_down_an_mjcf_height_field() {
     let slope = 0.5_f64.atan();
     for engine in with_triangles() {
         let mut world = parse_mjcf_world(VALLEY, None).unwrap().world;
-        // On the slope, which it touches at a right angle.
+        // On the slope, in perpendicular contact.
         world.objects[1].position = [0.5 - 0.05 * slope.sin(), 0.1, 0.25 + 0.05 * slope.cos()];
         let start = Vector3::from(world.objects[1].position);
         let mut simulation = simulate(engine, world);
@@ -222,7 +221,7 @@ fn a_body_that_a_world_of_mjcf_connects_swings_as_a_pendulum() {
     }
     let found = (crossings[3] - crossings[0]) / 3.0;
     let arm = length + 0.4 * radius * radius / length;
-    // The second term of the series of an amplitude of 0.1 rad.
+    // The second term of the series for an amplitude of 0.1 rad.
     let expected = core::f64::consts::TAU * (arm / G).sqrt() * (1.0 + 0.1_f64.powi(2) / 16.0);
     assert!((found - expected).abs() < 2e-3 * expected, "{found} s, expected {expected} s");
     for engine in [Engine::Rapier, Engine::Mujoco] {

@@ -28,7 +28,7 @@ fn small_trough() -> TriangleMesh {
     TriangleMesh::clone(&trough()).scaled(&Vector3::repeat(0.3))
 }
 
-/// Two balls of different mass on the table, one object.
+/// One object of two balls with different masses on the table.
 fn club() -> Object {
     let ball = |x: f64, mass: f64| CompoundPart {
         shape: ObjectShape::Sphere { radius: 0.03 },
@@ -40,8 +40,8 @@ fn club() -> Object {
     object("club", shape, None, [0.5, -0.25, 0.2])
 }
 
-/// A Panda next to a table with a stack of two cubes, a ball above a tray of convex parts, a can, a mesh
-/// rock, and a club of two balls.
+/// A Panda near a table with a stack of two cubes, a ball above a tray of convex parts, a can, a rock made of
+/// a mesh, and a club of two balls.
 fn scene(engine: Engine) -> Box<dyn Simulator> {
     let cube =
         |name: &str, z: f64| object(name, ObjectShape::Box { size: [0.05; 3] }, Some(0.2), [0.5, 0.2, z]);
@@ -64,7 +64,7 @@ fn scene(engine: Engine) -> Box<dyn Simulator> {
     panda::at_home(engine, world, Options::default())
 }
 
-/// Swings the arm for this number of steps; returns every bit of state on the way.
+/// Swings the arm for `steps` steps and returns every bit of state along the motion.
 fn swing(simulation: &mut dyn Simulator, from: u32, steps: u32) -> Vec<u64> {
     let mut bits = Vec::new();
     let commands = panda::hold(&panda::home());
@@ -97,7 +97,7 @@ fn a_restored_state_goes_on_to_the_bit_as_it_did_before() {
         let first = swing(&mut *simulation, 700, 500);
         simulation.restore(&saved).unwrap();
         assert!(swing(&mut *simulation, 700, 500) == first, "{engine:?}: in the simulator that saved it");
-        // Another simulator of the same kind, with a past of its own.
+        // Another simulator of the same kind with a different history.
         let mut other = scene(engine);
         swing(&mut *other, 90, 300);
         other.restore(&saved).unwrap();
@@ -142,7 +142,7 @@ fn rays_meet_ground_objects_and_links_where_they_are() {
         let side = hand.rotation * Vector3::y();
         let hit = simulation.cast_ray(middle + side, -side, 2.0).unwrap();
         assert!(hit.name == "panda_hand" && (hit.distance - 0.898).abs() < 1e-6, "{engine:?}: {hit:?}");
-        // What has moved is met where it is now.
+        // A ray hits a moved object at its new position.
         let ball = simulation.object("ball").unwrap();
         simulation.set_object_pose(ball, Isometry3::translation(3.0, 0.0, 0.5));
         let hit = simulation.cast_ray(Point3::new(3.0, 0.0, 2.0), down, 5.0).unwrap();
@@ -197,7 +197,7 @@ fn two_robots_in_one_world_feel_the_same_objects() {
         }
         (0..300).for_each(|_| _ = simulation.step(DT).unwrap());
         let (one, two) = simulation.positions().split_at(home.len());
-        // Each stands as the other, mirrored: their joints agree.
+        // The two are mirror images, so their joints agree.
         for (one, two) in one.iter().zip(two) {
             assert!((one - two).abs() < 1e-9, "{engine:?}: {one} and {two}");
         }
@@ -227,7 +227,7 @@ fn what_an_engine_says_it_can_is_so() {
     }
 }
 
-/// A world of one object that may be changed.
+/// A world of one object, with a change applied.
 fn with(change: impl FnOnce(&mut World)) -> World {
     let cube = object("cube", ObjectShape::Box { size: [0.1; 3] }, Some(1.0), [0.0, 0.0, 5.0]);
     let mut world = World { ground: Some(Ground::default()), objects: vec![cube], ..World::default() };
@@ -297,7 +297,7 @@ fn rays_and_contacts_name_meshes_and_compounds() {
         for step in 0..2000 {
             simulation.step(DT).unwrap_or_else(|error| panic!("{engine:?}, step {step}: {error}"));
         }
-        // The mean of a while: springs of contacts tremble.
+        // Average over a while, because spring contacts oscillate.
         let mut up = std::collections::BTreeMap::<String, f64>::new();
         for _ in 0..400 {
             simulation.step(DT).unwrap();
@@ -308,7 +308,7 @@ fn rays_and_contacts_name_meshes_and_compounds() {
                 }
             });
         }
-        // The ball lies in the tray, which carries it.
+        // The ball is in the tray, which supports it.
         for (name, weight) in [("rock", 0.3), ("club", 0.4), ("tray", 0.8)] {
             let found = up.get(name).copied().unwrap_or(0.0);
             let id = simulation.object(name).unwrap();

@@ -1,4 +1,4 @@
-//! Connections against closed forms: loops of links, things that are fixed to one another, free flight.
+//! Connections against closed forms: loops of links, objects fixed to each other, and free flight.
 
 use motorium_physics::{
     ArticulatedSimulator, ConnectError, Connection, ConnectionKind, Ground, JointCommand, MujocoSimulator,
@@ -9,8 +9,8 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::engines::has_mujoco;
 
-/// A crank of 0.2 m at the origin with a coupler of 0.5 m, and a rocker of 0.4 m at x = 0.5 m, all about y:
-/// at the angles of the file they lie stretched out along x, z and so on as `links` turns them.
+/// A crank of 0.2 m at the origin with a coupler of 0.5 m, and a rocker of 0.4 m at x = 0.5 m, all about y.
+/// At zero angles they are stretched out along x, z and so on, according to `links`.
 fn linkage() -> Model {
     let link = |name: &str, length: f64| {
         format!(
@@ -37,8 +37,8 @@ fn linkage() -> Model {
     parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap().model
 }
 
-/// Angles of coupler and rocker, both against x, that close the loop at this angle of the crank: the two
-/// circles about its end and about the pivot of the rocker meet above.
+/// Angles of coupler and rocker, both against x, that close the loop at this angle of the crank: the upper
+/// intersection of the two circles about the end of the crank and about the pivot of the rocker.
 fn closed(crank: f64) -> (f64, f64) {
     let (tip, pivot) = ([0.2 * crank.cos(), 0.2 * crank.sin()], [0.5, 0.0]);
     let (dx, dz) = (pivot[0] - tip[0], pivot[1] - tip[1]);
@@ -60,7 +60,7 @@ fn a_four_bar_linkage_turns_as_its_geometry_says() {
     let q = [0.3, coupler - 0.3, rocker];
     let mut bars = ArticulatedSimulator::new(linkage(), World::default(), &q, Options::default()).unwrap();
     bars.connect(&pin()).unwrap();
-    // The crank is led through two turns.
+    // The crank is driven through two turns.
     for step in 0..8000 {
         let goal = 0.3 + 12.566_370_614 * f64::from(step) / 8000.0;
         bars.commands_mut()[0] =
@@ -150,8 +150,8 @@ fn connected_bodies_keep_momentum_in_flight() {
         let mut bricks = with_bricks([0.0; 3]);
         let parts = ["one", "two"].map(str::to_owned);
         bricks.connect(&Connection { parts, kind, point: [0.125, 0.0, 0.0] }).unwrap();
-        // Gravity acts on both for a moment, away from any contact: it causes no spin, so the momentum equals
-        // the fall's.
+        // Gravity moves both from rest for a moment, without any support: it causes no spin, so the momentum
+        // is the momentum of the fall.
         bricks.set_gravity(Vector3::new(0.3, 0.0, 1.0));
         (0..200).for_each(|_| _ = bricks.step(1e-3).unwrap());
         bricks.set_gravity(Vector3::zeros());
@@ -182,8 +182,8 @@ fn a_rod_with_a_weight_attached_swings_with_the_period_of_both() {
     let world = World { objects: vec![weight], ..World::default() };
     let mut swing = ArticulatedSimulator::new(rod.clone(), world, &[0.1], Options::default()).unwrap();
     swing.attach(&last, "weight").unwrap();
-    // Inertia about the hinge and moment of weight of the rod, from its mass matrix and gravity; of the
-    // weight about its own centre, too.
+    // Inertia about the hinge and gravity moment of the rod, from its mass matrix and gravity, plus the
+    // weight's inertia about its centre.
     let mut dynamics = motorium_robots::Dynamics::new(&rod);
     let mut mass = nalgebra::DMatrix::zeros(1, 1);
     dynamics.crba(&rod, &[0.0], &mut mass);
@@ -205,7 +205,7 @@ fn a_rod_with_a_weight_attached_swings_with_the_period_of_both() {
         before = now;
     }
     let found = passes[1] - passes[0];
-    // An amplitude of 0.1 rad lengthens it by 0.06 %; the rod's damping shortens nothing that shows.
+    // An amplitude of 0.1 rad lengthens the period by 0.06 %; the effect of the rod's damping is negligible.
     assert!((found / period - 1.0).abs() < 3e-3, "{found} s, expected {period} s");
 }
 
@@ -266,7 +266,7 @@ fn a_connection_to_a_fixed_object_keeps_other_contacts() {
         position,
         ..Object::default()
     };
-    // It hangs by a corner on a post, over a shelf that it would swing through.
+    // It hangs by a corner on a post, above a shelf in the path of its swing.
     let objects = vec![
         cube("post", None, [0.0, 0.0, 1.0]),
         cube("shelf", None, [0.3, 0.0, 0.85]),
@@ -289,7 +289,7 @@ fn a_connection_to_a_fixed_object_keeps_other_contacts() {
     };
     let low = height(&simulation);
     assert!(low > 0.93, "the shelf carries it, at {low} m");
-    // Of two connections the one named is taken away.
+    // Only the named one of two connections is removed.
     simulation.connect(&pin("beam")).unwrap();
     assert!(simulation.detach("beam", "weight"));
     assert!(!simulation.detach("beam", "weight"));

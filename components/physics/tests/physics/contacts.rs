@@ -1,4 +1,4 @@
-//! Objects, the ground, and the robot touching them.
+//! Contacts of objects, the ground, and the robot.
 
 use motorium_physics::{
     ArticulatedSimulator, BuildError, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator,
@@ -24,7 +24,7 @@ fn run(simulation: &mut dyn Simulator, seconds: f64) -> usize {
     (0..(seconds / DT).round() as usize).map(|_| usize::from(simulation.step(DT).unwrap().near_contact)).sum()
 }
 
-/// A ball of 2 kg and 5 cm on a vertical rail, its centre at height q.
+/// A ball of 2 kg and 5 cm on a vertical rail, with its centre at height q.
 fn ram() -> Model {
     let urdf = r#"<robot name="ram"><link name="rail"/><link name="head"><inertial><mass value="2"/>
         <inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -43,7 +43,7 @@ fn a_box_falls_and_rests_on_the_ground_with_its_weight() {
         panda::command_hold(&mut *simulation, &home);
         let cube = simulation.object("cube").unwrap();
         run(&mut *simulation, 0.1);
-        // Free fall for 0.1 s, semi-implicit in integration steps of h: g t (t + h) / 2. Rapier takes two a
+        // Free fall for 0.1 s, semi-implicit in integration steps of h: g t (t + h) / 2. Rapier uses two per
         // millisecond.
         let fallen = 0.3 - simulation.object_pose(cube).translation.z;
         let h = if engine == Engine::Rapier { 0.5 * DT } else { DT };
@@ -69,7 +69,7 @@ fn a_box_falls_and_rests_on_the_ground_with_its_weight() {
 #[test]
 fn objects_turn_as_their_shape_says() {
     for engine in engines() {
-        // A rod spun about two axes: without torque its angular momentum stays.
+        // A rod spinning about two axes: its angular momentum is constant without torque.
         let rod =
             object("rod", ObjectShape::Cylinder { radius: 0.01, length: 0.2 }, Some(0.1), [1.0, 0.0, 1.0]);
         let world = World { gravity: [0.0; 3], objects: vec![rod], ..World::default() };
@@ -78,7 +78,7 @@ fn objects_turn_as_their_shape_says() {
         assert!(
             (moments.x - 0.1 * (3.0 * 1e-4 + 0.04) / 12.0).abs() < 1e-12 && (moments.z - 5e-6).abs() < 1e-15
         );
-        // Dropped on its edge it must fall over about the right axis: a tilted disc comes to lie flat.
+        // Dropped on its edge it must fall over about the right axis: a tilted disc ends up lying flat.
         let mut disc = object(
             "disc",
             ObjectShape::Cylinder { radius: 0.05, length: 0.004 },
@@ -112,7 +112,7 @@ fn a_robot_pressing_on_the_ground_feels_its_command() {
         simulation.visit_contacts(&mut |contact| force += contact.force);
         assert!((force - (2.0 * 9.81 - effort)).abs() < 0.5, "{engine:?}: {force} N against {effort} N");
         assert!(simulation.touching("head", "ground"));
-        // And up again: it lets go.
+        // Up again: the contact opens.
         simulation.commands_mut()[0] = JointCommand::hold(0.2, 1_000.0, 60.0);
         run(&mut *simulation, 1.0);
         assert!(!simulation.touching("head", "ground"));
@@ -140,7 +140,7 @@ fn effort_limits_hold_while_pressing() {
 #[test]
 fn the_arm_pushes_an_object_and_is_pushed_back() {
     for engine in engines() {
-        // The ram drives sideways here: a rail along x.
+        // The ram moves sideways here, on a rail along x.
         let urdf = r#"<robot name="pusher"><link name="rail"/><link name="head"><inertial><mass value="2"/>
             <inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
             <collision><geometry><sphere radius="0.05"/></geometry></collision></link>
@@ -148,7 +148,7 @@ fn the_arm_pushes_an_object_and_is_pushed_back() {
             <axis xyz="1 0 0"/><limit lower="-1" upper="1" velocity="5" effort="100"/></joint></robot>"#;
         let model = parse_urdf(urdf, None, MimicMode::Follow, &PackagePath::default()).unwrap().model;
         let mut cube = object("cube", ObjectShape::Box { size: [0.2; 3] }, Some(1.0), [0.2, 0.0, 0.1]);
-        // The mean of 0 and 0.8 below, of 0 and 0 between pusher and cube.
+        // The mean of 0 and 0.8 below, and of 0 and 0 between pusher and cube.
         (cube.friction, cube.friction_combine) = (0.0, Some(motorium_robots::FrictionCombine::Mean));
         let world = grounded(vec![cube]);
         let mut simulation =
@@ -157,10 +157,10 @@ fn the_arm_pushes_an_object_and_is_pushed_back() {
         run(&mut *simulation, 3.0);
         let cube = simulation.object("cube").unwrap();
         let moved = simulation.object_pose(cube).translation.x - 0.2;
-        // 3 s at 0.1 m/s, less the first 5 cm of air.
+        // 3 s at 0.1 m/s, minus the first 5 cm without contact.
         assert!((moved - 0.25).abs() < 0.01, "{engine:?}: {moved} m");
-        // Sliding friction: mu m g. On MuJoCo's soft ground the cube rocks as it slides: there half a
-        // second's mean.
+        // Sliding friction: mu m g. On MuJoCo's soft ground the cube rocks as it slides, so half a second is
+        // averaged there.
         let samples = if engine == Engine::Mujoco { 500 } else { 1 };
         let mut effort = 0.0;
         for sample in 0..samples {
@@ -183,7 +183,7 @@ fn the_panda_closes_its_hand_on_a_cube_and_lifts_it() {
         let mut kinematics = motorium_robots::Kinematics::new(&panda.model);
         kinematics.update(&panda.model, home.as_slice());
         let grasp = kinematics.pose(&panda.model, tcp).translation.vector;
-        // A pillar under the cube, so that it waits between the fingers.
+        // A pillar under the cube keeps it between the fingers.
         let height = grasp.z - 0.02;
         let pillar = object(
             "pillar",
@@ -240,7 +240,7 @@ fn contacts_are_looked_for_only_where_they_can_be() {
     let home = panda::home();
     panda::command_hold(&mut *simulation, &home);
     assert_eq!(run(&mut *simulation, 0.5), 0, "nothing is near the arm at home");
-    // A wall set down before the hand is noticed at once.
+    // A wall placed in front of the hand has an immediate effect.
     let wall = object("wall", ObjectShape::Box { size: [0.1, 1.0, 1.0] }, None, [3.0, 0.0, 0.5]);
     let mut simulation = panda::at_home(Engine::Articulated, grounded(vec![wall]), Options::default());
     panda::command_hold(&mut *simulation, &home);
@@ -318,7 +318,7 @@ fn mistakes_in_the_world_are_named() {
         .err()
         .unwrap();
     assert!(error.to_string().contains("`contact_iterations` is 0"), "{error}");
-    // Rapier always takes the same number of integration steps.
+    // Rapier always runs the same number of integration steps.
     let options = Options { substeps: 4, ..Options::default() };
     let error = RapierSimulator::new(ram(), World::default(), &[0.2], options).err().unwrap();
     assert!(error.to_string().contains("`substeps` is 4, expected 1"), "{error}");
@@ -326,7 +326,7 @@ fn mistakes_in_the_world_are_named() {
 
 #[test]
 fn links_that_a_collision_rule_names_pass_through_one_another() {
-    // A ball that slides down on a table which is its carrier's carrier.
+    // A ball that slides down a table which carries the ball's carrier.
     let urdf = r#"<robot name="gantry"><link name="table"><collision><geometry><box size="0.4 0.4 0.1"/></geometry>
         </collision></link>
         <link name="bridge"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
@@ -353,7 +353,7 @@ fn links_that_a_collision_rule_names_pass_through_one_another() {
     }
 }
 
-/// A block of 2 kg that slides along x and z only, and one that slides along x only.
+/// A block of 2 kg that slides along x and z only, or along x only.
 fn block(planar: bool) -> Model {
     let inertia = r#"<inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>"#;
     let limit = r#"<limit lower="-9" upper="9" velocity="9" effort="100"/>"#;
@@ -387,7 +387,7 @@ fn friction_brakes_a_robot_whose_joints_hold_the_other_tangent() {
 
 #[test]
 fn a_contact_that_the_joints_hold_does_not_disturb_the_motion() {
-    // The block starts 2 cm inside the ground and cannot leave it; without friction it moves freely along its
+    // The block starts 2 cm inside the ground and cannot leave it. Without friction it moves freely along its
     // rail.
     let world = World {
         ground: Some(Ground { friction: 0.0, height: -0.03, ..Ground::default() }),

@@ -26,7 +26,8 @@ fn position(simulation: &dyn Simulator, object: &str) -> Vector3<f64> {
     simulation.object_pose(simulation.object(object).unwrap()).translation.vector
 }
 
-/// A belt of four metres that runs along its own x with `speed` \[m/s\], turned by `yaw`, its top at 0.1 m.
+/// A belt of four metres that runs along its x axis at `speed` \[m/s\], rotated by `yaw`, with its top at 0.1
+/// m.
 fn belt(speed: f64, yaw: f64) -> Object {
     Object {
         name: "belt".to_owned(),
@@ -86,8 +87,8 @@ fn the_velocity_of_a_belt_turns_with_it() {
 
 #[test]
 fn a_ball_on_a_belt_slips_until_its_rolling_meets_it() {
-    // Sliding: v = mu g t, and r omega = (5/2) mu g t backwards: v - r omega reaches the speed of the belt at
-    // 2/7 of it.
+    // Sliding: v = mu g t, and r omega = (5/2) mu g t backwards. v - r omega reaches the belt speed at 2/7 of
+    // it.
     let ball = Object {
         name: "parcel".to_owned(),
         shape: ObjectShape::Sphere { radius: 0.05 },
@@ -104,7 +105,7 @@ fn a_ball_on_a_belt_slips_until_its_rolling_meets_it() {
 #[test]
 fn a_ground_may_be_a_treadmill_and_carries_a_stack_along() {
     let ground = Ground { conveyor: Some(Conveyor { velocity: [0.0, -0.3, 0.0] }), ..Ground::default() };
-    // Too wide to tip, and more contact points than a matrix is formed for.
+    // Too wide to tip, with more contact points than a matrix is formed for.
     let objects = (0..4).map(|index| Object {
         name: format!("box{index}"),
         shape: ObjectShape::Box { size: [0.4, 0.4, 0.05] },
@@ -130,7 +131,7 @@ fn engines_without_conveyors_refuse_them() {
     }
 }
 
-/// A ball of 0.5 kg with a drag area of 0.02 m2, a kilometre high.
+/// A ball of 0.5 kg with a drag area of 0.02 m2, at a height of one kilometre.
 fn falling(wind: [f64; 3]) -> World {
     let ball = Object {
         name: "ball".to_owned(),

@@ -1,4 +1,4 @@
-//! The same commands give the same bits: again, after a reset, and in another process.
+//! The same commands produce the same bits: on a second run, after a reset, and in another process.
 
 use std::process::Command;
 
@@ -33,7 +33,7 @@ fn simulation(engine: Engine) -> Box<dyn Simulator> {
     panda::at_home(engine, world, Options::default())
 }
 
-/// Hash (FNV-1a) of every bit of state along two seconds in which objects fall on a moving arm.
+/// Hash (FNV-1a) of every bit of state over two seconds in which objects fall on a moving arm.
 fn history(simulation: &mut dyn Simulator) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut eat = |value: f64| {
@@ -90,7 +90,7 @@ fn a_reset_leaves_nothing_of_the_run_before() {
     }
 }
 
-/// Hash tables with random seeds would show only here.
+/// Only this test would reveal hash tables with random seeds.
 #[test]
 fn two_processes_agree_to_the_bit() {
     let found: Vec<u64> = engines().map(|engine| history(&mut *simulation(engine))).collect();

@@ -25,7 +25,7 @@ fn run(simulation: &mut dyn Simulator, seconds: f64) {
     }
 }
 
-/// A block on a rail: everything about it is known in closed form.
+/// A block on a rail; its motion is known in closed form.
 fn slider(damping: f64, friction: f64, effort: f64) -> Model {
     let urdf = format!(
         r#"<robot name="slider"><link name="rail"/><link name="block"><inertial><mass value="2"/>
@@ -144,13 +144,13 @@ fn law_and_feed_forward_keep_the_effort_limit() {
 
 #[test]
 fn the_effort_reported_is_the_effort_that_moved_the_arm() {
-    // Newton's second law from the outside: M (v1 - v0) / dt + bias + damping v1 = reported effort.
+    // Newton's second law from outside: M (v1 - v0) / dt + bias + damping v1 = reported effort.
     for engine in engines() {
         let model = panda::loaded().model;
         let mut home = panda::home();
-        // Away from its stop, whose reaction would be felt in every joint.
+        // Away from its stop, whose reaction would affect every joint.
         home[7] = 0.02;
-        // One integration step a step, so that its start and its end are both seen.
+        // One integration step per step, so that its start and its end are both visible.
         let options = Options { contact_iterations: 1, ..options() };
         let mut simulation = engine.simulate(model.clone(), World::default(), &home, options);
         panda::command_hold(&mut *simulation, &home.iter().map(|q| q + 0.002).collect::<Vec<_>>());
@@ -300,7 +300,7 @@ fn speed_beyond_the_limit_is_flagged() {
 }
 
 /// Largest speed of joint `moved` as a share of its limit, over a second of commands that change every five
-/// milliseconds, while the others are held.
+/// milliseconds, while the other joints are held.
 fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointCommand) -> f64 {
     let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
     let model = simulation.model();
@@ -317,7 +317,7 @@ fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointCommand
             wanted = command(&mut seed);
         }
         let q = simulation.positions()[moved];
-        // As a command gate has it: no faster than the joint can be stopped at the end of its range.
+        // As in a command gate: no faster than the joint can be stopped at the end of its range.
         let towards = |distance: f64| (10.0 * limit * distance.max(0.0)).sqrt().clamp(0.05 * limit, limit);
         let (min_velocity, max_velocity) = (-towards(q - low), towards(high - q));
         simulation.commands_mut()[moved] = JointCommand { min_velocity, max_velocity, ..wanted };
@@ -327,7 +327,7 @@ fn fastest_under(moved: usize, mut command: impl FnMut(&mut u64) -> JointCommand
     fastest
 }
 
-/// Evenly distributed in -1 to 1.
+/// Uniformly distributed in -1 to 1.
 fn noise(seed: &mut u64) -> f64 {
     *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
@@ -352,7 +352,8 @@ fn a_drive_keeps_its_velocity_limit_whatever_it_is_commanded() {
         let shares: Vec<f64> = (0..8).map(|joint| fastest_under(joint, command)).collect();
         assert!(shares.iter().all(|share| *share < 1.05), "{what}: {shares:?} of the velocity limits");
     }
-    // Without a limit in the command the same efforts go far beyond it: the law is what keeps it.
+    // Without a velocity limit in the command the same efforts exceed it by far, so the drive law enforces
+    // it.
     let mut simulation = panda::at_home(Engine::Articulated, World::default(), options());
     simulation.commands_mut().fill(JointCommand::effort(1e9));
     run(&mut *simulation, 0.2);

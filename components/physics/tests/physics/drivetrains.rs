@@ -9,7 +9,7 @@ use motorium_robots::{
     Activation, ActuatorSettings, Drivetrain, InputOrder, NetworkSettings, NetworkWeights, load,
 };
 
-/// A rod of 1 kg and 1 m without gravity, that begins at rest.
+/// A rod of 1 kg and 1 m without gravity, initially at rest.
 fn rod(settings: ActuatorSettings) -> ArticulatedSimulator {
     let model = load("pendulum", Path::new(".")).unwrap().model;
     let setup = RobotSetup { actuators: vec![Some(settings)], ..RobotSetup::from(model) };
@@ -38,7 +38,7 @@ fn motor_torque_moves_the_rod_through_its_spring() {
     for step in 1..=30_000 {
         rod.step(h).unwrap();
         let time = h * f64::from(step);
-        // both accelerate by torque / whole; the twist swings about what accelerates the rod
+        // both accelerate by torque / whole; the twist oscillates about the value that accelerates the rod
         let carried = torque * INERTIA / whole * (1.0 - (omega * time).cos());
         assert!((rod.efforts()[0] - carried).abs() < 0.02, "{time} s: {}, {carried}", rod.efforts()[0]);
         let velocity = torque / whole * (time - (omega * time).sin() / omega);
@@ -52,7 +52,7 @@ fn the_rod_moves_freely_in_the_gap_of_a_gear() {
     let mut rod = behind(teeth);
     rod.reset(&[0.0], &[0.4]).unwrap();
     let (h, mut impulse, mut met) = (1e-3, 0.0, None);
-    // the motor begins with the joint's velocity: stop it
+    // the motor starts with the joint's velocity: stop it
     for step in 0..1000 {
         rod.commands_mut()[0] = JointCommand { kp: 500.0, kd: 50.0, ..JointCommand::default() };
         rod.step(h).unwrap();
@@ -62,7 +62,7 @@ fn the_rod_moves_freely_in_the_gap_of_a_gear() {
             met.get_or_insert(step);
         }
     }
-    // half the gap at 0.4 rad/s: 50 ms, and what the motor moved meanwhile
+    // half the gap at 0.4 rad/s: 50 ms, plus the motion of the motor in that time
     assert!(met.is_some_and(|step| (45..70).contains(&step)), "{met:?}");
 }
 
@@ -112,7 +112,7 @@ fn a_network_computes_effort_from_its_history() {
         let wanted = if step < 200 { 0.2 } else { -0.3 };
         let (error, v) = (wanted - rod.positions()[0], rod.velocities()[0]);
         errors.push(error);
-        // whatever the gains of the command are, the network has its own
+        // the network uses its own gains and ignores the gains of the command
         rod.commands_mut()[0] = JointCommand::hold(wanted, 7.0, 1.0);
         rod.step(1e-3).unwrap();
         let before = errors[errors.len().saturating_sub(5)];

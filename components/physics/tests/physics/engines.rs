@@ -1,4 +1,4 @@
-//! The engines, for tests that hold for each of them.
+//! The engines, for tests that apply to each of them.
 
 use std::io::Write;
 use std::sync::Once;
@@ -16,13 +16,13 @@ pub(crate) enum Engine {
     Mujoco,
 }
 
-/// The engines that this machine has: the library of MuJoCo is not part of this repository.
+/// Returns the engines available on this machine: the MuJoCo library is not part of this repository.
 pub(crate) fn engines() -> impl Iterator<Item = Engine> {
     [Engine::Articulated, Engine::Rapier].into_iter().chain(has_mujoco().then_some(Engine::Mujoco))
 }
 
-/// Returns `true` if MuJoCo's library is installed. Otherwise prints that once, bypassing the capture of the
-/// test's output.
+/// Returns `true` if MuJoCo's library is available. Otherwise reports this once, bypassing the capture of
+/// test output.
 pub(crate) fn has_mujoco() -> bool {
     static SAID: Once = Once::new();
     let found = Mujoco::find();
@@ -35,7 +35,7 @@ pub(crate) fn has_mujoco() -> bool {
 }
 
 impl Engine {
-    /// A simulation of `model` in `world`, at rest at `q`.
+    /// Creates a simulation of `model` in `world`, at rest at `q`.
     pub(crate) fn simulate(
         self,
         model: Model,
@@ -46,7 +46,7 @@ impl Engine {
         self.try_simulate(model, world, q, options).unwrap_or_else(|error| panic!("{self:?}: {error}"))
     }
 
-    /// The same, where the engine can.
+    /// Creates the same simulation if the engine supports it.
     pub(crate) fn try_simulate(
         self,
         model: Model,
@@ -61,7 +61,7 @@ impl Engine {
         })
     }
 
-    /// Words against a pendulum in `world`.
+    /// Returns the error message for a pendulum in `world`.
     pub(crate) fn refuse(self, world: World) -> String {
         let pendulum = motorium_robots::load("pendulum", std::path::Path::new(".")).unwrap().model;
         let options = Options::default();

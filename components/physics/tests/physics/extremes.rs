@@ -1,5 +1,5 @@
-//! Scenes at the limits of practical use: tiny and heavy objects, large mass ratios, tall stacks, thin plates
-//! and walls, fast balls, fast spins, and objects that start inside one another.
+//! Scenes at the limits of typical use: tiny and heavy objects, large mass ratios, tall stacks, thin plates
+//! and walls, fast balls, fast spins, and objects that start inside each other.
 
 use motorium_physics::{Ground, Object, ObjectShape, Simulator, World};
 use motorium_robots::CompoundPart;
@@ -39,7 +39,7 @@ fn thrown(mut objects: Vec<Object>, speed: f64) -> Box<dyn Simulator> {
 
 #[test]
 fn cubes_of_five_millimetres_stand_on_one_another() {
-    // Steel: a gramme each.
+    // Steel: one gram each.
     let objects = (0..3).map(|layer| {
         cube(&format!("cube_{layer}"), 5e-3, 1e-3, [0.0, 0.0, 2.5e-3 + 5e-3 * f64::from(layer)])
     });
@@ -179,7 +179,7 @@ fn overlapping_objects_separate_slowly_and_rest() {
 
 #[test]
 fn a_spinning_top_precesses_as_the_closed_form_says() {
-    // A disc on a stem whose tip stands on the ground; heavy friction holds the tip.
+    // A disc on a stem whose tip is on the ground; high friction holds the tip.
     let disc = CompoundPart {
         shape: ObjectShape::Cylinder { radius: 0.06, length: 0.02 },
         position: [0.0, 0.0, 0.08],
@@ -200,7 +200,7 @@ fn a_spinning_top_precesses_as_the_closed_form_says() {
         friction: 5.0,
         rpy: [0.0, 0.2, 0.0],
         angular_velocity: spin.into(),
-        // Its tip stands still.
+        // Its tip is stationary.
         velocity: spin.cross(&(turn * Vector3::new(0.0, 0.0, 0.08))).into(),
         ..Object::default()
     };
@@ -219,7 +219,7 @@ fn a_spinning_top_precesses_as_the_closed_form_says() {
             (now - before + core::f64::consts::PI).rem_euclid(core::f64::consts::TAU) - core::f64::consts::PI;
         (before, turned, tilts) = (now, turned + by, (tilts.0.min(tilt), tilts.1.max(tilt)));
     }
-    // m g l / (I w), fast top.
+    // m g l / (I w) of a fast top.
     let (mass, arm, inertia) = (0.5, 0.08, 0.5 * 0.5 * 0.06 * 0.06);
     let expected = mass * G * arm / (inertia * 200.0) * 0.5;
     assert!((turned - expected).abs() < 0.05 * expected, "{turned} rad in 0.5 s, expected {expected}");

@@ -1,9 +1,10 @@
 //! The first step from a state against Pinocchio's forward dynamics: the engine integrates the right
 //! equations.
 //!
-//! The catalogue's Panda always; the Panda and UR5 of the PyPI package `example-robot-data` if installed:
-//! URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder with `panda_description` and others in it) or in the
-//! `python3` of the path, vectors in `MOTORIUM_GOLDEN` or `../shared/golden` next to the repository.
+//! The test always covers the catalogue's Panda. It also covers the Panda and UR5 of the PyPI package
+//! `example-robot-data` if they are on this machine: URDFs in `MOTORIUM_EXAMPLE_ROBOT_DATA` (a folder that
+//! contains `panda_description` and others) or in the `python3` of the path, vectors in `MOTORIUM_GOLDEN` or
+//! `../shared/golden` next to the repository.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -16,8 +17,8 @@ use crate::engines::{Engine, engines};
 use crate::panda;
 
 /// Engine, step \[s\], and bound on the error of the first step against forward dynamics, relative to the
-/// largest acceleration. The articulated engine solves the very same equations, and so does MuJoCo but for
-/// mimic joints, which are constraints there; rapier treats Coriolis forces half implicitly, an error of
+/// largest acceleration. The articulated engine solves exactly the same equations. So does MuJoCo, except for
+/// mimic joints, which are constraints there. Rapier treats Coriolis forces half implicitly, an error of
 /// first order.
 const BARS: [(Engine, f64, f64); 4] = [
     (Engine::Articulated, 1e-5, 1e-9),
@@ -60,7 +61,7 @@ fn agrees(name: &str, model: &Model, golden: &Value) {
             let pick =
                 |key: &str| -> Vec<f64> { order.iter().map(|&i| case[key][i].as_f64().unwrap()).collect() };
             let (q, v, tau, expected) = (pick("q"), pick("v"), pick("tau"), pick("aba"));
-            // Stops are no part of forward dynamics: start clear of them.
+            // Stops are not part of forward dynamics: start away from them.
             let inside = (0..n).all(|i| {
                 let travel = 10.0 * dt * (v[i].abs() + dt * expected[i].abs());
                 q[i] - travel > model.lower()[i] && q[i] + travel < model.upper()[i]
@@ -93,7 +94,7 @@ fn error(found: &[f64], expected: &[f64]) -> f64 {
     found.iter().zip(expected).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs() / scale))
 }
 
-/// Column of a joint in the vectors. Two formats: names alone, or records with the column in them.
+/// Column of a joint in the vectors. There are two formats: names only, or records that contain the column.
 fn column(golden: &Value, joint: &str) -> usize {
     let joints = golden["joints"].as_array().unwrap();
     let named = |entry: &Value| entry.as_str().or(entry["name"].as_str()) == Some(joint);
@@ -101,7 +102,7 @@ fn column(golden: &Value, joint: &str) -> usize {
     joints[index]["idx_v"].as_u64().map_or(index, |column| column as usize)
 }
 
-/// The robot without damping, friction and effort limits, which forward dynamics does not know.
+/// The robot without damping, friction and effort limits, which forward dynamics does not model.
 fn ideal(urdf: &str, mimic: MimicMode) -> Model {
     let mut text = String::new();
     for tag in urdf.split_inclusive('>') {
@@ -111,7 +112,7 @@ fn ideal(urdf: &str, mimic: MimicMode) -> Model {
     parse_urdf(&unlimited(&text), None, mimic, &PackagePath::default()).unwrap().model
 }
 
-/// Every effort limit becomes unreachable.
+/// Raises every effort limit out of reach.
 fn unlimited(urdf: &str) -> String {
     let mut text = String::new();
     let mut rest = urdf;

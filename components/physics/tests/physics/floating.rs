@@ -1,4 +1,4 @@
-//! Robots whose base floats: in the air, on the ground, against the laws they must keep.
+//! Robots with a floating base, in the air and on the ground, against physical laws.
 
 use motorium_physics::{
     ArticulatedSimulator, BuildError, Ground, JointCommand, Object, ObjectShape, Options, RapierSimulator,
@@ -14,7 +14,7 @@ const DT: f64 = 1e-3;
 const BOX: &str = r#"<box size="0.2 0.3 0.1"/>"#;
 const BALL: &str = r#"<sphere radius="0.1"/>"#;
 
-/// A plane that leans by `angle` about y, seen from the plane: gravity leans instead.
+/// A plane inclined by `angle` about y, in the frame of the plane: gravity is inclined instead.
 fn slope(angle: f64, friction: f64) -> World {
     let gravity = [9.81 * angle.sin(), 0.0, -9.81 * angle.cos()];
     World { gravity, ground: Some(Ground { friction, ..Ground::default() }), ..World::default() }
@@ -123,7 +123,7 @@ fn a_ball_bounces_to_the_height_its_restitution_leaves() {
 
 #[test]
 fn a_rolling_ball_rolls_on_with_five_sevenths_of_its_slip() {
-    // Thrown without spin, a uniform ball loses 2/7 of its speed until it rolls.
+    // A uniform ball thrown without spin loses 2/7 of its speed until it rolls.
     let mut simulation =
         ArticulatedSimulator::new(body(BALL), grounded(vec![]), &at_height(0.1), Options::default()).unwrap();
     let mut v = [0.0; 6];
@@ -179,13 +179,13 @@ fn wheels_roll_a_base_as_far_as_they_turn() {
     let rolled = radius * (simulation.positions()[0] - turned);
     assert!((way.norm() - rolled).abs() < 0.01 * rolled, "{way} for {rolled} m of wheel");
     assert!(way.x > 0.25 && way.y.abs() < 0.01 && way.z.abs() < 1e-3, "{way}");
-    // Turning on the spot: track and radius give the rate.
+    // Turning on the spot: track and radius determine the rate.
     drive(&mut simulation, -5.0, 5.0, 0.5);
     let (before, wheels) = (simulation.base_pose().rotation, simulation.positions().to_vec());
     drive(&mut simulation, -5.0, 5.0, 0.5);
     let turn = (before.inverse() * simulation.base_pose().rotation).scaled_axis().z;
     let rolled = simulation.positions()[1] - wheels[1] - (simulation.positions()[0] - wheels[0]);
-    // A rigid wheel touches with both its edges; which of them holds decides the track.
+    // A rigid wheel touches with both its edges; the edge that holds determines the track.
     let expected = rolled * radius / base.track.unwrap();
     assert!((0.85..1.15).contains(&(turn / expected)), "{turn} rad, expected {expected}");
 }
@@ -210,7 +210,7 @@ fn a_quadrotor_hovers_and_turns_by_rotor_drag() {
     run(&mut simulation, 1.0);
     assert!((simulation.base_pose().translation.z - q[2]).abs() < 1e-6);
     assert!(simulation.velocity().iter().all(|v| v.abs() < 1e-6), "{:?}", simulation.velocity());
-    // More of those that turn it counterclockwise, less of the others.
+    // More thrust from the rotors that turn it counterclockwise, less from the others.
     for (command, rotor) in simulation.commands_mut().iter_mut().zip(&rotors) {
         *command = JointCommand::effort(0.25 * weight * (1.0 + 0.1 * rotor.torque_per_thrust.signum()));
     }
@@ -257,8 +257,8 @@ fn objects_stack_and_are_pushed_by_a_robot() {
         }
     });
     assert!((force - 1.5 * 9.81).abs() < 0.02, "{force} N");
-    // The frictionless box of 2 kg runs into the cube of 2 kg: inelastic, half of its speed is left, less
-    // what the friction of the cube takes while they hit.
+    // The frictionless box of 2 kg runs into the cube of 2 kg. The impact is inelastic: half of its speed
+    // remains, minus the effect of the cube's friction during the impact.
     let mut v = [0.0; 6];
     v[0] = 3.0;
     let q = simulation.configuration().to_vec();

@@ -1,5 +1,5 @@
-//! Every floating-base robot of the catalogue: on the ground it stands or rests without a heap allocation,
-//! and without drives it falls and comes to rest.
+//! Simulations of every catalogue robot with a floating base: placed on the ground it stands or rests there,
+//! without a heap allocation, and without drives it falls and comes to rest.
 
 use std::path::Path;
 
@@ -47,7 +47,7 @@ fn every_floating_base_robot_stands_by_default_gains() {
         for warning in simulation.warnings() {
             println!("  {warning}");
         }
-        // A biped without a balance controller leans over slowly.
+        // A biped without a balance controller tips over slowly.
         if name == "biped" || name == "humanoid" {
             assert!(sunk < 0.1 && tilt < 0.3, "{name}: sunk by {sunk} m, leans by {tilt} rad");
             continue;
@@ -61,7 +61,7 @@ fn every_floating_base_robot_stands_by_default_gains() {
 fn a_robot_without_drives_collapses_and_rests() {
     for name in ["quadruped", "hexapod"] {
         let mut simulation = standing(name, grounded(vec![]));
-        // Joints with a little friction, as all real ones have.
+        // Joints with a little friction, like all real joints.
         for command in simulation.commands_mut() {
             *command = JointCommand { kd: 0.02, ..JointCommand::default() };
         }

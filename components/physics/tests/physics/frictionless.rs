@@ -1,4 +1,4 @@
-//! Frictions of two surfaces combine by their rules, on every engine: compared with the slide of a block.
+//! Friction combine rules on every engine, measured on a sliding block.
 
 use motorium_physics::{
     ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RobotSetup, Simulator, World,
@@ -10,8 +10,8 @@ use crate::engines::{Engine, engines};
 
 const SPEED: f64 = 1.0;
 
-/// Speed that a block loses in 0.2 s on the ground, per gravity and time: the coefficient of friction of
-/// their contact.
+/// Speed that a block loses in 0.2 s on the ground, divided by gravity and time: the friction coefficient of
+/// the contact.
 fn friction(
     block: (f64, Option<FrictionCombine>),
     ground: (f64, Option<FrictionCombine>),
@@ -47,7 +47,7 @@ fn friction(
 fn frictions_combine_by_the_rule_that_comes_last() {
     let cases = [
         ((0.1, None), (0.5, None), 0.3),
-        // Frictionless on everything that has no rule.
+        // Frictionless in contact with everything that has no rule.
         ((0.0, None), (0.8, None), 0.0),
         ((0.4, None), (0.0, None), 0.0),
         ((0.0, Some(Mean)), (0.8, None), 0.4),

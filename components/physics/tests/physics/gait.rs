@@ -1,11 +1,11 @@
-//! A gait on the ground: joints that follow cosines, as a pattern generator gives them.
+//! A gait on the ground: joints that follow cosines, like the output of a pattern generator.
 
 use motorium_physics::{JointCommand, Simulator};
 
 use crate::legged::held;
 
-/// Cosines of hip pitch and knee whose feet go round ellipses of 6 by 6 cm, legs across in step: (offset,
-/// amplitude, phase).
+/// Cosines of hip pitch and knee whose feet follow ellipses of 6 by 6 cm, with diagonal legs in phase:
+/// (offset, amplitude, phase).
 const FRONT: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (0.8, 0.1875, 2.371), (-1.6, 0.261, -1.571)];
 const HIND: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.8, 0.1875, -2.371), (1.6, 0.261, 1.571)];
 
@@ -34,7 +34,7 @@ fn a_trot_carries_the_quadruped_ahead_as_far_as_in_mujoco() {
     }
     let place = simulation.base_pose().translation;
     println!("after 6 s at {place}");
-    // MuJoCo 4.0.0, with the model of golden/generate_standing.py and the same commands: 1.45 m.
+    // Reference: MuJoCo 4.0.0, with the model of golden/generate_standing.py and the same commands: 1.45 m.
     assert!((place.x - 1.45).abs() < 0.3, "{place}");
     assert!(place.y.abs() < 0.3 && place.z > 0.2, "{place}");
     let up = simulation.base_pose().rotation * nalgebra::Vector3::z();

@@ -1,4 +1,4 @@
-//! Friction that differs by direction, against Coulomb's law along and across the grain.
+//! Direction-dependent friction, against Coulomb's law along and across the grain.
 
 use motorium_physics::{ArticulatedSimulator, Grain, Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{FrictionCombine, Model, load};
@@ -7,7 +7,7 @@ use crate::engines::{Engine, engines};
 
 const G: f64 = 9.81;
 
-/// Coefficients of the contact between the plank and the ground: along the grain, and across it.
+/// Friction coefficients of the contact between the plank and the ground, along and across the grain.
 const ALONG: f64 = 0.1;
 const ACROSS: f64 = 0.6;
 
@@ -16,7 +16,7 @@ fn pendulum() -> Model {
     pendulum.placed(&nalgebra::Isometry3::translation(0.0, 0.0, 50.0))
 }
 
-/// A plank with a grain along its own x, turned by `yaw`.
+/// A plank with a grain along its x axis, rotated by `yaw`.
 fn plank(yaw: f64) -> Object {
     Object {
         name: "plank".to_owned(),
@@ -30,7 +30,7 @@ fn plank(yaw: f64) -> Object {
     }
 }
 
-/// Place of the plank after a second on a slope along `direction` with this sideways acceleration.
+/// Position of the plank after a second on a slope along `direction` with this sideways acceleration.
 fn slide(objects: Vec<Object>, ground: Ground, direction: [f64; 2], sideways: f64) -> [f64; 2] {
     let gravity = [direction[0] * sideways, direction[1] * sideways, -G];
     let world = World { gravity, ground: Some(ground), objects, ..World::default() };

@@ -1,4 +1,4 @@
-//! Grippers hold bodies of every shape still, between pads that are wider and narrower than they.
+//! Grippers that hold bodies of every shape still, between pads wider and narrower than the bodies.
 
 use motorium_physics::{ArticulatedSimulator, JointCommand, Object, Options, Simulator, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::pairs::{Body, DRIFT, ROTATION, bodies, drift};
 
-/// A gripper of two pads of this URDF geometry, whose inner sides are at x = -0.1 and x = 0.1 m, and which
+/// A gripper with two pads of this URDF geometry, whose inner sides are at x = -0.1 and x = 0.1 m, and which
 /// press along x.
 fn gripper(geometry: &str, rpy: &str, depth: f64) -> Model {
     let pad = |name: &str, x: f64, axis: f64| {
@@ -37,10 +37,10 @@ fn grippers_hold_every_shape_between_pads_of_every_shape() {
     let mut failures = Vec::new();
     for (geometry, rpy, depth) in pads {
         for Body { object, height, .. } in bodies() {
-            // What stands or lies on a face of `height` is held between two of these.
+            // An object that stands or lies on a face of `height` is held between two of these.
             let turned = nalgebra::UnitQuaternion::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0)
                 * nalgebra::UnitQuaternion::from_euler_angles(object.rpy[0], object.rpy[1], object.rpy[2]);
-            // A flat pad bears the moment of the weight beside it.
+            // A flat pad transmits the moment of the off-centre weight.
             let flat = geometry.starts_with("box") && object.name != "sphere";
             let (name, beside) = (object.name.clone(), if flat { 0.003 } else { 0.0 });
             let held = Object { position: [0.0, beside, -0.01], rpy: turned.euler_angles().into(), ..object };
@@ -53,7 +53,7 @@ fn grippers_hold_every_shape_between_pads_of_every_shape() {
                 Options::default(),
             )
             .unwrap();
-            // One is held by position and the other presses.
+            // One pad is position-controlled and the other presses.
             simulation.commands_mut()[0] =
                 JointCommand { kp: 2e4, kd: 200.0, effort: 60.0, ..JointCommand::hold(closed, 2e4, 200.0) };
             simulation.commands_mut()[1] = JointCommand::effort(60.0);

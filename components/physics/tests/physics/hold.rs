@@ -1,4 +1,4 @@
-//! The safe state `hold` on simulated robots: it brings them to rest whatever the gains of the last command.
+//! The safe state `hold` on simulated robots: it stops them for any gains of the last command.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ impl Account for NoAccount {
     fn refused(&self, _: Refusal) {}
 }
 
-/// Evenly distributed in 0 to 1.
+/// Uniformly distributed in 0 to 1.
 fn uniform(seed: &mut u64) -> f64 {
     *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*seed >> 11) as f64 / (1_u64 << 53) as f64
@@ -111,7 +111,7 @@ fn hold_stops_robots_with_soft_controllers() {
     for (name, is_legged) in [("panda", false), ("ur5e", false), ("quadruped", true)] {
         let mut worst = 0.0_f64;
         for case in 0..67 {
-            // Its light legs oscillate at 1 kHz under gains that an arm still bears.
+            // Its light legs oscillate at 1 kHz with gains that are stable on an arm.
             let (decades, damping) = if is_legged { (8.0, 5.0) } else { (9.0, 100.0) };
             let gains = (10_f64.powf(-6.0 + decades * uniform(&mut seed)), damping * uniform(&mut seed));
             let world = if is_legged { grounded(vec![]) } else { World::default() };

@@ -1,4 +1,4 @@
-//! Impacts with friction and restitution, off the centres of mass: none gains energy.
+//! Off-centre impacts with friction and restitution do not gain energy.
 
 use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::MeshCollision;
@@ -34,7 +34,7 @@ fn energy(simulation: &ArticulatedSimulator, objects: &[Object]) -> f64 {
     objects.iter().map(of).sum()
 }
 
-/// Largest gain of energy in an impact, relative to that before it, and the largest loss.
+/// Largest energy gain in an impact, relative to the energy before it, and largest loss.
 fn gain(shapes: [&ObjectShape; 2], random: &mut Pcg64Mcg) -> (f64, f64) {
     let mut vector =
         |size: f64| -> Vector3<f64> { Vector3::from_fn(|_, _| random.random_range(-size..=size)) };

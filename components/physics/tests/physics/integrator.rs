@@ -1,4 +1,4 @@
-//! The joint-space step against the laws it promises, joint by joint, wherever the active set had to choose.
+//! The joint-space step against its documented laws, joint by joint, for every choice of the active set.
 
 use motorium_physics::{JointCommand, JointProperties, JointSpaceIntegrator};
 use motorium_robots::Dynamics;
@@ -24,7 +24,7 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
     let mut dynamics = Dynamics::new(&model);
     let (mut mass, mut bias, mut tau) = (DMatrix::zeros(n, n), vec![0.0; n], vec![0.0; n]);
     for _ in 0..400 {
-        // Small efforts, strong friction, narrow ranges: every branch of every law is met.
+        // Small efforts, strong friction and narrow ranges exercise every branch of every law.
         let joints: Vec<JointProperties> = JointProperties::from_model(&model, 0.0)
             .into_iter()
             .map(|joint| JointProperties {
@@ -71,7 +71,7 @@ fn every_step_obeys_newton_the_drive_law_coulomb_and_the_stops() {
                 for j in 0..n {
                     force += mass[(i, j)] * (v[j] - v0[j]) / H;
                 }
-                // What neither drive nor damping explains is friction and stop.
+                // Force not explained by drive and damping is due to friction and stop.
                 let rest = force - tau[i] + joint.damping * v[i];
                 let tolerance = 1e-6 * (1.0 + force.abs() + law.abs());
                 let low = q[i] - joint.lower < 1e-12;
@@ -144,7 +144,7 @@ fn energy_is_kept_by_a_free_arm_to_first_order() {
     assert!(fine < 0.5 * coarse && coarse < 0.3);
 }
 
-/// Kinetic and potential energy, the latter from the heights of the centres of mass.
+/// Kinetic and potential energy, the latter computed from the heights of the centres of mass.
 fn energy(model: &motorium_robots::Model, q: &[f64], v: &[f64]) -> f64 {
     let n = model.nv();
     let mut mass = DMatrix::zeros(n, n);

@@ -1,4 +1,4 @@
-//! Contact points of bodies on narrow faces, at the places that geometry gives.
+//! Contact points of bodies on narrow faces, compared with their geometric positions.
 
 use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, TriangleMesh};
@@ -8,7 +8,7 @@ use crate::meshes::{box_between, mesh, pendulum};
 
 const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Farther than this from the place that geometry gives, a point is wrong \[m\].
+/// Largest distance of a point from its geometric position \[m\].
 const TOLERANCE: f64 = 2e-4;
 
 fn object(name: &str, shape: ObjectShape, position: [f64; 3], rpy: [f64; 3]) -> Object {
@@ -33,7 +33,7 @@ fn points(upper: Object, lower: Object, height: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// Every expected place has a point, and every point is within their hull along both axes.
+/// Every expected position has a point, and every point is within their hull along both axes.
 fn check(what: &str, found: &[[f64; 2]], expected: &[[f64; 2]]) {
     let near = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) < TOLERANCE;
     let whole = expected.iter().all(|place| found.iter().any(|point| near(place, point)));
@@ -44,7 +44,7 @@ fn check(what: &str, found: &[[f64; 2]], expected: &[[f64; 2]]) {
     assert!(whole && within, "{what}: {found:?}, expected {expected:?}");
 }
 
-/// Round bars of radius 0.02 m along x, turned by `yaw` \[rad\], whose lowest line is at z = 0.
+/// Round bars of radius 0.02 m along x, rotated by `yaw` \[rad\], whose lowest line is at z = 0.
 fn round_bars(yaw: f64) -> [(&'static str, Object); 2] {
     let (position, rpy) = ([0.0, 0.0, 0.02], [0.0, QUARTER, yaw]);
     [
@@ -53,7 +53,7 @@ fn round_bars(yaw: f64) -> [(&'static str, Object); 2] {
     ]
 }
 
-/// Rails along y that are 0.02 m wide, 0.4 m long and level at z = 0, of every kind of flat face.
+/// Rails along y, 0.02 m wide, 0.4 m long and level at z = 0, with every kind of flat face.
 fn rails() -> [(&'static str, Object); 3] {
     let (size, below) = ([0.02, 0.4, 0.02], [0.0, 0.0, -0.01]);
     let bar = || box_between([-0.01, -0.2, -0.01], [0.01, 0.2, 0.01]);
@@ -120,7 +120,7 @@ fn boxes_on_posts_touch_round_the_rims() {
     let plate = object("plate", ObjectShape::Box { size: [0.3, 0.3, 0.02] }, [0.0, 0.0, 0.01], [0.0; 3]);
     let post = ObjectShape::Cylinder { radius: 0.02, length: 0.1 };
     let found = points(plate, object("post", post, [0.0, 0.0, -0.05], [0.0; 3]), 0.0);
-    // Points on the rim around the axis, with no gap as wide as a third of it.
+    // Points on the rim around the axis, with no gap as wide as a third of the rim.
     let mut angles: Vec<f64> = found
         .iter()
         .map(|[x, y]| {
@@ -136,7 +136,7 @@ fn boxes_on_posts_touch_round_the_rims() {
 
 #[test]
 fn dense_hulls_rest_on_their_outermost_corners() {
-    // An ellipsoid of some 1100 corners, with half axes of 0.1, 0.07 and 0.05 m.
+    // An ellipsoid with about 1100 corners and half axes of 0.1, 0.07 and 0.05 m.
     let half = Vector3::new(0.1, 0.07, 0.05);
     let ellipsoid = ellipsoid(half, 24);
     for (name, lower) in [
@@ -160,7 +160,7 @@ fn dense_hulls_rest_on_their_outermost_corners() {
     }
 }
 
-/// An ellipsoid of rings of corners, with one at each end of z.
+/// An ellipsoid made of rings of corners, with one corner at each end of z.
 fn ellipsoid(half: Vector3<f64>, rings: usize) -> TriangleMesh {
     let around = 2 * rings;
     let mut points = vec![-Vector3::z().component_mul(&half)];

@@ -1,4 +1,4 @@
-//! Robots with a floating base, ready to simulate.
+//! Simulations of robots with a floating base.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use motorium_physics::{
 };
 use motorium_robots::{BaseMode, LoadOptions, Model, load, parse_urdf_with};
 
-/// 1 kHz.
+/// Runs the simulation at 1 kHz.
 pub(crate) fn run(simulation: &mut ArticulatedSimulator, seconds: f64) {
     for _ in 0..(seconds * 1e3).round() as usize {
         simulation.step(1e-3).unwrap();
@@ -29,7 +29,7 @@ pub(crate) fn body(shape: &str) -> Model {
     parse_urdf_with(&urdf, None, &options).unwrap().model
 }
 
-/// A robot of the catalogue at home in `world`, its drives slack.
+/// A catalogue robot at home in `world`, with slack drives.
 pub(crate) fn standing(name: &str, world: World) -> ArticulatedSimulator {
     let robot = load(name, Path::new(".")).unwrap();
     let setup = RobotSetup::from_loaded(&robot).unwrap();
@@ -38,12 +38,12 @@ pub(crate) fn standing(name: &str, world: World) -> ArticulatedSimulator {
     ArticulatedSimulator::new(setup, world, q.as_slice(), Options::default()).unwrap()
 }
 
-/// A robot of the catalogue at home on the ground, held there by its default gains.
+/// A catalogue robot at home on the ground, held there by its default gains.
 pub(crate) fn held(name: &str) -> ArticulatedSimulator {
     held_in(name, grounded(vec![]))
 }
 
-/// The same in `world`.
+/// The same robot in `world`.
 pub(crate) fn held_in(name: &str, world: World) -> ArticulatedSimulator {
     let robot = load(name, Path::new(".")).unwrap();
     let mut simulation = standing(name, world);

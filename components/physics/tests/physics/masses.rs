@@ -1,11 +1,11 @@
-//! Objects rest whatever their mass, and whatever robot is elsewhere in the world.
+//! Objects rest regardless of their mass and of distant robots in the world.
 
 use motorium_physics::{
     ArticulatedSimulator, BuildError, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator, World,
 };
 use motorium_robots::{MimicMode, Model, PackagePath, load, parse_urdf};
 
-/// An arm of one joint whose moving link has this mass \[kg\]; without inertia where it is zero.
+/// An arm of one joint whose moving link has this mass \[kg\]; without inertia if the mass is zero.
 fn panner(mass: f64) -> Model {
     let moment = mass * 1e-3;
     let inertial = format!(
@@ -29,7 +29,7 @@ fn world(mass: f64) -> World {
         position,
         ..Object::default()
     };
-    // Two on the ground, of which one carries a third.
+    // Two on the ground, one of which carries a third.
     let objects = vec![
         object("alone", mass, [1.0, 0.0, 0.1]),
         object("lower", mass, [-1.0, 0.0, 0.1]),
@@ -38,7 +38,7 @@ fn world(mass: f64) -> World {
     World { ground: Some(Ground::default()), objects, ..World::default() }
 }
 
-/// Largest distance of an object from where it started after a second \[m\].
+/// Largest distance of an object from its start after a second \[m\].
 fn sinks(simulation: &mut dyn Simulator, expected: &World) -> f64 {
     for _ in 0..1000 {
         simulation.step(1e-3).unwrap();

@@ -1,4 +1,4 @@
-//! Cylinders on slopes of triangles and terrains, meshes that are inside out, and meshes far away.
+//! Cylinders on slopes of triangles and terrains, inside-out meshes, and distant meshes.
 
 use motorium_physics::{Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, Terrain, TriangleMesh};
@@ -25,8 +25,8 @@ fn roller(x: f64, height: f64) -> Object {
     }
 }
 
-/// Distance travelled down a slope in a second from rest, and the largest distance from the plane in excess
-/// of its radius.
+/// Distance rolled down a slope in a second from rest, and the largest deviation of its height above the
+/// plane from its radius.
 fn roll(simulation: &mut dyn Simulator) -> (f64, f64) {
     let start = pose(simulation, "roller").translation.vector;
     let normal = Vector3::new(SLOPE.sin(), 0.0, SLOPE.cos());
@@ -40,7 +40,7 @@ fn roll(simulation: &mut dyn Simulator) -> (f64, f64) {
 
 #[test]
 fn a_cylinder_rolls_down_a_slope_of_triangles() {
-    // a = 2/3 g sin(slope); the mesh itself slopes, its object does not.
+    // a = 2/3 g sin(slope); the mesh is sloped, its object is not.
     let height = |x: f64| -SLOPE.tan() * x;
     let sloping = mesh("slope", floor(|x, _| height(x)), MeshCollision::Triangles);
     let objects = vec![Object { friction: 0.9, ..sloping }, roller(-1.0, height(-1.0))];
@@ -90,7 +90,7 @@ fn an_upright_cylinder_touches_a_wall_with_a_line() {
     }
 }
 
-/// The same mesh with all triangles turned over.
+/// The same mesh with all triangles flipped.
 fn inside_out(mesh: TriangleMesh) -> TriangleMesh {
     TriangleMesh { triangles: mesh.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect(), ..mesh }
 }
@@ -123,7 +123,7 @@ fn inconsistent_triangles_are_refused_by_object_name() {
     of(MeshCollision::Hull).check(std::iter::empty()).unwrap();
 }
 
-/// A floor through the points (x, z), from y = -1 to 1.
+/// A floor whose height along x follows the points (x, z), from y = -1 to 1.
 fn profile(points: &[[f64; 2]]) -> TriangleMesh {
     let corner = |[x, z]: &[f64; 2]| [Vector3::new(*x, -1.0, *z), Vector3::new(*x, 1.0, *z)];
     let points: Vec<Vector3<f64>> = points.iter().flat_map(corner).collect();

@@ -1,4 +1,5 @@
-//! Mesh objects: the same as boxes and planes of the same shape on every engine, and non-convex ones.
+//! Objects with mesh shapes: compared with boxes and planes of the same shape on every engine, and nonconvex
+//! meshes.
 
 use motorium_physics::{Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, MeshShape, Model, TriangleMesh, load};
@@ -9,7 +10,7 @@ use crate::engines::{Engine, engines, has_mujoco};
 const DT: f64 = 1e-3;
 const G: f64 = 9.81;
 
-/// Faces of a box between two corners, as triangles that face outward.
+/// Faces of a box between two corners, as outward-facing triangles.
 pub(crate) fn box_between(low: [f64; 3], high: [f64; 3]) -> TriangleMesh {
     let pick = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
     let points = (0..8).map(|corner| Vector3::from_fn(|axis, _| pick(corner, axis))).collect();
@@ -18,7 +19,7 @@ pub(crate) fn box_between(low: [f64; 3], high: [f64; 3]) -> TriangleMesh {
     TriangleMesh { points, triangles }
 }
 
-/// A prism along z with `sides` sides, this far from its axis and `length` long \[m\].
+/// A prism along z with `sides` sides at distance `radius` from its axis, and with length `length` \[m\].
 pub(crate) fn prism(sides: usize, radius: f64, length: f64) -> TriangleMesh {
     let turn = std::f64::consts::TAU / sides as f64;
     let corner = |index: usize, z: f64| {
@@ -42,7 +43,7 @@ pub(crate) fn prism(sides: usize, radius: f64, length: f64) -> TriangleMesh {
     TriangleMesh { points, triangles }
 }
 
-/// Several meshes as one.
+/// Several meshes merged into one.
 pub(crate) fn joined(parts: &[TriangleMesh]) -> TriangleMesh {
     let mut whole = TriangleMesh::default();
     for part in parts {
@@ -53,7 +54,7 @@ pub(crate) fn joined(parts: &[TriangleMesh]) -> TriangleMesh {
     whole
 }
 
-/// A level floor at the height 0 of squares that are no multiple of anything, cut in two triangles each.
+/// A floor of squares with irregular sizes, each cut into two triangles; level at a height of 0.
 pub(crate) fn floor(height: impl Fn(f64, f64) -> f64) -> TriangleMesh {
     let (count, side) = (41_u32, 0.137);
     let at = |index: u32| (f64::from(index) - 20.3) * side;
@@ -98,7 +99,7 @@ pub(crate) fn run(simulation: &mut dyn Simulator, seconds: f64) {
     (0..(seconds / DT).round() as usize).for_each(|_| _ = simulation.step(DT).unwrap());
 }
 
-/// Way that a block slides from a tilted gravity within a time, and how much it leaves its height.
+/// Distance that a block slides under tilted gravity within a time, and its largest change of height.
 fn slide(simulation: &mut dyn Simulator, name: &str, seconds: f64) -> (f64, f64) {
     run(simulation, 0.2);
     let start = pose(simulation, name).translation.vector;
@@ -111,12 +112,12 @@ fn slide(simulation: &mut dyn Simulator, name: &str, seconds: f64) -> (f64, f64)
     (way.xy().norm(), off)
 }
 
-/// Engines whose meshes touch by their triangles.
+/// Engines that support triangle contacts of meshes.
 pub(crate) fn with_triangles() -> impl Iterator<Item = Engine> {
     engines().filter(|engine| *engine != Engine::Mujoco)
 }
 
-/// Gravity on a slope that no side of a triangle follows.
+/// Gravity on a slope that is not parallel to any side of a triangle.
 fn tilted() -> [f64; 3] {
     let (slope, heading) = (0.75_f64, 0.3_f64);
     let along = G * slope.sin();
@@ -145,7 +146,7 @@ fn a_block_slides_over_triangles_as_over_a_plane() {
 
 #[test]
 fn a_mesh_block_slides_and_rests_as_a_box() {
-    // The origin of the mesh lies at one of its corners, its centre elsewhere.
+    // The origin of the mesh is at one of its corners, not at its centre.
     let cube = || {
         let cube = mesh("block", box_between([0.0; 3], [0.2, 0.16, 0.1]), MeshCollision::Hull);
         Object { density: Some(625.0), position: [-0.1, -0.08, 0.0], friction: 0.4, ..cube }
@@ -184,7 +185,7 @@ fn a_mesh_turns_about_its_centre_of_mass_in_flight() {
         assert!((centre.x - 0.3).abs() < 1e-9, "{engine:?}: {centre}");
         let fallen = 0.5 * G * 0.25;
         assert!((5.0 - centre.z - fallen).abs() < 0.01 * fallen, "{engine:?}: {centre}");
-        // A wall under its far end turns it about that.
+        // A wall under its far end rotates it about the edge.
         let wall = Object {
             name: "wall".to_owned(),
             shape: ObjectShape::Box { size: [0.1; 3] },
@@ -195,8 +196,8 @@ fn a_mesh_turns_about_its_centre_of_mass_in_flight() {
         let rod = Object { mass: Some(1.0), position: [0.0, 0.0, 5.0], ..rod };
         let mut simulation = simulate(engine, World { objects: vec![wall, rod], ..World::default() });
         run(&mut *simulation, 0.1);
-        // The lever about the edge of the wall: (g / 2) c / (c^2 + l^2/12) t^2 with the centre c = 0.2 m
-        // beside the edge.
+        // The lever about the edge of the wall: (g / 2) c / (c^2 + l^2/12) t^2 with the centre c = 0.2 m from
+        // the edge.
         let (lever, squared) = (0.2_f64, (0.6_f64.powi(2) + 0.04_f64.powi(2)) / 12.0);
         let expected = 0.5 * G * lever / (lever * lever + squared) * 0.01;
         let angle = pose(&*simulation, "beam").rotation.angle();
@@ -238,7 +239,7 @@ fn a_ball_falls_into_a_trough_of_convex_parts() {
             let mut simulation = simulate(engine, World { objects, ground, ..World::default() });
             run(&mut *simulation, 1.0);
             let height = pose(&*simulation, "ball").translation.z;
-            // Parts are up to a voxel larger than the mesh: 0.6 m / 64.
+            // Parts are up to one voxel larger than the mesh: 0.6 m / 64.
             assert!((height - expected).abs() < 0.015, "{engine:?}, {collision:?}: {height} m");
         }
     }
@@ -293,7 +294,7 @@ fn every_shape_rests_on_triangles_as_on_a_plane() {
 fn a_box_lies_on_a_ridge_and_a_capsule_across_an_edge() {
     let engine = Engine::Articulated;
     let roof = mesh("roof", floor(|x, _| -0.5 * x.abs()), MeshCollision::Triangles);
-    // Its ridge stands where the triangles have it: at the corners nearest to x = 0.
+    // The ridge of the triangles is at the corners nearest to x = 0.
     let ridge = -0.5 * (0.3 * 0.137_f64).min(0.7 * 0.137);
     let bar = Object {
         name: "bar".to_owned(),
@@ -312,7 +313,7 @@ fn a_box_lies_on_a_ridge_and_a_capsule_across_an_edge() {
         name: "capsule".to_owned(),
         shape: ObjectShape::Capsule { radius: 0.03, length: 0.4 },
         mass: Some(1.0),
-        // Along x, its centre over the table by a little.
+        // Along x, with its centre slightly over the table.
         position: [-0.05, 0.1, 0.031],
         rpy: [0.0, core::f64::consts::FRAC_PI_2, 0.0],
         ..Object::default()
@@ -325,7 +326,7 @@ fn a_box_lies_on_a_ridge_and_a_capsule_across_an_edge() {
 
 #[test]
 fn a_ball_on_a_slope_of_triangles_rolls_as_on_a_plane() {
-    // a = 5/7 g sin(slope), on a floor without an edge of its own.
+    // a = 5/7 g sin(slope), on a floor without edges.
     let slope = 0.2_f64;
     let tilted = |object: Object| Object { rpy: [0.0, slope, 0.0], ..object };
     let start = UnitQuaternion::from_euler_angles(0.0, slope, 0.0) * Vector3::new(-1.0, 0.1, 0.05);

@@ -21,7 +21,7 @@ fn options(integrator: Integrator) -> Options {
     Options { integrator, self_collision: false, ..Options::default() }
 }
 
-/// A robot of the catalogue without friction, damping and ends of joints.
+/// A catalogue robot without friction, damping and joint limits.
 fn without_losses(name: &str) -> Model {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/catalogue").join(name).join(name);
     let text = std::fs::read_to_string(file.with_extension("urdf")).unwrap();
@@ -54,7 +54,7 @@ fn a_double_pendulum_keeps_energy_better_than_euler() {
             rods.step(1e-3).unwrap();
             most = most.max((energy(&model, rods.configuration(), rods.velocity(), GRAVITY) - start).abs());
         }
-        // From hanging to standing two rods of 1 kg and 0.5 m have 19.62 J between them.
+        // Between hanging and standing, the energy of two rods of 1 kg and 0.5 m differs by 19.62 J.
         most / 19.62
     });
     println!(
@@ -146,7 +146,7 @@ fn drives_of_any_gain_stay_stable_and_come_to_the_same_rest() {
     let home = arm.profile.as_ref().unwrap().home(&arm.model).unwrap();
     let goal: Vec<f64> = home.iter().map(|q| q + 0.1).collect();
     for kp in [1e2, 1e4, 1e6, 1e8_f64] {
-        // A weak drive without damping swings on for long with both.
+        // A weak drive without damping oscillates for a long time with both methods.
         for kd in [0.0, 0.05 * kp.min(1e6)].into_iter().filter(|kd| *kd > 0.0 || kp > 1e3) {
             let rest = METHODS.map(|method| {
                 let mut robot = ArticulatedSimulator::new(
@@ -253,7 +253,7 @@ fn a_joint_arrives_at_its_stop_without_coming_back() {
         let (q, v) = (flap.positions()[0], flap.velocities()[0]);
         assert!(q > -0.5 - 1e-12, "{q}");
         arrived |= q < -0.5 + 1e-9;
-        // Gravity alone takes it away again: no faster than from rest at the stop.
+        // Only gravity moves it away again: no faster than from rest at the stop.
         let most = (2.0 * 9.81 * 0.3 / 0.1 * ((-q).cos() - 0.5_f64.cos()).max(0.0)).sqrt();
         assert!(!arrived || v < most + 1e-6, "came back with {v} rad/s at {q}");
     }

@@ -1,7 +1,7 @@
-//! The MuJoCo engine against ours: the same motion where nothing touches, the same rest and the same slip
-//! where something does.
+//! The MuJoCo engine against the articulated engine: the same motion without contacts, and the same rest and
+//! slip with contacts.
 //!
-//! Every test here reports when it is skipped: MuJoCo's library is no part of the repository.
+//! Every test here reports when it is skipped: MuJoCo's library is not part of the repository.
 
 use std::path::Path;
 use std::process::Command;
@@ -24,7 +24,7 @@ fn plain_options() -> Options {
     Options { contact_iterations: 1, self_collision: false, ..Options::default() }
 }
 
-/// The largest difference of two lists of numbers.
+/// The largest difference between two lists of numbers.
 fn apart(one: &[f64], two: &[f64]) -> f64 {
     assert_eq!(one.len(), two.len());
     one.iter().zip(two).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
@@ -94,7 +94,8 @@ fn a_tumbling_tree_agrees_between_engines() {
     if !has_mujoco() {
         return;
     }
-    // Both are of first order: twice the half step less the whole one is of second.
+    // Both methods are of first order: twice the result of the half step minus the result of the whole step
+    // is of second order.
     let [ours, theirs] = BOTH.map(|engine| {
         let (coarse, fine) = (tumble(engine, 2e-4), tumble(engine, 1e-4));
         coarse.iter().zip(&fine).map(|(coarse, fine)| 2.0 * fine - coarse).collect::<Vec<_>>()
@@ -142,7 +143,7 @@ fn the_first_step_of_a_floating_robot_is_that_of_ours() {
     }
 }
 
-/// A robot of the catalogue on the ground, held at home by its gains, after this number of milliseconds.
+/// A catalogue robot on the ground, held at home by its gains, after this number of milliseconds.
 fn settled(name: &str, milliseconds: usize) -> (MujocoSimulator, ArticulatedSimulator) {
     let robot = load(name, Path::new(".")).unwrap();
     let mut ours = legged::held(name);
@@ -221,7 +222,7 @@ fn a_block_on_a_slope_keeps_to_the_friction_cone() {
         (0..1000).for_each(|_| _ = simulation.step(DT).unwrap());
         simulation.configuration()[0]
     };
-    // MuJoCo's friction is soft: what holds creeps.
+    // MuJoCo's friction is soft: a held block creeps.
     let (holds, slides) = (slide(0.6), slide(0.4));
     let expected = 0.5 * 9.81 * (angle.sin() - 0.4 * angle.cos());
     println!("crept {holds} m, slid {slides} m of {expected} m");
@@ -234,7 +235,8 @@ fn a_ball_comes_back_with_its_restitution() {
         return;
     }
     for restitution in [0.3, 0.5, 0.8] {
-        // The mean of 0 (the robot's) and twice that, as far as it goes; else two objects of the same.
+        // The mean of 0 (the robot's) and twice the value, up to 1; beyond that, two objects with the same
+        // value.
         let ball = Object {
             name: "ball".to_owned(),
             shape: ObjectShape::Sphere { radius: 0.1 },
@@ -282,7 +284,7 @@ fn external_forces_and_rotors_change_momentum() {
         }
         simulation.step(DT).unwrap();
     }
-    // 3 and 1 N for 0.1 s on 2 kg, with an arm of 0.1 m; the block has turned a little meanwhile.
+    // 3 and 1 N for 0.1 s on 2 kg, with an arm of 0.1 m; the block rotates slightly in that time.
     let linear = simulation.base_pose().rotation * Vector3::from_column_slice(&simulation.velocity()[..3]);
     assert!((linear - Vector3::new(0.15, 0.0, 0.05)).norm() < 1e-6, "{linear}");
     let turn = simulation.velocity()[5];
@@ -305,8 +307,8 @@ fn balls_meet_a_terrain_at_its_height_everywhere() {
     if !has_mujoco() {
         return;
     }
-    // Longer along x than along y, not about the origin, different in every quarter: nothing may be mirrored
-    // or turned.
+    // Longer along x than along y, off the origin, and different in every quadrant, to detect mirrored or
+    // rotated terrain.
     let text = "size = [6.0, 3.0]\ncentre = [0.5, 0.25]\nlayers = [{ equation = { height = '0.1 * x + 0.3 * sin(x) * y' } }]";
     let terrain: Terrain = toml::from_str(text).unwrap();
     let field = terrain.height_field().unwrap();
@@ -321,7 +323,7 @@ fn balls_meet_a_terrain_at_its_height_everywhere() {
     };
     let objects: Vec<Object> = places.iter().enumerate().map(ball).collect();
     let world = World { terrain: Some(terrain), objects, ..World::default() };
-    // A robot that falls from far above meanwhile.
+    // A robot that falls from far above in the meantime.
     let q = [0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 1.0];
     let mut simulation = Engine::Mujoco.simulate(block(), world, &q, plain_options());
     let (mut lowest, mut touched) = ([f64::INFINITY; 4], [false; 4]);
@@ -345,7 +347,7 @@ fn what_mujoco_cannot_do_is_refused_by_name() {
     if !has_mujoco() {
         return;
     }
-    // Without mass and inertia behind a joint.
+    // No mass and inertia behind a joint.
     let urdf = r#"<robot name="thin"><link name="wall"/><link name="rod"/><joint name="hinge" type="revolute">
         <parent link="wall"/><child link="rod"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/>
         </joint></robot>"#;
@@ -361,7 +363,7 @@ fn what_mujoco_cannot_do_is_refused_by_name() {
     assert!(error.to_string().contains("refuses the model: error 'inertia must have positive"), "{error}");
 }
 
-/// The variable that names another library is read once in a process, so this looks at another process.
+/// The variable that names the library is read once per process, so this test starts another process.
 #[test]
 fn a_library_that_is_not_there_is_named_with_what_to_install() {
     const IN_CHILD: &str = "MOTORIUM_PHYSICS_NO_MUJOCO";

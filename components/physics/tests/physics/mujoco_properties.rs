@@ -1,4 +1,4 @@
-//! Properties of a simulation that change at a reset, with the MuJoCo engine, which recompiles its model.
+//! Properties that change at a reset, with the MuJoCo engine, which recompiles its model.
 
 use std::path::Path;
 

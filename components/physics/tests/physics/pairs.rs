@@ -1,5 +1,4 @@
-//! Every pair of shapes rests: on faces that are wider than the body, and on rails and rows that are
-//! narrower.
+//! Every pair of shapes comes to rest: on faces wider than the body, and on narrower rails and rows.
 
 use motorium_physics::{Object, ObjectShape, Terrain, World};
 use motorium_robots::{MeshCollision, TriangleMesh};
@@ -10,11 +9,11 @@ use motorium_physics::{ArticulatedSimulator, Options, Simulator};
 
 const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Largest drift of a body at rest \[m\], and its largest rotation: 0.1 degrees \[rad\].
+/// Largest drift of a body at rest \[m\]; the bound of its rotation is 0.1 degrees \[rad\].
 pub(crate) const DRIFT: f64 = 1e-4;
 pub(crate) const ROTATION: f64 = 1.745e-3;
 
-/// Time within which a body that is put down settles, and for which it rests afterwards \[s\].
+/// Settling time of a body after it has been placed, and the time for which it then rests \[s\].
 const SETTLING: f64 = 1.0;
 const RESTING: f64 = 10.0;
 
@@ -28,7 +27,7 @@ pub(crate) struct Body {
     pub(crate) height: f64,
 }
 
-/// Bodies of every shape that moves, some of them in two orientations. Long ones lie along x.
+/// Bodies of every movable shape, some of them in two orientations. Long bodies are aligned with x.
 pub(crate) fn bodies() -> Vec<Body> {
     let lying = [0.0, QUARTER, 0.0];
     let body = |name: &str, shape, height: f64, rpy: [f64; 3]| Body {
@@ -59,16 +58,16 @@ pub(crate) fn bodies() -> Vec<Body> {
     ]
 }
 
-/// Support of a body, its highest faces or lines level at z = 0.
+/// A support for a body, with its highest faces or lines level at z = 0.
 struct Support {
     name: String,
     objects: Vec<Object>,
     terrain: Option<Terrain>,
-    /// Long bodies lie in its groove, not across it.
+    /// Long bodies are placed in its groove, not across it.
     groove: bool,
 }
 
-/// Two rails along x of a shape that is `depth` below its top \[m\], `apart` from one another.
+/// Two rails along x of a shape that extends `depth` below its top \[m\], `apart` from each other.
 fn rails(name: &str, shape: &ObjectShape, [depth, apart]: [f64; 2], rpy: [f64; 3]) -> Vec<Object> {
     let rail = |side: f64| Object {
         position: [0.0, 0.5 * side * apart, -depth],
@@ -121,7 +120,7 @@ fn supports() -> Vec<Support> {
         on_top("wide cylinder", cylinder(0.5, 0.1), 0.05),
         support("narrow capsules", rails("rail", &capsule(0.01), [0.01, 0.06], lying)),
         support("wide capsules", rails("rail", &capsule(0.1), [0.1, 0.06], lying)),
-        // A flat side of the hexagon is above.
+        // A flat side of the hexagon faces up.
         support("narrow hulls", rails("rail", &hexagon(0.01, 0.4), [0.01, 0.06], lying)),
         on_top("wide hull", hexagon(0.5, 0.1), 0.05),
         support("narrow triangles", rails("rail", &triangles(bar()), [0.01, 0.06], level)),
@@ -134,8 +133,8 @@ fn supports() -> Vec<Support> {
     ]
 }
 
-/// Largest motion and rotation of an object from `settling` \[s\] on, for `resting` \[s\], and its speed at
-/// the end.
+/// Largest displacement and rotation of an object between `settling` \[s\] and `resting` \[s\] later, and its
+/// final speed.
 pub(crate) fn drift(
     simulation: &mut dyn Simulator,
     name: &str,

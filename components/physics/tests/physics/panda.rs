@@ -1,4 +1,4 @@
-//! The catalogue's Panda, ready to simulate.
+//! Simulations of the catalogue's Panda.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -12,7 +12,7 @@ pub(crate) fn loaded() -> Loaded {
     load("panda", Path::new(".")).unwrap()
 }
 
-/// Home, and the gains of each joint: read once, since tests use them in every step.
+/// Home pose and joint gains: read once, because tests need them in every step.
 static HOME_AND_GAINS: LazyLock<(Vec<f64>, Vec<[f64; 2]>)> = LazyLock::new(|| {
     let panda = loaded();
     let profile = panda.profile.unwrap();
@@ -25,17 +25,17 @@ pub(crate) fn home() -> Vec<f64> {
     HOME_AND_GAINS.0.clone()
 }
 
-/// At home in `world`.
+/// Returns a simulation at home in `world`.
 pub(crate) fn at_home(engine: Engine, world: World, options: Options) -> Box<dyn Simulator> {
     engine.simulate(loaded().model, world, &home(), options)
 }
 
-/// The gains of the catalogue, holding `q`.
+/// Returns commands that hold `q` with the catalogue's gains.
 pub(crate) fn hold(q: &[f64]) -> Vec<JointCommand> {
     q.iter().zip(&HOME_AND_GAINS.1).map(|(q, [kp, kd])| JointCommand::hold(*q, *kp, *kd)).collect()
 }
 
-/// Holds `q` with the catalogue's gains from now on.
+/// Commands the catalogue's gains to hold `q` from now on.
 pub(crate) fn command_hold(simulation: &mut dyn Simulator, q: &[f64]) {
     simulation.commands_mut().copy_from_slice(&hold(q));
 }

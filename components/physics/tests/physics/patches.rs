@@ -1,5 +1,4 @@
-//! Lines and faces that touch bear moments: bodies rest on others that are narrower, and grippers hold them
-//! straight.
+//! Line and face contacts transmit moments: bodies rest on narrower ones, and grippers hold them straight.
 
 use motorium_physics::{ArticulatedSimulator, JointCommand, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, MimicMode, Model, PackagePath, load, parse_urdf};
@@ -9,7 +8,7 @@ use crate::meshes::{box_between, mesh};
 
 const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Bars of 0.3 m along z that are 0.04 m thick.
+/// Bars along z, 0.3 m long and 0.04 m thick.
 fn bars() -> Vec<Object> {
     let (radius, length, size) = (0.02, 0.3, [0.04, 0.04, 0.3]);
     let hull = mesh("hull", box_between([-0.02, -0.02, -0.15], [0.02, 0.02, 0.15]), MeshCollision::Hull);
@@ -29,7 +28,7 @@ fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     ((a.translation.vector - b.translation.vector).norm(), a.rotation.angle_to(&b.rotation))
 }
 
-/// Largest motion of an object from 0.5 s on, in this number of seconds, and its speed at the end.
+/// Largest motion of an object from 0.5 s on, during `seconds` seconds, and its final speed.
 fn drift(simulation: &mut dyn Simulator, name: &str, seconds: f64) -> (f64, f64, f64) {
     let id = simulation.object(name).unwrap();
     let mut start = simulation.object_pose(id);
@@ -58,7 +57,7 @@ fn bars_rest_across_beams_narrower_than_themselves() {
     for bar in bars() {
         for beam in bars() {
             for angle in [0.3, 0.7, QUARTER] {
-                // The beam along x, the bar above it turned away from that.
+                // The beam along x, and the bar above it rotated away from x.
                 let lying = UnitQuaternion::from_euler_angles(0.0, QUARTER, 0.0);
                 let turned = UnitQuaternion::from_euler_angles(0.0, 0.0, angle) * lying;
                 let rpy = |rotation: UnitQuaternion<f64>| rotation.euler_angles().into();
@@ -91,7 +90,7 @@ fn bars_rest_across_beams_narrower_than_themselves() {
     }
 }
 
-/// Two pads of 6 cm that press along x, each with so much force.
+/// Two pads of 6 cm that press along x.
 fn gripper() -> Model {
     let pad = |name: &str, x: f64, axis: f64| {
         format!(
@@ -116,7 +115,7 @@ fn grippers_hold_bars_beside_their_middle() {
             let world = World { objects: vec![bar], ..World::default() };
             let mut simulation =
                 ArticulatedSimulator::new(gripper(), world, &[0.0; 2], Options::default()).unwrap();
-            // One is held by position and the other presses.
+            // One pad is position-controlled and the other presses.
             simulation.commands_mut()[0] =
                 JointCommand { kp: 2e4, kd: 200.0, effort: 60.0, ..JointCommand::default() };
             simulation.commands_mut()[1] = JointCommand::effort(60.0);

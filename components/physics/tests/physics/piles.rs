@@ -1,10 +1,10 @@
-//! Large piles: islands of more contact points than any matrix is formed for.
+//! Large piles: islands with more contact points than a matrix is formed for.
 
 use motorium_physics::{ArticulatedSimulator, Ground, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::load;
 use nalgebra::{Isometry3, Vector3};
 
-/// A box with sides of 0.1 m and 0.5 kg, level, at `position` \[m\].
+/// A level box of 0.5 kg with sides of 0.1 m, at `position` \[m\].
 pub(crate) fn cube(name: &str, position: [f64; 3]) -> Object {
     Object {
         name: name.to_owned(),
@@ -16,7 +16,7 @@ pub(crate) fn cube(name: &str, position: [f64; 3]) -> Object {
     }
 }
 
-/// Objects on a ground, next to a pendulum far away.
+/// Objects on the ground, with a pendulum hanging far away.
 pub(crate) fn scene(objects: Vec<Object>) -> ArticulatedSimulator {
     let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
     let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0));
@@ -39,7 +39,7 @@ pub(crate) fn of_ground(simulation: &ArticulatedSimulator) -> f64 {
 
 #[test]
 fn a_wall_of_many_contacts_stands_on_the_ground() {
-    // Bricks in a bond: one island of some two hundred points.
+    // Bricks in a bond: one island of about two hundred points.
     let mut objects = Vec::new();
     for row in 0..5 {
         for column in 0..6 {
@@ -60,7 +60,7 @@ fn a_wall_of_many_contacts_stands_on_the_ground() {
     simulation.visit_contacts(&mut |contact| {
         points += 1;
         let slip = contact.friction.norm() - 0.6 * contact.force;
-        // the ground has 0.8, the bricks 0.6
+        // the ground has a friction of 0.8, the bricks 0.6
         assert!(slip < 0.1 * contact.force + 1e-6, "{contact:?}");
         assert!(contact.depth < 5e-4, "{contact:?}");
     });
@@ -73,7 +73,7 @@ fn a_wall_of_many_contacts_stands_on_the_ground() {
     }
 }
 
-/// A box that drops on a ground, next to a pendulum `above` it \[m\], after half a second.
+/// State of a box dropped on the ground, with a pendulum hanging `above` it \[m\], after half a second.
 fn dropped(contact_iterations: usize, above: f64) -> [u64; 3] {
     let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
     let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 1.1 + above));
@@ -89,6 +89,6 @@ fn dropped(contact_iterations: usize, above: f64) -> [u64; 3] {
 #[test]
 fn grasp_steps_apply_near_a_robot_only() {
     assert_eq!(dropped(1, 30.0), dropped(4, 30.0));
-    // The end of the rod is half a centimetre above the box as it starts.
+    // The end of the rod starts half a centimetre above the box.
     assert_ne!(dropped(1, 0.162), dropped(4, 0.162));
 }

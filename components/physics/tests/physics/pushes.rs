@@ -1,4 +1,4 @@
-//! Pushes from outside at stated times.
+//! External pushes at specified times.
 
 use std::path::PathBuf;
 
@@ -148,7 +148,7 @@ fn a_link_wrench_accelerates_an_arm_by_its_jacobian() {
     let largest = expected.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
     for (name, simulator) in engines {
         simulator.commands_mut().fill(JointCommand::default());
-        // the second step, too: nothing of the first stays
+        // in the second step, too: nothing of the first remains
         let mut before = rest.clone();
         for step in 0..3 {
             if step != 1 {

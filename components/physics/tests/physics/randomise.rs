@@ -1,4 +1,4 @@
-//! Properties that change between resets, and randomised ones.
+//! Properties that change between resets, and properties that are sampled for each episode.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ fn heavy(model: &Model) -> Model {
     model.with_factors(1.1, &factors)
 }
 
-/// Drops the robot, moves a drive, and gives all numbers of the state.
+/// Drops the robot, moves a drive, and returns all numbers of the state.
 fn motion(simulator: &mut dyn Simulator) -> Vec<u64> {
     let mut found = Vec::new();
     for step in 0..300 {
@@ -66,7 +66,7 @@ fn built(model: &Model) -> (RobotSetup, World, Engine) {
     (RobotSetup::from(heavy(model)), world(0.7), options)
 }
 
-/// The same properties for one that was built otherwise.
+/// The same properties for a simulation that was built with others.
 fn changed(mut properties: Properties) -> Properties {
     properties.model = heavy(&properties.model);
     properties.world = World { ground: properties.world.ground, ..world(0.7) };
@@ -92,7 +92,7 @@ fn a_reset_with_other_properties_equals_a_new_simulation() {
         let before = motion(&mut reset);
         reset.reset_with(&changed(nominal.clone()), &q, &v).unwrap();
         assert!(motion(&mut reset) == motion(&mut fresh), "{robot}");
-        // and back
+        // back to the nominal properties
         reset.reset_with(&nominal, &q, &v).unwrap();
         assert!(motion(&mut reset) == before, "{robot}");
     }
@@ -215,7 +215,7 @@ fn every_episode_draws_from_its_own_seed_within_the_ranges() {
     let drawn = episodes(&several);
     assert_eq!((drawn.len(), several.episodes.len()), (5, 5));
     for (index, (draw, episode)) in drawn.iter().zip(&several.episodes).enumerate() {
-        // a run of this seed alone is this episode
+        // a single run with this seed equals this episode
         let alone = run_of("quadruped", RANGES, &format!("seed = {}", 3 + index));
         assert_eq!(alone.state_hash, episode.state_hash, "episode {index}");
         assert_eq!(episodes(&alone)[0]["mass"], draw["mass"]);
@@ -233,7 +233,7 @@ fn every_episode_draws_from_its_own_seed_within_the_ranges() {
         assert_eq!(draw["start"].as_object().unwrap().len(), 12);
     }
     assert_ne!(drawn[0]["mass"], drawn[1]["mass"]);
-    // with one seed for all, all are the same
+    // with one seed for all, all episodes are equal
     let same = run_of("quadruped", RANGES, "seed = 3\nepisodes = { count = 2 }");
     assert_eq!(same.episodes[0].state_hash, same.episodes[1].state_hash);
 }
@@ -255,7 +255,7 @@ fn a_random_start_keeps_the_feet_on_the_ground() {
     let rpy: Vec<f64> = serde_json::from_value(physics["base_rpy"].clone()).unwrap();
     assert!((0.39..0.51).contains(&position[0]), "{position:?}");
     assert!((rpy[2] - 1.0).abs() < 0.1, "{rpy:?}");
-    // it neither falls from above nor bursts out of the ground
+    // it neither falls from above nor is pushed out of the ground
     let range = ["base_height_lowest_m", "base_height_highest_m"].map(|key| physics[key].as_f64().unwrap());
     assert!(range[1] - range[0] < 0.03, "{range:?}");
 }
@@ -341,7 +341,7 @@ config = { offset = 0.0, until = 0, stiffness = 1.0 }
     assert_eq!(numbers("left", "start"), [0.05; 8]);
     let right = numbers("right", "mass");
     assert!(right.len() == 9 && right.iter().all(|mass| (0.9..=1.1).contains(mass)), "{right:?}");
-    // each stands where its own draws put it: joint 5 of the home pose is at 0
+    // each robot starts at its own sampled position: joint 5 of the home pose is at 0
     let starts = ["one", "other"].map(|driver| report.results[driver]["start"][4].as_f64().unwrap());
     assert!((starts[0] - 0.05).abs() < 0.01, "{starts:?}");
     let own = drawn["right"]["start"]["panda_joint5"].as_f64().unwrap();

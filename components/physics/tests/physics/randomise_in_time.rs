@@ -1,4 +1,4 @@
-//! Draws of actuators, and draws in time.
+//! Sampled actuators, and samples within an episode.
 
 use std::path::Path;
 
@@ -69,7 +69,7 @@ fn what_no_actuator_has_is_no_range() {
     }
 }
 
-/// Effort of the first joint in each step of 1 ms that is commanded 10 Nm, of actuators with these settings.
+/// Effort of the first joint in each step of 1 ms with a command of 10 Nm, for actuators with these settings.
 fn efforts(settings: &ActuatorSettings, properties: impl Fn(&mut ActuatorSettings)) -> Vec<f64> {
     let model = load("rrbot", Path::new(".")).unwrap().model;
     let q = model.neutral();
@@ -118,7 +118,7 @@ fn properties_changed_in_motion_keep_the_state() {
     simulation.change(&moon).unwrap();
     assert_eq!(simulation.configuration(), twin.configuration());
     assert_eq!(simulation.velocity(), twin.velocity());
-    // As one that starts there under that gravity.
+    // Equal to a simulation that starts there under that gravity.
     let world = World { gravity: moon.world.gravity, ..World::default() };
     let mut there = ArticulatedSimulator::new(model.clone(), world, &q, Options::default()).unwrap();
     there.reset(twin.configuration(), twin.velocity()).unwrap();
@@ -199,7 +199,7 @@ actuator = { gain = [0.5, 1.5] }
         assert_eq!(later["start"], drawn[0]["start"]);
         within(&later["gravity"], 0.5, 1.5);
     }
-    // The first part equals a run without draws in time.
+    // The first part equals a run without samples within episodes.
     let once = run_of("quadruped", &config.replace("every   = \"30 ms\"", ""), "seed = 3");
     assert_eq!(episodes(&once)[0]["gravity"], drawn[0]["gravity"]);
     let refused = check(text("rrbot", config, "").replace("physics.articulated", "physics.rapier"));

@@ -1,5 +1,5 @@
 //! Every robot of the PyPI package `example-robot-data` holds its pose or stands for 2 s, with collision
-//! shapes, by the gains of its first profile alone. Skipped, with the reason, if the package is not
+//! shapes, using only the gains of its first profile. Skipped, with the reason, if the package is not
 //! installed.
 
 use std::path::{Path, PathBuf};
@@ -18,9 +18,9 @@ use nalgebra::{DVector, Vector3};
 use crate::first_step::robots;
 use crate::legged::grounded;
 
-/// Robots that stand on the ground, by the prefixes of their paths: quadrupeds, and bipeds whose makers'
-/// posture balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile bases
-/// without a floating joint, flying arms, and humanoids without a balance controller here.
+/// Robots that stand on the ground, by the prefixes of their paths: quadrupeds, and bipeds whose posture from
+/// the manufacturer balances on flat feet. All others hold their pose with a fixed base: arms, hands, mobile
+/// bases without a floating joint, flying arms, and humanoids without a balanced posture.
 const STANDING: [&str; 15] = [
     "a1_",
     "anymal_",
@@ -41,19 +41,19 @@ const STANDING: [&str; 15] = [
 
 /// Robots that fail, with a part of the reason.
 const FAILING: [(&str, &str); 7] = [
-    // A defect of the file: the leader of a mimic joint is called otherwise.
+    // A defect of the file: the leader of a mimic joint has another name.
     ("alex_psyonic_hands.urdf", "mimics \"index_q1\", which does not exist"),
     // Expanded from a xacro file without an argument: it is empty.
     ("ur_description/urdf/ur3.urdf", "the robot has no <link>"),
     // Messages have room for 64 joints.
     ("tiago_dual.urdf", "101 joints, at most 64 fit"),
-    // Springs carry the arms of the real one; its drives alone are too weak for that.
+    // Springs support the arms of the real robot; its drives alone are too weak.
     ("pr2.urdf", "joints moved by 1.1e0 (r_shoulder_lift_joint)"),
     // The drive of its waist has 30 N m, for a robot of 104 kg.
     ("simple_humanoid.urdf", "joints moved by 1.3e0 (WAIST_P)"),
     // It has neither collision shapes nor visuals.
     ("simple_humanoid_classical.urdf", "no shape to collide with"),
-    // A body without joints, whose hull lies on its side.
+    // A body without joints, whose hull rests on its side.
     ("quadrotor_base.urdf", "tilted 0.4"),
 ];
 
@@ -94,7 +94,7 @@ fn package_robots_hold_or_stand_except_known_ones() {
     assert!(passed >= 60, "{passed} of {}", outcomes.len());
 }
 
-/// Two seconds in physics; the words of the measurement, or the reason of the failure.
+/// Simulates two seconds and returns the text of the measurement, or the reason of the failure.
 fn trial(file: &Path, name: &str) -> Result<String, String> {
     let free = STANDING.iter().any(|start| name.starts_with(start));
     let base = if free { BaseMode::Floating } else { BaseMode::AsFile };
@@ -106,7 +106,7 @@ fn trial(file: &Path, name: &str) -> Result<String, String> {
     let mut robot = open(ShapeSource::Collision)?;
     let bare = shapes(&robot) == 0;
     if bare {
-        // As `motorium robot hulls` has it: the shapes that are seen collide.
+        // As in `motorium robot hulls`: the visual shapes are used for collision.
         robot = open(ShapeSource::Visual)?;
     }
     let (count, joints) = (shapes(&robot), robot.model.joint_count());
@@ -117,7 +117,7 @@ fn trial(file: &Path, name: &str) -> Result<String, String> {
         return Err(format!("{joints} joints, at most {MAX_JOINTS} fit"));
     }
     let source = if bare { "visuals" } else { "shapes" };
-    // Links without inertia need the rotor inertia of their drives, which URDF files lack.
+    // Links without inertia need the inertia of the drives' rotors, which URDF files do not contain.
     let held = held(&robot, 0.0).or_else(|first| {
         let more = held(&robot, ARMATURE).map_err(|second| {
             if second == first { first } else { format!("{first}; with an armature {second}") }
@@ -149,7 +149,7 @@ fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
     if let Some(warning) = ignored {
         return Err(warning.to_string());
     }
-    // Not from rest, where a fixed robot in balance would not move at all.
+    // Not from rest, because a balanced fixed robot would not move at all.
     let v: Vec<f64> =
         (0..model.nv()).map(|i| if free { 0.0 } else { 0.02 * (1.0 + i as f64).sin() }).collect();
     simulation.reset(q.as_slice(), &v).map_err(|error| error.to_string())?;
@@ -161,7 +161,7 @@ fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
     }
     let mut worst = (0.0, String::new());
     for (index, (now, before)) in simulation.positions().iter().zip(&before).enumerate() {
-        // A joint without a drive hangs as it likes; a joint that slides counts by centimetres.
+        // A joint without a drive hangs freely; a prismatic joint is measured in centimetres.
         let driven = model.effort_limit()[index] != 0.0;
         let scale = if model.joint(index).kind == JointKind::Prismatic { 10.0 } else { 1.0 };
         let moved = scale * (now - before).abs();
@@ -181,7 +181,7 @@ fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
     if worst.0 < bound && stands { Ok(words) } else { Err(words) }
 }
 
-/// A posture named by the robot's makers, or the profile's; within the limits.
+/// The manufacturer's named posture, or the posture of the profile, within the limits.
 fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
     let model = &robot.model;
     let named = ["standing", "half_sitting", "homing_nominal", "default", "home", "neutral"];
@@ -195,12 +195,12 @@ fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
     q
 }
 
-/// Deflection at which a drive of a standing robot gives its full effort \[rad\], stiffer than in a first
-/// profile, which minds the feet in the air; and its damping, as a time \[s\].
+/// Deflection at which a drive of a standing robot produces its full effort \[rad\], stiffer than in a first
+/// profile, which accounts for feet in the air; and the damping, as a time \[s\].
 const STIFF: [f64; 2] = [0.02, 0.02];
 
-/// Holds the posture: a fixed-base robot by the gains of its first profile and its weight by feed-forward, a
-/// standing one by stiff drives.
+/// Holds the posture: a fixed-base robot by the gains of its first profile with gravity feed-forward, a
+/// standing robot by stiff drives.
 fn hold(simulation: &mut ArticulatedSimulator, profile: &Profile) {
     let model = simulation.model().clone();
     let (q, home) = (simulation.configuration().to_vec(), simulation.positions().to_vec());

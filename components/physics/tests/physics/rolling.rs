@@ -1,4 +1,4 @@
-//! Rolling and torsional friction against closed forms, on every engine that has them.
+//! Rolling and torsional friction against closed forms, on every engine that supports them.
 
 use motorium_physics::{BuildError, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator, World};
 use motorium_robots::{Model, load};
@@ -10,13 +10,13 @@ use crate::legged::body;
 const G: f64 = 9.81;
 const RADIUS: f64 = 0.1;
 
-/// Engines with these frictions.
+/// Engines with rolling and torsional friction.
 fn able() -> impl Iterator<Item = Engine> {
     engines().filter(|engine| *engine != Engine::Rapier)
 }
 
-/// A ball of 2 kg as a robot whose base moves freely, on a ground with these coefficients. A contact has half
-/// of them.
+/// A ball of 2 kg as a robot with a floating base, on a ground with these coefficients. A contact has half of
+/// them.
 fn ball(engine: Engine, torsional: f64, rolling: f64, v: [f64; 6]) -> Box<dyn Simulator> {
     let ground = Ground { torsional_friction: torsional, rolling_friction: rolling, ..Ground::default() };
     let world = World { ground: Some(ground), ..World::default() };
@@ -81,7 +81,7 @@ fn a_spinning_ball_stops_in_the_time_of_its_torsional_friction() {
 
 #[test]
 fn a_ball_on_a_slope_keeps_to_its_rolling_friction() {
-    // Objects this time: both sides resist, and a contact has the mean of them.
+    // With objects, both sides resist, and a contact uses the mean.
     for (angle, stands) in [(0.03_f64, true), (0.06, false)] {
         let arm = 0.04 * RADIUS;
         let object = Object {
@@ -110,7 +110,7 @@ fn a_ball_on_a_slope_keeps_to_its_rolling_friction() {
 
 #[test]
 fn a_spinning_cylinder_stops_by_both_frictions() {
-    // The rim slides: mu m g R; the four points of the rim resist spinning with arm m g together.
+    // The rim slides: mu m g R. The four points of the rim together resist spinning with arm m g.
     let (radius, rate, arm) = (0.05, 20.0, 0.02);
     let model = body(&format!(r#"<cylinder radius="{radius}" length="0.04"/>"#));
     let ground = Ground { friction: 0.2, torsional_friction: 2.0 * arm, ..Ground::default() };
@@ -144,7 +144,7 @@ fn a_saved_ball_that_rolls_goes_on_to_the_bit() {
 
 #[test]
 fn balls_in_a_heap_feel_the_same_rolling_friction() {
-    // Two rows on a plate make one island of more points than a matrix is formed for.
+    // Two rows on a plate form one island with more points than a matrix is formed for.
     let plate = Object {
         name: "plate".to_owned(),
         shape: ObjectShape::Box { size: [4.0, 3.0, 0.1] },

@@ -1,5 +1,5 @@
-//! Several robots of which some float, in one simulation: each moves as if it were alone until they touch,
-//! and then they push one another as bodies do.
+//! Several robots in one simulation, some with a floating base: each moves as if alone until they touch, and
+//! then they push each other as bodies do.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use nalgebra::{Point3, Vector3};
 use crate::engines::has_mujoco;
 use crate::legged::{body, grounded};
 
-/// A robot of the catalogue at its home pose, `at` this place, and the commands that hold it there.
+/// A catalogue robot in its home pose at position `at`, and the commands that hold it there.
 struct Held {
     setup: RobotSetup,
     q: Vec<f64>,
@@ -40,7 +40,7 @@ fn held(name: &str, prefix: &str, at: [f64; 3]) -> Held {
 fn simulate<E: Engine>(robots: &[&Held], world: World) -> Simulation<E> {
     let setups = robots.iter().map(|robot| robot.setup.clone());
     let q: Vec<f64> = robots.iter().flat_map(|robot| robot.q.clone()).collect();
-    // One length of integration steps, whether anything is near a contact or not.
+    // Fixes the length of integration steps, whether or not anything is near a contact.
     let options = Options { contact_iterations: 1, ..Options::default() };
     let mut simulation = Simulation::of_robots(setups, world, &q, options).unwrap();
     let commands: Vec<_> = robots.iter().flat_map(|robot| robot.commands.clone()).collect();
@@ -48,7 +48,7 @@ fn simulate<E: Engine>(robots: &[&Held], world: World) -> Simulation<E> {
     simulation
 }
 
-/// Two quadrupeds that fall a few centimetres onto one ground, and a Panda between them.
+/// Two quadrupeds that fall a few centimetres onto the same ground, and a Panda between them.
 fn zoo() -> [Held; 3] {
     [
         held("quadruped", "one/", [0.0, 0.0, 0.03]),
@@ -121,7 +121,7 @@ fn robots_fall_and_stand_as_in_mujoco() {
     }
 }
 
-/// Two bodies of 2 kg in weightlessness, which meet.
+/// Two bodies of 2 kg that meet in weightlessness.
 fn meeting<E: Engine>() -> Simulation<E> {
     let shape = r#"<box size="0.2 0.2 0.2"/>"#;
     let robots = ["one/", "two/"].map(|prefix| RobotSetup::from(body(shape).prefixed(prefix)));
@@ -135,7 +135,7 @@ fn meeting<E: Engine>() -> Simulation<E> {
     simulation
 }
 
-/// Linear momentum, and angular momentum about the origin of the world.
+/// Linear momentum, and angular momentum about the world origin.
 fn momentum<E: Engine>(simulation: &Simulation<E>) -> [Vector3<f64>; 2] {
     let mut sum = [Vector3::zeros(); 2];
     for (of, own) in simulation.articulations().iter().enumerate() {
@@ -168,8 +168,8 @@ fn colliding_robots_keep_their_common_momentum() {
 
 #[test]
 fn a_robot_of_one_free_body_moves_as_a_free_object_does() {
-    // The same problem by two other blocks: an articulation with its mass factor, an object with mass and
-    // inertia.
+    // The same problem with two other blocks: an articulation with its mass factor, and an object with mass
+    // and inertia.
     let shape = ObjectShape::Box { size: [0.2, 0.2, 0.2] };
     let i = 2.0 / 6.0 * 0.04;
     let urdf = format!(

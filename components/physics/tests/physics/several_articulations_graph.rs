@@ -1,4 +1,4 @@
-//! Graphs in which several robots of one simulation float.
+//! Graphs with several floating-base robots in one simulation.
 
 use std::path::PathBuf;
 
@@ -104,7 +104,7 @@ fn a_graph_that_needs_a_floating_base_tells_what_rapier_lacks() {
 #[test]
 fn several_floating_robots_are_randomised_separately() {
     for kind in ["physics.articulated"].into_iter().chain(has_mujoco().then_some("physics.mujoco")) {
-        // MuJoCo's hard ground throws a robot up that starts with a foot in it.
+        // MuJoCo's hard ground throws a robot into the air if a foot starts in the ground.
         let start = if kind == "physics.mujoco" { "" } else { "start = [-0.05, 0.05], " };
         let config = format!(
             "rate = \"1 kHz\"\nconfig = {{ randomise = {{ mass = [0.9, 1.1], {start}base = {{ x = [0.2, 0.4], z = [0.0, 0.01] }}, \

@@ -1,5 +1,5 @@
-//! Several robots in one simulation: each moves as if it were alone until they touch, and each has its own
-//! command gate.
+//! Several robots in one simulation: each moves as if alone until they touch, and each has a separate command
+//! gate.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use nalgebra::Isometry3;
 use crate::component::registry;
 use crate::panda;
 
-/// The poses of two bases that face each other from `apart` \[m\].
+/// Poses of two bases that face each other at distance `apart` \[m\].
 fn bases(apart: f64) -> [Isometry3<f64>; 2] {
     let turned = Isometry3::rotation(nalgebra::Vector3::z() * core::f64::consts::PI);
     [Isometry3::identity(), Isometry3::translation(apart, 0.0, 0.0) * turned]
@@ -33,8 +33,8 @@ fn two(apart: f64) -> ArticulatedSimulator {
     ArticulatedSimulator::new(RobotSetup::from(model), World::default(), &q, Options::default()).unwrap()
 }
 
-/// Commands that move both arms along different paths, at `time` \[s\]; forward up to `reach`, to the side up
-/// to `sway` \[rad\].
+/// Commands at `time` \[s\] that move both arms along different paths: forwards up to `reach`, sideways up to
+/// `sway` \[rad\].
 fn commands(time: f64, reach: f64, sway: f64) -> [Vec<JointCommand>; 2] {
     [1.0, 0.7].map(|share| {
         let mut q = panda::home();

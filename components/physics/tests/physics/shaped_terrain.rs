@@ -20,7 +20,7 @@ fn ball(engine: Engine, world: World) -> Box<dyn Simulator> {
     engine.simulate(body("<sphere radius=\"0.1\"/>"), world, &START, Options::default())
 }
 
-/// All bits of the path of the ball down and along.
+/// All bits of the ball's motion down and along the terrain.
 fn way(simulation: &mut dyn Simulator) -> Vec<u64> {
     let mut bits = Vec::new();
     for _ in 0..600 {
@@ -48,7 +48,7 @@ fn a_reset_with_another_terrain_equals_a_new_simulation() {
         let found = way(&mut reset);
         assert_eq!(found, way(&mut *built), "seed {seed}, scale {scale}");
         assert_eq!(found == first, (seed, scale) == (1, 1.0));
-        // rays meet it, too
+        // rays hit it, too
         let hit = reset.cast_ray(Point3::new(0.4, 0.4, 2.0), -Vector3::z(), 5.0).unwrap();
         let field = world(seed, scale).height_field().unwrap().unwrap();
         assert!((hit.point.z - field.height(0.4, 0.4)).abs() < 1e-9, "{seed}, {scale}: {}", hit.point.z);

@@ -1,4 +1,4 @@
-//! Objects at rest sleep, bear the objects on them, and wake when something reaches them; and large piles.
+//! Objects at rest sleep, support others, and wake when something reaches them; also in large piles.
 
 use motorium_physics::{ArticulatedSimulator, Ground, Object, Options, Simulator, World};
 use motorium_robots::load;
@@ -108,7 +108,7 @@ fn a_state_saved_asleep_goes_on_to_the_bit_through_the_waking() {
     assert_eq!(bits(&other, &names), expected, "in another simulator");
 }
 
-/// Speed along x after a second of a box without friction that gravity pulls along x, ever so slightly.
+/// Speed along x after a second of a frictionless box under a very small gravity along x.
 fn crept(sleeping: bool) -> f64 {
     let ground = Ground { friction: 0.0, ..Ground::default() };
     let objects = vec![Object { friction: 0.0, ..cube("box", [0.0, 0.0, 0.05]) }];
@@ -162,7 +162,7 @@ fn a_distant_contact_changes_no_bit_of_a_free_robot() {
         (simulation.positions()[0].to_bits(), simulation.velocities()[0].to_bits(), velocity)
     };
     let (alone, _, none) = swing(Vec::new());
-    // A tower that falls from two centimetres meets the ground meanwhile.
+    // A tower dropped from two centimetres reaches the ground in the meantime.
     let falling = tower(3).into_iter().map(|mut object| {
         object.position[2] += 0.02;
         object

@@ -1,4 +1,4 @@
-//! Compliant surfaces, compared with the closed forms of a spring with a damper.
+//! Compliant surfaces, against the closed forms of a spring with a damper.
 
 use motorium_physics::{
     ArticulatedSimulator, Ground, Object, ObjectShape, Options, RobotSetup, Simulator, Softness, World,
@@ -43,7 +43,7 @@ fn a_ball_sinks_by_weight_over_stiffness() {
         (0..(3.0 / h) as usize).for_each(|_| _ = simulation.step(h).unwrap());
         let depth = RADIUS - height(&simulation, "ball");
         let expected = MASS * G / 5e3;
-        // Each contact point has a compliance of a millionth of its mobility, too.
+        // Each contact point also has a compliance of a millionth of its mobility.
         assert!((depth / expected - 1.0).abs() < 1e-4, "step {h} s: {depth} m, expected {expected} m");
     }
 }
@@ -101,7 +101,7 @@ fn a_tower_presses_its_lowest_box_in_by_the_weight_of_all() {
 
 #[test]
 fn a_ball_leaves_an_undamped_spring_at_its_speed() {
-    // A drop of 0.2 m; the fall and the flight back take 2 sqrt(2 h / g), the contact about pi sqrt(m / k).
+    // A drop of 0.2 m: fall and flight take 2 sqrt(2 h / g), the contact about pi sqrt(m / k).
     let mut simulation = on_soft_ground(2e4, 0.0, vec![ball(0.2)]);
     let h = 2e-5;
     let (mut touched, mut highest) = (false, 0.0_f64);

@@ -10,7 +10,7 @@ const INERTIA: f64 = 0.1;
 const STIFFNESS: f64 = 25.0;
 const REST: f64 = 0.2;
 
-/// A rod that turns about the vertical, so that gravity does not matter, against a spring.
+/// A rod with a spring that turns about the vertical axis, so that gravity has no effect.
 fn rod(axis: &str) -> Model {
     let text = format!(
         r#"<mujoco><compiler angle="radian"/><worldbody><body name="rod">
@@ -31,7 +31,7 @@ fn the_spring_of_an_mjcf_joint_is_read_without_a_warning() {
     let robot = parse_mjcf(text, None, &LoadOptions::default()).unwrap();
     assert!(robot.warnings.is_empty(), "{:?}", robot.warnings);
     let joint = &JointProperties::from_model(&robot.model, 0.0)[0];
-    // The joint feels 0.12 kg m2, armature included. A damped oscillator: d = 2 I / t, k = I / (t ratio)^2.
+    // The joint moves 0.12 kg m2, armature included. A damped oscillator: d = 2 I / t, k = I / (t ratio)^2.
     assert!((joint.damping - 0.48).abs() < 1e-12, "{}", joint.damping);
     assert!((joint.stiffness - 0.12 / (0.5_f64 * 0.8).powi(2)).abs() < 1e-12, "{}", joint.stiffness);
 }
@@ -41,7 +41,7 @@ fn a_spring_swings_with_its_period_on_every_engine() {
     for engine in engines() {
         let mut swing = engine.simulate(rod("0 0 1"), World::default(), &[REST + 0.1], Options::default());
         let h = 1e-4;
-        // The second time that it passes its middle backwards is a period after the first.
+        // The second backwards pass through the middle is one period after the first.
         let mut passes = Vec::new();
         let mut before = swing.positions()[0];
         for step in 1..10_000 {
@@ -60,7 +60,7 @@ fn a_spring_swings_with_its_period_on_every_engine() {
 #[test]
 fn a_weight_hangs_in_balance_on_every_engine() {
     for engine in engines() {
-        // About y: m g l cos(q) turns it down, q grows downwards.
+        // About y: m g l cos(q) rotates it down, q increases downwards.
         let mut rod = engine.simulate(rod("0 1 0"), World::default(), &[REST], Options::default());
         for (index, command) in rod.commands_mut().iter_mut().enumerate() {
             *command = motorium_physics::JointCommand { kd: 2.0, ..Default::default() };

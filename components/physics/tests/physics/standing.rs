@@ -1,4 +1,4 @@
-//! Robots that settle to a stand, compared with MuJoCo; `golden/generate_standing.py` writes the vectors.
+//! Robots that settle into standing, compared with MuJoCo; `golden/generate_standing.py` writes the vectors.
 
 use motorium_physics::{LinkForce, Simulator};
 use motorium_robots::{Dynamics, Kinematics, Reference};
@@ -32,7 +32,7 @@ fn robots_come_to_stand_as_in_mujoco() {
             let theirs = Quaternion::new(base[3], base[4], base[5], base[6]);
             let turned = pose.rotation.angle_to(&UnitQuaternion::new_normalize(theirs));
             println!("{name} at {until} ms: {apart:.5} m and {turned:.5} rad from MuJoCo's");
-            // A hundredth of a second of the fall, and of what the stiffest contacts of MuJoCo give.
+            // A hundredth of a second of the fall, plus the penetration of MuJoCo's stiffest contacts.
             assert!(apart < 1.5e-3 && turned < 2e-3, "{name} at {until} ms: {apart} m, {turned} rad");
         }
         let names: Vec<_> =
@@ -52,8 +52,7 @@ fn robots_come_to_stand_as_in_mujoco() {
 
 #[test]
 fn efforts_of_a_standing_robot_balance_its_weight() {
-    // Statics by another way than the solver's: g(q) = tau + sum J' f with the published efforts and
-    // contacts.
+    // Statics, independent of the solver: g(q) = tau + sum J' f with the published efforts and contacts.
     for name in ["quadruped", "hexapod", "centaur"] {
         let mut simulation = held(name);
         (0..3000).for_each(|_| _ = simulation.step(1e-3).unwrap());

@@ -10,8 +10,8 @@ use crate::meshes::{box_between, mesh};
 
 const DT: f64 = 1e-3;
 
-/// Two fingers 5 mm apart, one of which hangs on a knuckle without a shape: two of one parent would not be
-/// checked for collision.
+/// Two fingers 5 mm apart, one of which hangs on a knuckle without a shape: links with the same parent would
+/// not be checked for collision.
 fn fingers() -> Model {
     let link = |name: &str, parent: &str, y: f64, shape: &str| {
         format!(
@@ -83,7 +83,7 @@ fn a_tumbling_rock_rests_on_one_of_its_faces() {
             });
         }
         let at = simulation.object_pose(id);
-        // The axis that stands upright, and how far from it.
+        // The axis that is upright, and its deviation from the vertical.
         let (face, upright) = (0..3)
             .map(|axis| (axis, (at.rotation * Vector3::ith(axis, 1.0)).z.abs()))
             .max_by(|a, b| a.1.total_cmp(&b.1))

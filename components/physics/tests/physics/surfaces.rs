@@ -1,11 +1,11 @@
-//! The surfaces of robots: restitution, of all links and of single ones.
+//! The surfaces of robots: restitution of all links and of single links.
 
 use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, RobotSetup, Simulator, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 
 use crate::engines::engines;
 
-/// A fixed anvil, and a pointer that turns next to it.
+/// A fixed anvil, and a pointer that rotates next to it.
 const ANVIL: &str = r#"<robot name="anvil">
   <link name="anvil">
     <collision><origin xyz="0 0 0.05"/><geometry><box size="0.4 0.4 0.1"/></geometry></collision>
@@ -36,7 +36,7 @@ fn ball(restitution: f64) -> World {
     World { objects: vec![ball], ..World::default() }
 }
 
-/// Share of its speed with which the ball returns.
+/// Share of its speed with which the ball rebounds.
 fn rebound(simulation: &mut dyn Simulator) -> f64 {
     let ball = simulation.object("ball").unwrap();
     let (mut before, mut after) = (0.0_f64, 0.0_f64);

@@ -93,7 +93,7 @@ fn a_level_terrain_moves_a_rolling_ball_as_the_plane_does() {
             simulation.step(1e-3).unwrap();
             simulation.base_pose().translation.vector
         });
-        // over 20 borders of cells: none of them is an edge
+        // across 20 cell borders, none of which acts as an edge
         assert!((places[0] - places[1]).norm() < 1e-6, "step {step}: {} {}", places[0], places[1]);
     }
     assert!(runs[0].base_pose().translation.vector.x > 0.7);
@@ -121,7 +121,7 @@ fn a_quadruped_stands_on_stones() {
         "{sum}, weight {weight}"
     );
     assert!(simulation.base_pose().translation.z > 0.2);
-    // the same from the same start, and from a saved state
+    // the same result from the same start, and from a saved state
     let state = simulation.save();
     run(&mut simulation, 0.3);
     let end = simulation.configuration().to_vec();
@@ -132,7 +132,7 @@ fn a_quadruped_stands_on_stones() {
 
 #[test]
 fn a_box_lies_on_the_peak_of_a_roof_under_its_middle() {
-    // A ridge along y below a box: its corners hang in the air.
+    // A ridge along y below a box, whose corners are in the air.
     let world = terrain("friction = 1.0\nlayers = [{ equation = { height = '0.2 - abs(x) * 0.5' } }]");
     let q = [0.0, 0.0, 0.35, 0.0, 0.0, 0.0, 1.0];
     let model = body("<box size=\"0.4 0.4 0.2\"/>");

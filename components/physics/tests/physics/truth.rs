@@ -1,4 +1,4 @@
-//! Motions with a closed form, or with the dynamics of the links alone, by both methods of integration.
+//! Motions with a closed form, or compared with the dynamics of the links alone, by both integration methods.
 
 use std::f64::consts::{PI, TAU};
 
@@ -45,7 +45,7 @@ fn a_pendulum_has_the_period_of_the_elliptic_integral() {
     );
     let (model, inertia, arm) = (robot(&text), 0.02 + 0.16, 0.4);
     for amplitude in [0.3, 1.5, 2.8_f64] {
-        // 2 pi / agm(1, cos(a / 2)) of the small oscillation.
+        // Period: 2 pi / agm(1, cos(a / 2)), divided by the angular frequency of small oscillations.
         let (mut one, mut two) = (1.0, (0.5 * amplitude).cos());
         for _ in 0..30 {
             (one, two) = (0.5 * (one + two), f64::sqrt(one * two));
@@ -66,8 +66,8 @@ fn a_pendulum_has_the_period_of_the_elliptic_integral() {
                     passes.push(1e-3 * (f64::from(step) - now / (now - before)));
                 }
                 before = now;
-                // Energy goes to and fro within a swing: its means over the first and the last ten seconds
-                // count.
+                // The energy varies within a swing, so its means over the first and the last ten seconds are
+                // compared.
                 match step {
                     ..=10_000 => first += energy(&rod) / 1e4,
                     90_001.. => last += energy(&rod) / 1e4,
@@ -87,7 +87,7 @@ fn a_pendulum_has_the_period_of_the_elliptic_integral() {
 
 #[test]
 fn a_gyroscope_precesses_as_its_weight_and_spin_say() {
-    // A disc at 0.2 m along -x from the pivot of a gimbal that turns about z and y and whose axle is x.
+    // A disc at 0.2 m along -x from the pivot of a gimbal that rotates about z and y and whose axle is x.
     let text = format!(
         r#"<robot name="gyroscope"><link name="base"/>{}{}{}{}{}
   <link name="disc"><inertial><origin xyz="0.2 0 0"/><mass value="0.5"/>
@@ -101,8 +101,8 @@ fn a_gyroscope_precesses_as_its_weight_and_spin_say() {
     let model = robot(&text);
     let spin = 300.0;
     for method in METHODS {
-        // It begins in steady precession: Omega (I_s w) = m g l at the horizontal, to the first order in
-        // Omega / w.
+        // It starts in steady precession: Omega (I_s w) = m g l at the horizontal, to first order in Omega /
+        // w.
         let precession = 0.5 * G * 0.2 / (0.002 * spin);
         let mut top = simulate(&model, &[0.0; 3], method);
         top.reset(&[0.0; 3], &[precession, 0.0, spin]).unwrap();
@@ -110,7 +110,7 @@ fn a_gyroscope_precesses_as_its_weight_and_spin_say() {
             top.step(2.5e-4).unwrap();
         }
         let turned = top.positions()[0];
-        // The disc leans along x and its spin points there: its weight turns it from x to y.
+        // The disc extends along x and its spin points there: its weight turns it from x to y.
         assert!((turned / (0.5 * precession) - 1.0).abs() < 0.01, "{method:?}: {turned} rad");
         assert!(top.positions()[1].abs() < 0.01, "{method:?}: it nods by {} rad", top.positions()[1]);
     }
@@ -129,7 +129,7 @@ fn a_falling_chain_moves_as_the_dynamics_of_its_links_say() {
     text += "</robot>";
     let model = robot(&text);
     let q0: Vec<f64> = (0..n).map(|index| 0.4 * PI * (1.3 * index as f64 + 0.5).sin()).collect();
-    // Runge-Kutta of fourth order over the articulated-body algorithm.
+    // Fourth-order Runge-Kutta over the articulated-body algorithm.
     let mut dynamics = Dynamics::new(&model);
     let gravity = Vector3::new(0.0, 0.0, -G);
     let mut slope = |state: &[f64]| {

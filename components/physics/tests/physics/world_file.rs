@@ -1,4 +1,4 @@
-//! The world as a file describes it.
+//! Worlds described by files.
 
 use motorium_physics::{Object, ObjectShape, World};
 

@@ -1,4 +1,4 @@
-//! Worlds of graphs: files in several folders, and the places of mistakes.
+//! Worlds of graphs: files in several folders, and the locations of errors.
 
 use std::path::Path;
 

@@ -28,7 +28,7 @@ use motorium_primitives::cpg::{Gait, HopfSettings, MatsuokaSettings, Oscillator,
 pub struct CpgPolicyConfig {
     /// Two, four or six legs, left before right, from the front to the rear.
     pub legs: Vec<LegConfig>,
-    /// The gait to begin with.
+    /// Initial gait.
     pub gait: Gait,
     /// Model of the oscillators. Default "phase".
     #[serde(default)]
@@ -36,16 +36,17 @@ pub struct CpgPolicyConfig {
     /// Strides per second, Hz. Default 1.
     #[serde(default = "one")]
     pub frequency: f64,
-    /// Rate at which joints fall into the gait, 1/s. Default 5.
+    /// Rate at which joints converge to the gait, 1/s. Default 5.
     #[serde(default = "five")]
     pub coupling: f64,
-    /// Numbers of the model "hopf".
+    /// Parameters of the model "hopf".
     #[serde(default)]
     pub hopf: Option<HopfConfig>,
-    /// Numbers of the model "matsuoka".
+    /// Parameters of the model "matsuoka".
     #[serde(default)]
     pub matsuoka: Option<MatsuokaConfig>,
-    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
+    /// one.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands.
@@ -53,30 +54,30 @@ pub struct CpgPolicyConfig {
     pub joint_command: JointCommandConfig,
 }
 
-/// Model of oscillators.
+/// Oscillator model.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CpgModel {
     /// A phase-amplitude network, one node for each joint (Ijspeert).
     #[default]
     Phase,
-    /// A Hopf oscillator for each leg, with a speed for swing and one for stance (Righetti and Ijspeert).
+    /// A Hopf oscillator for each leg, with separate speeds for swing and stance (Righetti and Ijspeert).
     Hopf,
-    /// A pair of neurons that inhibit each other for each joint (Matsuoka).
+    /// A pair of mutually inhibiting neurons for each joint (Matsuoka).
     Matsuoka,
     /// A phase for each leg (Kuramoto).
     Kuramoto,
 }
 
-/// Numbers of Hopf's oscillators.
+/// Parameters of Hopf oscillators.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HopfConfig {
-    /// Rate at which it falls back to its circle, 1/s. Default 8.
+    /// Rate of convergence to the limit cycle, 1/s. Default 8.
     pub convergence: f64,
-    /// Sharpness of the change between swing and stance. Default 50.
+    /// Sharpness of the transition between swing and stance. Default 50.
     pub sharpness: f64,
-    /// The part of a stride that is stance, 0.05 to 0.95. Default 0.5.
+    /// Fraction of a stride that is stance, 0.05 to 0.95. Default 0.5.
     pub duty_factor: f64,
 }
 
@@ -87,15 +88,16 @@ impl Default for HopfConfig {
     }
 }
 
-/// Numbers of Matsuoka's neurons.
+/// Parameters of Matsuoka neurons.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MatsuokaConfig {
     /// Strength of fatigue, `beta`. Default 2.5.
     pub fatigue: f64,
-    /// Mutual inhibition of the two, `w`: more than `1 + time_ratio`, less than `1 + fatigue`. Default 2.2.
+    /// Mutual inhibition of the two neurons, `w`: more than `1 + time_ratio`, less than `1 + fatigue`.
+    /// Default 2.2.
     pub inhibition: f64,
-    /// Rise time over fatigue time, `tau_1 / tau_2`; both are scaled to the frequency. Default 0.5.
+    /// Ratio of rise time to fatigue time, `tau_1 / tau_2`; both are scaled to the frequency. Default 0.5.
     pub time_ratio: f64,
 }
 
@@ -110,12 +112,12 @@ impl Default for MatsuokaConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LegConfig {
-    /// Its moving joints, at least one.
+    /// Moving joints of the leg, at least one.
     pub joints: Vec<JointOscillationConfig>,
 }
 
-/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`, with the waveform of the model
-/// for the cosine.
+/// Oscillation of a joint: `offset + amplitude cos(phase of the leg + phase)`. Other models replace the
+/// cosine by their waveform.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointOscillationConfig {
@@ -126,7 +128,7 @@ pub struct JointOscillationConfig {
     /// Centre of the oscillation, rad or m. Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// Ahead of the phase of its leg, rad. Default 0.
+    /// Phase lead relative to its leg, rad. Default 0.
     #[serde(default)]
     pub phase: f64,
 }
@@ -145,7 +147,7 @@ pub(super) const FREQUENCY: std::ops::RangeInclusive<f64> = 0.0..=20.0;
 pub(super) const DUTY_FACTOR: std::ops::RangeInclusive<f64> = 0.05..=0.95;
 
 impl CpgPolicyConfig {
-    /// Checks the numbers that no model looks at, and the tables of other models.
+    /// Checks the numbers that no model checks, and rejects tables of other models.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         for (l, leg) in self.legs.iter().enumerate() {
             if leg.joints.is_empty() {
@@ -183,12 +185,12 @@ impl CpgPolicyConfig {
         }
     }
 
-    /// The part of a stride that is stance.
+    /// Returns the fraction of a stride that is stance.
     pub(super) fn duty_factor(&self) -> f64 {
         self.hopf.unwrap_or_default().duty_factor
     }
 
-    /// The oscillators, if it is not the phase-amplitude network.
+    /// Returns the oscillators; `None` for the phase-amplitude network.
     pub(super) fn oscillator(&self) -> Option<Oscillator> {
         Some(match self.model {
             CpgModel::Phase => return None,
@@ -209,7 +211,7 @@ impl CpgPolicyConfig {
 }
 
 impl CpgModel {
-    /// As it is written.
+    /// Returns the name in configurations.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Phase => "phase",

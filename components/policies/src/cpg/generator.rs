@@ -1,4 +1,4 @@
-//! The pattern generator behind the policy, whichever model it is.
+//! The pattern generator of the policy, independent of the model.
 
 use motorium::declare::ConfigError;
 
@@ -8,7 +8,7 @@ use motorium_primitives::cpg::{
     OscillatorNetworkSettings, PhaseNetwork,
 };
 
-/// A phase-amplitude network or a rhythm of oscillators: joints in, setpoints and their rates out.
+/// A phase-amplitude network or an oscillator network. It maps joints to setpoints and their rates.
 #[derive(Debug, Clone)]
 pub(super) struct Generator {
     model: Model,
@@ -25,7 +25,7 @@ enum Model {
 }
 
 impl Generator {
-    /// From a config that was checked, and the phases of the legs in its gait.
+    /// Creates the generator from a checked config and the phases of the legs in its gait.
     pub(super) fn new(config: &CpgPolicyConfig, gait: &[f64]) -> Result<Self, ConfigError> {
         let legs = config.legs.iter().enumerate();
         let oscillations: Vec<JointOscillation> = legs
@@ -70,7 +70,7 @@ impl Generator {
         Ok(Self { model: model.map_err(refused)?, oscillations, pattern, frequency: config.frequency })
     }
 
-    /// Number of joints.
+    /// Returns the number of joints.
     pub(super) fn joints(&self) -> usize {
         self.oscillations.len()
     }
@@ -90,7 +90,7 @@ impl Generator {
         }
     }
 
-    /// Commands all amplitudes, as a factor of those configured.
+    /// Scales all amplitudes relative to the configured ones.
     pub(super) fn set_scale(&mut self, scale: f64) -> Result<(), CpgError> {
         for (joint, oscillation) in self.oscillations.iter().enumerate() {
             let amplitude = scale * oscillation.amplitude;
@@ -106,7 +106,7 @@ impl Generator {
         Ok(())
     }
 
-    /// Commands the phases of the legs.
+    /// Sets the phases of the legs.
     pub(super) fn set_gait(&mut self, gait: &[f64]) -> Result<(), CpgError> {
         match &mut self.model {
             Model::Phase(network) => {
@@ -119,7 +119,7 @@ impl Generator {
         }
     }
 
-    /// Entrainment of the oscillator of a joint by its measured position and velocity, rad/s.
+    /// Returns the entrainment of a joint's oscillator by its measured position and velocity, rad/s.
     pub(super) fn pull(&self, joint: usize, position: f64, velocity: f64, gain: f64) -> f64 {
         match &self.model {
             Model::Phase(network) if self.frequency > 0.0 => {
@@ -140,7 +140,7 @@ impl Generator {
         }
     }
 
-    /// Setpoints of all joints.
+    /// Returns the setpoints of all joints.
     pub(super) fn output(&self) -> &[f64] {
         match &self.model {
             Model::Phase(network) => network.output(),
@@ -148,7 +148,7 @@ impl Generator {
         }
     }
 
-    /// Their rates, per second.
+    /// Returns the rates of the setpoints, per second.
     pub(super) fn velocity(&self) -> &[f64] {
         match &self.model {
             Model::Phase(network) => network.velocity(),
@@ -156,7 +156,7 @@ impl Generator {
         }
     }
 
-    /// The largest deviation of a phase from the gait, rad.
+    /// Returns the largest deviation of a phase from the gait, rad.
     pub(super) fn gait_error(&self) -> f64 {
         match &self.model {
             Model::Phase(network) => network.pattern_error(),

@@ -17,24 +17,24 @@ use generator::Generator;
 use motorium_primitives::cpg::Gait;
 
 /// Moves the joints of legs by a phase-amplitude network
-/// ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or by Hopf's, Matsuoka's or Kuramoto's
-/// oscillators ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
+/// ([`PhaseNetwork`](motorium_primitives::cpg::PhaseNetwork)) or by Hopf, Matsuoka or Kuramoto oscillators
+/// ([`OscillatorNetwork`](motorium_primitives::cpg::OscillatorNetwork)).
 ///
-/// It begins with the first joint state, from where the robot is, and grows out of standing. Gait, frequency
-/// and amplitude (and the duty factor of Hopf's oscillators) are parameters; every change is smooth. With
-/// `entrainment`, the measured joints draw the rhythm along.
+/// The movement starts with the first joint state, in the robot's current pose, and grows smoothly from
+/// standing. Gait, frequency and amplitude (and the duty factor of Hopf oscillators) are parameters; every
+/// change is smooth. With `entrainment`, the measured joints influence the rhythm.
 #[derive(Debug)]
 pub struct CpgPolicy {
     writer: JointCommandWriter,
     generator: Generator,
-    /// The generator as it was configured.
+    /// The generator as configured.
     start: Generator,
     pull: Vec<f64>,
     frequency: Parameter<f64>,
     amplitude: Parameter<f64>,
     gait: Parameter<Choice>,
     phase_offsets: ParameterArray,
-    /// The offsets applied last, and the phases of the legs with them, rad.
+    /// Last applied offsets, and the phases of the legs that include them, rad.
     offsets: Vec<f64>,
     phases: Vec<f64>,
     entrainment: Parameter<f64>,
@@ -124,7 +124,7 @@ impl Component for CpgPolicy {
         self.apply_parameters()?;
         let dt = tick.dt();
         let gain = self.entrainment.get();
-        // before the robot has gone over to the movement, what it does says nothing about it
+        // until the robot has eased into the movement, its motion carries no information about it
         if gain > 0.0 && self.writer.is_eased_in() {
             for (joint, pull) in self.pull.iter_mut().enumerate() {
                 let (q, v) = (self.writer.position(joint), self.writer.speed(joint));

@@ -1,4 +1,4 @@
-//! Couplings to what the robot meets on the way: of the primitives to its error, to obstacles and to forces.
+//! Couplings of the primitives to tracking errors, obstacles and forces.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare};
@@ -23,7 +23,7 @@ pub(super) struct Couplings {
 }
 
 impl Couplings {
-    /// Checks the configuration, and declares the input that it needs.
+    /// Checks the configuration and declares the required input.
     pub(super) fn declare(config: &DmpPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         check(config)?;
         if config.yielding.is_some() {
@@ -53,12 +53,13 @@ impl Couplings {
         })
     }
 
-    /// True if the end effector is to be measured.
+    /// Returns `true` if the end effector must be measured.
     pub(super) fn needs_end_effector(&self) -> bool {
         self.stop.is_some()
     }
 
-    /// Lets obstacles and forces act on the next step, and returns its rate for an end effector at a place.
+    /// Applies obstacles and forces to the next step, and returns the rate of the movement for this position
+    /// of the end effector.
     pub(super) fn apply(&mut self, reach: &mut PoseReach, end_effector: Option<Vector3<f64>>) -> f64 {
         let pose = reach.pose();
         let mut acceleration = Vector3::zeros();
@@ -88,7 +89,7 @@ impl Couplings {
         (self.slowest, self.largest) = (1.0, 0.0);
     }
 
-    /// The effect of the couplings so far; `None` without one.
+    /// Returns the effect of the couplings so far; `None` without a coupling.
     pub(super) fn result(&self) -> Option<serde_json::Value> {
         let any = self.stop.is_some() || self.avoidance.is_some() || self.yielding.is_some();
         any.then(|| serde_json::json!({ "slowest_rate": self.slowest, "largest_acceleration": self.largest }))

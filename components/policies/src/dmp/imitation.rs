@@ -1,4 +1,4 @@
-//! Demonstrations as the way to a goal, and how closely they are followed.
+//! Demonstrations as paths to a goal, and the accuracy with which they are followed.
 
 use std::path::Path;
 
@@ -13,22 +13,22 @@ use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::reach::PathDeviation;
 use motorium_recordings::{Recording, Selection};
 
-/// Evenly spaced samples that a recording is made into.
+/// Number of evenly spaced samples to which a recording is resampled.
 const SAMPLES: usize = 400;
 
-/// A demonstration that was read and learned.
+/// A demonstration that has been read and learned.
 #[derive(Debug, Clone)]
 pub(super) struct Demonstrated {
     pub(super) model: DmpModel,
-    /// Evenly spaced in time, m.
+    /// Positions, evenly spaced in time, m.
     pub(super) path: Vec<Vector3<f64>>,
     pub(super) duration: std::time::Duration,
-    /// Orientation at the beginning and the end, where joints were recorded.
+    /// Orientations at the start and the end, if joints were recorded.
     pub(super) turns: Option<[UnitQuaternion<f64>; 2]>,
 }
 
 impl Demonstrated {
-    /// Reads, filters and fits. `key` is that of the shape.
+    /// Reads, filters and fits a demonstration. `key` is the key of the shape.
     pub(super) fn read(
         config: &DemonstrationConfig,
         robot: Option<&RobotReference>,
@@ -43,7 +43,7 @@ impl Demonstrated {
         let duration = recording.duration();
         let demonstration = Demonstration::from_positions(duration, positions.clone())
             .map_err(|error| ConfigError::key(&file, error.to_string()))?
-            // as the end effector will move
+            // like the motion of the end effector
             .at_rest_at_its_ends();
         let settings = Settings { kernels: config.kernels, ..Settings::default() };
         let model = DmpModel::fit(settings, &[demonstration], Regression::default())
@@ -52,12 +52,12 @@ impl Demonstrated {
         Ok(Self { model, path, duration: std::time::Duration::from_secs_f64(duration), turns })
     }
 
-    /// Start of the path.
+    /// Returns the start of the path.
     pub(super) fn start(&self) -> Vector3<f64> {
         self.path[0]
     }
 
-    /// End of the path.
+    /// Returns the end of the path.
     pub(super) fn end(&self) -> Vector3<f64> {
         self.path[self.path.len() - 1]
     }
@@ -65,7 +65,7 @@ impl Demonstrated {
 
 type EndEffector = (DMatrix<f64>, Option<[UnitQuaternion<f64>; 2]>);
 
-/// Positions of the end effector, samples x 3, from those recorded or from the joints.
+/// Returns the positions of the end effector, samples x 3, from recorded positions or joints.
 fn end_effector(
     recording: &Recording,
     config: &DemonstrationConfig,
@@ -106,7 +106,7 @@ fn end_effector(
     Ok((positions, Some([poses[0].rotation, poses[SAMPLES - 1].rotation])))
 }
 
-/// A primitive of the end effector's position from a file.
+/// Reads a primitive of the end effector's position from a file.
 pub(super) fn primitive(
     file: &str,
     robot: Option<&RobotReference>,
@@ -132,10 +132,10 @@ pub(super) fn primitive(
     Ok(model)
 }
 
-/// Deviations of the target, and of the measured end effector, from the paths that were demonstrated.
+/// Deviations of the target and of the measured end effector from the demonstrated paths.
 #[derive(Debug, Default)]
 pub(super) struct PathRecord {
-    /// Path of every segment that was demonstrated, m.
+    /// Demonstrated path of each segment, m; `None` without a demonstration.
     paths: Vec<Option<Vec<Vector3<f64>>>>,
     target: PathDeviation,
     end_effector: PathDeviation,
@@ -146,12 +146,12 @@ impl PathRecord {
         Self { paths, ..Self::default() }
     }
 
-    /// True if a segment was demonstrated.
+    /// Returns `true` if a segment has a demonstration.
     pub(super) fn has_path(&self, segment: usize) -> bool {
         self.paths.get(segment).is_some_and(Option::is_some)
     }
 
-    /// Records the target, and the measured position of the end effector where known, at a progress of a
+    /// Records the target, and the measured position of the end effector if known, at a progress of a
     /// segment.
     pub(super) fn observe(
         &mut self,
@@ -167,7 +167,7 @@ impl PathRecord {
         }
     }
 
-    /// Result of the run; `None` without a demonstration.
+    /// Returns the result of the run; `None` without a demonstration.
     pub(super) fn result(&self) -> Option<serde_json::Value> {
         self.paths
             .iter()

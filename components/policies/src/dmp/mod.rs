@@ -28,14 +28,15 @@ use start_pose::StartPose;
 use waypoints::Waypoints;
 use weights::LiveWeights;
 
-/// Moves the end effector of a robot through goals, one movement primitive to each; see [`PoseReach`].
+/// Moves the end effector of a robot through goals, with one movement primitive each; see [`PoseReach`].
 ///
-/// It starts from the measured pose of the end effector (or a configured one) with the first joint state it
-/// sees, and publishes nothing before. Time passes by the ticks: when the component was held up, the target
-/// goes on from where it was, it does not leap. After a crash it goes on towards the goal that was under way.
+/// The policy starts at the measured pose of the end effector (or a configured one) with the first joint
+/// state, and publishes nothing before. Time advances with the ticks: after a delay of the component the
+/// target continues from its last pose without a discontinuity. After a crash the policy continues towards
+/// the current goal.
 ///
-/// In real time a new episode breaks off the movement under way: the target stops where it is, and sets out
-/// from there for the first goal, with weights that have arrived.
+/// In real time a new episode interrupts the current movement. The target stops and starts from its current
+/// pose towards the first goal, with the weights that have arrived.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,
@@ -43,25 +44,25 @@ pub struct DmpPolicy {
     start_pose: StartPose,
     waypoints: Waypoints,
     reach: PoseReach,
-    /// The movements as they were configured.
+    /// The movements as configured.
     start_reach: PoseReach,
     episode_end: Option<EpisodeEnd>,
-    /// Which of the primitives is chosen, and which every segment that may choose has.
+    /// The selected primitive, and the primitive of each segment that follows the selection.
     primitive: Option<Parameter<i64>>,
     chosen: Vec<usize>,
     exchanges: u64,
     weights: Option<LiveWeights>,
     couplings: Couplings,
-    /// Rate of the movement that the couplings leave.
+    /// Rate of the movement after the couplings.
     rate: f64,
     record: PathRecord,
-    /// Goals started for before a crash.
+    /// Number of goals started before a crash.
     goals_before: u64,
     memory: Checkpoint,
     clock: RunClock,
-    /// Time that the step before was for, ns since the run began.
+    /// Time of the previous step, ns since the run began.
     last_ns: Option<u64>,
-    /// Pose of the target at the end of the last episode of real time, from which the coming one starts.
+    /// Target pose at the end of the last real-time episode, from which the next one starts.
     left_at: Option<Isometry3<f64>>,
 }
 
@@ -208,8 +209,8 @@ impl Component for DmpPolicy {
 }
 
 impl DmpPolicy {
-    /// Gives the segments that may choose the primitive that is chosen; one that is under way keeps what it
-    /// has.
+    /// Assigns the selected primitive to the segments that follow the selection; the current segment keeps
+    /// its primitive.
     fn select(&mut self) -> Result<(), StepError> {
         let Some(primitive) = &self.primitive else { return Ok(()) };
         let primitives = self.waypoints.primitives();
@@ -227,13 +228,13 @@ impl DmpPolicy {
         Ok(())
     }
 
-    /// Begins with the first goal at `start`.
+    /// Starts towards the first goal from `start`.
     fn begin_at(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
         self.waypoints.set_goals(&mut self.reach, &start).map_err(refused)?;
         self.reach.start(start).map_err(refused)
     }
 
-    /// Begins at `start`, or goes on after a crash with what was under way.
+    /// Starts from `start`, or continues the current movement after a crash.
     fn begin(&mut self, start: Isometry3<f64>) -> Result<(), StepError> {
         let memory = self.memory.resume().and_then(|numbers| Memory::read(&numbers));
         let Some(memory) = memory.filter(|memory| memory.segment < self.reach.segments()) else {
@@ -241,7 +242,7 @@ impl DmpPolicy {
         };
         self.waypoints.set_goals(&mut self.reach, &memory.origin).map_err(refused)?;
         self.goals_before = memory.goals - 1;
-        // the measured pose includes any motion in the meantime; a configured one does not
+        // a measured pose includes any motion in the meantime; a configured one does not
         let start = if self.start_pose.is_measured() { start } else { memory.pose };
         self.reach.start_with(memory.segment, start).map_err(refused)
     }
@@ -281,9 +282,9 @@ fn refused(_: SteerError) -> StepError {
 struct Memory {
     segment: usize,
     goals: u64,
-    /// Pose of the target.
+    /// Target pose.
     pose: Isometry3<f64>,
-    /// Pose at the start of the first segment, to which goals may be relative.
+    /// Pose at the start of the first segment, the reference of relative goals.
     origin: Isometry3<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Goals that the reach of the robot cannot cover.
+//! Goals beyond the reach of the robot.
 
 use motorium::declare::{ConfigError, Declare};
 use motorium_robots::{FrameId, JointKind, Kinematics, Loaded, Model};
@@ -6,17 +6,18 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::waypoints::{GoalPlace, Waypoints};
 
-/// Greatest distance of a frame from the first joint that moves it: all links in one line.
+/// Largest distance of a frame from the first joint that moves it, with all links in one line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Reach {
-    /// Place of that joint in the world, m.
+    /// Position of that joint in the world, m.
     anchor: Vector3<f64>,
-    /// Sum of the lengths of the links from there, with the largest ways of joints that slide, m.
+    /// Sum of the lengths of the links from there, including the largest displacements of prismatic joints,
+    /// m.
     length: f64,
 }
 
 impl Reach {
-    /// The reach of a frame of a robot whose base is fixed; `None` for a frame that no joint moves.
+    /// Returns the reach of a frame on a robot with a fixed base; `None` for a frame that no joint moves.
     pub(super) fn of_frame(model: &Model, frame: FrameId) -> Option<Self> {
         let frame = &model.frames()[frame.index()];
         let mut length = frame.placement.translation.vector.norm();
@@ -36,15 +37,15 @@ impl Reach {
         }
     }
 
-    /// Distance of a place from the first joint, m, if it is farther than the reach.
+    /// Returns the distance of a position from the first joint, m, if it exceeds the reach.
     pub(super) fn beyond(&self, place: &Vector3<f64>) -> Option<f64> {
         let distance = (place - self.anchor).norm();
         (distance > self.length).then_some(distance)
     }
 }
 
-/// Refuses goals at places beyond the reach of the end effector, and warns of goals that lie beyond it only
-/// if the robot starts in its home pose. `start` is the configured pose to start from.
+/// Rejects goals beyond the reach of the end effector, and warns of goals that are out of reach only if the
+/// robot starts in its home pose. `start` is the configured start pose.
 pub(super) fn check(
     waypoints: &Waypoints,
     robot: &Loaded,
@@ -83,7 +84,7 @@ pub(super) fn check(
             .warn(format!("goal {key} is {from} if the robot starts in its home pose, and {most}"))
             .key(format!("goals[{key}]"))
             .advise(advice);
-        // one warning: the goals after it start from nowhere
+        // one warning is enough: the following goals have no known start
         return Ok(());
     }
     Ok(())

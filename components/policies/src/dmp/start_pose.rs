@@ -1,4 +1,4 @@
-//! Pose the end effector starts from.
+//! Start pose of the end effector.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -15,9 +15,9 @@ use crate::robot;
 /// The start pose of the end effector.
 #[derive(Debug)]
 pub(super) enum StartPose {
-    /// From the file.
+    /// The configured pose.
     Configured(Isometry3<f64>),
-    /// From the joint state, through the model of the robot.
+    /// The pose computed from the joint state with the robot's model.
     Measured(Box<Measured>),
 }
 
@@ -30,7 +30,7 @@ pub(super) struct Measured {
 }
 
 impl StartPose {
-    /// Declares the input that is needed, and checks what can be checked.
+    /// Declares the required input, and checks the configuration as far as possible.
     pub(super) fn declare(
         config: &DmpPolicyConfig,
         waypoints: &Waypoints,
@@ -44,7 +44,7 @@ impl StartPose {
                         "remove `frame`, or remove `start` to begin at the measured pose of this frame",
                     ));
             }
-            // a robot that cannot say where its end effector is says nothing about goals either
+            // a robot without a known end effector gives no information about goals either
             if let Some((loaded, frame)) =
                 declare.robot().and_then(|robot| robot::load_fixed(robot, None).ok())
             {
@@ -79,18 +79,18 @@ impl StartPose {
         })))
     }
 
-    /// True if the pose is measured.
+    /// Returns `true` if the pose is measured.
     pub(super) fn is_measured(&self) -> bool {
         matches!(self, Self::Measured(_))
     }
 
-    /// Time that the newest measurement is for, ns since the run began, if the pose is measured.
+    /// Returns the time of the newest measurement, ns since the run began, if the pose is measured.
     pub(super) fn state_ns(&mut self) -> Option<u64> {
         let Self::Measured(measured) = self else { return None };
         measured.state.latest().map(|state| state.time_ns())
     }
 
-    /// Measured position of the end effector, m, if it is measured.
+    /// Returns the measured position of the end effector, m, if it is measured.
     pub(super) fn end_effector(&mut self) -> Option<nalgebra::Vector3<f64>> {
         let Self::Measured(measured) = self else { return None };
         let Measured { state, model, frame, kinematics } = measured.as_mut();
@@ -99,7 +99,7 @@ impl StartPose {
         Some(kinematics.pose(model, *frame).translation.vector)
     }
 
-    /// The pose, once it is known.
+    /// Returns the pose once it is known.
     pub(super) fn find(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
         let measured = match self {
             Self::Configured(pose) => return Ok(Some(*pose)),

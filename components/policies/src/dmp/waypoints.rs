@@ -1,4 +1,4 @@
-//! Goals as they are configured, turned into segments.
+//! Conversion of configured goals to segments.
 
 use motorium::declare::{ConfigError, RobotReference};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -8,17 +8,17 @@ use super::imitation::{self, Demonstrated, PathRecord};
 use motorium_primitives::dmp::{DmpModel, Settings};
 use motorium_primitives::reach::{PathShape, PoseReach, ReachError, Repeat, Segment, SteerError};
 
-/// The goals of a policy, some of them relative to where it starts.
+/// The goals of a policy, some of them relative to the start.
 #[derive(Debug)]
 pub(super) struct Waypoints {
     goals: Vec<Goal>,
     segments: Vec<Segment>,
-    /// Of every segment, the goal of the configuration it belongs to, and the path that was demonstrated.
+    /// For each segment, its goal in the configuration and its demonstrated path.
     keys: Vec<usize>,
     paths: Vec<Option<Vec<Vector3<f64>>>>,
     primitives: Vec<DmpModel>,
     selected: Vec<usize>,
-    /// Segments whose weights come from an input, and their primitives until then.
+    /// Segments whose weights come from an input, with their initial primitives.
     weighted: Vec<(usize, DmpModel)>,
     repeat: Repeat,
     origin: Isometry3<f64>,
@@ -27,15 +27,15 @@ pub(super) struct Waypoints {
 #[derive(Debug)]
 struct Goal {
     place: GoalPlace,
-    /// None: as the goal before.
+    /// `None` keeps the previous orientation.
     turn: Option<UnitQuaternion<f64>>,
 }
 
-/// The place of a goal.
+/// The position of a goal.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum GoalPlace {
     At(Vector3<f64>),
-    /// Relative to the goal before, in world axes.
+    /// Relative to the previous goal, in world axes.
     Beside(Vector3<f64>),
 }
 
@@ -122,7 +122,7 @@ impl Waypoints {
             }
         }
         let place = match at {
-            // a path of its own is compared with only where it leads where it led
+            // a demonstrated path is only compared with a movement to its own end
             Some(at) if goal.position.is_none() && goal.offset.is_none() => at,
             _ => {
                 path = None;
@@ -162,32 +162,32 @@ impl Waypoints {
         }
     }
 
-    /// The places of the goals, each with the goal of the configuration it belongs to.
+    /// Returns the positions of the goals, each with the index of its goal in the configuration.
     pub(super) fn places(&self) -> impl Iterator<Item = (GoalPlace, usize)> {
         self.goals.iter().map(|goal| goal.place).zip(self.keys.iter().copied())
     }
 
-    /// The primitives that can be selected.
+    /// Returns the selectable primitives.
     pub(super) fn primitives(&self) -> &[DmpModel] {
         &self.primitives
     }
 
-    /// The segments that follow the selected primitive.
+    /// Returns the segments that follow the selected primitive.
     pub(super) fn selected(&self) -> &[usize] {
         &self.selected
     }
 
-    /// The segments whose weights come from an input, and their primitives until then.
+    /// Returns the segments whose weights come from an input, with their initial primitives.
     pub(super) fn weighted(&self) -> &[(usize, DmpModel)] {
         &self.weighted
     }
 
-    /// Record of the deviations from the demonstrated paths.
+    /// Returns a record of the deviations from the demonstrated paths.
     pub(super) fn record(&self) -> PathRecord {
         PathRecord::new(self.paths.clone())
     }
 
-    /// The reach, its goals still to be aimed at.
+    /// Creates the reach, with goals still to be set.
     pub(super) fn reach(&self) -> Result<PoseReach, ConfigError> {
         PoseReach::new(self.segments.clone(), self.repeat).map_err(|error| match &error {
             ReachError::NoSegments => ConfigError::key("goals", error.to_string()),
@@ -203,7 +203,7 @@ impl Waypoints {
         })
     }
 
-    /// Sets the goal of every segment, for a start pose.
+    /// Sets the goal of every segment for a start pose.
     pub(super) fn set_goals(
         &mut self,
         reach: &mut PoseReach,
@@ -222,16 +222,16 @@ impl Waypoints {
         Ok(())
     }
 
-    /// Start pose of the waypoints.
+    /// Returns the start pose of the waypoints.
     pub(super) fn origin(&self) -> Isometry3<f64> {
         self.origin
     }
 }
 
-/// The most kernels of a primitive whose weights come from an input.
+/// Largest number of kernels of a primitive whose weights come from an input.
 const MOST_KERNELS: usize = 1000;
 
-/// The primitive of a goal until weights come.
+/// Returns the initial primitive of a goal whose weights come from an input.
 fn weighted(
     config: &WeightsConfig,
     robot: Option<&RobotReference>,
@@ -253,7 +253,7 @@ fn weighted(
         .map_err(|error| ConfigError::key(key, error.to_string()))
 }
 
-/// A configured pose. `key` is that of its table.
+/// Converts a configured pose. `key` is the key of its table.
 pub(super) fn pose(config: &PoseConfig, key: &str) -> Result<Isometry3<f64>, ConfigError> {
     let key = |name: &str| format!("{key}.{name}");
     let position = finite(config.position, key("position"))?;
@@ -261,10 +261,10 @@ pub(super) fn pose(config: &PoseConfig, key: &str) -> Result<Isometry3<f64>, Con
     Ok(Isometry3::from_parts(Translation3::from(position), turn))
 }
 
-/// Farthest goal along an axis, m: robots do not walk that far in one run.
+/// Largest coordinate of a goal along an axis, m: robots do not walk that far in one run.
 const FARTHEST: f64 = 1e5;
 
-/// A position within the range of goals.
+/// Checks that a position is within the range of goals.
 fn near(values: [f64; 3], key: String) -> Result<Vector3<f64>, ConfigError> {
     match values.iter().find(|value| value.abs() > FARTHEST) {
         Some(value) => {
@@ -309,7 +309,7 @@ fn orientation(
         (Some([x, y, z, w]), None) => {
             let quaternion = Quaternion::new(w, x, y, z);
             let norm = quaternion.norm();
-            // printed digits are rounded, but no further than this
+            // printed digits are rounded, but by no more than this
             if (norm - 1.0).abs() > 1e-2 || !norm.is_finite() {
                 let message = format!("the quaternion has the length {norm}, expected 1");
                 let error = ConfigError::key(key("orientation"), message);

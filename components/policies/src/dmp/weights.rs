@@ -11,8 +11,8 @@ use super::waypoints::Waypoints;
 /// Name of the input.
 const PORT: &str = "weights";
 
-/// The primitives of all goals with the shape `weights`, and the input from which they take their weights:
-/// those of each goal in turn, by dimension, a number for each kernel.
+/// The primitives of all goals with the shape `weights`, and the input that provides their weights: one goal
+/// after the other, then by dimension, with a number for each kernel.
 #[derive(Debug)]
 pub(super) struct LiveWeights {
     input: WeightsInput,
@@ -22,11 +22,11 @@ pub(super) struct LiveWeights {
 #[derive(Debug)]
 struct LivePrimitive {
     segment: usize,
-    /// As it was configured.
+    /// The primitive as configured.
     configured: DmpModel,
-    /// With the weights taken last.
+    /// The primitive with the newest weights.
     model: DmpModel,
-    /// Its segment still has other weights.
+    /// True if the segment does not have the newest weights yet.
     is_pending: bool,
 }
 
@@ -38,7 +38,7 @@ impl LiveWeights {
         declare.weights(PORT, "weights of the primitives of all goals with the shape `weights`");
     }
 
-    /// `None` if no goal has the shape `weights`.
+    /// Returns `None` if no goal has the shape `weights`.
     pub(super) fn open(
         waypoints: &Waypoints,
         take: TakeWeights,
@@ -61,7 +61,7 @@ impl LiveWeights {
         Ok(Some(Self { input: setup.weights(PORT, count, take)?, primitives }))
     }
 
-    /// Takes weights that have arrived, and gives them to the segments that are not under way.
+    /// Reads weights that have arrived, and assigns them to all segments except the current one.
     pub(super) fn apply(&mut self, reach: &mut PoseReach, tick: &Tick) -> Result<(), StepError> {
         let Self { input, primitives } = self;
         if let Some(mut weights) = input.take(tick) {

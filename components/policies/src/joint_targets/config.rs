@@ -19,32 +19,32 @@ use crate::text_or_table::text_or_table;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointTargetsConfig {
-    /// Folder of the policy, with `policy.toml`, relative to the graph file; or a table with its rate and its
+    /// Folder of the policy, with `policy.toml`, relative to the graph file; or a table with the rate and the
     /// action.
     pub policy: PolicySource,
-    /// Age of an action up to which it is followed; at least a period of the policy. Default: 1.5 periods of
-    /// the policy.
+    /// Maximum age of an action; at least a period of the policy. Default: 1.5 periods of the policy.
     #[serde(default)]
     pub hold: Option<TimeSpan>,
-    /// Behaviour after that. Default: "default_pose" for actions that are positions, "hold" for chunks, else
-    /// "stop".
+    /// Behaviour without a fresh action. Default: "default_pose" for actions that are positions, "hold" for
+    /// chunks, otherwise "stop".
     #[serde(default)]
     pub when_stale: Option<WhenStale>,
-    /// Duration of the transition from where the joints are to the first action, to the default pose, and
-    /// back. Default "500 ms".
+    /// Duration of the transition from the current joint positions to the first action, to the default pose,
+    /// and back. Default "500 ms".
     #[serde(default = "half_second")]
     pub ease: TimeSpan,
-    /// True to move on a line from one action to the next, a period of the policy later. Default false: the
-    /// newest action is held.
+    /// True to interpolate linearly between actions, which delays them by a period of the policy. Default
+    /// false: the newest action is held.
     #[serde(default)]
     pub interpolate: bool,
-    /// Limits within which setpoints follow the actions. Default: none for actions, the robot's for chunks.
+    /// Limits within which setpoints follow the actions. Default: no limits for actions, the robot's limits
+    /// for chunks.
     #[serde(default)]
     pub limits: Option<MotionLimitsConfig>,
-    /// The actions arrive in chunks.
+    /// Transition between chunks, for actions that arrive in chunks.
     #[serde(default)]
     pub chunks: Option<ChunksConfig>,
-    /// True to add the torque that holds the joints against gravity. Default false.
+    /// True to add the torque that compensates gravity. Default false.
     #[serde(default)]
     pub gravity_compensation: bool,
     /// Gravity in the world frame, m/s^2. Default: the graph's world, 9.81 downwards without one.
@@ -52,13 +52,13 @@ pub struct JointTargetsConfig {
     pub gravity: [f64; 3],
 }
 
-/// Source of the meaning of actions.
+/// Source of the definition of actions.
 #[derive(Debug, Clone, JsonSchema)]
 #[schemars(untagged)]
 pub enum PolicySource {
     /// The folder of a policy, relative to the graph file.
     Folder(#[schemars(extend("format" = "path"))] String),
-    /// The rate and the action themselves.
+    /// The rate and the action.
     Table(ActionTable),
 }
 
@@ -68,13 +68,13 @@ impl<'de> Deserialize<'de> for PolicySource {
     }
 }
 
-/// The rate and the meaning of actions of a policy that runs in another program.
+/// The rate and the definition of actions of a policy in another program.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ActionTable {
     /// Actions per second, Hz, above 0.
     pub rate: f64,
-    /// Meaning of the actions.
+    /// Definition of the actions.
     pub action: Action,
 }
 
@@ -86,17 +86,17 @@ pub enum WhenStale {
     DefaultPose,
     /// Stays at the last target; for positions.
     Hold,
-    /// Commands nothing, so that the robot goes into its safe state.
+    /// Stops publishing commands, so that the robot enters its safe state.
     Stop,
 }
 
-/// The change from one chunk to the next.
+/// The transition between chunks.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChunksConfig {
-    /// Time for which the chunk before stays in force after a new one has arrived. Default 0.
+    /// Time for which the previous chunk stays in force after a new one has arrived. Default 0.
     pub frozen: TimeSpan,
-    /// Time over which it then fades into the new one. Default "100 ms".
+    /// Duration of the subsequent blend into the new chunk. Default "100 ms".
     pub blend: TimeSpan,
 }
 

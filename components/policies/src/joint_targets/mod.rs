@@ -1,4 +1,4 @@
-//! `policy.joint_targets`: from the actions of a policy to joint commands at the rate of the loop.
+//! `policy.joint_targets`: converts the actions of a policy to joint commands at the rate of the loop.
 
 mod config;
 mod source;
@@ -23,12 +23,12 @@ use crate::motion_limits::MotionLimitsConfig;
 use crate::network::refused;
 use source::{Actions, Chunks, Source};
 
-/// Commands the joints of a robot by the newest action of a policy, or by chunks of actions.
+/// Commands the joints of a robot from the newest action of a policy, or from chunks of actions.
 ///
-/// The joints of the policy are found by their names; those that it does not command stay where they were
-/// found. An action is followed while it is younger than `hold`; then the joints ease to the default pose,
-/// stay, or are not commanded any more. With limits, setpoints keep to velocities and accelerations however
-/// the actions jump; with chunks they always do.
+/// The joints of the policy are resolved by name; joints that it does not command hold their initial
+/// positions. An action is followed while it is younger than `hold`. Afterwards the joints ease to the
+/// default pose, hold, or receive no more commands. With limits, setpoints respect velocities and
+/// accelerations even if the actions jump; chunks always use limits.
 #[derive(Debug)]
 pub struct JointTargetsPolicy {
     writer: JointCommandWriter,
@@ -41,22 +41,22 @@ pub struct JointTargetsPolicy {
     hold: u64,
     follower: Option<Follower>,
     state: State,
-    /// Duration of a transition, s; time since the last one began, s, infinite before the first; the targets
-    /// that it began with.
+    /// Duration of a transition, s; time since the last transition began, s, infinite before the first; the
+    /// targets at its start.
     ease: f64,
     elapsed: f64,
     from: Vec<f64>,
-    /// Targets of the policy, and the same after transitions.
+    /// Targets of the policy, before and after transitions.
     target: Vec<f64>,
     setpoint: Vec<f64>,
     rate: Vec<f64>,
     stale: u64,
 }
 
-/// The present behaviour.
+/// The current behaviour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// No joint state was read yet.
+    /// No joint state has been read yet.
     Start,
     /// No action has arrived.
     Waiting,
@@ -66,7 +66,7 @@ enum State {
     Stale,
 }
 
-/// A configuration that is checked for a robot.
+/// A configuration checked against a robot.
 struct Checked {
     action: PolicyAction,
     rate: f64,
@@ -98,7 +98,7 @@ impl Component for JointTargetsPolicy {
         let Checked { action, rate, joints, follower, when_stale, hold } =
             check(&config, setup.folder(), Some(&robot))?;
         let count = action.joints.len();
-        // the writer has the order of the policy, and brings it into the order of the robot
+        // the writer uses the order of the policy and converts it to the order of the robot
         let targets =
             action.joint_targets(&action.joints).map_err(|error| ConfigError::new(error.to_string()))?;
         let source = match config.chunks {
@@ -184,7 +184,7 @@ impl Component for JointTargetsPolicy {
 }
 
 impl JointTargetsPolicy {
-    /// Makes setpoints of the measured positions.
+    /// Sets the setpoints to the measured positions.
     fn measure(&mut self) {
         for (joint, setpoint) in self.setpoint.iter_mut().enumerate() {
             *setpoint = self.writer.position(joint);
@@ -200,7 +200,7 @@ impl JointTargetsPolicy {
                 follower.start(&self.setpoint);
             }
         }
-        // chunks fade in and out themselves
+        // chunks fade in and out on their own
         if was_stopped
             || !matches!(self.source, Source::Chunks(_))
             || self.when_stale == WhenStale::DefaultPose
@@ -302,7 +302,7 @@ fn check(
                 GainsError::Profile(error) => ConfigError::new(error.to_string()),
             })
         })?;
-    // all joints are found by now
+    // all joints have been found at this point
     let indices: Vec<usize> = indices.into_iter().flatten().collect();
     let follower = limits.map(|limits| {
         let ranges = indices.iter().map(|joint| [lower[*joint], upper[*joint]]).collect();
@@ -311,7 +311,7 @@ fn check(
     Ok(Checked { action, rate, joints, follower, when_stale, hold: (hold * 1e9) as u64 })
 }
 
-/// The action and the rate of a policy.
+/// Reads the action and the rate of a policy.
 fn read(source: &PolicySource, base: &Path) -> Result<(PolicyAction, f64), ConfigError> {
     let (action, rate) = match source {
         PolicySource::Folder(folder) => {
@@ -340,7 +340,7 @@ fn read(source: &PolicySource, base: &Path) -> Result<(PolicyAction, f64), Confi
     Ok((action, rate))
 }
 
-/// The gains of all joints: the policy's, and the profile's where the policy has none.
+/// Returns the gains of all joints: the policy's, or the profile's if the policy has none.
 fn gains(
     action: &PolicyAction,
     robot: &str,

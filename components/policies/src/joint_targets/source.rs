@@ -1,4 +1,4 @@
-//! The targets of joints, from single actions or from chunks.
+//! Joint targets from single actions or from chunks.
 
 use motorium::component::RunClock;
 use motorium::declare::StepError;
@@ -16,18 +16,18 @@ pub(super) enum Source {
     Chunks(Chunks),
 }
 
-/// The newest action and the one before.
+/// The newest action and the previous one.
 #[derive(Debug)]
 pub(super) struct Actions {
     input: Input<Action>,
     targets: JointTargets,
-    /// Time over which targets move from one action to the next, ns; `None` to hold the newest.
+    /// Duration of the interpolation between actions, ns; `None` to hold the newest.
     interpolate: Option<f64>,
     /// Time of the newest action, ns since the run began.
     time: Option<u64>,
     before: Vec<f64>,
     newest: Vec<f64>,
-    /// Targets on the way from one action to the next.
+    /// Targets interpolated between actions.
     reached: Vec<f64>,
     received: u64,
 }
@@ -41,7 +41,7 @@ pub(super) struct Chunks {
     counts: Counts,
 }
 
-/// The record of chunks.
+/// Counts of chunks.
 #[derive(Debug, Default)]
 struct Counts {
     played: u64,
@@ -56,7 +56,7 @@ struct Counts {
 }
 
 impl Source {
-    /// Begins at these positions.
+    /// Starts at these positions.
     pub(super) fn start(&mut self, position: &[f64]) {
         match self {
             Self::Actions(actions) => {
@@ -67,8 +67,8 @@ impl Source {
         }
     }
 
-    /// Reads what has arrived by `now`, ns since the run began. Returns the time of the newest action, or of
-    /// the last one of the chunk that is played.
+    /// Reads everything that has arrived by `now`, ns since the run began. Returns the time of the newest
+    /// action, or of the last action of the current chunk.
     pub(super) fn poll(&mut self, now: u64, clock: &RunClock) -> Result<Option<u64>, StepError> {
         match self {
             Self::Actions(actions) => actions.poll(now),
@@ -76,7 +76,7 @@ impl Source {
         }
     }
 
-    /// Writes the targets of a time, ns since the run began.
+    /// Writes the targets at a time, ns since the run began.
     pub(super) fn sample(&self, now: u64, targets: &mut [f64]) {
         match self {
             Self::Actions(actions) => actions.sample(now, targets),

@@ -24,28 +24,28 @@ use crate::joint_command::{CommandedJoints, JointCommandConfig, earth};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatentPolicyConfig {
-    /// The model: a file that `motorium latent train` wrote, relative to the graph file. Its latent is a
-    /// function of the human's pose.
+    /// The model: a file written by `motorium latent train`, relative to the graph file. Its latent point is
+    /// a function of the human's pose.
     #[schemars(extend("format" = "path"))]
     pub model: String,
     /// A recorded movement of the human, relative to the graph file, whose channels are the columns of the
-    /// human's space. Default: none, the poses come through the port `human`.
+    /// human's space. Default: poses arrive through the port `human`.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub motion: Option<String>,
-    /// Samples a second of a movement that holds no time, Hz. Default: none, such a movement is refused.
+    /// Sample rate of a movement without time stamps, Hz. Default: such a movement is rejected.
     #[serde(default)]
     pub rate: Option<f64>,
-    /// Behaviour after a movement: "once" stays at its end, "forever" begins again.
+    /// Behaviour after a movement: "once" stays at its end, "forever" starts again.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Space of each robot in the model, by the robot's name. Default: the space of the robot's name.
+    /// Space of each robot in the model, by robot name. Default: the space with the robot's name.
     #[serde(default)]
     pub spaces: BTreeMap<String, String>,
-    /// Time constant with which joints follow the prediction, from 1 ms to 10 s. Default 80 ms.
+    /// Time constant with which joints follow the prediction, 1 ms to 10 s. Default 80 ms.
     #[serde(default = "follow")]
     pub follow: TimeSpan,
-    /// Age of a human pose, received through the port `human`, from which the robots hold. Default 200 ms.
+    /// Age of a human pose, received through the port `human`, beyond which the robots hold. Default 200 ms.
     #[serde(default = "timeout")]
     pub timeout: TimeSpan,
     /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
@@ -74,7 +74,7 @@ pub(super) struct Mimic {
     pub(super) driven: CommandedJoints,
 }
 
-/// Everything that a configuration names, read and checked.
+/// Everything that a configuration references, read and checked.
 #[derive(Debug)]
 pub(super) struct Loaded {
     pub(super) model: LatentModel,

@@ -1,21 +1,20 @@
-//! A point that follows a moving target, and slows down without a discontinuity.
+//! A point that follows a moving target and slows down without a discontinuity.
 
-/// Time in which the pace changes from full speed to rest, s.
+/// Time in which the pace changes from full speed to zero, s.
 const CHANGE_OF_PACE: f64 = 0.2;
 
-/// Critically damped motion of several coordinates towards targets, in a time that may pass more slowly.
+/// Critically damped motion of several coordinates towards targets, with time that can be slowed down.
 ///
 /// `y'' = w^2 (target - y) - 2 w y'` with `w = 2 / time constant`, in closed form for a target that is
-/// constant during a step. The pace `p`, 0 to 1, stretches time: a step of `dt` advances the motion by `p
-/// dt`.
+/// constant during a step. The pace `p`, 0 to 1, scales time: a step of `dt` advances the motion by `p dt`.
 #[derive(Clone, Debug)]
 pub(super) struct Follower {
     frequency: f64,
     pace: f64,
     position: Vec<f64>,
-    /// Of stretched time, per second.
+    /// Velocity per second of scaled time.
     velocity: Vec<f64>,
-    /// Per second.
+    /// Velocity per second.
     rate: Vec<f64>,
 }
 
@@ -31,7 +30,7 @@ impl Follower {
         }
     }
 
-    /// Rests at a position.
+    /// Starts at rest at a position.
     pub(super) fn start(&mut self, position: impl Iterator<Item = f64>) {
         self.position.iter_mut().zip(position).for_each(|(own, start)| *own = start);
         self.velocity.fill(0.0);
@@ -39,7 +38,8 @@ impl Follower {
         self.pace = 0.0;
     }
 
-    /// Advances by `dt`, s; `pace` is approached smoothly, and no coordinate is faster than its `limit`.
+    /// Advances by `dt`, s. The actual pace approaches `pace` smoothly, and no coordinate is faster than its
+    /// `limit`.
     pub(super) fn step(&mut self, dt: f64, target: &[f64], pace: f64, limits: impl Iterator<Item = f64>) {
         let change = dt / CHANGE_OF_PACE;
         self.pace += (pace - self.pace).clamp(-change, change);
@@ -65,12 +65,12 @@ impl Follower {
         &self.position
     }
 
-    /// Rates of the positions, per second.
+    /// Returns the rates of the positions, per second.
     pub(super) fn rate(&self) -> &[f64] {
         &self.rate
     }
 
-    /// Speed of its time: 1 in full, 0 at rest.
+    /// Returns the current pace: 1 at full speed, 0 at rest.
     pub(super) fn pace(&self) -> f64 {
         self.pace
     }

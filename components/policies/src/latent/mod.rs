@@ -1,4 +1,4 @@
-//! `policy.latent`: robots that move as a human does, by a latent space that all of them share.
+//! `policy.latent`: robots that imitate a human through a shared latent space.
 
 mod config;
 mod follower;
@@ -16,13 +16,12 @@ use crate::joint_command::{CommandedJoints, JointCommandWriter, JointPorts};
 use config::{Loaded, load};
 use follower::Follower;
 
-/// Moves several robots as a human moves, by a shared latent space
-/// ([`LatentModel`]).
+/// Moves several robots like a human, through a shared latent space ([`LatentModel`]).
 ///
-/// A pose of the human, from a port or a recorded movement, maps to a latent point, and that to a pose of
-/// each robot and to the pose's novelty: the part of the predictive variance that the training poses leave
-/// open. A robot slows down from the novelty `slow_from`, and holds from `hold_from`; it continues when the
-/// pose is familiar again. All robots hold while no pose of the human is fresh.
+/// A pose of the human, from a port or a recorded movement, maps to a latent point, which maps to a pose of
+/// each robot and to the pose's novelty: the part of the predictive variance that the training poses do not
+/// explain. A robot slows down above the novelty `slow_from`, and holds above `hold_from`; it continues when
+/// the pose is familiar again. All robots hold while there is no fresh human pose.
 #[derive(Debug)]
 pub struct LatentPolicy {
     model: LatentModel,
@@ -31,7 +30,7 @@ pub struct LatentPolicy {
     pose: Vec<f64>,
     standard: Vec<f64>,
     x: Vec<f64>,
-    /// True once there is a pose.
+    /// True once a pose has been received.
     has_pose: bool,
     scratch: Scratch,
     robots: Vec<Robot>,
@@ -44,7 +43,7 @@ pub struct LatentPolicy {
 enum Source {
     Port {
         input: Input<Observation>,
-        /// Age of the newest pose, and the age from which the robots hold, s.
+        /// Age of the newest pose, and the age beyond which the robots hold, s.
         age: f64,
         timeout: f64,
     },
@@ -55,14 +54,14 @@ enum Source {
         samples: Vec<f64>,
         speed: Parameter<f64>,
         repeat: Repeat,
-        /// Time within the movement, s, and the sample before it.
+        /// Time within the movement, s, and the index of the sample before it.
         time: f64,
         index: usize,
     },
 }
 
 impl Source {
-    /// Writes the present pose. Returns `None` before the first pose, else true if it is fresh.
+    /// Writes the current pose. Returns `None` before the first pose, otherwise whether the pose is fresh.
     fn read(&mut self, dt: f64, pose: &mut [f64]) -> Result<Option<bool>, StepError> {
         match self {
             Source::Port { input, age, timeout } => {
@@ -122,21 +121,21 @@ struct Robot {
     figures: Figures,
 }
 
-/// Figures of a run.
+/// Statistics of a run.
 #[derive(Clone, Copy, Debug, Default)]
 struct Figures {
     steps: u64,
     novelty: f64,
     largest_novelty: f64,
-    /// Time at a pace below 1 and at rest, s.
+    /// Time at a pace below 1, and at rest, s.
     slowed: f64,
     held: f64,
-    /// Sum of squares and number of the errors of joints, after the transition.
+    /// Sum of squares and number of joint errors after the transition.
     squares: f64,
     errors: u64,
 }
 
-/// Pace at a novelty: 1 up to `slow`, 0 from `hold` on.
+/// Returns the pace at a novelty: 1 up to `slow`, 0 from `hold` on.
 fn pace(novelty: f64, slow: f64, hold: f64) -> f64 {
     if novelty >= hold {
         0.0
@@ -305,7 +304,7 @@ impl Component for LatentPolicy {
     }
 }
 
-/// The robots that the graph gives by `robots`, or the one that it gives by `robot`.
+/// Returns the robots listed in `robots` of the graph, or the one in `robot`.
 fn every_robot(several: &[RobotReference], one: Option<&RobotReference>) -> Vec<RobotReference> {
     if several.is_empty() { one.into_iter().cloned().collect() } else { several.to_vec() }
 }

@@ -17,57 +17,58 @@ use motorium_primitives::reach::Repeat;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LibraryPolicyConfig {
-    /// A library file; recordings (.jsonl, .json, .csv) to learn one from; "letters", those of our own; or a
-    /// coupling, which writes `pictures`. Relative to the graph file.
+    /// A library file; recordings (.jsonl, .json, .csv) to learn a library from; "letters" for the built-in
+    /// letters; or a coupling, which writes `pictures`. Relative to the graph file.
     #[schemars(extend("format" = "path", "words" = ["letters"]))]
     pub library: String,
-    /// Samples per second of recordings that do not say.
+    /// Sample rate of recordings without time stamps, Hz.
     #[serde(default = "rate")]
     pub rate: f64,
-    /// Labels or ids of the movements, in their order. Not needed with `pictures`.
+    /// Labels or ids of the movements in order. Not needed with `pictures`.
     #[serde(default)]
     pub movements: Vec<String>,
-    /// Pictures of letters (.pgm) that the coupling in `library` turns into movements, made after the others.
-    /// The name of each is that of its file. Relative to the graph file.
+    /// Pictures of letters (.pgm) that the coupling in `library` converts to movements, made after the
+    /// others. Each is named after its file. Relative to the graph file.
     #[serde(default)]
     #[schemars(extend("format" = "path"))]
     pub pictures: Vec<String>,
     /// Speed at which letters are written from pictures, in letter sizes per second. Default: the mean speed
-    /// of the letters that the coupling has learned from.
+    /// of the letters in the coupling's training data.
     #[serde(default)]
     pub pen_speed: Option<f64>,
-    /// Numbers of eigenforces: each movement is made with each of them. Without it, with all.
+    /// Numbers of eigenforces: each movement is made with each of these numbers. Default: all eigenforces.
     #[serde(default)]
     pub eigenforces: Vec<usize>,
-    /// Behaviour after the last movement: "once" stays there, "forever" goes back to the first.
+    /// Behaviour after the last movement: "once" stays there, "forever" returns to the first.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Duration of each movement, such as "4 s". Default: that of its recording.
+    /// Duration of each movement, such as "4 s". Default: the duration of its recording.
     #[serde(default)]
     pub duration: Option<TimeSpan>,
     /// Time from one movement to the start of the next, at least 1 ms. Default "1 s".
     #[serde(default = "transit")]
     pub transit: TimeSpan,
-    /// Time of rest before and after each movement. Default "250 ms".
+    /// Rest time before and after each movement. Default "250 ms".
     #[serde(default = "rest")]
     pub rest: TimeSpan,
-    /// Moves an end effector in a plane, for libraries of two degrees of freedom. Without it, the movements
+    /// Moves an end effector in a plane, for libraries with two degrees of freedom. Default: the movements
     /// are setpoints of joints.
     #[serde(default)]
     pub end_effector: Option<EndEffectorConfig>,
-    /// Definition of rest for recognition: a movement lies between two rests.
+    /// Definition of rest for recognition: a movement is bounded by two rests.
     #[serde(default)]
     pub recognition: RecognitionConfig,
-    /// An SVG file to draw the movements into when the run ends (in the folder the run was started from).
+    /// An SVG file with a drawing of the movements, written when the run ends, relative to the folder in
+    /// which the run was started.
     #[serde(default)]
     pub picture: Option<String>,
 }
 
-/// The plane that an end effector moves in.
+/// The plane in which an end effector moves.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EndEffectorConfig {
-    /// Frame of the robot that moves in the plane. Without it, that of the robot's only end effector.
+    /// Frame of the robot that moves in the plane. Default: the frame of the robot's only end effector.
     #[serde(default)]
     pub frame: Option<String>,
     /// Centre of the first movement, in the world frame, m.
@@ -75,13 +76,13 @@ pub struct EndEffectorConfig {
     /// Direction of the first degree of freedom, in the world frame.
     #[serde(default = "across")]
     pub x_axis: [f64; 3],
-    /// Direction of the second degree of freedom, in the world frame; at right angles to the first.
+    /// Direction of the second degree of freedom, in the world frame; perpendicular to the first.
     #[serde(default = "up")]
     pub y_axis: [f64; 3],
     /// The larger side of a movement, m.
     #[serde(default = "size")]
     pub size: f64,
-    /// From the centre of one movement to that of the next, along the first axis, m.
+    /// Distance from the centre of one movement to the centre of the next, along the first axis, m.
     #[serde(default)]
     pub pitch: f64,
     /// Distance of the end effector from the plane between movements, m.
@@ -93,16 +94,16 @@ pub struct EndEffectorConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecognitionConfig {
-    /// Speed below which it rests, in units of the library per second.
+    /// Speed below which the robot counts as resting, in units of the library per second.
     #[serde(default = "still")]
     pub still: f64,
-    /// Shortest time of a rest, at least 1 ms. Default "100 ms".
+    /// Shortest duration of a rest, at least 1 ms. Default "100 ms".
     #[serde(default = "pause")]
     pub pause: TimeSpan,
-    /// Duration of the longest movement that is recognised, at least 10 ms. Default "10 s".
+    /// Duration of the longest recognised movement, at least 10 ms. Default "10 s".
     #[serde(default = "longest")]
     pub longest: TimeSpan,
-    /// Eigenforces to recognise by.
+    /// Number of eigenforces used for recognition.
     #[serde(default = "eigenforces")]
     pub eigenforces: usize,
 }

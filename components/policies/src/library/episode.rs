@@ -1,8 +1,8 @@
-//! The movements of a policy, one after the other.
+//! The sequence of movements of a policy.
 
 use motorium_library::{Frame, Generator, MotionLibrary, Superposition};
 
-/// A movement to make, with what it should have been.
+/// A planned movement with its reference.
 #[derive(Clone, Debug)]
 pub(super) struct Planned {
     pub(super) entry: usize,
@@ -11,7 +11,7 @@ pub(super) struct Planned {
     pub(super) movement: Superposition,
 }
 
-/// The movements that were configured.
+/// Plans the configured movements.
 pub(super) fn plan(
     library: &MotionLibrary,
     movements: &[(usize, String)],
@@ -34,24 +34,24 @@ pub(super) fn plan(
 /// State of a policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Stage {
-    /// It has no state to begin from yet.
+    /// Waiting for a state to start from.
     Waiting,
-    /// On the way to the start of a movement: seconds since its start.
+    /// Moving to the start of a movement: seconds since the start of the transit.
     Transit(f64),
-    /// Before or after a movement: seconds since it came to rest.
+    /// At rest before or after a movement.
     Rest {
         /// True after a movement, false before.
         after: bool,
-        /// Seconds.
+        /// Seconds since it came to rest.
         time: f64,
     },
-    /// In a movement.
+    /// Executing a movement.
     Moving,
-    /// At the end of the last, for good.
+    /// At the end of the last movement, permanently.
     Finished,
 }
 
-/// Weights and frame of the movement under way, in memory that is never taken anew.
+/// Weights and frame of the current movement, in memory that is never reallocated.
 #[derive(Clone, Debug)]
 pub(super) struct Current {
     pub(super) weights: Vec<f64>,
@@ -84,7 +84,7 @@ impl Current {
     }
 }
 
-/// From 0 to 1 without a jump in acceleration, and its slope: minimum jerk.
+/// Returns a minimum-jerk transition from 0 to 1, without a discontinuity in acceleration, and its slope.
 pub(super) fn ease(part: f64) -> [f64; 2] {
     let p = part.clamp(0.0, 1.0);
     [p * p * p * (10.0 + p * (6.0 * p - 15.0)), 30.0 * p * p * (1.0 - p) * (1.0 - p)]

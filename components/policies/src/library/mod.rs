@@ -1,4 +1,4 @@
-//! `policy.library`: moves an end effector, or joints, by a motion library, and recognises what moves.
+//! `policy.library`: moves an end effector, or joints, by a motion library, and recognises movements.
 
 mod config;
 mod episode;
@@ -28,12 +28,12 @@ use plane::Plane;
 use signal::EndEffector;
 use watch::Watch;
 
-/// Makes the movements of a motion library, one after the other, and recognises the movements it sees.
+/// Executes the movements of a motion library one after the other, and recognises the movements it observes.
 ///
-/// It begins with the first joint state, goes to the start of each movement along a minimum-jerk path, rests,
-/// moves, rests. A [`MovementRequest`], or another number of eigenforces, takes effect at the next start:
-/// never within a movement. Whatever the robot does (itself led by this policy or not) is recognised as soon
-/// as it comes to rest.
+/// The policy starts with the first joint state. It moves to the start of each movement along a minimum-jerk
+/// path, rests, executes the movement, and rests. A [`MovementRequest`], or a new number of eigenforces,
+/// takes effect at the next start, never within a movement. Every motion of the robot, whether commanded by
+/// this policy or not, is recognised as soon as it comes to rest.
 #[derive(Debug)]
 pub struct LibraryPolicy {
     joint_state: Input<JointState>,
@@ -56,12 +56,12 @@ pub struct LibraryPolicy {
     repeat: Repeat,
     transit: f64,
     rest: f64,
-    /// Requests seen, movements begun.
+    /// Number of requests received, and of movements started.
     requested: u64,
     begun: u64,
     on_request: bool,
     orientation: UnitQuaternion<f64>,
-    /// The point of the last target.
+    /// Position of the last target.
     published: Vector3<f64>,
     /// Start of the transit, in space or in joints.
     from: Vec<f64>,
@@ -70,15 +70,15 @@ pub struct LibraryPolicy {
     measured: Vec<f64>,
     labels: Vec<[u8; MAX_LABEL]>,
     clock: RunClock,
-    /// Time that the newest joint state is for, ns since the run began.
+    /// Time of the newest joint state, ns since the run began.
     state_ns: u64,
-    /// Time that the step before was for, ns since the run began.
+    /// Time of the previous step, ns since the run began.
     last_ns: Option<u64>,
     seen: Vec<(u64, [u8; MAX_LABEL], f64)>,
     picture: Option<String>,
 }
 
-/// Recognised movements that the result lists.
+/// Largest number of recognised movements in the result.
 const LISTED: usize = 64;
 
 impl Component for LibraryPolicy {
@@ -214,7 +214,8 @@ impl Component for LibraryPolicy {
 
     fn stop(&mut self) {
         if let Some(file) = &self.picture {
-            // the run is over; a picture that cannot be written is no reason to fail it, the result says so
+            // the run is over; a failure to write the picture does not fail the run, but appears in the
+            // result
             let folder = std::path::Path::new(file).parent().unwrap_or(std::path::Path::new(""));
             let written = std::fs::create_dir_all(folder)
                 .and_then(|()| std::fs::write(file, picture::svg(&self.panels())));
@@ -231,8 +232,8 @@ impl Component for LibraryPolicy {
 }
 
 impl LibraryPolicy {
-    /// Reads the joint state: the pose of the end effector, or the identity without one, and the observed
-    /// motion.
+    /// Reads the joint state. Returns the pose of the end effector (identity without one), and records the
+    /// observed motion.
     fn read_state(&mut self) -> Result<Option<Isometry3<f64>>, StepError> {
         let Some(state) = self.joint_state.latest() else { return Ok(None) };
         self.state_ns = state.time_ns();
@@ -300,7 +301,7 @@ impl LibraryPolicy {
         Ok(())
     }
 
-    /// Starts what comes after a movement: a request, the next one, or the end.
+    /// Starts the next action after a movement: a request, the next movement, or the end.
     fn next(&mut self, pose: &Isometry3<f64>) {
         if self.take_request() {
             return self.set_out(pose);
@@ -334,7 +335,7 @@ impl LibraryPolicy {
         }
     }
 
-    /// Takes over a new request, if there is one that can be met.
+    /// Accepts a new request if it can be fulfilled.
     fn take_request(&mut self) -> bool {
         let Some(request) = self.request.latest() else { return false };
         if request.sequence == self.requested || request.sequence == 0 {
@@ -362,8 +363,8 @@ impl LibraryPolicy {
         true
     }
 
-    /// Sets out for the start of the current movement, from where the policy is, or at first from where the
-    /// robot is.
+    /// Starts the transit to the start of the current movement, from the policy's last position or,
+    /// initially, from the robot's.
     fn set_out(&mut self, pose: &Isometry3<f64>) {
         let first = self.stage == Stage::Waiting;
         if self.end_effector.is_some() {

@@ -5,7 +5,7 @@ use super::{LibraryPolicy, messages, picture};
 use motorium_library::Superposition;
 
 impl LibraryPolicy {
-    /// The entry of the policy under `results` in the report.
+    /// Returns the entry of the policy under `results` in the report.
     pub(super) fn outcome(&self) -> serde_json::Value {
         let mut by_eigenforces = serde_json::Map::new();
         let mut movements = Vec::new();
@@ -40,7 +40,7 @@ impl LibraryPolicy {
         })
     }
 
-    /// The movements for the picture.
+    /// Returns the movements for the picture.
     pub(super) fn panels(&self) -> Vec<picture::Panel> {
         let dofs = self.library.layout().dofs();
         let pairs = self.planned.iter().zip(&self.traces);

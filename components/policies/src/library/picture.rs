@@ -1,15 +1,15 @@
-//! The picture of what was drawn.
+//! The picture of the executed movements.
 
 use std::fmt::Write as _;
 
 /// One movement in the picture.
 pub(super) struct Panel {
     pub(super) name: String,
-    /// By all eigenforces, as generated, as measured.
+    /// Paths with all eigenforces, as generated, and as measured.
     pub(super) paths: [Vec<[f64; 2]>; 3],
 }
 
-/// Panels side by side, as SVG: grey by all eigenforces, blue as generated, red as measured.
+/// Draws panels next to each other as SVG: grey with all eigenforces, blue as generated, red as measured.
 pub(super) fn svg(panels: &[Panel]) -> String {
     const SIDE: f64 = 260.0;
     const STYLES: [&str; 3] = [

@@ -1,4 +1,4 @@
-//! The plane of an end effector: from degrees of freedom of a library to poses.
+//! The plane of an end effector, which maps degrees of freedom of a library to poses.
 
 use motorium::declare::ConfigError;
 use nalgebra::Vector3;
@@ -6,17 +6,17 @@ use nalgebra::Vector3;
 use super::config::EndEffectorConfig;
 use motorium_library::{MotionLibrary, Superposition};
 
-/// Placement of movements of two degrees of freedom in space.
+/// Placement of two-dimensional movements in space.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     origin: Vector3<f64>,
     axes: [Vector3<f64>; 2],
     pitch: f64,
     pub(super) lift: f64,
-    /// m per unit of the library, and the point of the movement that lies at the origin.
+    /// m per unit of the library, and the point of the movement at the origin.
     scale: f64,
     centre: [f64; 2],
-    /// Of each movement of the library, when it is made by all eigenforces: scale and centre.
+    /// For each movement of the library, made with all eigenforces: scale and centre.
     fits: Vec<[f64; 3]>,
 }
 
@@ -49,41 +49,41 @@ impl Plane {
         Ok(Self { origin, axes, pitch, lift, scale: 1.0, centre: [0.0; 2], fits })
     }
 
-    /// From now on for this movement of the library.
+    /// Selects this movement of the library from now on.
     pub(super) fn fit(&mut self, entry: usize) {
         let [scale, x, y] = self.fits[entry];
         (self.scale, self.centre) = (scale, [x, y]);
     }
 
-    /// m per unit of the library, for a movement.
+    /// Returns the scale of a movement, m per unit of the library.
     pub(super) fn scale_of(&self, entry: usize) -> f64 {
         self.fits[entry][0]
     }
 
-    /// The point of a position in the library, in the `place`-th movement from the origin.
+    /// Returns the point of a position in the library, for movement number `place` from the origin.
     pub(super) fn point(&self, position: &[f64], place: usize) -> Vector3<f64> {
         let [x, y] = [0, 1].map(|d| self.scale * (position[d] - self.centre[d]));
         self.origin + self.axes[0] * (x + self.pitch * place as f64) + self.axes[1] * y
     }
 
-    /// A velocity in the library as one in space.
+    /// Converts a velocity in the library to a velocity in space.
     pub(super) fn velocity(&self, velocity: &[f64]) -> Vector3<f64> {
         (self.axes[0] * velocity[0] + self.axes[1] * velocity[1]) * self.scale
     }
 
-    /// The position in the library of a point: the reverse of [`point`](Self::point).
+    /// Returns the position in the library of a point: the inverse of [`point`](Self::point).
     pub(super) fn position(&self, point: &Vector3<f64>, place: usize) -> [f64; 2] {
         let from = point - self.origin - self.axes[0] * (self.pitch * place as f64);
         [0, 1].map(|d| from.dot(&self.axes[d]) / self.scale + self.centre[d])
     }
 
-    /// Out of the plane.
+    /// Returns the normal of the plane.
     pub(super) fn normal(&self) -> Vector3<f64> {
         self.axes[0].cross(&self.axes[1])
     }
 }
 
-/// Scale and centre that bring a movement, made by all eigenforces, to a size.
+/// Returns scale and centre that fit a movement, made with all eigenforces, to a size.
 fn fit(library: &MotionLibrary, entry: usize, size: f64) -> [f64; 3] {
     let path = Superposition::from_entry(library, entry, library.rank()).path(library);
     let range = |d: usize| (path.column(d).min(), path.column(d).max());

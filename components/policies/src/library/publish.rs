@@ -1,4 +1,4 @@
-//! Publishing of a step.
+//! Publication of a step.
 
 use motorium::declare::StepError;
 use motorium::state::PoseTarget;
@@ -8,7 +8,7 @@ use super::LibraryPolicy;
 use super::episode::{Stage, ease};
 
 impl LibraryPolicy {
-    /// The setpoint of this moment: in a movement, on the way to the next, or at rest.
+    /// Publishes the current setpoint: in a movement, in transit to the next, or at rest.
     pub(super) fn publish(&mut self) -> Result<(), StepError> {
         let transit = match self.stage {
             Stage::Transit(time) => time / self.transit,
@@ -41,7 +41,7 @@ impl LibraryPolicy {
         let mut point = plane.point(&self.position, self.index);
         let mut velocity = plane.velocity(&self.velocity);
         if !in_movement {
-            // off the plane and back, beside the straight line
+            // off the plane and back, in addition to the straight line
             let from = Vector3::new(self.from[0], self.from[1], self.from[2]);
             let (way, off) = (point - from, plane.normal() * plane.lift);
             let (bump, bump_slope) = (4.0 * part * (1.0 - part), 4.0 * (1.0 - 2.0 * part) * slope);

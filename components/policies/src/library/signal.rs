@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 
 use crate::robot;
 
-/// The end effector of a robot, found from its joint positions.
+/// The end effector of a robot, computed from its joint positions.
 #[derive(Debug)]
 pub(super) struct EndEffector {
     model: Model,
@@ -22,7 +22,7 @@ impl EndEffector {
         Ok(Self { model: loaded.model, frame, kinematics })
     }
 
-    /// The pose of the end effector; `None` if the robot has another number of joints.
+    /// Returns the pose of the end effector; `None` if the robot has a different number of joints.
     pub(super) fn pose(&mut self, q: &[f64]) -> Option<Isometry3<f64>> {
         if q.len() != self.model.nq() {
             return None;
@@ -32,7 +32,7 @@ impl EndEffector {
     }
 }
 
-/// The joints that the degrees of freedom of a library are, by name: index in `q` of each.
+/// Returns the indices in `q` of the joints that are the degrees of freedom of a library, by name.
 pub(super) fn joints(reference: &RobotReference, names: &[String]) -> Result<Vec<usize>, ConfigError> {
     let loaded = robot::load(reference)?;
     let find = |name: &String| {

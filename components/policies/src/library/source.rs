@@ -1,4 +1,4 @@
-//! The library that a policy moves by.
+//! The library of a policy.
 
 use std::path::{Path, PathBuf};
 
@@ -13,12 +13,12 @@ use motorium_library::{
 };
 use motorium_recordings::Selection;
 
-/// Samples of each movement where the policy itself learns the library.
+/// Samples of each movement if the policy itself learns the library.
 const SAMPLES: usize = 200;
-/// Variations of each of our own letters, and their seed.
+/// Number of variations of each built-in letter, and their seed.
 const LETTERS: (usize, u64) = (8, 1);
 
-/// Reads or learns the library. `base` is the folder of the graph file, if it is known.
+/// Reads or learns the library. `base` is the folder of the graph file, if known.
 pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<MotionLibrary, ConfigError> {
     let refuse = |error: &dyn std::fmt::Display| ConfigError::key("library", error.to_string());
     let spring = SampledSpring::new(SAMPLES, DAMPING).map_err(|error| refuse(&error))?;
@@ -48,7 +48,7 @@ pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<
     })
 }
 
-/// The library of a coupling, with a movement for each picture.
+/// Returns the library of a coupling with a movement for each picture.
 fn seen(
     config: &LibraryPolicyConfig,
     base: Option<&Path>,
@@ -76,14 +76,14 @@ fn seen(
     MotionLibrary::from_parts(parts).map_err(|error| ConfigError::key("library", error.to_string()))
 }
 
-/// The name of a picture: that of its file without its ending.
+/// Returns the name of a picture: its file name without the extension.
 fn name(picture: &str) -> String {
     Path::new(picture)
         .file_stem()
         .map_or_else(|| picture.to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// The movement of a label or id.
+/// Returns the movement with a label or id.
 pub(super) fn find(library: &MotionLibrary, name: &str, key: &str) -> Result<usize, ConfigError> {
     library.find(name).ok_or_else(|| {
         let mut labels: Vec<&str> =
@@ -95,7 +95,7 @@ pub(super) fn find(library: &MotionLibrary, name: &str, key: &str) -> Result<usi
     })
 }
 
-/// The movements that are named in the configuration.
+/// Returns the movements named in the configuration.
 pub(super) fn entries(
     config: &LibraryPolicyConfig,
     library: &MotionLibrary,
@@ -105,7 +105,7 @@ pub(super) fn entries(
     }
     let named = config.movements.iter().enumerate();
     let named = named.map(|(k, name)| Ok((find(library, name, &format!("movements[{k}]"))?, name.clone())));
-    // The movements of pictures stand at the end of the library.
+    // The movements of pictures are at the end of the library.
     let first = library.entries().len() - config.pictures.len();
     let pictures = config.pictures.iter().enumerate().map(|(k, picture)| Ok((first + k, name(picture))));
     named.chain(pictures).collect()

@@ -1,10 +1,10 @@
-//! Recognition of a live stream: what lies between two rests is a movement.
+//! Recognition of a live stream: a movement is the motion between two rests.
 
 use super::config::RecognitionConfig;
 use super::messages::{MAX_WEIGHTS, Recognition};
 use motorium_library::{MotionLibrary, Recogniser, SampledSpring};
 
-/// Watches a stream of positions. All memory is taken at construction.
+/// Observes a stream of positions. All memory is allocated at construction.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
     recogniser: Recogniser,
@@ -12,13 +12,13 @@ pub(super) struct Watch {
     dofs: usize,
     still: f64,
     period: f64,
-    /// Samples that make a rest, and samples that are kept at most.
+    /// Number of samples that make a rest, and largest number of stored samples.
     pause: usize,
     capacity: usize,
-    /// One sample after the other.
+    /// Samples, one after the other.
     samples: Vec<f64>,
     count: usize,
-    /// Samples at the end that rest; whether anything moved before them.
+    /// Number of resting samples at the end, and whether anything moved before them.
     resting: usize,
     moved: bool,
     path: Vec<f64>,
@@ -49,13 +49,13 @@ impl Watch {
         }
     }
 
-    /// Forgets what it has seen.
+    /// Discards all samples.
     pub(super) fn reset(&mut self) {
         (self.count, self.resting, self.moved) = (0, 0, false);
         self.seen = Recognition::default();
     }
 
-    /// Takes in one position; true if a movement has just ended and was recognised.
+    /// Adds one position. Returns `true` if a movement has just ended and was recognised.
     pub(super) fn observe(&mut self, position: impl Fn(usize) -> f64) -> bool {
         if self.count == self.capacity {
             // too long to be a movement of the library: wait for the next rest
@@ -65,7 +65,7 @@ impl Watch {
             self.samples[self.count * self.dofs + d] = position(d);
         }
         self.count += 1;
-        // the speed over a few samples: noise of one sample counts little
+        // the speed over several samples: the noise of a single sample has little effect
         let lag = (self.pause / 2).min(self.count - 1);
         let (now, before) = (self.count - 1, self.count - 1 - lag);
         let squared: f64 = (0..self.dofs)
@@ -85,19 +85,19 @@ impl Watch {
         }
         let ended = self.moved && self.recognise();
         if ended || !self.moved {
-            // a rest goes on: only its last samples are needed
+            // a continuing rest: only its last samples are needed
             self.keep_last(self.pause);
         }
         self.moved = false;
         ended
     }
 
-    /// The movement that ended last.
+    /// Returns the last movement.
     pub(super) fn recognition(&self) -> &Recognition {
         &self.seen
     }
 
-    /// A movement begins: what is kept of the rest before it.
+    /// Drops most of the rest when a movement begins.
     fn forget_rest(&mut self, lag: usize) {
         self.keep_last(lag + 1);
     }

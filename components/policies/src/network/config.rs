@@ -25,13 +25,13 @@ pub struct NetworkPolicyConfig {
     /// Orientation of the inertial measurement unit in the frame of the base, roll pitch yaw, rad. Default 0.
     #[serde(default)]
     pub imu_rpy: [f64; 3],
-    /// The command where the input `command` is not wired: forward, left, m/s, and turn, rad/s. Default 0.
+    /// Command if the input `command` is not wired: forward, left, m/s, and turn, rad/s. Default 0.
     #[serde(default)]
     pub command: [f64; 3],
-    /// Age from which a measurement is too old for an action, at least 1 ms. Default "100 ms".
+    /// Age beyond which a measurement is too old for an action, at least 1 ms. Default "100 ms".
     #[serde(default = "hundred_ms")]
     pub state_timeout: TimeSpan,
-    /// Age from which the input `command` counts as zero, at least 1 ms. Default "500 ms".
+    /// Age beyond which the input `command` counts as zero, at least 1 ms. Default "500 ms".
     #[serde(default = "half_second")]
     pub command_timeout: TimeSpan,
 }

@@ -1,4 +1,4 @@
-//! `policy.network`: a trained network, from measurements to actions.
+//! `policy.network`: a trained network that maps measurements to actions.
 
 mod config;
 
@@ -22,10 +22,10 @@ use crate::joint_command::required;
 
 /// Runs the network of a policy folder at the rate of the policy, and publishes its actions.
 ///
-/// Each observation term is read from its topic, bounded, scaled and kept in its history as `policy.toml`
-/// says. No action is published before every measurement has arrived, and while one is older than
-/// `state_timeout`. Recurrent states and histories begin again with each episode.
-/// [`JointTargetsPolicy`](crate::JointTargetsPolicy) makes joint commands of the actions.
+/// Each observation term is read from its topic, clipped, scaled and stored in its history as specified in
+/// `policy.toml`. No action is published until every measurement has arrived, or while one is older than
+/// `state_timeout`. Recurrent states and histories restart with each episode.
+/// [`JointTargetsPolicy`](crate::JointTargetsPolicy) converts the actions to joint commands.
 #[derive(Debug)]
 pub struct NetworkPolicy {
     network: PolicyNetwork,
@@ -46,7 +46,7 @@ pub struct NetworkPolicy {
     waiting: u64,
 }
 
-/// The inputs that the policy's terms need.
+/// The inputs required by the policy's terms.
 #[derive(Debug)]
 struct Inputs {
     joints: Option<Input<JointState>>,
@@ -69,7 +69,7 @@ enum Port {
 }
 
 impl NetworkPolicyConfig {
-    /// The port that a term reads.
+    /// Returns the port that a term reads.
     fn port(&self, term: Term) -> Option<Port> {
         Some(match term {
             Term::BaseLinearVelocity => match self.base_velocity {
@@ -93,7 +93,7 @@ impl NetworkPolicyConfig {
     }
 }
 
-/// A policy and its network, checked for a robot.
+/// A policy and its network, checked against a robot.
 struct Loaded {
     policy: Policy,
     network: PolicyNetwork,
@@ -267,8 +267,8 @@ impl NetworkPolicy {
         (self.episode, self.steps, self.waiting) = (episode, 0, 0);
     }
 
-    /// Reads all terms into the assembly. False, with the assembly unchanged, while a measurement is missing
-    /// or too old.
+    /// Reads all terms into the assembly. Returns `false` and leaves the assembly unchanged while a
+    /// measurement is missing or too old.
     fn observe(&mut self) -> Result<bool, StepError> {
         let Self { inputs, policy, config, assembly, targets, scratch, .. } = self;
         let longest = config.state_timeout.ns;
@@ -342,7 +342,7 @@ impl NetworkPolicy {
     }
 }
 
-/// True if an input that is needed has a value that is young enough.
+/// Returns `true` if a required input has a value that is fresh enough.
 fn is_fresh<T: motorium::state::StateBuffer>(input: &mut Option<Input<T>>, longest: u64) -> bool {
     input.as_mut().is_none_or(|input| input.latest().is_some_and(|reading| reading.age_ns() <= longest))
 }
@@ -351,7 +351,7 @@ fn current<T: motorium::state::StateBuffer>(input: &Option<Input<T>>) -> Option<
     input.as_ref().and_then(Input::current)
 }
 
-/// Linear velocity of the base in its axes, m/s; zero if no term needs it.
+/// Returns the linear velocity of the base in base axes, m/s; zero if no term needs it.
 fn base_velocity(inputs: &Inputs, source: BaseVelocitySource) -> [f64; 3] {
     let found = match source {
         BaseVelocitySource::BaseState => current(&inputs.base_state).map(|state| state.linear_velocity),
@@ -362,8 +362,8 @@ fn base_velocity(inputs: &Inputs, source: BaseVelocitySource) -> [f64; 3] {
     found.unwrap_or_default()
 }
 
-/// Angular velocity of the base, rad/s, and the direction of gravity, both in its axes; zero if no term needs
-/// them.
+/// Returns the angular velocity of the base, rad/s, and the direction of gravity, both in base axes; zero if
+/// no term needs them.
 fn attitude(
     inputs: &Inputs,
     source: AttitudeSource,

@@ -24,9 +24,9 @@ use crate::text_or_table::text_or_table;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectoryConfig {
-    /// The goals, in their order: tables, or names of poses of the robot's profile ("home" is its home pose).
+    /// The goals in order: tables, or names of poses of the robot's profile ("home" is its home pose).
     pub goals: Vec<JointGoal>,
-    /// Behaviour after the last goal: "once" stays there, "forever" goes back to the first.
+    /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
     #[serde(default)]
     pub repeat: Repeat,
     /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
@@ -35,11 +35,12 @@ pub struct TrajectoryConfig {
     /// Limits of the motion.
     #[serde(default)]
     pub limits: MotionLimitsConfig,
-    /// Largest distance of a measured joint from a goal with which the goal counts as reached, rad or m.
+    /// Largest distance of a measured joint from a goal at which the goal counts as reached, rad or m.
     /// Default 0.01.
     #[serde(default = "hundredth")]
     pub tolerance: f64,
-    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
+    /// one.
     #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
@@ -56,16 +57,17 @@ pub struct TrajectoryConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct HomeConfig {
-    /// Pose of the robot's profile to go to. Default: its home pose.
+    /// Target pose from the robot's profile. Default: its home pose.
     pub pose: String,
     /// "time_optimal" (default): as fast as the limits allow. "minimum_jerk": with the least jerk.
     pub profile: Shape,
     /// Limits of the motion.
     pub limits: MotionLimitsConfig,
-    /// Largest distance of a measured joint from the pose with which it counts as reached, rad or m. Default
+    /// Largest distance of a measured joint from the pose at which it counts as reached, rad or m. Default
     /// 0.01.
     pub tolerance: f64,
-    /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
+    /// Gravity in the world frame, m/s^2. Default: the gravity of the graph's world, 9.81 downwards without
+    /// one.
     pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
     pub joint_command: JointDriveConfig,
@@ -92,10 +94,10 @@ impl From<HomeConfig> for TrajectoryConfig {
     }
 }
 
-/// The name of the home pose: the key `home` of the profile, or `start` of the graph file.
+/// Name of the home pose: the key `home` of the profile, or `start` of the graph file.
 pub(super) const HOME: &str = "home";
 
-/// A goal of the joints.
+/// A joint-space goal.
 #[derive(Debug, Clone, JsonSchema)]
 #[schemars(untagged)]
 pub enum JointGoal {
@@ -111,33 +113,34 @@ impl<'de> Deserialize<'de> for JointGoal {
     }
 }
 
-/// A goal of the joints, the time to get there and the time to stay. One of `pose`, `position` and `offset`.
+/// A joint-space goal, the duration of the movement and the time to stay. One of `pose`, `position` and
+/// `offset`.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointGoalConfig {
     /// Pose of the robot's profile.
     pub pose: Option<String>,
-    /// Positions, rad or m: one number for all joints, a list with one for each, or a table by names of
-    /// joints; joints without a number stay as at the goal before.
+    /// Positions, rad or m: one number for all joints, a list with one for each, or a table by joint name.
+    /// Joints without a number keep their position from the previous goal.
     pub position: Option<JointNumbers>,
-    /// Distances from the goal before, or from where the robot starts, rad or m: as `position`.
+    /// Displacements from the previous goal, or from the robot's start, rad or m; same forms as `position`.
     pub offset: Option<JointNumbers>,
-    /// Time to get there; more if the limits need more. Default: the shortest.
+    /// Duration of the movement; longer if the limits require it. Default: the shortest.
     pub duration: Option<TimeSpan>,
-    /// Time to stay there. Default none.
+    /// Time to stay at the goal. Default 0.
     pub dwell: TimeSpan,
 }
 
-/// Numbers of joints.
+/// Joint values.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "expected one number, a list with one number per joint, or a table by names of joints"
 )]
 pub enum JointNumbers {
-    /// One for all joints, or one for each.
+    /// One number for all joints, or one for each.
     Each(PerJoint),
-    /// By names of joints.
+    /// Numbers by joint name.
     Named(std::collections::BTreeMap<String, f64>),
 }
 
@@ -145,13 +148,13 @@ pub enum JointNumbers {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointDriveConfig {
-    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: that of the robot's
-    /// profile.
+    /// Stiffness, N m/rad or N/m: one number for all joints, or one for each. Default: the stiffness of the
+    /// robot's profile.
     pub kp: Option<PerJoint>,
-    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: that of the robot's
-    /// profile.
+    /// Damping, N m s/rad or N s/m: one number for all joints, or one for each. Default: the damping of the
+    /// robot's profile.
     pub kd: Option<PerJoint>,
-    /// Effort that holds the joints against gravity. A floating base is assumed to be upright and at rest.
+    /// True to add the effort that compensates gravity. A floating base is assumed to be upright and at rest.
     /// Default true.
     pub gravity_compensation: bool,
 }

@@ -1,4 +1,4 @@
-//! `policy.trajectory` and `policy.home`: joints that go through waypoints within limits.
+//! `policy.trajectory` and `policy.home`: move joints through waypoints within limits.
 
 mod config;
 mod plan;
@@ -15,11 +15,11 @@ use motorium_primitives::reach::Repeat;
 use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter};
 use plan::{Goal, Plan};
 
-/// Moves the joints of a robot through goals, from rest to rest along straight lines through joint space,
-/// within limits of velocity, acceleration and jerk; see [`StraightMove`].
+/// Moves the joints of a robot through goals, from rest to rest along straight lines in joint space, within
+/// limits of velocity, acceleration and jerk; see [`StraightMove`].
 ///
-/// It begins with the first joint state, where the robot is. A goal counts as reached if every measured joint
-/// is within the tolerance when the time to stay there is over.
+/// The movement starts with the first joint state, at the robot's current position. A goal counts as reached
+/// if every measured joint is within the tolerance at the end of the dwell time.
 #[derive(Debug)]
 pub struct TrajectoryPolicy {
     writer: JointCommandWriter,
@@ -31,9 +31,9 @@ pub struct TrajectoryPolicy {
     shape: Shape,
     tolerance: f64,
     motion: StraightMove,
-    /// Index of the goal under way; `None` before the first joint state.
+    /// Index of the current goal; `None` before the first joint state.
     current: Option<usize>,
-    /// Time since the motion to it began, s.
+    /// Time since the motion to the goal began, s.
     elapsed: f64,
     from: Vec<f64>,
     to: Vec<f64>,
@@ -43,14 +43,14 @@ pub struct TrajectoryPolicy {
     record: Record,
 }
 
-/// The record of the goals.
+/// Statistics of the goals.
 #[derive(Debug, Default)]
 struct Record {
     reached: u64,
     missed: u64,
-    /// Worst error at a goal, and the joint that had it.
+    /// Largest error at a goal, and its joint.
     worst: Option<(f64, usize)>,
-    /// Time of all motions that are over, s.
+    /// Total duration of completed motions, s.
     moved: f64,
 }
 
@@ -111,7 +111,8 @@ impl Component for TrajectoryPolicy {
             }
             Some(_) => self.elapsed += speed * tick.dt(),
         }
-        // at most once through all goals in one step: they may be where the robot is, and take no time
+        // at most once through all goals per step: the robot may already be at a goal, which then takes no
+        // time
         for _ in 0..self.goals.len() {
             if !self.go_on() {
                 break;
@@ -151,7 +152,7 @@ impl TrajectoryPolicy {
         (self.current, self.elapsed) = (Some(goal), 0.0);
     }
 
-    /// Leaves a goal at which the time to stay is over. True if it set out for another.
+    /// Leaves a goal whose dwell time has passed. Returns `true` if it started towards another.
     fn go_on(&mut self) -> bool {
         let Some(current) = self.current.filter(|_| !self.is_finished) else { return false };
         let over = self.elapsed - self.motion.duration() - self.goals[current].dwell;
@@ -190,7 +191,8 @@ impl TrajectoryPolicy {
     }
 }
 
-/// All joints, with the gains of their drives. The motion begins where the robot is: nothing is to be eased.
+/// Returns the settings for all joints with the gains of their drives. The motion starts at the robot's
+/// position, so no easing is needed.
 fn command(config: &TrajectoryConfig) -> JointCommandConfig {
     let JointDriveConfig { kp, kd, gravity_compensation } = config.joint_command.clone();
     JointCommandConfig { kp, kd, gravity_compensation, ease: TimeSpan { ns: 0 } }
@@ -237,7 +239,7 @@ impl Component for HomePolicy {
     }
 }
 
-/// The error at the key that stands in the table of `policy.home`.
+/// Moves an error to the matching key of the table of `policy.home`.
 fn of_home(error: ConfigError) -> ConfigError {
     match error.key.as_deref() {
         Some("goals[0]") => ConfigError { key: Some("pose".to_string()), ..error },

@@ -1,4 +1,4 @@
-//! Goals and limits as they are configured, for a robot.
+//! Goals and limits of the configuration, resolved for a robot.
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium_primitives::profile::MotionLimits;
@@ -19,7 +19,7 @@ pub(super) struct Plan {
 /// One goal.
 #[derive(Clone, Debug)]
 pub(super) struct Goal {
-    /// Of every joint, where it is to be.
+    /// Target of each joint.
     target: Vec<Target>,
     pub(super) duration: Option<f64>,
     pub(super) dwell: f64,
@@ -32,7 +32,7 @@ enum Target {
 }
 
 impl Goal {
-    /// The positions of the joints at the goal, from those at the goal before.
+    /// Returns the joint positions at the goal, computed from the positions at the previous goal.
     pub(super) fn write(&self, before: &[f64], position: &mut [f64]) {
         for ((position, before), target) in position.iter_mut().zip(before).zip(&self.target) {
             *position = match target {
@@ -60,7 +60,7 @@ impl Plan {
         let Loaded { model, profile, .. } = crate::robot::load(robot)?;
         let limits = config.limits.resolve(&model, profile.as_ref())?;
         let mut goals = Vec::new();
-        // where the robot is known to be: all joints that some goal has placed
+        // the known position of the robot: all joints that some goal has set
         let mut known: Vec<Option<f64>> = vec![None; model.joint_count()];
         for (index, goal) in config.goals.iter().enumerate() {
             let goal = read(goal, &model, profile.as_ref(), &format!("goals[{index}]"))?;

@@ -17,12 +17,12 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaypointsConfig {
-    /// The goals, in their order.
+    /// The goals in order.
     pub goals: Vec<WaypointConfig>,
-    /// Behaviour after the last goal: "once" stays there, "forever" goes back to the first.
+    /// Behaviour after the last goal: "once" stays there, "forever" returns to the first.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Largest speed, m/s. Default: four fifths of what the wheels of the robot reach, and 0.5 at most.
+    /// Largest speed, m/s. Default: four fifths of the speed that the robot's wheels can reach, at most 0.5.
     #[serde(default)]
     pub speed: Option<f64>,
     /// Largest acceleration, m/s^2. Default 0.5.
@@ -31,8 +31,8 @@ pub struct WaypointsConfig {
     /// Largest jerk, m/s^3. Default 5.
     #[serde(default = "five")]
     pub jerk: f64,
-    /// Largest rate of turn, rad/s. Default: four fifths of what the wheels of the robot reach, and 1 at
-    /// most.
+    /// Largest turn rate, rad/s. Default: four fifths of the rate that the robot's wheels can reach, at most
+    /// 1.
     #[serde(default)]
     pub turn_speed: Option<f64>,
     /// Largest angular acceleration, rad/s^2. Default 2.
@@ -41,38 +41,37 @@ pub struct WaypointsConfig {
     /// Largest angular jerk, rad/s^3. Default 20.
     #[serde(default = "twenty")]
     pub turn_jerk: f64,
-    /// Gain of the correction of the position, 1/s. Default 2.
+    /// Gain of the position correction, 1/s. Default 2.
     #[serde(default = "two")]
     pub gain: f64,
-    /// Gain of the correction of the angle, 1/s. Default 4.
+    /// Gain of the angle correction, 1/s. Default 4.
     #[serde(default = "four")]
     pub turn_gain: f64,
-    /// Length within which a base that cannot go sideways comes back to its line, m. Default 0.1.
+    /// Distance within which a base that cannot move sideways returns to its line, m. Default 0.1.
     #[serde(default = "tenth")]
     pub length: f64,
-    /// Largest distance from a goal with which it counts as reached, m. Default 0.02.
+    /// Largest distance from a goal at which it counts as reached, m. Default 0.02.
     #[serde(default = "two_hundredths")]
     pub position_tolerance: f64,
-    /// Largest deviation of the angle at a goal with which it counts as reached, rad. Default 0.0175, 1
-    /// degree.
+    /// Largest angular deviation at which a goal counts as reached, rad. Default 0.0175, 1 degree.
     #[serde(default = "degree")]
     pub yaw_tolerance: f64,
-    /// Time for which the base may be late at a goal. Then it counts as missed, and the next one is next.
-    /// Default 2 s.
+    /// Time by which the base may be late at a goal. After it the goal counts as missed, and the next goal
+    /// starts. Default 2 s.
     #[serde(default = "grace")]
     pub grace: TimeSpan,
 }
 
-/// A goal of a base.
+/// A goal of the base.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaypointConfig {
     /// Position in the world, x and y, m.
     pub position: [f64; 2],
-    /// Angle about z at the goal, rad. Without it that at which the base arrives.
+    /// Angle about z at the goal, rad. Default: the angle at which the base arrives.
     #[serde(default)]
     pub yaw: Option<f64>,
-    /// Time to stay there. Default 200 ms.
+    /// Time to stay at the goal. Default 200 ms.
     #[serde(default = "dwell")]
     pub dwell: TimeSpan,
 }

@@ -1,4 +1,4 @@
-//! `policy.waypoints`: a base that goes from pose to pose.
+//! `policy.waypoints`: drives a base from pose to pose.
 
 mod config;
 
@@ -14,10 +14,10 @@ use motorium_primitives::route::{Place, Route, RouteSettings, Stop, turn_between
 use motorium_robots::{MobileBase, Model, Steering};
 use nalgebra::{Quaternion, UnitQuaternion};
 
-/// Leads a base through poses in the plane by feedback on its odometry; see [`Route`].
+/// Drives a base through planar poses by feedback from its odometry; see [`Route`].
 ///
-/// A goal counts as reached if the base is within the tolerances when the time to stay there is over: by its
-/// odometry, or by its true pose where the input `true_base` is wired, which serves nothing else.
+/// A goal counts as reached if the base is within the tolerances at the end of the dwell time. The pose comes
+/// from its odometry, or from the input `true_base` if wired, which has no other use.
 #[derive(Debug)]
 pub struct WaypointsPolicy {
     odometry: Input<Odometry>,
@@ -25,24 +25,24 @@ pub struct WaypointsPolicy {
     target: Output<TwistTarget>,
     speed_factor: Parameter<f64>,
     route: Route,
-    /// The route as it was configured.
+    /// The route as configured.
     start: Route,
     tolerance: [f64; 2],
     episode_end: Option<EpisodeEnd>,
     record: Record,
 }
 
-/// The record of the goals.
+/// Statistics of the goals.
 #[derive(Debug, Default)]
 struct Record {
     reached: u64,
     missed: u64,
-    /// Worst distance and angle at a goal.
+    /// Largest distance and angle at a goal.
     worst: Option<[f64; 2]>,
     beside: Option<f64>,
 }
 
-/// Share of the speed of the wheels that a route plans with: the rest is for corrections.
+/// Share of the wheel speed used for planning; the rest is available for corrections.
 const PLANNED: f64 = 0.8;
 
 impl Component for WaypointsPolicy {
@@ -79,7 +79,7 @@ impl Component for WaypointsPolicy {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Some(odometry) = self.odometry.latest() else { return Ok(()) };
         let at = Place { x: odometry.position[0], y: odometry.position[1], yaw: odometry.yaw };
-        // slower by slower time: the arcs stay
+        // scaling time instead of speed keeps the arcs
         let factor = self.speed_factor.get();
         let step = self.route.step(at, factor * tick.dt());
         let truth = self.truth.latest().map(|base| planar_pose(&base));
@@ -131,14 +131,14 @@ impl Record {
     }
 }
 
-/// The pose of a base in the plane.
+/// Returns the planar pose of a base.
 fn planar_pose(base: &BaseState) -> Place {
     let [x, y, z, w] = base.orientation;
     let (_, _, yaw) = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)).euler_angles();
     Place { x: base.position[0], y: base.position[1], yaw }
 }
 
-/// The route of a configuration, for a robot.
+/// Creates the route of a configuration for a robot.
 fn route(config: &WaypointsConfig, robot: Option<&RobotReference>) -> Result<Route, ConfigError> {
     if config.goals.is_empty() {
         return Err(ConfigError::key("goals", "no goal is given, expected at least one"));
@@ -175,7 +175,7 @@ fn route(config: &WaypointsConfig, robot: Option<&RobotReference>) -> Result<Rou
         gain: positive("gain", config.gain)?,
         turn_gain: positive("turn_gain", config.turn_gain)?,
         length: positive("length", config.length)?,
-        // a tenth of the tolerance: what the base is off when it goes on is the next goal's, too
+        // a tenth of the tolerance: the base's error when it continues also affects the next goal
         arrival: [
             0.1 * positive("position_tolerance", config.position_tolerance)?,
             0.1 * positive("yaw_tolerance", config.yaw_tolerance)?,
@@ -203,7 +203,7 @@ fn positive(key: &str, value: f64) -> Result<f64, ConfigError> {
     Err(ConfigError::key(key, format!("{value}, expected a positive number")))
 }
 
-/// Speed ahead and rate of turn that a route plans with, as the joints of the base allow.
+/// Returns the forward speed and turn rate used for planning, from the velocity limits of the base's joints.
 fn fastest(model: &Model, base: &MobileBase) -> [f64; 2] {
     let limit =
         |joint: &String| model.joint_index(joint).map_or(f64::INFINITY, |i| model.velocity_limit()[i]);
@@ -212,7 +212,7 @@ fn fastest(model: &Model, base: &MobileBase) -> [f64; 2] {
         return [0, 2].map(|place| PLANNED * limits.get(place).copied().unwrap_or(f64::INFINITY));
     }
     let rim = base.wheels.iter().map(limit).fold(f64::INFINITY, f64::min) * base.wheel_radius.unwrap_or(1.0);
-    // half the track is how far a wheel is from the middle about which it turns
+    // half the track is the distance of a wheel from the centre of rotation
     [PLANNED * rim, PLANNED * rim / (0.5 * base.track.unwrap_or(1.0))]
 }
 

@@ -1,4 +1,4 @@
-//! `policy.joint_targets` on chunks that arrive late, are lost, repeated, or end.
+//! `policy.joint_targets` with chunks that arrive late, get lost, are repeated, or end.
 
 use motorium::component::{Component, ConfigureError, RunClock, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
@@ -8,13 +8,13 @@ use serde_json::Value;
 
 use crate::joint_targets::{Seen, run};
 
-/// Publishes chunks of 40 actions, 20 ms apart, of sines with jumps. Stepped at 1 kHz.
+/// Publishes chunks of 40 actions, 20 ms apart, that are sines with discontinuities. Stepped at 1 kHz.
 pub(crate) struct ChunkProducer {
     chunk: Output<ActionChunk>,
     clock: RunClock,
     config: Config,
     random: u64,
-    /// Chunks under way: time of arrival, time of the first action, number, phase.
+    /// Chunks in transit: time of arrival, time of the first action, number, phase.
     pending: Vec<(u64, u64, u64, f64)>,
     sequence: u64,
 }
@@ -24,10 +24,10 @@ pub(crate) struct ChunkProducer {
 pub(crate) struct Config {
     /// Longest delay, ms.
     delay: u64,
-    /// Share of the chunks that are lost, and of those that are repeated.
+    /// Fraction of chunks that are lost, and fraction that are repeated.
     lost: f64,
     repeated: f64,
-    /// Largest jump of the phase of a chunk, rad.
+    /// Largest discontinuity in the phase of a chunk, rad.
     jump: f64,
     /// Time of the last chunk, ms.
     end: u64,
@@ -113,8 +113,8 @@ fn extremes(seen: &[Seen]) -> (f64, f64) {
 }
 
 /// Nine tenths of the arm's velocity limit, 5 rad/s, and of the acceleration that reaches it in half a
-/// second.
-/// Positions have rounding errors, by which the velocities and accelerations made of them exceed limits.
+/// second. Positions have rounding errors, so velocities and accelerations computed from them may exceed
+/// limits.
 const LIMITS: (f64, f64) = (4.5 * (1.0 + 1e-9), 9.0);
 
 #[test]
@@ -123,7 +123,7 @@ fn chunks_in_time_are_followed() {
         play("delay = 0, lost = 0.0, repeated = 0.0, jump = 0.0, end = 9000, seed = 1", "{}", 5.0);
     let (velocity, acceleration) = extremes(&seen);
     assert!(velocity <= LIMITS.0 && acceleration <= LIMITS.1 * 1.001, "{velocity} {acceleration}");
-    // the arm reads a command a step after it was made
+    // the arm reads a command one step after its publication
     for seen in seen.iter().filter(|seen| seen.time > 1500) {
         let angle = (seen.time - 1) as f64 * 3e-3;
         assert!((seen.q[2] - 0.5 * angle.sin()).abs() < 0.01, "{seen:?}");

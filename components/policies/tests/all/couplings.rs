@@ -1,4 +1,4 @@
-//! Couplings of `policy.dmp` to what the robot meets on the way: errors, obstacles, forces.
+//! Couplings of `policy.dmp` to errors, obstacles and forces.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
@@ -69,7 +69,7 @@ fn a_movement_yields_to_a_force_by_its_spring() {
 
 #[test]
 fn a_movement_waits_for_an_arm_that_cannot_follow() {
-    // an arm that stands still
+    // an arm that does not move
     let state = || {
         Source::new("arm", "state", |_| {
             let mut state = JointState::default();
@@ -85,7 +85,7 @@ fn a_movement_waits_for_an_arm_that_cannot_follow() {
         let graph = Graph::new("couplings-test").robot("arm", "planar-3r").with(state()).with(policy);
         let (targets, report) = run(graph, "1.2 s");
         let (first, last) = (targets[0].position, targets.last().unwrap());
-        // what is published as velocity is what the position does
+        // the published velocity is the rate of the position
         let before = &targets[targets.len() - 2];
         let slope = (last.position[0] - before.position[0]) / 1e-3;
         assert!((slope - last.linear_velocity[0]).abs() < 2e-3, "{slope} and {}", last.linear_velocity[0]);

@@ -46,7 +46,7 @@ impl Component for Home {
     }
 }
 
-/// Writes down every target, with the tick at which it came.
+/// Records every target with the tick at which it arrived.
 struct Recorder {
     target: Input<PoseTarget>,
     seen: Vec<Seen>,
@@ -202,7 +202,7 @@ fn a_configured_start_needs_no_robot() {
     let (_, seen) = run("", &format!("{start}\nrepeat = \"forever\"\n{GOALS}"));
     assert!(distance(&seen[0], Vector3::new(0.1, 0.2, 0.3)) < 1e-12);
     assert!(distance(&seen[1000], Vector3::new(0.2, 0.2, 0.2)) < 1e-12);
-    // after the last goal comes the first
+    // the first goal follows the last
     assert_eq!(seen.last().unwrap().goal, 4);
 }
 

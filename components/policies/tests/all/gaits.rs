@@ -1,4 +1,4 @@
-//! Every gait of every pattern generator on every robot of the catalogue that has legs.
+//! Every gait of every pattern generator on every legged robot of the catalogue.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
@@ -14,7 +14,7 @@ use motorium_primitives::cpg::Gait;
 use motorium_robots::load;
 use serde_json::json;
 
-/// A robot that follows its setpoints at once, and looks at how its joints swing in the last seconds.
+/// A robot that follows its setpoints immediately, and observes how its joints swing in the last seconds.
 struct Legged {
     command: Input<JointCommand>,
     state: Output<JointState>,
@@ -43,7 +43,7 @@ struct ObservedMotion {
     low: f64,
     high: f64,
     speed: f64,
-    /// Of the first harmonic.
+    /// Component of the first harmonic.
     real: f64,
     imaginary: f64,
 }
@@ -113,8 +113,8 @@ impl Component for Legged {
     }
 }
 
-/// A robot, and the joints of a leg that swing forwards, by the end of their names, and how far ahead of the
-/// leg.
+/// A robot, and the forward-swinging joints of a leg, given by the ends of their names and their phase lead
+/// over the leg.
 struct Walker {
     robot: &'static str,
     legs: &'static [&'static str],
@@ -152,18 +152,18 @@ const WALKERS: [Walker; 6] = [
 
 const AMPLITUDE: f64 = 0.15;
 const FREQUENCY: f64 = 2.0;
-/// Time to settle, and whole strides to look at, s.
+/// Settling time, and whole strides to observe, s.
 const FROM: f64 = 3.0;
 const LOOK: f64 = 2.0;
 
-/// Angles apart, rad.
+/// Difference between angles, rad.
 fn apart(a: f64, b: f64) -> f64 {
     let d = (a - b).rem_euclid(TAU);
     d.min(TAU - d)
 }
 
-/// Walks, and checks the joints that swing, their lags, amplitudes and limits. `tolerance` is of the lags,
-/// rad.
+/// Walks, and checks the swinging joints' lags, amplitudes and limits. `tolerance` is the tolerance of the
+/// lags, rad.
 fn walk(walker: &Walker, model: &str, gait: Gait, tolerance: f64) {
     let Walker { robot, legs, joints } = walker;
     let what = format!("{robot}, {model}, {gait:?}");
@@ -212,7 +212,7 @@ fn walk(walker: &Walker, model: &str, gait: Gait, tolerance: f64) {
     assert_eq!(report.results["policy"]["model"], model);
     let seen: Seen = serde_json::from_value(report.results["robot"].clone()).unwrap();
 
-    // 2 Hz and 0.15 rad: no faster than 1.9 rad/s, and twice that where a cycle is far from harmonic
+    // 2 Hz and 0.15 rad: no faster than 1.9 rad/s, and twice as fast if a cycle is far from harmonic
     assert!(seen.leap < 2.0 * TAU * FREQUENCY * AMPLITUDE / 500.0, "{what}: a leap of {} rad", seen.leap);
     let phases = gait.phases(legs.len()).unwrap();
     let angle = |joint: usize| seen.swings[joint].imaginary.atan2(seen.swings[joint].real);

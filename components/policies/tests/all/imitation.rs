@@ -1,4 +1,4 @@
-//! `policy.dmp` that imitates a recording, and that exchanges primitives while it runs.
+//! `policy.dmp` with a demonstration, and with primitives that change while it runs.
 
 use crate::support::{self, Nothing};
 
@@ -14,7 +14,7 @@ use motorium_primitives::file::{Primitive, PrimitiveFile};
 use nalgebra::DMatrix;
 use serde_json::json;
 
-/// Writes down every target.
+/// Records every target.
 struct Recorder {
     target: Input<PoseTarget>,
     seen: Vec<[f64; 3]>,
@@ -75,7 +75,7 @@ subscribe = {{ target = "arm/target" }}
     (report, seen)
 }
 
-/// A stroke of two seconds that begins and ends at rest.
+/// A stroke of two seconds that starts and ends at rest.
 fn stroke(t: f64) -> [f64; 3] {
     let p = t / 2.0;
     let s = p * p * p * (10.0 - 15.0 * p + 6.0 * p * p);
@@ -125,8 +125,8 @@ fn a_recorded_topic_is_learned_and_reproduced_in_time() {
     assert_eq!(support::faults(&report), (Some(0), 0));
 }
 
-/// Noise at the ends says nothing of velocity and acceleration there, where one-sided differences are all
-/// there is.
+/// Noise at the ends carries no information about velocity and acceleration there, where only one-sided
+/// differences are available.
 #[test]
 fn noise_at_the_beginning_of_a_recording_does_not_lead_astray() {
     let folder = tempfile::tempdir().unwrap();
@@ -151,7 +151,7 @@ fn noise_at_the_beginning_of_a_recording_does_not_lead_astray() {
     assert!(error < 2e-3, "off by {error} m, for noise of 0.1 mm");
 }
 
-/// A primitive that sways by `sway` half way.
+/// A primitive that deviates by `sway` halfway.
 fn swaying(folder: &std::path::Path, name: &str, sway: f64, kernels: usize) -> String {
     let positions = DMatrix::from_fn(201, 3, |k, d| {
         let p = k as f64 / 200.0;

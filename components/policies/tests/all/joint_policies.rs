@@ -11,7 +11,7 @@ use motorium::worker::Kind;
 use motorium_policies::{CpgPolicy, ProMpPolicy};
 use serde_json::json;
 
-/// An arm that follows its position setpoints at once, and writes them down.
+/// An arm that follows its position setpoints immediately and records them.
 struct Follower {
     command: Input<JointCommand>,
     state: Output<JointState>,
@@ -112,7 +112,7 @@ pub(crate) fn assert_steady(report: &Report) {
     assert_eq!(support::faults(report), (Some(0), 0), "it neither allocates nor fails");
 }
 
-/// Positions never jump, and the velocities are those of the positions.
+/// Checks that positions are continuous, and that velocities are their rates.
 pub(crate) fn assert_smooth(seen: &[Seen]) {
     for pair in seen.windows(2) {
         for j in 0..3 {
@@ -144,7 +144,7 @@ fn legs_swing_in_turn_out_of_standing_without_a_jump() {
         let (a, b) = extremes(j);
         assert!((a - low).abs() < 1e-2 && (b - high).abs() < 1e-2, "joint {j}: {a} to {b}");
     }
-    // a walk on two legs: half a stride apart
+    // a biped walk: half a stride apart
     for seen in settled {
         assert!((seen.q[0] - 0.4 + seen.q[1] - 0.6).abs() < 0.02, "{:?}", seen.q);
     }
@@ -191,7 +191,7 @@ fn with_entrainment_a_robot_that_follows_stays_in_its_gait() {
     assert!(report.results["policy"]["pattern_error_rad"].as_f64().unwrap() < 0.2);
 }
 
-/// Two Gaussians a dimension: a line from the one weight to the other, about.
+/// Two Gaussians per dimension: approximately a line from one weight to the other.
 fn promp(from: f64, to: f64) -> String {
     let mean = format!("[{from}, {to}, {from}, {to}]");
     let rows: Vec<String> = (0..4)
@@ -221,7 +221,7 @@ fn joints_follow_the_mean_through_a_via_point() {
     let middle = &seen[1500];
     assert!((middle.q[2] - 0.6).abs() < 5e-3 && (middle.q[0] - 0.4).abs() < 5e-3, "{:?}", middle.q);
     assert!(seen.iter().all(|seen| seen.q[1] == 0.8), "joint2 is not moved");
-    // gravity at where the arm was when the command was made: one step before
+    // gravity at the arm's position when the command was computed: one step earlier
     let arm = motorium_robots::load("planar-3r", std::path::Path::new(".")).unwrap();
     let mut gravity = [0.0; 3];
     let down = nalgebra::Vector3::new(0.0, 0.0, -9.806_65);

@@ -1,4 +1,4 @@
-//! `policy.joint_targets` on single actions.
+//! `policy.joint_targets` with single actions.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use serde_json::json;
 use crate::chunks::ChunkProducer;
 use crate::support;
 
-/// An arm that follows its position setpoints at once, and keeps every command with its time.
+/// An arm that follows its position setpoints immediately, and records every command with its time.
 pub(crate) struct Arm {
     command: Input<JointCommand>,
     state: Output<JointState>,
@@ -81,19 +81,19 @@ impl Component for Arm {
     }
 }
 
-/// Publishes actions at 50 Hz within spans of time.
+/// Publishes actions at 50 Hz within time intervals.
 struct Producer {
     action: Output<Action>,
     config: ProducerConfig,
 }
 
-/// Which action is published, and when.
+/// The published action and its intervals.
 #[derive(serde::Deserialize, schemars::JsonSchema)]
 struct ProducerConfig {
-    /// Spans in ms.
+    /// Intervals in ms.
     spans: Vec<[u64; 2]>,
     value: Vec<f64>,
-    /// Added with every step.
+    /// Increment per step.
     slope: f64,
 }
 
@@ -125,7 +125,7 @@ impl Component for Producer {
     }
 }
 
-/// Runs the arm for some seconds with a producer and the table `config` of the policy.
+/// Runs the arm for some seconds with a producer and the `config` table of the policy.
 pub(crate) fn run(producer: &str, port: &str, config: &str, seconds: f64) -> (Report, Vec<Seen>) {
     let graph = format!(
         r#"
@@ -177,7 +177,7 @@ fn producer(spans: &str, value: &str, slope: f64) -> String {
     )
 }
 
-/// The commands after a time, ms.
+/// Returns the commands after a time, ms.
 fn after(seen: &[Seen], time: u64) -> &Seen {
     seen.iter().find(|seen| seen.time > time).unwrap_or_else(|| panic!("no command after {time} ms"))
 }
@@ -196,7 +196,7 @@ fn actions_command_joints_by_name() {
     assert!(end.q.iter().zip(expected).all(|(q, expected)| (q - expected).abs() < 1e-12), "{:?}", end.q);
     assert_eq!((&end.kp[..], &end.kd[..]), (&[100.0, 60.0, 20.0][..], &[20.0, 8.0, 2.0][..]));
     assert_eq!(end.effort, [0.0; 3]);
-    // it begins where the robot is
+    // it starts at the robot's position
     assert!(seen[..20].iter().all(|seen| (seen.q[2] - 0.8).abs() < 1e-2), "{:?}", seen[19].q);
     assert_eq!(report.results["policy"]["actions"], 50);
     assert_eq!(report.results["policy"]["stale"], 0);
@@ -233,7 +233,7 @@ fn orders_of_joints_give_the_same_motion() {
 fn stale_actions_ease_to_the_default_pose_and_back() {
     let spans = "[[0, 700], [1500, 3000]]";
     let (report, seen) = run(&producer(spans, "[1.0, 0.0]", 0.0), "action", POLICY, 2.2);
-    // the last action is for 680 ms: it holds for 30 ms
+    // the last action is for 680 ms and holds for 30 ms
     assert!((after(&seen, 709).q[2] - 0.9).abs() < 1e-12);
     let leaving = seen.iter().find(|seen| seen.time > 600 && seen.q[2] < 0.9 - 1e-9).unwrap();
     assert!((711..=713).contains(&leaving.time), "{}", leaving.time);

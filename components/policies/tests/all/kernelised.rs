@@ -1,5 +1,5 @@
-//! `policy.promp` with a kernelised primitive, as `motorium primitive fit --model kernelised` writes it, in a
-//! running graph.
+//! `policy.promp` in a running graph, with a kernelised primitive as written by `motorium primitive fit
+//! --model kernelised`.
 
 use motorium_primitives::file::PrimitiveFile;
 use motorium_primitives::kmp::{KernelisedFit, KernelisedMovement};
@@ -8,14 +8,14 @@ use serde_json::json;
 
 use crate::joint_policies::{assert_smooth, assert_steady, run};
 
-/// Two joints that were shown in 2 s, from rest to rest: from where the arm of the graph is.
+/// Demonstration of two joints for 2 s, from rest to rest, starting at the arm's position in the graph.
 fn shown(p: f64, offset: f64) -> [f64; 2] {
     let s = p * p * p * (10.0 + p * (6.0 * p - 15.0));
     let bow = offset * (std::f64::consts::PI * s).sin();
     [0.5 + 0.4 * s + bow, 0.8 - 0.5 * s + bow]
 }
 
-/// The file of a primitive that was fitted to five demonstrations.
+/// The file of a primitive fitted to five demonstrations.
 fn fitted(folder: &std::path::Path) -> std::path::PathBuf {
     let demonstrations: Vec<DMatrix<f64>> = [-0.1, -0.05, 0.0, 0.05, 0.1]
         .iter()
@@ -41,7 +41,7 @@ fn joints_follow_a_kernelised_primitive_as_it_was_shown() {
     for (k, at) in seen.iter().take(2000).enumerate() {
         let expected = shown(k as f64 / 2000.0, 0.0);
         for (found, expected) in at.q.iter().zip(expected) {
-            // a fifth of the spread of what was shown: the mixture smooths
+            // a fifth of the spread of the demonstrations: the mixture smooths
             assert!((found - expected).abs() < 0.02, "step {k}: {:?} for {expected}", at.q);
         }
     }
@@ -65,7 +65,7 @@ fn a_kernelised_primitive_passes_a_via_point() {
         let q = &seen[at].q;
         assert!(q.iter().zip(expected).all(|(q, e)| (q - e).abs() < most), "{q:?} for {expected:?}");
     };
-    // beside the way that was shown, where what was shown differs: both joints are farther or both are less
+    // off the demonstrated mean, where the demonstrations differ: both joints are farther, or both are less
     // far
     assert!((0..2).all(|d| [0.82, 0.67][d] - shown(0.5, 0.0)[d] > 0.11));
     is_near(1500, [0.82, 0.67], 5e-3);

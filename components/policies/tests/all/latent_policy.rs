@@ -40,7 +40,7 @@ fn train(file: &Path, back: Option<BackForm>) {
     LatentModel::train(&data, &settings).expect("a model").0.save(file).expect("written");
 }
 
-/// An arm that moves to its commanded positions at once.
+/// An arm that moves to its commanded positions immediately.
 fn arm(name: &str) -> Function {
     let topic = |kind: &str| format!("{name}/{kind}");
     Function::new::<JointCommand, JointState>(name, &topic("command"), &topic("state"), |_, command| {
@@ -54,7 +54,7 @@ fn arm(name: &str) -> Function {
     })
 }
 
-/// A source of the human's pose: none from `until` on, s.
+/// A source of the human's pose, which stops at `until`, s.
 fn person(pose: [f64; 4], until: f64) -> Source {
     Source::new::<Observation>("person", "pose", move |tick| {
         let mut observation = Observation::default();
@@ -97,7 +97,7 @@ fn figure(report: &Report, robot: &str, key: &str) -> f64 {
     figures[key].as_f64().unwrap_or_else(|| panic!("{key} of {figures}"))
 }
 
-/// Last positions of both robots.
+/// Returns the last positions of both robots.
 fn run(graph: Graph, time: &str) -> ([Vec<f64>; 2], Report) {
     let probes =
         ["left/command", "right/command"].map(|topic| Probe::<JointCommand>::for_topic(topic).triggered());
@@ -142,7 +142,7 @@ fn robots_hold_once_poses_stop() {
     let config = format!("{{ model = \"arms.latent\", {GAINS}, timeout = \"100 ms\" }}");
     let graph = graph(folder.path(), &config, true).with(person(human(0.1, 0.3), 1.0));
     let (_, report) = run(graph, "3 s");
-    // the timeout, and the change of pace
+    // the timeout plus the change of pace
     let held = figure(&report, "left", "held_s");
     assert!((1.6..1.75).contains(&held), "{held}");
 }

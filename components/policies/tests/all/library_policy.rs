@@ -17,7 +17,7 @@ use motorium_policies::LibraryPolicy;
 use motorium_policies::library::{MovementRequest, Recognition};
 use nalgebra::DMatrix;
 
-/// A robot that is where its setpoint says, and asks for another movement after a while.
+/// A robot that is always at its setpoint, and requests another movement after a while.
 struct Follower {
     setpoint: Input<JointState>,
     recognised: Input<Recognition>,
@@ -241,7 +241,7 @@ fn recognition_and_generation_never_allocate() {
     assert!(novelty < 1e-6 && nearest.is_some_and(|(k, _)| k == 0));
 }
 
-/// Velocities recorded of the joints, as of a pen: the library is learned from them when the run starts.
+/// Recorded velocities of the joints, as of a pen: the library is learned from them when the run starts.
 #[test]
 fn movements_are_made_straight_from_recordings() {
     let folder = tempfile::tempdir().unwrap();
@@ -271,7 +271,7 @@ fn movements_are_made_straight_from_recordings() {
     }
 }
 
-/// The type of the target is that of the other policies.
+/// The target has the same type as in the other policies.
 #[test]
 fn a_hand_is_led_by_pose_targets() {
     let robot = RobotReference {

@@ -16,7 +16,7 @@ use motorium_policies::DmpPolicy;
 use serde_json::json;
 
 const KERNELS: usize = 10;
-/// Weights of the primitive of the first goal: three dimensions.
+/// Number of weights of the first goal's primitive: three dimensions.
 const COUNT: usize = 3 * KERNELS;
 
 /// Weights that push along y.
@@ -29,7 +29,7 @@ fn weights(version: u64, push: f64) -> Box<Weights> {
     weights
 }
 
-/// Publishes weights at tick 500, and such as are refused after it.
+/// Publishes weights at tick 500, and rejected ones after it.
 struct Learner {
     output: Output<Weights>,
 }
@@ -69,7 +69,7 @@ impl Component for Learner {
     }
 }
 
-/// Writes down the way along y.
+/// Records the displacement along y.
 struct Recorder {
     target: Input<PoseTarget>,
     y: Vec<f64>,
@@ -165,7 +165,7 @@ fn new_weights_apply_to_the_next_movement() {
     assert_eq!(report.state_hash, again.state_hash);
 }
 
-/// A session that publishes the weights itself.
+/// A session that publishes the weights.
 fn session(config: &str) -> Session<'static> {
     let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds());
     let checked = graph::check(Path::new("weights.toml"), graph(config), &[], &registry, &Machine::detect());
@@ -173,7 +173,7 @@ fn session(config: &str) -> Session<'static> {
     Session::launch(plan, &registry, &Options::inline().standing_in_for("learner")).unwrap()
 }
 
-/// Runs the first movement: where it is half way, along y, and the digest of the episode.
+/// Runs the first movement. Returns the position along y halfway, and the digest of the episode.
 fn half_way(session: &mut Session<'_>) -> (f64, String) {
     session.step_until(Duration::from_millis(500)).unwrap();
     let y = session.read::<PoseTarget>("target").unwrap().unwrap().value.position[1];

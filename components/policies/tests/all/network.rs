@@ -14,7 +14,7 @@ use serde_json::json;
 
 use crate::support;
 
-/// A robot with known measurements, which keeps the actions.
+/// A robot with known measurements that records the actions.
 struct Robot {
     joints: Output<JointState>,
     base: Output<BaseState>,
@@ -110,7 +110,7 @@ default_pose = [0.25, 0.0]
 clip = [-4.0, 4.0]
 "#;
 
-/// Inputs of the terms.
+/// Number of inputs of the terms.
 const INPUTS: usize = 3 + 3 + 3 + 3 + 2 + 2 * 2 + 2 + 2;
 
 /// Writes a policy whose outputs are one input each.
@@ -195,8 +195,8 @@ fn observation_terms_come_from_their_topics() {
 
 #[test]
 fn actions_are_periodic_and_bounded_and_see_the_last_one() {
-    // the first output is the sine of the phase, a cycle in four steps; the second one sees the first of the
-    // step before
+    // the first output is the sine of the phase, a cycle in four steps; the second output sees the first of
+    // the previous step
     let (report, seen) = run([20, 18], "", 1000);
     assert!((19..=20).contains(&seen.len()), "{}", seen.len());
     for (step, (time, action)) in seen.iter().enumerate() {

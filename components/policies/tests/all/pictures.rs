@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 use crate::library_policy::run_in;
 use crate::support;
 
-/// Three of our own letters, as movements of two joints of the arm.
+/// Three built-in letters, as movements of two joints of the arm.
 fn known() -> Recordings {
     let mut known = letters(1, Variation::default(), 3);
     known.trajectories.truncate(3);
@@ -16,11 +16,10 @@ fn known() -> Recordings {
     known
 }
 
-/// The part of a path that lies between the two rests of a movement: after the last rest before it, until it
-/// rests again.
+/// The part of a path between the two rests of a movement: from the last rest before it until the next rest.
 fn written(path: &[[f64; 2]]) -> &[[f64; 2]] {
     let moves = |k: usize| (0..2).any(|d| (path[k + 1][d] - path[k][d]).abs() > 1e-7);
-    // On the way to the start for 1 s, then at rest.
+    // In transit to the start for 1 s, then at rest.
     let begin = (1100..path.len() - 1).find(|k| moves(*k)).unwrap();
     let end = (begin..path.len() - 1).rfind(|k| moves(*k)).unwrap();
     &path[begin..=end + 1]
@@ -50,12 +49,12 @@ fn joints_write_letters_at_the_given_speed() {
         let path = written(&path);
         let drawn = DMatrix::from_fn(path.len(), 2, |i, d| path[i][d]);
 
-        // It is this letter, and no other.
+        // The path matches this letter and no other.
         let distances: Vec<f64> = curves.iter().map(|curve| chamfer(&unit_extent(&drawn), curve)).collect();
         let nearest = (0..curves.len()).min_by(|a, b| distances[*a].total_cmp(&distances[*b])).unwrap();
         assert!(nearest == k && distances[k] < 0.05, "letter {k}: {distances:?}");
 
-        // One letter size a second, along the whole of the stroke.
+        // One letter size per second, along the whole stroke.
         let steps: Vec<f64> = path.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).collect();
         let length: f64 = steps.iter().sum();
         let within = |part: f64| {

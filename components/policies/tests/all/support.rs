@@ -1,4 +1,4 @@
-//! Support of the component tests: a graph in one process, and configurations that are refused.
+//! Support of the component tests: a graph in one process, and rejected configurations.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use motorium::worker::{Kind, Registry, RobotSource};
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
-/// The configuration of a component that has none.
+/// The configuration of a component without settings.
 #[derive(serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Nothing {}
@@ -26,13 +26,13 @@ pub(crate) fn run(path: &Path, graph: String, kinds: impl IntoIterator<Item = Ki
     session::run(checked.plan, &registry, &Options::threads(), &mut |_| {}).unwrap()
 }
 
-/// Allocations in steps (where they are counted) and failed steps of the component `policy`.
+/// Returns the allocations in steps (if they are counted) and failed steps of the component `policy`.
 pub(crate) fn faults(report: &Report) -> (Option<u64>, u64) {
     let policy = report.components.iter().find(|component| component.name == "policy").unwrap();
     (policy.allocations, policy.errors + policy.refused)
 }
 
-/// The error of a configuration for a robot (if there is one), with its files relative to `base`.
+/// Returns the error of a configuration for a robot (if any), with its files relative to `base`.
 pub(crate) fn refusal<C: Component>(
     config: serde_json::Value,
     robot: Option<&str>,

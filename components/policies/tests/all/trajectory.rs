@@ -1,4 +1,4 @@
-//! `policy.trajectory` and `policy.home` in a running graph, with joints that do as they are told.
+//! `policy.trajectory` and `policy.home` in a running graph, with joints that follow their commands exactly.
 
 use motorium::component::Component;
 use motorium::launcher::Report;
@@ -8,7 +8,7 @@ use motorium_policies::{HomePolicy, TrajectoryPolicy};
 
 const START: [f64; 3] = [0.5, 0.8, 0.8];
 
-/// An arm that stands where it is told, `off` rad beside.
+/// An arm at its commanded position, offset by `off` rad.
 fn arm(off: f64) -> Function {
     Function::new::<JointCommand, JointState>("arm", "command", "state", move |_, command| {
         let mut state = JointState::default();

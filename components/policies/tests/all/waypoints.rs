@@ -1,11 +1,11 @@
-//! `policy.waypoints` in a running graph, with a base that does as it is told.
+//! `policy.waypoints` in a running graph, with a base that follows its commands exactly.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;
 use motorium::testing::{Function, Graph, Instance, Probe, Source};
 use motorium_policies::WaypointsPolicy;
 
-/// A base that moves at the target velocity, `share` of it, and tells where it is.
+/// A base that moves at `share` of the target velocity and reports its pose.
 fn base(share: f64) -> Function {
     let mut odometry = Odometry::default();
     Function::new::<TwistTarget, Odometry>("base", "target", "odometry", move |tick, target| {
@@ -46,7 +46,7 @@ fn a_two_wheeled_base_reaches_its_goals() {
     assert_eq!(report.results["policy"]["goals_reached"], 2, "{}", report.results["policy"]);
     assert_eq!(report.results["policy"]["finished"], true);
     assert!(number(&report, "position_error_m") < 3e-3 && number(&report, "yaw_error_rad") < 3e-3);
-    // four fifths of 6.67 rad/s at 33 mm, and nothing sideways
+    // four fifths of 6.67 rad/s at 33 mm, and zero sideways velocity
     let fastest = target.values().iter().map(|target| target.linear[0]).fold(0.0, f64::max);
     assert!((fastest - 0.8 * 6.67 * 0.033).abs() < 2e-3, "{fastest} m/s");
     assert!(target.values().iter().all(|target| target.linear[1] == 0.0));

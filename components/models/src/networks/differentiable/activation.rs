@@ -1,4 +1,4 @@
-//! Functions of each number.
+//! Elementwise activation functions.
 
 use super::{Backward, Forward, Layer};
 use crate::arithmetic::Real;
@@ -48,7 +48,7 @@ impl Function {
         }
     }
 
-    /// The derivative at `x`, where the value is `y`.
+    /// Returns the derivative at `x`, where the value is `y`.
     fn slope<T: Real>(self, x: T, y: T) -> T {
         let (zero, one) = (T::default(), T::from_f64(1.0));
         match self {

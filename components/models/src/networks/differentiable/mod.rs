@@ -1,8 +1,8 @@
 //! Layers with backward passes, generic over the scalar type: `f32` for training, `f64` to check gradients.
 //!
-//! A layer holds sizes only. Its parameters are one slice, which an optimiser can step, a file can hold and a
-//! message can carry. The caller provides all buffers; only recurrent backward passes allocate (a row of
-//! gates). Sums have a fixed order, so that training repeats to the bit.
+//! A layer contains only sizes. Its parameters are one slice, which an optimiser can update, a file can store
+//! and a message can carry. The caller provides all buffers; only recurrent backward passes allocate (a row
+//! of gates). Sums have a fixed order, so training is reproducible to the bit.
 //!
 //! ```
 //! use motorium_models::networks::differentiable::{Backward, Forward, Layer, Linear};
@@ -40,14 +40,14 @@ pub use recurrent::{Gru, Lstm};
 
 use crate::arithmetic::Real;
 
-/// Buffers of a forward pass. The number of rows is the length of `input` by [`Layer::inputs`].
+/// Buffers of a forward pass. The number of rows is the length of `input` divided by [`Layer::inputs`].
 #[derive(Debug)]
 pub struct Forward<'a, T> {
     /// Parameters of the layer.
     pub parameters: &'a [T],
     /// Rows of inputs.
     pub input: &'a [T],
-    /// Rows of outputs, written.
+    /// Rows of outputs; written.
     pub output: &'a mut [T],
     /// Numbers kept for the backward pass: [`Layer::trace`] for each row.
     pub trace: &'a mut [T],
@@ -66,9 +66,9 @@ pub struct Backward<'a, T> {
     pub trace: &'a [T],
     /// Gradient of the loss by the outputs.
     pub gradient: &'a [T],
-    /// Gradient by the inputs, written.
+    /// Gradient by the inputs; written.
     pub input_gradient: &'a mut [T],
-    /// Gradient by the parameters, added to.
+    /// Gradient by the parameters; accumulated.
     pub parameter_gradient: &'a mut [T],
 }
 
@@ -90,7 +90,8 @@ pub trait Layer {
     fn backward<T: Real>(&self, pass: Backward<'_, T>);
 }
 
-/// `bias + weights * input` for one row; weights (outputs x inputs), sums in the order of the inputs.
+/// Computes `bias + weights * input` for one row; weights (outputs x inputs), sums in the order of the
+/// inputs.
 fn affine<T: Real>(weights: &[T], bias: &[T], input: &[T], output: &mut [T]) {
     for ((row, bias), output) in weights.chunks_exact(input.len()).zip(bias).zip(output) {
         *output = row.iter().zip(input).fold(*bias, |sum, (w, x)| w.mul_add(*x, sum));

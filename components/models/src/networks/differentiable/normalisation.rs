@@ -3,28 +3,28 @@
 use super::{Backward, Forward, Layer};
 use crate::arithmetic::Real;
 
-/// Each row with mean 0 and variance 1, then a factor and an offset for each column (the parameters, in this
-/// order).
+/// Normalises each row to mean 0 and variance 1, then applies a factor and an offset for each column (the
+/// parameters, in this order).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayerNorm {
     /// Numbers in a row.
     pub width: usize,
-    /// Added to the variance.
+    /// Constant added to the variance.
     pub epsilon: f64,
 }
 
-/// Each column with mean 0 and variance 1 over the rows of the batch, then a factor and an offset for each
-/// column (the parameters, in this order). For inference use running statistics, as `BatchNormalization` of
-/// ONNX does.
+/// Normalises each column to mean 0 and variance 1 over the rows of the batch, then applies a factor and an
+/// offset for each column (the parameters, in this order). For inference use running statistics, as in
+/// `BatchNormalization` of ONNX.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchNorm {
     /// Numbers in a row.
     pub width: usize,
-    /// Added to the variance.
+    /// Constant added to the variance.
     pub epsilon: f64,
 }
 
-/// Mean and reciprocal deviation of `count` numbers.
+/// Returns mean and reciprocal standard deviation of `count` numbers.
 fn statistics<T: Real>(numbers: impl Iterator<Item = T> + Clone, count: usize, epsilon: f64) -> (T, T) {
     let count = T::from_f64(count as f64);
     let mean = numbers.clone().fold(T::default(), |sum, x| sum + x) / count;
@@ -32,7 +32,8 @@ fn statistics<T: Real>(numbers: impl Iterator<Item = T> + Clone, count: usize, e
     (mean, T::from_f64(1.0) / (square / count + T::from_f64(epsilon)).sqrt())
 }
 
-/// Gradients by numbers that were normalised together, from the gradients by the normalised numbers.
+/// Computes the gradients by numbers that were normalised together, from the gradients by the normalised
+/// numbers.
 fn backward<T: Real>(
     (input, gradient): (impl Iterator<Item = T> + Clone, impl Iterator<Item = T> + Clone),
     (mean, factor): (T, T),

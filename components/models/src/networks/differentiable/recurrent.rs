@@ -3,10 +3,10 @@
 use super::{Backward, Forward, Layer, affine, affine_backward};
 use crate::arithmetic::Real;
 
-/// A gated recurrent unit over a sequence (reset gate behind the recurrent product, as in PyTorch).
+/// A gated recurrent unit over a sequence (reset gate after the recurrent product, as in PyTorch).
 ///
 /// A row of inputs is the initial state (hidden), then the inputs of each step. A row of outputs is the state
-/// behind each step. Parameters: input weights (3 hidden x inputs), state weights (3 hidden x hidden), input
+/// after each step. Parameters: input weights (3 hidden x inputs), state weights (3 hidden x hidden), input
 /// biases and state biases (3 hidden each); gates in the order update, reset, candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gru {
@@ -21,7 +21,7 @@ pub struct Gru {
 /// A long short-term memory over a sequence.
 ///
 /// A row of inputs is the initial state (hidden), the initial cell state (hidden), then the inputs of each
-/// step. A row of outputs is the state behind each step, then the last cell state. Parameters: input weights
+/// step. A row of outputs is the state after each step, then the last cell state. Parameters: input weights
 /// (4 hidden x inputs), state weights (4 hidden x hidden), input biases and state biases (4 hidden each);
 /// gates in the order input, output, forget, cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

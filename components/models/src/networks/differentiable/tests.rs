@@ -22,7 +22,7 @@ fn gradients<T: Real>(layer: &impl Layer, parameters: &[f64], input: &[f64]) -> 
     layer.forward(Forward { parameters: &parameters, input: &input, output: &mut output, trace: &mut trace });
     let gradient: Vec<T> = (0..output.len()).map(|k| T::from_f64(number(k + 500))).collect();
     let loss = output.iter().zip(&gradient).map(|(y, g)| y.to_f64() * g.to_f64()).sum();
-    // what is written must not depend on what stood there
+    // written gradients must not depend on the previous content
     let mut input_gradient = vec![T::from_f64(7.0); input.len()];
     let mut parameter_gradient = vec![T::default(); parameters.len()];
     layer.backward(Backward {

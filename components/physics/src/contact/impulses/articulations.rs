@@ -1,4 +1,4 @@
-//! The articulations of an island: half solutions with their mass factors, and their velocities by the
+//! The articulations of an island: half solutions with their mass factors, and their velocities due to the
 //! impulses.
 
 use core::ops::Range;
@@ -6,7 +6,7 @@ use core::ops::Range;
 use super::{Impulses, MovedByImpulses};
 
 impl Impulses {
-    /// Half a solution for contact point `index`, and its velocity without impulses.
+    /// Computes the half solution for contact point `index` and its velocity without impulses.
     pub(super) fn reduce(&mut self, index: usize, articulations: &mut [impl MovedByImpulses]) {
         let n = self.n;
         let site = &mut self.sites[index];

@@ -46,8 +46,8 @@ impl Impulses {
         }
     }
 
-    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps if
-    /// `few`. Returns whether they converged.
+    /// Solves an island over the velocities of its bodies. With `few`, at most [a
+    /// few](super::super::sweeps::FEW) sweeps run. Returns whether the sweeps settled.
     pub(super) fn solve_sparse(&mut self, places: Range<usize>, few: bool) -> bool {
         self.sum.fill(0.0);
         for place in places.clone() {
@@ -60,7 +60,7 @@ impl Impulses {
             } else {
                 PointAnswer::new(&own, site.soft)
             };
-            // The objects' contribution is in their own velocities.
+            // The objects' fall is part of their velocities.
             for (free, falling) in site.free.iter_mut().zip(site.falling) {
                 *free -= falling;
             }
@@ -85,11 +85,11 @@ impl Impulses {
         settled
     }
 
-    /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of its
+    /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of the
     /// three.
     fn aim(&mut self, index: usize, [mobility, one, other]: [f64; 3]) {
         let site = &mut self.sites[index];
-        // Only the two colliding bodies count: others have no part in their contact.
+        // Only the two bodies in contact count; other bodies in the world do not affect it.
         let articulations = site.articulations().map(|of| self.inverse_masses[of]);
         let objects = site.sides.iter().filter_map(|side| side.object());
         let inverse_mass: f64 =
@@ -101,7 +101,7 @@ impl Impulses {
         }
     }
 
-    /// The block of W of a contact point itself.
+    /// Returns the W block of a contact point with itself.
     fn own_block(&self, index: usize) -> [[f64; 3]; 3] {
         let mut own = [[0.0; 3]; 3];
         let site = &self.sites[index];
@@ -134,7 +134,7 @@ impl Impulses {
         own
     }
 
-    /// The block of W between two contact points; each has its place in the rows over the objects.
+    /// Returns the W block between two contact points. Each has a place in the rows over the objects.
     fn block(&self, (local, index): (usize, usize), (place, other): (usize, usize)) -> [[f64; 4]; 3] {
         let n = self.n;
         let mut block = [[0.0; 4]; 3];

@@ -1,4 +1,4 @@
-//! Torques against rolling and spinning, one site each after all contact points.
+//! Torques against rolling and spinning: one site each, after all contact points.
 
 use nalgebra::{Point3, Vector3};
 
@@ -9,11 +9,12 @@ use super::super::objects::FreeBody;
 use super::super::site::Site;
 use super::Impulses;
 
-/// Part of the key of the torques at a contact point, which otherwise equals the point's key.
+/// Key bit of the torques at a contact point; the other bits are the point's key.
 const COUPLE: u64 = 1 << 62;
 
 impl Impulses {
-    /// Sets up the torques at contact points whose surfaces resist turning, in their order.
+    /// Sets up the torques at contact points whose surfaces resist rolling or spinning, in the order of the
+    /// points.
     pub(super) fn prepare_couples(
         &mut self,
         points: &[ContactPoint],
@@ -49,8 +50,8 @@ impl Impulses {
         }
     }
 
-    /// The moments against rolling and spinning, on the first of the two colliders of their contact points:
-    /// the index of the point, and the moment in world axes \[N m s\].
+    /// Returns the moments against rolling and spinning on the first of the two colliders of their contact
+    /// points: the index of the point, and the moment in world axes \[N m s\].
     pub(crate) fn couples<'a>(
         &'a self,
         points: &'a [ContactPoint],
@@ -62,8 +63,7 @@ impl Impulses {
     }
 }
 
-/// Adds `sign` times the Jacobian of the angular velocity of the part of an owner about the three axes to
-/// `columns`.
+/// Adds `sign` times the Jacobian of an owner's angular velocity about the three axes to `columns`.
 pub(super) fn add_turning(
     slopes: impl Fn(Owner, &Point3<f64>, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
     (owner, sign): (Owner, f64),
@@ -71,8 +71,8 @@ pub(super) fn add_turning(
     [normal, one, other]: [Vector3<f64>; 3],
     columns: &mut [[f64; 4]],
 ) {
-    // The angular velocity about an axis is that with which a point one unit away along the next axis moves
-    // along the one after, relative to the contact point.
+    // The angular velocity about an axis equals the velocity, relative to the contact point, of a point one
+    // unit away along the next axis, measured along the axis after that.
     let none = Vector3::zeros();
     let mut add = |arm: &Vector3<f64>, axes: [Vector3<f64>; 3], sign: f64| {
         slopes(owner, &(point + arm), &axes, sign, columns);

@@ -1,11 +1,12 @@
-//! Impacts with friction: Newton's law of restitution, within the bounds of the energy.
+//! Impacts with friction: Newton's law of restitution, bounded by the energy.
 //!
-//! Newton's law only sets the speed of rebound. Where friction turns a body in an impact off its centre of
-//! mass, this may require more energy than the impact has absorbed. The impulses of such an impact are
-//! therefore between a plastic impact, without restitution, and Newton's: as near to Newton's as Stronge's
-//! energetic law allows (W. J. Stronge, Impact Mechanics, 2000, chapter 3), by which the normal impulses of
-//! the rebound return at most the squared coefficient of restitution of the absorbed energy, and no further
-//! than the kinetic energy does not rise. Friction cones are convex: both ends are in them, and all between.
+//! Newton's law determines only the rebound speed. If friction turns a body in an off-centre impact, the law
+//! may demand more energy than the impact has absorbed. The impulses of such an impact are therefore
+//! interpolated between a plastic impact, without restitution, and Newton's: as far towards Newton's as two
+//! bounds allow. By Stronge's energetic law (W. J. Stronge, Impact Mechanics, 2000, chapter 3), the normal
+//! impulses of the rebound return at most the squared coefficient of restitution of the energy that they
+//! absorbed. In addition, the kinetic energy does not rise. Friction cones are convex: they contain both ends
+//! and everything in between.
 
 use core::ops::Range;
 
@@ -14,20 +15,20 @@ use nalgebra::Vector3;
 use super::super::site::{Side, Site};
 use super::Impulses;
 
-/// Differences of a bound below this share of the energies in it are rounding.
+/// Differences of a bound below this share of its energies are rounding.
 const ROUNDING: f64 = 1e-6;
 
 /// Impulses and velocities of the points of an island, three numbers each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Impact {
-    /// By Newton's law.
+    /// Impulses and velocities by Newton's law.
     newton: [Vec<f64>; 2],
-    /// Velocities of the plastic impact, whose impulses are the present ones.
+    /// Velocities of the plastic impact, whose impulses are the current ones.
     plastic: Vec<f64>,
 }
 
 impl Impact {
-    /// Reserves room for this many points.
+    /// Reserves space for this number of points.
     pub(super) fn make_room(&mut self, points: usize) {
         for numbers in self.newton.iter_mut().chain([&mut self.plastic]) {
             numbers.resize(3 * points, 0.0);
@@ -36,13 +37,13 @@ impl Impact {
 }
 
 impl Impulses {
-    /// True where an island has an impact whose energy friction may raise.
+    /// Returns `true` if an island has an impact whose energy friction may raise.
     pub(super) fn bounces(&self, places: Range<usize>) -> bool {
         let mut sites = places.map(|place| &self.sites[self.islands.point(place)]);
         sites.any(|site| site.bounce > 0.0 && site.friction > 0.0)
     }
 
-    /// Bounds the rebound of an island that has been solved by Newton's law.
+    /// Bounds the rebound of an island after a solution by Newton's law.
     pub(super) fn bound_rebound(&mut self, places: Range<usize>, robot: bool) {
         let mut impact = core::mem::take(&mut self.impact);
         let [lambda, velocity] = &mut impact.newton;
@@ -70,12 +71,13 @@ impl Impulses {
         self.impact = impact;
     }
 
-    /// Interpolation share from the plastic impact, whose impulses are the present ones, to Newton's.
+    /// Returns the interpolation factor from the plastic impact, whose impulses are the current ones, to
+    /// Newton's.
     fn rebound_share(&self, places: Range<usize>, impact: &Impact) -> f64 {
         let [newton, newton_velocity] = &impact.newton;
-        // Twice the energies at the plastic impact, and their slope and curvature along the interpolation.
+        // Twice the energies: at the plastic impact, with slope and curvature of the interpolation.
         let (mut start, mut slope, mut curve, mut size) = (0.0, 0.0, 0.0, 0.0);
-        // Stronge's bound, of the squared share.
+        // Stronge's bound of the squared factor.
         let (mut allowed, mut returned) = (0.0, 0.0);
         for index in places.map(|place| self.islands.point(place)) {
             let site = &self.sites[index];
@@ -105,7 +107,7 @@ impl Impulses {
         share.max(0.0)
     }
 
-    /// Velocities at the points of an island with the present impulses.
+    /// Computes the velocities at the points of an island with the current impulses.
     fn find_velocities(&mut self, places: Range<usize>, velocities: &mut [f64]) {
         let Self { n, sites, lambda, bodies, reduced, support, supported, sum, islands, .. } = self;
         let (n, sites, lambda) = (*n, &*sites, &*lambda);

@@ -23,77 +23,78 @@ use crate::robot::{Articulation, Robot};
 use impact::Impact;
 pub(crate) use warm::Known;
 
-/// Overlap decays at this rate \[1/s\].
+/// Decay rate of penetration \[1/s\].
 const RECOVERY_RATE: f64 = 50.0;
 
-/// And no faster than this \[m/s\].
+/// Largest recovery speed \[m/s\].
 const FASTEST_RECOVERY: f64 = 0.5;
 
 /// Smallest mobility of a contact point (its diagonal entry of W) relative to the mobility of free bodies
-/// with the masses of
-/// the two parties. Below it the joints hold the point, which needs no impulse.
+/// with the masses of both parties. Below this value the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
-/// Most contact points of an island whose Delassus matrix is formed: with a robot, whose joints couple all of
-/// its points, and of free objects alone, which couple few: theirs is formed beyond that, up to the first
-/// number, where they rest and sweeps do not settle.
+/// Largest number of contact points of an island whose Delassus matrix is formed: with a robot, whose joints
+/// couple all of its points, and with free objects only, which couple few. For free objects that rest and
+/// whose sweeps do not settle, the matrix is formed up to the first number.
 pub(super) const DENSE: usize = 60;
 const DENSE_FREE: usize = 12;
 
 /// Contact impulses of one step over the Delassus matrix `W = J A^-1 J'`.
 ///
-/// For each contact point with normal n and relative velocity w of the surfaces at the end of the step
+/// For each contact point with normal n and relative surface velocity w at the end of the step
 ///
 /// ```text
-/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0     target = -distance / h, apart
+/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0
+/// target = -distance / h, apart
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
-/// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid.
-/// Overlap decays at a rate (Baumgarte 1972). No target requires more than 0.5 m/s, nor more kinetic energy
-/// than the two bodies have at that speed: where joints hardly let a point move, recovery is slower. The
-/// impulses of the last step are the initial guess. Surfaces that resist rolling or spinning add
-/// [torques](couples), each within a separate bound that grows with `lambda_n`.
+/// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the exact cone instead of a
+/// pyramid. Penetration decays at a fixed rate (Baumgarte 1972). No target exceeds 0.5 m/s or demands more
+/// kinetic energy than the two parties have at that speed: if joints hardly let a point move, recovery is
+/// slower. The impulses of the last step are the warm start. Surfaces that resist rolling or spinning add
+/// [torques](couples), each with a separate bound that grows with `lambda_n`.
 ///
 /// Surfaces with restitution rebound by [Newton's law](impact), bounded by the energy.
 ///
-/// If a surface yields like a spring and a damper, the target and the compliance describe the force at the
+/// For a surface that yields like a spring and a damper, target and compliance follow from the force at the
 /// end of the step.
 ///
-/// A consists of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact
-/// points that no chain of blocks joins form separate [islands](Islands): small ones are solved over their
-/// matrix W, large ones [body by body](super::sweeps::Island), and medium ones at rest that do not converge
-/// this way over W, too. Nothing allocates after [`new`](Self::new).
+/// A consists of blocks: the mass factor of each articulation, and the mass and inertia of each free object.
+/// Contact points without a chain of blocks between them are in different [islands](Islands) and solved
+/// separately: small islands over their matrix W, large ones [body by body](super::sweeps::Island). Islands
+/// of medium size that rest are solved body by body first, and over W if that does not settle. Nothing
+/// allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
-    /// Number of velocities of all articulations, and the part of each.
+    /// Number of velocities of all articulations, and the range of each.
     n: usize,
     parts: Vec<Range<usize>>,
     sites: Vec<Site>,
     /// Columns of J over the articulations' velocities, n for each contact point: entries of the normal and
     /// of two tangents.
     jacobian: Vec<[f64; 4]>,
-    /// The same after half a solution with A: `W = Y' Y`.
+    /// The same columns after half a solution with A: `W = Y' Y`.
     reduced: Vec<[f64; 4]>,
-    /// Columns that are not zero, up to n for each contact point, and their number.
+    /// Indices of nonzero columns, up to n for each contact point, and their number.
     support: Vec<u32>,
     supported: Vec<usize>,
     marked: Vec<bool>,
     /// The free objects.
     bodies: Vec<Mobility>,
-    /// Their velocities without impulses.
+    /// Velocities of the free objects without impulses.
     falling: Vec<FreeBody>,
-    /// Rows of J over them, three for each contact point of an island whose matrix is formed.
+    /// Rows of J over the free objects, three for each contact point of an island whose matrix is formed.
     rows: Vec<[Option<ObjectRow>; 2]>,
-    /// Inverse of the mass of each articulation, its armatures at an arm of 1 m included \[1/kg\].
+    /// Inverse mass of each articulation, including its armatures at an arm of 1 m \[1/kg\].
     inverse_masses: Vec<f64>,
-    /// Half the solution for all impulses (nv).
+    /// Half solution for all impulses (nv).
     sum: Vec<f64>,
     pub(super) lambda: Vec<f64>,
     room: Room,
     impact: Impact,
     islands: Islands,
-    /// Islands that are to be solved.
+    /// True for islands that must be solved.
     pending: Vec<bool>,
     cone: ConeSolver,
     /// Keys of the contact points, and the lengths of their integration steps \[s\].
@@ -102,26 +103,26 @@ pub(crate) struct Impulses {
     last: Vec<Known>,
 }
 
-/// An articulation as the impulses move it.
+/// An articulation as a target of impulses.
 pub(crate) struct ImpulseTarget<'a> {
-    /// Factor of the matrix from velocities to impulses.
+    /// Factor of the matrix that maps velocities to impulses.
     pub(crate) factor: &'a MassFactor,
-    /// Entries whose velocity is fixed: no impulse changes them.
+    /// Entries with a fixed velocity: no impulse changes them.
     pub(crate) held: &'a [bool],
-    /// The end velocity without impulses; their effect is added.
+    /// End velocity without impulses; their effect is added.
     pub(crate) x: &'a mut [f64],
-    /// The generalized impulse, which is zero, is added here.
+    /// Generalized impulse, initially zero; impulses are added.
     pub(crate) impulse: &'a mut [f64],
 }
 
 /// An articulation that contact impulses act on.
 pub(crate) trait MovedByImpulses {
-    /// Its end velocity and its map from impulses.
+    /// Returns its end velocity and the map from impulses to it.
     fn target(&mut self) -> ImpulseTarget<'_>;
 }
 
 impl Impulses {
-    /// For these articulations, this many free objects, and up to `most` contact points.
+    /// Creates a workspace for these articulations, `objects` free objects and up to `most` contact points.
     pub(crate) fn new(robot: &Robot, objects: usize, most: usize) -> Self {
         let articulations = &robot.articulations;
         let n = articulations.last().map_or(0, |last| last.v().end);
@@ -153,7 +154,7 @@ impl Impulses {
         impulses
     }
 
-    /// Reserves room for this many contact points.
+    /// Reserves space for this number of contact points.
     pub(crate) fn make_room(&mut self, most: usize) {
         let n = self.n;
         self.sites.reserve(most);
@@ -170,7 +171,7 @@ impl Impulses {
         self.last.reserve(most);
     }
 
-    /// Takes over the masses of the articulations.
+    /// Updates the masses of the articulations.
     pub(crate) fn set_masses(&mut self, robot: &Robot) {
         self.inverse_masses.clear();
         self.inverse_masses.extend(robot.articulations.iter().map(|own| {
@@ -179,7 +180,7 @@ impl Impulses {
         }));
     }
 
-    /// Forgets the last step.
+    /// Clears the last step.
     pub(crate) fn forget(&mut self) {
         self.sites.clear();
         self.keys.clear();
@@ -190,25 +191,25 @@ impl Impulses {
         [0, 1, 2].map(|part| self.lambda[3 * index + part])
     }
 
-    /// Impulse at contact point `index` along its normal \[Ns\].
+    /// Returns the impulse at contact point `index` along its normal \[Ns\].
     pub(crate) fn normal(&self, index: usize) -> f64 {
         self.lambda[3 * index]
     }
 
-    /// Impulse at contact point `index` on the first of its two colliders, world axes \[Ns\].
+    /// Returns the impulse at contact point `index` on the first of its two colliders, world axes \[Ns\].
     pub(crate) fn at_contact(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
         self.vector(index, &point.law.axes(&point.normal))
     }
 
-    /// The impulse of this index along its axes.
+    /// Returns the impulse with this index along its axes.
     fn vector(&self, index: usize, axes: &[Vector3<f64>; 3]) -> Vector3<f64> {
         (0..3).map(|part| axes[part] * self.lambda[3 * index + part]).sum()
     }
 
     /// Sets up the contact points of a step. `slopes(owner, point, axes, sign, columns)` adds to `columns`
-    /// (nv of an articulation) `sign` times the Jacobian of the velocities along the three axes of its part
-    /// there; `v` (nv) are the articulations' velocities now, `before` and `falling` the objects' now and
-    /// after falling for the step.
+    /// (nv of an articulation) `sign` times the Jacobian of the owner's velocities at the point along the
+    /// three axes. `v` (nv) are the current velocities of the articulations. `before` and `falling` are the
+    /// objects' velocities now and after free fall during the step.
     pub(crate) fn prepare(
         &mut self,
         points: &[ContactPoint],
@@ -229,7 +230,7 @@ impl Impulses {
             self.bodies.extend(falling.iter().map(Mobility::new));
         }
         let n = self.n;
-        // Points have nearly the same order in every step.
+        // The order of the points hardly changes from step to step.
         let mut expected = 0;
         for (index, point) in points.iter().enumerate() {
             let h = point.h;
@@ -272,8 +273,8 @@ impl Impulses {
             }
             now += site.speed(0, before);
             site.target = if let Some(Softness { stiffness, damping }) = point.law.soft {
-                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w. A
-                // separated point has no damping.
+                // Force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w.
+                // Separated surfaces have no damping.
                 let gain = h * stiffness + if point.distance > 0.0 { 0.0 } else { damping };
                 site.soft = 1.0 / (h * gain);
                 -stiffness * point.distance / gain
@@ -292,7 +293,7 @@ impl Impulses {
         self.prepare_couples(points, falling, slopes);
     }
 
-    /// Sets the velocities of the objects that result from the impulses.
+    /// Sets the objects' velocities to the velocities with impulses.
     pub(crate) fn push_objects(&self, bodies: &mut [FreeBody]) {
         for (index, site) in self.sites.iter().enumerate() {
             let impulse = site.vector(&self.lambda[3 * index..]);
@@ -311,20 +312,20 @@ impl Impulses {
         }
     }
 
-    /// Has the island of an articulation solved again; its articulations must be at their velocities without
-    /// impulses then.
+    /// Marks the island of an articulation to be solved again. Its articulations must then be at their
+    /// velocities without impulses.
     pub(crate) fn solve_again(&mut self, articulation: usize) {
         if let Some(island) = self.islands.of_body(articulation) {
             self.pending[island] = true;
         }
     }
 
-    /// True where the island of an articulation is to be solved.
+    /// Returns `true` if the island of an articulation must be solved.
     pub(crate) fn is_pending(&mut self, articulation: usize) -> bool {
         self.islands.of_body(articulation).is_some_and(|island| self.pending[island])
     }
 
-    /// Solves the islands that are to be, and moves the articulations in them.
+    /// Solves the pending islands and moves their articulations.
     pub(crate) fn solve(&mut self, articulations: &mut [impl MovedByImpulses]) {
         for island in 0..self.islands.count() {
             if std::mem::take(&mut self.pending[island]) {
@@ -348,7 +349,7 @@ impl Impulses {
         self.move_articulations(places, articulations);
     }
 
-    /// Solves an island, with a `robot` in it or without, for the targets of its points.
+    /// Solves an island, with or without a `robot`, for the targets of its points.
     fn solve_points(&mut self, places: Range<usize>, robot: bool) {
         if places.len() <= if robot { DENSE } else { DENSE_FREE } {
             self.solve_dense(places);
@@ -361,7 +362,7 @@ impl Impulses {
     }
 }
 
-/// Inverse of a mass \[1/kg\]; a large number for zero.
+/// Returns the inverse of a mass \[1/kg\], or a large number for a mass of zero.
 fn inverse(mass: f64) -> f64 {
     1.0 / mass.max(f64::MIN_POSITIVE)
 }

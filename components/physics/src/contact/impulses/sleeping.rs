@@ -9,7 +9,7 @@ use super::super::site::Side;
 use super::Impulses;
 
 impl Impulses {
-    /// Sorts contact points by islands.
+    /// Sorts contact points by island.
     pub(crate) fn sort(&mut self, points: &[ContactPoint]) {
         let articulations = self.parts.len();
         let of_points = points.iter().map(|point| bodies_of(point, articulations));
@@ -17,8 +17,8 @@ impl Impulses {
         self.islands.find(of_points.chain(couples.map(|point| bodies_of(point, articulations))));
     }
 
-    /// Finds the bodies of islands in which a robot is nearer than `least` \[m\] to a holdable object, by the
-    /// last sorting of points.
+    /// Finds the bodies of islands in which a robot is closer than `least` \[m\] to something that it may
+    /// hold, for the points that were sorted last.
     pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
         self.pending.clear();
         self.pending.resize(self.islands.count(), false);
@@ -34,8 +34,8 @@ impl Impulses {
         }
     }
 
-    /// Sorts the points of an integration step by islands, and wakes the objects of islands in which anything
-    /// moves. `lengths` has the length of the step for each body, zero where it does not move.
+    /// Sorts the points of an integration step by island, and wakes the objects of islands in which anything
+    /// moves. `lengths` has the step length of each body, zero for bodies that do not move.
     pub(crate) fn wake(&mut self, points: &mut [ContactPoint], objects: &mut [FreeBody], lengths: &[f64]) {
         let articulations = self.parts.len();
         self.sort(points);
@@ -54,7 +54,7 @@ impl Impulses {
         }
         for (object, body) in objects.iter_mut().enumerate().filter(|(_, body)| body.asleep) {
             let island = self.islands.of_body(articulations + object);
-            // An object that touches nothing any more has nothing to rest on.
+            // An object without contacts has no support.
             if island.is_none_or(|island| self.pending[island]) {
                 body.wake();
             }
@@ -70,7 +70,7 @@ impl Impulses {
         }
     }
 
-    /// True where the objects of an island hardly move, as in a stack.
+    /// Returns `true` if the objects of an island hardly move, as in a stack.
     pub(super) fn rests(&self, places: Range<usize>) -> bool {
         places.flat_map(|place| self.sites[self.islands.point(place)].sides).all(|side| {
             side.object().is_none_or(|object| {
@@ -81,7 +81,7 @@ impl Impulses {
         })
     }
 
-    /// Lets the objects of islands sleep in which nothing has moved for long enough, and which no robot
+    /// Puts the objects of islands to sleep in which nothing has moved for long enough and which no robot
     /// touches.
     pub(crate) fn put_to_sleep(&mut self, bodies: &mut [FreeBody]) {
         for island in 0..self.islands.count() {
@@ -110,10 +110,11 @@ impl Impulses {
     }
 }
 
-/// Speed below which objects may come to rest \[m/s, rad/s\]: the residual of sweeps would move them.
+/// Objects slower than this may come to rest \[m/s, rad/s\]; the residual of the sweeps would move them
+/// otherwise.
 const SLOW: [f64; 2] = [0.05, 0.5];
 
-/// The one or two bodies that move at a contact point: articulations first, then objects.
+/// Returns the one or two moving bodies at a contact point, with articulations numbered before objects.
 fn bodies_of(point: &ContactPoint, articulations: usize) -> [Option<usize>; 2] {
     let body = |owner: Owner| match owner {
         Owner::World => None,

@@ -1,18 +1,19 @@
-//! The impulses of the last step, with which the next begins.
+//! Warm start: the impulses of the last step, which are the initial guess of the next.
 
 use super::Impulses;
 
-/// The impulse at a contact point, the initial guess of the same point in the next step.
+/// The impulse at a contact point, which is the initial guess for the same point in the next step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Known {
     key: u64,
     impulse: [f64; 3],
-    /// Length of the step in which it acted \[s\].
+    /// Length of the step in which the impulse acted \[s\].
     h: f64,
 }
 
 impl Impulses {
-    /// Impulses of the last step by the keys of their contact points: the initial guess of the next.
+    /// Returns the impulses of the last step by the keys of their contact points, which are the warm start of
+    /// the next step.
     pub(crate) fn save(&self) -> Vec<Known> {
         self.known().collect()
     }
@@ -22,7 +23,7 @@ impl Impulses {
         self.keys.iter().enumerate().map(known)
     }
 
-    /// Goes back to saved impulses.
+    /// Restores saved impulses.
     pub(crate) fn restore(&mut self, impulses: &[Known]) {
         self.forget();
         for (index, known) in impulses.iter().enumerate() {
@@ -31,8 +32,8 @@ impl Impulses {
         }
     }
 
-    /// The force of the last step at the contact point of this key as an impulse over `h` \[s\], and its
-    /// place, which is likely the `expected` one.
+    /// Returns the force of the last step at the contact point with this key as an impulse over `h` \[s\],
+    /// and the index of the point, which is likely the `expected` one.
     pub(super) fn of_last(&self, key: u64, h: f64, expected: usize) -> ([f64; 3], Option<usize>) {
         let (ahead, behind) = self.last.split_at(expected);
         let found = behind.iter().chain(ahead).position(|known| known.key == key);

@@ -5,8 +5,8 @@ use crate::contact::parties::Least;
 use crate::robot::Robot;
 
 impl ContactScene {
-    /// Begins a step of `dt` \[s\] in one integration step in which robots without movable objects cannot
-    /// touch anything. `false`, and nothing has begun, where they might.
+    /// Begins a step of `dt` \[s\] as a single integration step if robots without movable objects cannot
+    /// touch anything in it. Otherwise returns `false`, and nothing has begun.
     pub(crate) fn begin_calm(&mut self, robot: &Robot, dt: f64, [far, _]: [usize; 2]) -> bool {
         let calm = far == 1 && self.is_simple() && self.detector.is_calm(robot, dt);
         if calm {
@@ -16,14 +16,14 @@ impl ContactScene {
         calm
     }
 
-    /// Looks how near the robots are to anything, after a [detection](Self::begin).
+    /// Inspects the distances between the robots and everything else after a [detection](Self::begin).
     pub(crate) fn look_ahead(&mut self, robot: &Robot) {
         if self.is_simple() {
             self.detector.look_ahead(robot, Least::OF_STEP);
         }
     }
 
-    /// True where nothing moves but robots, each for itself.
+    /// Returns `true` if only robots move, independently of each other.
     fn is_simple(&self) -> bool {
         self.objects.now.is_empty() && self.connections.most() == 0 && self.colliders.terrain.is_none()
     }

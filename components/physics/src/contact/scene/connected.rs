@@ -7,7 +7,7 @@ use crate::ConnectionKind;
 use crate::contact::{Member, Owner};
 
 impl ContactScene {
-    /// Adds the points of connections that may be at work in the next integration step.
+    /// Adds the points of connections that may be active in the next integration step.
     pub(super) fn add_connections(&mut self) {
         let Self { detector, connections, lengths, articulations, .. } = self;
         detector.add_connections(connections, |owner| match owner {
@@ -17,8 +17,8 @@ impl ContactScene {
         });
     }
 
-    /// Connects two parts, given the shared frame relative to each; `links` are the indices of the
-    /// [sums](crate::contact::ImpulseSums::link) of the links among them.
+    /// Connects two parts; each comes with the shared frame in the part's frame. `links` are the indices of
+    /// the [sums](crate::contact::ImpulseSums::link) of the links among them.
     pub(crate) fn connect(
         &mut self,
         members: [Member; 2],
@@ -31,10 +31,10 @@ impl ContactScene {
         self.objects.wake();
     }
 
-    /// Removes the connections of two parts; `false` if there are none.
+    /// Removes the connections between two parts. Returns `false` if they have none.
     pub(crate) fn disconnect(&mut self, members: [Member; 2]) -> bool {
         self.objects.wake();
-        // They may be near one another, and were not checked.
+        // The parts may be near each other, and were not checked.
         self.detector.forget();
         self.connections.remove(members)
     }
@@ -46,8 +46,8 @@ impl ContactScene {
         self.impulses.make_room(contacts + held);
     }
 
-    /// The end of a connection at an object of the world, and the pose of the object in the frame of its
-    /// owner.
+    /// Returns the end of a connection that holds an object of the world, and the pose of the object in the
+    /// frame of its owner.
     pub(crate) fn member_of_object(&self, index: usize) -> (Member, Isometry3<f64>) {
         match self.objects.movable[index] {
             Some(movable) => {
