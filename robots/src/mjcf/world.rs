@@ -17,14 +17,14 @@ use super::geoms::{Geom, Geoms};
 use super::held::{Held, connections};
 use super::looks::Looks;
 use super::pose::pose;
-use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION};
+use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION, is_off};
 use super::sections::read_assets;
 use super::{height_fields, include};
 use crate::nearest::nearest;
 use crate::world::unique;
 use crate::{
-    BasePose, Colour, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object, ObjectShape,
-    ShapeSource, TriangleMesh, World,
+    BasePose, Colour, FrictionCombine, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object,
+    ObjectShape, ShapeSource, TriangleMesh, World,
 };
 
 /// An MJCF text turned into a world.
@@ -41,8 +41,25 @@ pub struct MjcfWorld {
 /// Sections without effect on a world.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
+/// Values of flags that change the motion of objects.
+const FLAGS: [(&str, &str, &str); 4] = [
+    ("contact", "disable", "the objects of a world touch"),
+    ("constraint", "disable", "the objects of a world touch"),
+    ("equality", "disable", "leave the section <equality> out"),
+    ("override", "enable", "write friction and stiffness into the geoms"),
+];
+
 /// The name of the ground among the colours of a world.
 const GROUND: &str = "ground";
+
+/// Attributes of a free joint that no object has.
+const ON_FREE_JOINTS: [(&str, &str); 5] = [
+    ("damping", "an object moves freely; `drag` slows it down"),
+    ("frictionloss", "an object moves freely"),
+    ("armature", "an object has the inertia of its shape"),
+    ("stiffness", "no spring holds an object"),
+    ("springdamper", "no spring holds an object"),
+];
 
 /// Sections of robots.
 const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
@@ -122,9 +139,10 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
                     if node.attribute("gravity") == Some("disable") {
                         (world.gravity, states_gravity) = ([0.0; 3], true);
                     }
-                    if node.attribute("contact") == Some("disable") {
-                        let reason = "the objects of a world touch";
-                        return Err(attributes.refused(node, "contact", "disable", reason));
+                    for (name, value, reason) in FLAGS {
+                        if node.attribute(name) == Some(value) {
+                            return Err(attributes.refused(node, name, value, reason));
+                        }
                     }
                 }
             }
@@ -147,6 +165,7 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
         reader.contents(section, &Place { within: Isometry3::identity(), class: MAIN, frees: false })?;
     }
     let Reader { mut world, bodies, looks, .. } = reader;
+    world.combine_frictions(FrictionCombine::Max);
     let objects = world.objects.iter().map(|object| object.name.as_str());
     world.appearance.colours = looks.colours(objects.chain(world.ground.map(|_| GROUND)));
     for section in root.children().filter(|section| section.has_tag_name("equality")) {
@@ -233,7 +252,16 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         {
             let free = match joint.has_tag_name("freejoint") {
                 true => attributes.element(joint, MAIN, &FREEJOINT).map(|_| true)?,
-                false => attributes.element(joint, class, &JOINT)?.get("type") == Some("free"),
+                false => {
+                    let joint = attributes.element(joint, class, &JOINT)?;
+                    let free = joint.get("type") == Some("free");
+                    for (name, reason) in ON_FREE_JOINTS.into_iter().filter(|_| free) {
+                        if joint.get(name).is_some_and(|value| !is_off(value)) {
+                            joint.ignore(name, reason);
+                        }
+                    }
+                    free
+                }
             };
             if !free {
                 return Err(self.other(

@@ -44,6 +44,29 @@ fn every_frame_has_the_values_that_cantools_finds_in_it() {
     assert!(compared > 250, "{compared}");
 }
 
+#[test]
+fn signal_of_an_absent_multiplexor_is_absent() {
+    let text = "VERSION \"\"\nNS_ :\nBS_:\nBU_:\nBO_ 2024 Diagnosis: 8 Vector__XXX\n \
+                SG_ Service M : 0|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
+                SG_ Pid m1M : 8|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
+                SG_ Speed m13 : 16|8@1+ (1,0) [0|255] \"km/h\" Vector__XXX\n \
+                SG_ Code m2 : 8|16@1+ (1,0) [0|65535] \"\" Vector__XXX\n\
+                SG_MUL_VAL_ 2024 Pid Service 1-1;\nSG_MUL_VAL_ 2024 Speed Pid 13-13;\n\
+                SG_MUL_VAL_ 2024 Code Service 2-2;\n";
+    let database = Database::parse(text).unwrap();
+    let decoded =
+        |data: &[u8]| database.decode(&Frame::classic(Id::Standard(2024), data)).unwrap().to_string();
+    assert_eq!(decoded(&[1, 13, 80]), "Diagnosis(Service: 1, Pid: 13, Speed: 80 km/h)");
+    // The bytes hold 13 where `Pid` would be.
+    assert_eq!(decoded(&[2, 13, 80]), "Diagnosis(Service: 2, Code: 20493)");
+    assert_eq!(decoded(&[1, 12, 80]), "Diagnosis(Service: 1, Pid: 12)");
+    // Two that switch one another are never there.
+    let circle = text.replace("Pid Service 1-1", "Pid Speed 1-1");
+    let database = Database::parse(&circle).unwrap();
+    let found = database.decode(&Frame::classic(Id::Standard(2024), &[1, 13, 1])).unwrap().to_string();
+    assert_eq!(found, "Diagnosis(Service: 1)");
+}
+
 fn odrive() -> Database {
     Database::parse(ODRIVE).unwrap().with_mask(0x1f).unwrap()
 }

@@ -42,10 +42,12 @@ fn binary(bytes: &[u8], end: usize) -> TriangleMesh {
 fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
     let mut soup = Soup::default();
     let mut corners = Vec::with_capacity(3);
+    let (mut open, mut last) = (false, 0);
     for (line, words) in
         text.lines().enumerate().map(|(line, text)| (line as u32 + 1, text.split_whitespace()))
     {
         let mut words = words;
+        last = line;
         match words.next() {
             Some("vertex") => {
                 let mut corner = [0.0; 3];
@@ -62,7 +64,9 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
                 soup.add(triangle);
                 corners.clear();
             }
-            Some("solid" | "facet" | "outer" | "endfacet" | "endsolid") | None => {}
+            Some("solid") => open = true,
+            Some("endsolid") => open = false,
+            Some("facet" | "outer" | "endfacet") | None => {}
             Some(word) => {
                 return Err((
                     line,
@@ -70,6 +74,10 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
                 ));
             }
         }
+    }
+    if open || !corners.is_empty() {
+        let message = "the file ends without `endsolid`: it was cut off".to_owned();
+        return Err((last, MeshProblem::Malformed(message)));
     }
     Ok(soup.mesh)
 }
@@ -92,5 +100,23 @@ impl Soup {
             })
         });
         self.mesh.triangles.push(triangle);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_that_was_cut_off_is_refused() {
+        let facet =
+            "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+        let whole = format!("solid part\n{facet}{facet}endsolid part\nsolid other\n{facet}endsolid\n");
+        assert_eq!(parse(whole.as_bytes()).unwrap().triangles.len(), 3);
+        let cut = |text: &str| parse(text.as_bytes()).unwrap_err();
+        for text in [&whole[..whole.len() - 9], &whole[..whole.len() - 40], &whole[..30 + facet.len()]] {
+            let (_, problem) = cut(text);
+            assert!(problem.to_string().contains("cut off"), "{text}: {problem}");
+        }
     }
 }

@@ -175,7 +175,7 @@ fn hold_stops_a_joint_that_its_last_gains_shake() {
     let rules =
         GateRules { safe_state: SafeState::Hold, limits: LimitPolicy::Clamp, resume: ResumeRule::AtOnce };
     for (kp, kd) in [(1e-6, 100.0), (1e3, 100.0), (20.0, 2.0), (20.0, 0.9), (1e3, 0.0)] {
-        let mut gate = Gate::new(vec![limits.clone()], rules.clone());
+        let mut gate = Gate::new(vec![limits.clone()], rules);
         let (mut q, mut v) = (0.3, 1.0);
         let mut command = JointCommand::default();
         command.set_count(1);
