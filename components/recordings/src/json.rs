@@ -231,7 +231,7 @@ fn whole(
     let times = timed(clock, places)?;
     let mut channels: Vec<(String, Vec<f64>)> =
         columns.channels.iter().map(|(index, name)| (name.clone(), all[*index].1.clone())).collect();
-    if channels.len() > 1 && channels.iter().all(|(name, _)| name.len() > 1 && name.starts_with('v')) {
+    if channels.len() > 1 && channels.iter().all(|(name, _)| is_velocity(name)) {
         channels.iter_mut().for_each(|channel| integrate(channel, &times));
     }
     let (names, values): (Vec<String>, Vec<Vec<f64>>) = channels.into_iter().unzip();
@@ -239,10 +239,19 @@ fn whole(
     Ok(Recording { id, label, ..Recording::new(names, times, values)? })
 }
 
+/// True for `vx`, `v1`, `vq1` and `v_x`; words such as `voltage` are no velocities.
+fn is_velocity(name: &str) -> bool {
+    let Some(channel) = name.strip_prefix('v') else { return false };
+    let channel = channel.strip_prefix('_').unwrap_or(channel);
+    let number = channel.trim_start_matches(|letter: char| letter.is_ascii_alphabetic());
+    let letters = channel.len() - number.len();
+    !channel.is_empty() && letters <= 1 && number.bytes().all(|digit| digit.is_ascii_digit())
+}
+
 /// Sums a velocity `vNAME` up to the position `NAME`: each sample adds its velocity times the time since the
 /// one before.
 fn integrate((name, values): &mut (String, Vec<f64>), times: &[f64]) {
-    name.remove(0);
+    *name = name.trim_start_matches('v').trim_start_matches('_').to_string();
     let mut sum = 0.0;
     for (k, value) in values.iter_mut().enumerate() {
         let step = if k == 0 { times[1] - times[0] } else { times[k] - times[k - 1] };

@@ -126,6 +126,9 @@ fn logs_of_screens_and_asc_files_are_read() {
         (" (1735270496.916858)  can0  00000123   [1]  FF", "(1735270496.916858) can0 00000123#FF"),
         ("(12.5) can0 123#0102", "(12.500000) can0 123#0102"),
         ("   0.012345 2  7FF             Rx   d 2 01 02  Length = 0", "(0.012345) can2 7FF#0102"),
+        ("  can0  123   [4]  remote request", "(0.000000) can0 123#R4"),
+        ("  can0  RX B -  123   [02]  11 22", "(0.000000) can0 123##11122"),
+        ("  can0  RX - -  123   [02]  11 22", "(0.000000) can0 123##01122"),
     ] {
         assert_eq!(read(line).as_deref(), Some(expected), "{line}");
     }
@@ -134,7 +137,13 @@ fn logs_of_screens_and_asc_files_are_read() {
     {
         assert_eq!(read(line), None, "{line}");
     }
-    for line in ["base dec  timestamps absolute", "0.5 1 123 Rx d 3 11 22", "can0 123 [3] 11 22", "words"] {
+    for line in [
+        "base dec  timestamps absolute",
+        "base hex timestamps relative",
+        "0.5 1 123 Rx d 3 11 22",
+        "can0 123 [3] 11 22",
+        "words",
+    ] {
         assert!(Record::of_log(line).is_err(), "{line}");
     }
 }
