@@ -6,7 +6,8 @@ use crate::time::Unit;
 
 /// Names of a column or field that holds the time, in s or in a unit that the size of its numbers shows; the
 /// first of them that exists is used.
-pub(crate) const TIME: [&str; 7] = ["time_s", "time", "t", "timestamp", "timestamp_s", "__time", "log_time"];
+pub(crate) const TIME: [&str; 8] =
+    ["time_s", "time", "t", "timestamp", "timestamp_s", "__time", "log_time", "%time"];
 /// Beginnings of names that a unit follows.
 const TIME_IN: [&str; 3] = ["time", "t", "timestamp"];
 /// Ends of names of times in a unit, and the unit in s.

@@ -283,7 +283,8 @@ fn times_of_an_unknown_unit_are_refused() {
         let lines: String = (0..100).map(|k| format!("{},{k}\n", step * f64::from(k))).collect();
         format!("{name},a\n{lines}")
     };
-    for (name, step) in [("time", 10.0), ("t", 1.0), ("timestamp", 1e4), ("time", 1e7)] {
+    // the last is a date of a spreadsheet, in days
+    for (name, step) in [("time", 10.0), ("t", 1.0), ("timestamp", 1e4), ("time", 1e7), ("time", 1e-7)] {
         let error = refusal("x.csv", &table(name, step), &all());
         assert!(error.contains("without a unit") && error.contains("time_ms"), "{error}");
     }

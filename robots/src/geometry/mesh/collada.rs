@@ -26,7 +26,13 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let root = document.root_element();
     let unit = match child(root, "asset").and_then(|asset| child(asset, "unit")) {
         Some(unit) => match unit.attribute("meter") {
-            Some(metres) => number(metres).map_err(|problem| reader.fault(unit, problem))?,
+            Some(metres) => {
+                let metres = number(metres).map_err(|problem| reader.fault(unit, problem))?;
+                if metres.is_nan() || metres <= 0.0 {
+                    return Err(reader.malformed(unit, format!("a unit of {metres} m, expected more than 0")));
+                }
+                metres
+            }
             None => 1.0,
         },
         None => 1.0,
@@ -202,7 +208,13 @@ impl<'a, 'i> Reader<'a, 'i> {
         // Each corner has one index per offset; one of them is the position.
         let (mut stride, mut positions) = (0, None);
         for input in children(part, "input") {
-            let offset: usize = input.attribute("offset").and_then(|offset| offset.parse().ok()).unwrap_or(0);
+            let offset: usize = match input.attribute("offset") {
+                Some(offset) => offset
+                    .trim()
+                    .parse()
+                    .map_err(|_| self.fault(input, MeshProblem::Number(offset.to_owned())))?,
+                None => 0,
+            };
             if offset > LARGEST_OFFSET {
                 let message = format!("an input has the offset {offset}, expected at most {LARGEST_OFFSET}");
                 return Err(self.malformed(input, message));
@@ -223,6 +235,9 @@ impl<'a, 'i> Reader<'a, 'i> {
         self.mesh.points.extend(positions.into_iter().map(|point| pose.transform_point(&point).coords));
         let sizes = match child(part, "vcount") {
             Some(sizes) => self.counts(sizes)?,
+            None if part.tag_name().name() == "polylist" => {
+                return Err(self.malformed(part, "a <polylist> without a <vcount>"));
+            }
             None => Vec::new(),
         };
         for list in children(part, "p") {
