@@ -16,8 +16,8 @@
 //! (s) or `rate` (Hz) says how long it takes. Arrays that are all named `v` and a letter or a number (`vx`,
 //! `vy`) are velocities and are summed up.
 //!
-//! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time` or `log_time` holds the
-//! time of a sample; `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one, samples are
+//! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time`, `log_time` or `%time` holds
+//! the time of a sample; `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one, samples are
 //! evenly spaced at [`Selection::rate`].
 //!
 //! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit, as
