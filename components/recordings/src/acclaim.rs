@@ -187,8 +187,8 @@ impl Skeleton {
         let mut samples: Vec<f64> = vec![];
         let (mut rows, mut last, mut before) = (0_usize, 1, None);
         let mut is_full = false;
-        // Channels are NaN until their bone is read. In a file that specifies all, one that a sample leaves out
-        // was cut off.
+        // Channels are NaN until their bone is read. In a file that specifies all, one that a sample leaves
+        // out was cut off.
         let end = |samples: &mut [f64], rows: usize, line: usize, is_full: bool| {
             let values = samples.iter_mut().skip(rows.saturating_sub(1) * channels);
             for (value, name) in values.zip(&self.channels).filter(|(value, _)| value.is_nan()) {
