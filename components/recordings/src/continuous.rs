@@ -108,8 +108,10 @@ impl Recording {
             let (Some(a), Some(b), Some(c)) = (next(1), next(2), next(3)) else { continue };
             let channels = [first, a, b, c];
             let is_taken = |channel: &usize| known.iter().chain(&found).flatten().any(|it| it == channel);
-            let norm = |row: usize| channels.map(|channel| self.values[(row, channel)].powi(2)).iter().sum();
-            let is_unit = |row: usize| (f64::sqrt(norm(row)) - 1.0).abs() < NORM;
+            let is_unit = |row: usize| {
+                let squares = channels.map(|channel| self.values[(row, channel)].powi(2));
+                (squares.iter().sum::<f64>().sqrt() - 1.0).abs() < NORM
+            };
             let changes = |channel: &&usize| {
                 let column = self.values.column(**channel);
                 column.max() - column.min() > NORM

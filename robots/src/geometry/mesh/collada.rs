@@ -304,7 +304,7 @@ impl<'a, 'i> Reader<'a, 'i> {
             return Err(self.malformed(accessor.unwrap_or(source), message));
         }
         let at = |point: usize, axis: usize| numbers[layout.offset + point * layout.stride + axis];
-        Ok((0..points).map(|point| layout.axes.map(|axis| at(point, axis)).into()).collect())
+        Ok((0..points).map(|point| Point3::from(layout.axes.map(|axis| at(point, axis)))).collect())
     }
 
     /// The layout that an accessor states: the named parameters are x, y and z; unnamed ones are skipped.
