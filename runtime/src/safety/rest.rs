@@ -13,7 +13,7 @@ pub const REST_WITHIN: f64 = 1.0;
 const LOWERS_GAINS_AFTER: f64 = 0.25;
 /// Time for which every joint must stay slower than [`REST_SPEED`] once one was faster, s: a joint that
 /// oscillates is slow at each turn.
-const CALM_FOR: f64 = 0.05;
+const CALM_FOR: f64 = 0.02;
 
 /// Time in a safe state, and the joints that are still moving.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,7 +89,7 @@ mod tests {
         assert!(!rest.is_reached());
         rest.step(SafeState::Hold, (&[0.0, 0.049], &joints), 1e-3, false);
         assert!(!rest.is_reached(), "a joint that oscillates is slow at each turn");
-        for _ in 0..51 {
+        for _ in 0..21 {
             rest.step(SafeState::Hold, (&[0.0, 0.049], &joints), 1e-3, false);
         }
         assert!(rest.is_reached(), "at rest, if late");
