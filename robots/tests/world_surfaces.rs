@@ -241,3 +241,32 @@ fn fixed_meshes_of_sdf_and_urdf_touch_by_their_triangles() {
                 </collision></link></robot>";
     assert_eq!(read("w.urdf", urdf).0, MeshCollision::Triangles);
 }
+
+#[test]
+fn planes_have_no_ends() {
+    let mjcf = |planes: &str| {
+        let text = format!(
+            "<mujoco><worldbody>{planes}<body pos=\"9 0 1\"><freejoint/><geom size=\"0.1\"/></body></worldbody></mujoco>"
+        );
+        parse_mjcf_world(&text, None)
+    };
+    let finite = mjcf("<geom type=\"plane\" size=\"5 5 0.1\" pos=\"1 2 0.3\"/>").unwrap();
+    assert!((finite.world.ground.unwrap().height - 0.3).abs() < 1e-12 && finite.world.objects.len() == 1);
+    assert!(finite.warnings[0].to_string().contains("size of <geom> ignored"), "{:?}", finite.warnings);
+    assert!(mjcf("<geom type=\"plane\" size=\"0 0 1\"/>").unwrap().warnings.is_empty());
+    let slope = mjcf("<geom type=\"plane\" size=\"5 5 0.1\" euler=\"20 0 0\"/>").unwrap();
+    assert!(slope.world.ground.is_none() && slope.warnings.len() == 1, "{:?}", slope.warnings);
+    let two =
+        mjcf("<geom type=\"plane\" size=\"1 1 1\"/>\n<geom type=\"plane\" size=\"1 1 1\" pos=\"0 0 1\"/>");
+    assert!(two.unwrap_err().to_string().contains("2:1: a second level plane"));
+    let sdf = |pose: &str| {
+        let plane = format!(
+            "<model name=\"hill\"><pose>{pose}</pose><static>true</static><link name=\"l\"><collision name=\"c\"><geometry>\
+             <plane><normal>0 0 1</normal><size>2 2</size></plane></geometry></collision></link></model>"
+        );
+        ball(&plane, ">", "", "").unwrap().0
+    };
+    assert!(sdf("0 0 0.5 0 0 0").ground.is_some_and(|ground| ground.height == 0.5));
+    let ObjectShape::Box { size } = sdf("0 0 0.5 0.3 0 0").objects[0].shape else { panic!("a box") };
+    assert!(size[0] >= 100.0 && size[1] >= 100.0);
+}

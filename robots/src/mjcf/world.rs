@@ -66,7 +66,7 @@ const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
 /// Reads MJCF `text` as a world. `file` is its path, for messages and to find meshes next to it.
 ///
-/// Geoms of immovable bodies, including height fields, become fixed objects, and an infinite level plane the
+/// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane the
 /// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
 /// geoms. Meshes touch by their convex hull, as in MuJoCo, height fields by their triangles. Objects have the
 /// colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies with other joints,
@@ -335,12 +335,16 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         }
         let size = read.first_numbers("size", [0.0; 3])?;
         let up = pose.rotation * nalgebra::Vector3::z();
-        if read.get("type") == Some("plane") && size[0] <= 0.0 && size[1] <= 0.0 && up.z > 1.0 - 1e-9 {
+        let (is_plane, has_ends) = (read.get("type") == Some("plane"), size[0] > 0.0 || size[1] > 0.0);
+        if is_plane && up.z > 1.0 - 1e-9 {
             if self.world.ground.is_some() {
                 return Err(self.other(
                     node,
-                    "a second level plane without ends: a world has one ground; give the plane a size",
+                    "a second level plane: planes have no ends, and a world has one ground; write a box",
                 ));
+            }
+            if has_ends {
+                read.ignore("size", "a level plane has no ends, for rays and cameras neither");
             }
             // The plane is the top of the box that represents it.
             let Geometry::Box { size } = geometry else { return Ok(()) };
@@ -349,6 +353,12 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             self.world.ground =
                 Some(Ground { height, friction, torsional_friction, rolling_friction, ..Ground::default() });
             return Ok(());
+        }
+        if is_plane && has_ends {
+            read.ignore(
+                "size",
+                "a plane on a slope is a box of this size; in MuJoCo nothing falls off its ends",
+            );
         }
         let shape = shape(&geometry, &read)?;
         self.fixed(node, shape, &pose, surface, (colour, is_seen));

@@ -14,8 +14,9 @@ use super::file::{Read, WorldFileError, fixed, mesh, position, problem, unique};
 use super::{FrictionCombine, Ground, Object, ObjectShape, World};
 use crate::ModelWarning;
 
-/// Thickness of the box that represents a finite plane \[m\].
-const THICK: f64 = 0.1;
+/// Thickness and sides of the box that represents a plane on a slope \[m\].
+const THICK: f64 = 1.0;
+const WIDE: f64 = 100.0;
 
 /// Reads the first `<world>`, else the `<model>`s, of an SDF document.
 pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
@@ -359,7 +360,8 @@ impl Reader<'_> {
         Ok(shape)
     }
 
-    /// A level plane becomes the ground, any other one a box below it with its size.
+    /// A level plane becomes the ground, a slope a large box below it. Planes of collisions have no ends, by
+    /// the specification of SDF: their `size` is for drawing.
     fn plane(
         &mut self,
         (collision, geometry): (Node<'_, '_>, Node<'_, '_>),
@@ -380,21 +382,18 @@ impl Reader<'_> {
             return Err(problem(self.path, geometry, "the normal of a plane must point up or aside"));
         };
         let pose = pose * turn;
-        if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 && self.world.ground.is_none() {
+        if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 {
+            if self.world.ground.is_some() {
+                let text =
+                    "a second level plane: planes have no ends, and a world has one ground; write a <box>";
+                return Err(problem(self.path, geometry, text));
+            }
             self.world.ground =
                 Some(Ground { height: pose.translation.z, friction, restitution, ..Ground::default() });
             self.paint(collision, "ground");
             return Ok(());
         }
-        let Some(size) = child(geometry, "size") else {
-            return Err(problem(
-                self.path,
-                geometry,
-                "a second plane, or one that is not level, needs a <size>",
-            ));
-        };
-        let [x, y] = self.numbers(size)?;
-        let shape = ObjectShape::Box { size: [x, y, THICK] };
+        let shape = ObjectShape::Box { size: [WIDE, WIDE, THICK] };
         let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
         let name = unique(&self.world, model);
         self.paint(collision, &name);
