@@ -16,6 +16,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
     let expected = count.map(|count| HEADER + FACET * count as usize);
     let text = bytes.trim_ascii_start().starts_with(b"solid");
     match expected {
+        // Fewer triangles than there are: the number was not written, or the file is another one's.
+        Some(expected) if !text && expected + FACET <= bytes.len() => {
+            let (found, promised) = ((bytes.len() - HEADER) / FACET, (expected - HEADER) / FACET);
+            let message = format!("its header promises {promised} triangles, and there is room for {found}");
+            Err((0, MeshProblem::Malformed(message)))
+        }
         Some(expected) if expected == bytes.len() || !text && expected < bytes.len() => {
             Ok(binary(bytes, expected))
         }
@@ -117,6 +123,22 @@ mod tests {
         for text in [&whole[..whole.len() - 9], &whole[..whole.len() - 40], &whole[..30 + facet.len()]] {
             let (_, problem) = cut(text);
             assert!(problem.to_string().contains("cut off"), "{text}: {problem}");
+        }
+    }
+
+    #[test]
+    fn binary_file_with_more_triangles_than_its_number_is_refused() {
+        let file = |promised: u32, triangles: usize, rest: usize| {
+            let mut bytes = vec![0; 80];
+            bytes.extend(promised.to_le_bytes());
+            bytes.resize(HEADER + FACET * triangles + rest, 0);
+            parse(&bytes)
+        };
+        assert_eq!(file(2, 2, 0).unwrap().triangles.len(), 2);
+        assert_eq!(file(2, 2, 7).unwrap().triangles.len(), 2);
+        for promised in [0, 1] {
+            let (_, problem) = file(promised, 2, 0).unwrap_err();
+            assert!(problem.to_string().contains("room for 2"), "{problem}");
         }
     }
 }
