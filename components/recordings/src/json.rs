@@ -251,7 +251,7 @@ fn is_velocity(name: &str) -> bool {
 /// Sums a velocity `vNAME` up to the position `NAME`: each sample adds its velocity times the time since the
 /// one before.
 fn integrate((name, values): &mut (String, Vec<f64>), times: &[f64]) {
-    *name = name.trim_start_matches('v').trim_start_matches('_').to_string();
+    *name = name[1..].trim_start_matches('_').to_string();
     let mut sum = 0.0;
     for (k, value) in values.iter_mut().enumerate() {
         let step = if k == 0 { times[1] - times[0] } else { times[k] - times[k - 1] };

@@ -344,7 +344,10 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                 ));
             }
             if has_ends {
-                read.ignore("size", "a level plane has no ends, for rays and cameras neither");
+                read.ignore(
+                    "size",
+                    "a level plane has no ends here, and rays and cameras meet it everywhere",
+                );
             }
             // The plane is the top of the box that represents it.
             let Geometry::Box { size } = geometry else { return Ok(()) };
