@@ -127,8 +127,8 @@ fn logs_of_screens_and_asc_files_are_read() {
         ("(12.5) can0 123#0102", "(12.500000) can0 123#0102"),
         ("   0.012345 2  7FF             Rx   d 2 01 02  Length = 0", "(0.012345) can2 7FF#0102"),
         ("  can0  123   [4]  remote request", "(0.000000) can0 123#R4"),
-        ("  can0  RX B -  123   [02]  11 22", "(0.000000) can0 123##11122"),
-        ("  can0  RX - -  123   [02]  11 22", "(0.000000) can0 123##01122"),
+        ("  can0  RX B -  123   [02]  11 22", "(0.000000) can0 123##51122"),
+        ("  can0  RX - -  123   [02]  11 22", "(0.000000) can0 123##41122"),
     ] {
         assert_eq!(read(line).as_deref(), Some(expected), "{line}");
     }
