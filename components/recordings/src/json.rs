@@ -210,6 +210,10 @@ fn whole(
     }
     let scalar = |key: &str| object.get(key).map(|value| number(place, value)).transpose();
     let given = match (scalar("rate")?, scalar("duration")?) {
+        (Some(rate), Some(duration)) if !agree(rate, samples, duration) => {
+            let found = format!("{samples} samples, a `rate` of {rate} Hz and a `duration` of {duration} s");
+            return Err(malformed(place, found, "a rate and a duration that agree, or one of them"));
+        }
         (_, Some(duration)) => Some((samples - 1) as f64 / duration),
         (rate, None) => rate,
     };
@@ -237,6 +241,11 @@ fn whole(
     let (names, values): (Vec<String>, Vec<Vec<f64>>) = channels.into_iter().unzip();
     let values = nalgebra::DMatrix::from_iterator(samples, names.len(), values.into_iter().flatten());
     Ok(Recording { id, label, ..Recording::new(names, times, values)? })
+}
+
+/// True if so many samples last this long (s) at this rate (Hz), to one sample and 1 %.
+fn agree(rate: f64, samples: usize, duration: f64) -> bool {
+    (rate * duration - (samples - 1) as f64).abs() <= 1.0 + 0.01 * samples as f64
 }
 
 /// True for `vx`, `v1`, `vq1` and `v_x`; words such as `voltage` are no velocities.

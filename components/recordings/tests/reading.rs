@@ -266,8 +266,8 @@ fn units_and_case_of_time_columns_have_many_spellings() {
 fn words_that_begin_with_v_are_not_velocities() {
     let text = r#"{"rate": 10, "voltage": [1, 2, 3], "valve": [0, 0, 1]}"#;
     let recording = read_text("x.json", text, &all()).unwrap();
-    assert_eq!(recording.names(), ["voltage", "valve"]);
-    assert_eq!(column(&recording, 0), [1.0, 2.0, 3.0]);
+    assert_eq!(recording.names(), ["valve", "voltage"]);
+    assert_eq!(column(&recording, 1), [1.0, 2.0, 3.0]);
     for names in [["vx", "vy"], ["v_x", "v_y"], ["v0", "v1"], ["vq1", "vq2"]] {
         let text = format!(r#"{{"rate": 10, "{}": [1, 2, 3], "{}": [0, 0, 1]}}"#, names[0], names[1]);
         let recording = read_text("x.json", &text, &all()).unwrap();
@@ -314,4 +314,17 @@ fn a_table_of_motorium_export_is_read() {
 fn a_cutoff_far_below_the_duration_is_refused() {
     let recording = read_text("x.csv", "t,a\n0,1\n1,2\n", &all()).unwrap();
     assert!(recording.evenly(10, Some(1e-9)).unwrap_err().to_string().starts_with("cutoff = "));
+}
+
+#[test]
+fn contradictory_rates_and_durations_are_refused() {
+    let recording = |rate: f64, duration: f64| {
+        let text = format!(r#"{{"rate": {rate}, "duration": {duration}, "x": [0, 1, 2, 3]}}"#);
+        read_text("x.json", &text, &all())
+    };
+    assert!((recording(1.0, 3.0).unwrap().duration() - 3.0).abs() < 1e-12);
+    // some writers count the last interval, too
+    assert!((recording(1.0, 4.0).unwrap().duration() - 4.0).abs() < 1e-12);
+    let error = recording(100.0, 3.0).unwrap_err().to_string();
+    assert!(error.contains("a `rate` of 100 Hz and a `duration` of 3 s"), "{error}");
 }
