@@ -365,3 +365,19 @@ fn a_folder_is_loaded_with_the_profile_beside_its_urdf() {
         "{error}"
     );
 }
+
+#[test]
+fn range_of_a_continuous_joint_is_named() {
+    let robot = |limits: &str| {
+        warnings(&format!(
+            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"><inertial><mass value=\"1\"/>\
+             <inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>\
+             <joint name=\"j\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 1\"/>\
+             <limit {limits} effort=\"9\" velocity=\"2\"/></joint></robot>"
+        ))
+    };
+    let told =
+        |limits: &str| robot(limits).iter().any(|warning| warning.contains("no effect on a continuous"));
+    assert!(told("lower=\"-1.57\" upper=\"1.57\""));
+    assert!(!told("") && !told("lower=\"-3.1416\" upper=\"3.1416\"") && !told("lower=\"0\" upper=\"0\""));
+}

@@ -1,6 +1,6 @@
 //! Surfaces, masses and frames of worlds in SDF and MJCF: read, or named.
 
-use motorium_robots::{World, parse_mjcf_world};
+use motorium_robots::{FrictionCombine, MeshCollision, ObjectShape, World, parse_mjcf_world};
 
 /// The world of a moving ball with these parts, and its warnings; or the error.
 fn ball(outside: &str, model: &str, link: &str, collision: &str) -> Result<(World, Vec<String>), String> {
@@ -120,4 +120,153 @@ fn mjcf_masks_that_part_a_pair_are_refused() {
         );
     }
     assert!(world("margin=\"0\"", "").unwrap().warnings.is_empty());
+}
+
+#[test]
+fn comments_inside_sdf_values_are_left_out() {
+    let pose = ">\n<!-- x y z r p y --><pose><!-- m, rad -->1 <!-- y -->2 3 0 0 0</pose>";
+    assert_eq!(ball("", pose, "", "").unwrap().0.objects[0].position, [1.0, 2.0, 3.0]);
+    let fixed = "><static><!-- a wall -->True</static>";
+    assert!(!ball("", fixed, "", "").unwrap().0.objects[0].is_dynamic());
+    let error = ball("", "><static>yes</static>", "", "").unwrap_err();
+    assert!(error.contains("<static> is \"yes\", expected true or false"), "{error}");
+    let mass = "<inertial><mass><!-- kg -->2</mass></inertial>";
+    assert_eq!(ball("", ">", mass, "").unwrap().0.objects[0].mass, Some(2.0));
+}
+
+#[test]
+fn files_with_different_frictions_combine_them_as_their_program() {
+    let sdf = |ground: f64| {
+        let plane = format!(
+            "<model name=\"ground\"><static>true</static><link name=\"l\"><collision name=\"c\"><geometry><plane/></geometry>\
+             <surface><friction><ode><mu>{ground}</mu></ode></friction></surface></collision></link></model>"
+        );
+        let world = ball(&plane, ">", "", "").unwrap().0;
+        let ground = world.ground.unwrap();
+        let object = &world.objects[0];
+        (
+            ground.friction_combine,
+            FrictionCombine::combined(
+                (ground.friction, ground.friction_combine),
+                (object.friction, object.friction_combine),
+            ),
+        )
+    };
+    assert_eq!(sdf(0.4), (Some(FrictionCombine::Min), 0.4));
+    assert_eq!(sdf(1.0), (None, 1.0));
+    let mjcf = |ground: f64| {
+        let text = format!(
+            "<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\" friction=\"{ground}\"/>\
+             <body><freejoint/><geom size=\"0.1\" friction=\"0.3\"/></body></worldbody></mujoco>"
+        );
+        let world = parse_mjcf_world(&text, None).unwrap().world;
+        let (ground, object) = (world.ground.unwrap(), &world.objects[0]);
+        (
+            ground.friction_combine,
+            FrictionCombine::combined(
+                (ground.friction, ground.friction_combine),
+                (object.friction, object.friction_combine),
+            ),
+        )
+    };
+    assert_eq!(mjcf(0.9), (Some(FrictionCombine::Max), 0.9));
+    assert_eq!(mjcf(0.0), (Some(FrictionCombine::Max), 0.3));
+    assert_eq!(mjcf(0.3), (None, 0.3));
+}
+
+#[test]
+fn mjcf_flags_and_free_joints_are_obeyed_or_named() {
+    let world = |option: &str, joint: &str| {
+        let text = format!(
+            "<mujoco><option>{option}</option><default><joint damping=\"0\"/></default><worldbody>\n\
+             <body><joint type=\"free\" {joint}/><geom size=\"0.1\"/></body></worldbody></mujoco>"
+        );
+        parse_mjcf_world(&text, None)
+    };
+    for flag in
+        ["constraint=\"disable\"", "contact=\"disable\"", "equality=\"disable\"", "override=\"enable\""]
+    {
+        let error = world(&format!("<flag {flag}/>"), "").unwrap_err().to_string();
+        assert!(error.contains(flag), "{error}");
+    }
+    assert!(world("<flag constraint=\"enable\" energy=\"enable\"/>", "").unwrap().warnings.is_empty());
+    for name in ["damping", "frictionloss", "armature", "stiffness"] {
+        let warnings = world("", &format!("{name}=\"0.5\"")).unwrap().warnings;
+        let warning = warnings[0].to_string();
+        assert!(
+            warnings.len() == 1 && warning.contains(&format!("{name} of <joint> ignored (line 2")),
+            "{warning}"
+        );
+    }
+}
+
+/// A prism over an L, and a tetrahedron, as OBJ files.
+const CONCAVE: &str = "v 0 0 0\nv 3 0 0\nv 3 1 0\nv 1 1 0\nv 1 3 0\nv 0 3 0\nv 0 0 1\nv 3 0 1\nv 3 1 1\nv 1 1 1\nv 1 3 1\n\
+                       v 0 3 1\nf 6 5 4 3 2 1\nf 7 8 9 10 11 12\nf 1 2 8 7\nf 2 3 9 8\nf 3 4 10 9\nf 4 5 11 10\n\
+                       f 5 6 12 11\nf 6 1 7 12\n";
+const CONVEX: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+
+#[test]
+fn fixed_meshes_of_sdf_and_urdf_touch_by_their_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |file: &str, text: &str| {
+        std::fs::write(folder.path().join(file), text).unwrap();
+        let mut world: World = toml::from_str(&format!("file = \"{file}\"")).unwrap();
+        let warnings = world.locate(folder.path()).unwrap();
+        world.check(std::iter::empty()).unwrap();
+        let ObjectShape::Mesh(mesh) = &world.objects[0].shape else { panic!("a mesh") };
+        (mesh.collision, warnings.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    for (name, text) in [("concave.obj", CONCAVE), ("convex.obj", CONVEX)] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    std::fs::write(folder.path().join("twisted.obj"), CONCAVE.replace("f 1 2 8 7", "f 7 8 2 1")).unwrap();
+    let sdf = |mesh: &str, fixed: bool| {
+        format!(
+            "<sdf version=\"1.9\"><model name=\"m\"><static>{fixed}</static><link name=\"l\"><collision name=\"c\"><geometry>\
+             <mesh><uri>{mesh}</uri></mesh></geometry></collision></link></model></sdf>"
+        )
+    };
+    assert_eq!(read("w.sdf", &sdf("concave.obj", true)), (MeshCollision::Triangles, vec![]));
+    assert_eq!(read("w.sdf", &sdf("convex.obj", true)), (MeshCollision::Hull, vec![]));
+    assert_eq!(read("w.sdf", &sdf("convex.obj", false)), (MeshCollision::Hull, vec![]));
+    for (mesh, fixed, reason) in
+        [("concave.obj", false, "an object that moves"), ("twisted.obj", true, "face both sides")]
+    {
+        let (collision, warnings) = read("w.sdf", &sdf(mesh, fixed));
+        assert_eq!(collision, MeshCollision::Hull);
+        assert!(warnings.len() == 1 && warnings[0].contains(reason), "{warnings:?}");
+    }
+    let urdf = "<robot name=\"r\"><link name=\"hall\"><collision><geometry><mesh filename=\"concave.obj\"/></geometry>\
+                </collision></link></robot>";
+    assert_eq!(read("w.urdf", urdf).0, MeshCollision::Triangles);
+}
+
+#[test]
+fn planes_have_no_ends() {
+    let mjcf = |planes: &str| {
+        let text = format!(
+            "<mujoco><worldbody>{planes}<body pos=\"9 0 1\"><freejoint/><geom size=\"0.1\"/></body></worldbody></mujoco>"
+        );
+        parse_mjcf_world(&text, None)
+    };
+    let finite = mjcf("<geom type=\"plane\" size=\"5 5 0.1\" pos=\"1 2 0.3\"/>").unwrap();
+    assert!((finite.world.ground.unwrap().height - 0.3).abs() < 1e-12 && finite.world.objects.len() == 1);
+    assert!(finite.warnings[0].to_string().contains("size of <geom> ignored"), "{:?}", finite.warnings);
+    assert!(mjcf("<geom type=\"plane\" size=\"0 0 1\"/>").unwrap().warnings.is_empty());
+    let slope = mjcf("<geom type=\"plane\" size=\"5 5 0.1\" euler=\"20 0 0\"/>").unwrap();
+    assert!(slope.world.ground.is_none() && slope.warnings.len() == 1, "{:?}", slope.warnings);
+    let two =
+        mjcf("<geom type=\"plane\" size=\"1 1 1\"/>\n<geom type=\"plane\" size=\"1 1 1\" pos=\"0 0 1\"/>");
+    assert!(two.unwrap_err().to_string().contains("2:1: a second level plane"));
+    let sdf = |pose: &str| {
+        let plane = format!(
+            "<model name=\"hill\"><pose>{pose}</pose><static>true</static><link name=\"l\"><collision name=\"c\"><geometry>\
+             <plane><normal>0 0 1</normal><size>2 2</size></plane></geometry></collision></link></model>"
+        );
+        ball(&plane, ">", "", "").unwrap().0
+    };
+    assert!(sdf("0 0 0.5 0 0 0").ground.is_some_and(|ground| ground.height == 0.5));
+    let ObjectShape::Box { size } = sdf("0 0 0.5 0.3 0 0").objects[0].shape else { panic!("a box") };
+    assert!(size[0] >= 100.0 && size[1] >= 100.0);
 }

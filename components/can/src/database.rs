@@ -217,14 +217,8 @@ impl Database {
         };
         let message = self.messages.get(&(extended, id & self.mask))?;
         let data = frame.data();
-        let is_there = |signal: &&Signal| {
-            let has = |at: usize, values: &[RangeInclusive<u64>]| {
-                let raw = message.signals[at].raw(data);
-                raw.is_some_and(|raw| values.iter().any(|range| range.contains(&raw)))
-            };
-            signal.switch.as_ref().is_none_or(|(at, values)| has(*at, values))
-        };
-        let signals = message.signals.iter().filter(is_there).filter_map(|signal| signal.value(data));
+        let signals = message.signals.iter().filter(|signal| message.has(signal, data));
+        let signals = signals.filter_map(|signal| signal.value(data));
         Some(Decoded { name: &message.name, signals: signals.collect() })
     }
 }
@@ -265,13 +259,17 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
             .extended_multiplex
             .iter()
             .filter(|entry| entry.message_id == message.id && entry.signal_name == found.name);
-        let mut switch = None;
+        let mut switch: Option<(usize, Vec<RangeInclusive<u64>>)> = None;
         for entry in extended {
             let Some(at) = place(&entry.multiplexor_signal_name) else {
                 return refuse(format!("no signal `{}` switches it", entry.multiplexor_signal_name));
             };
             let ranges = entry.mappings.iter().map(|values| values.min_value..=values.max_value);
-            switch = Some((at, ranges.collect()));
+            match &mut switch {
+                Some((known, all)) if *known == at => all.extend(ranges),
+                Some(_) => return refuse("two signals switch it".into()),
+                None => switch = Some((at, ranges.collect())),
+            }
         }
         if let (
             None,
@@ -302,6 +300,23 @@ fn signals(file: &Dbc, message: &can_dbc::Message) -> Result<Vec<Signal>, (Strin
         Ok(signal)
     };
     message.signals.iter().map(read).collect()
+}
+
+impl Message {
+    /// True if the data has a signal: its multiplexor has one of its values, and is there itself.
+    fn has(&self, signal: &Signal, data: &[u8]) -> bool {
+        let mut signal = signal;
+        // Each multiplexor is visited once: a database in which they switch one another has none of them.
+        for _ in 0..=self.signals.len() {
+            let Some((at, values)) = &signal.switch else { return true };
+            signal = &self.signals[*at];
+            let has = |raw: u64| values.iter().any(|range| range.contains(&raw));
+            if !signal.raw(data).is_some_and(has) {
+                return false;
+            }
+        }
+        false
+    }
 }
 
 impl Signal {

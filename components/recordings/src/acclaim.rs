@@ -185,17 +185,41 @@ impl Skeleton {
         let channels = self.channels.len();
         let mut radians = false;
         let mut samples: Vec<f64> = vec![];
-        let mut rows = 0;
+        let (mut rows, mut last, mut before) = (0_usize, 1, None);
+        let mut is_full = false;
+        // Channels are NaN until their bone is read. In a file that specifies all, one that a sample leaves
+        // out was cut off.
+        let end = |samples: &mut [f64], rows: usize, line: usize, is_full: bool| {
+            let values = samples.iter_mut().skip(rows.saturating_sub(1) * channels);
+            for (value, name) in values.zip(&self.channels).filter(|(value, _)| value.is_nan()) {
+                if is_full {
+                    return Err(wrong(path, line, "the end of a sample", format!("a value of {name} in it")));
+                }
+                *value = 0.0;
+            }
+            Ok(())
+        };
         for (line, words) in lines(text) {
+            last = line;
             match words[0] {
-                ":RADIANS" => radians = true,
-                word if word.starts_with(':') => {}
+                word if word.starts_with(':') => {
+                    radians |= words.contains(&":RADIANS");
+                    is_full |= words.contains(&":FULLY-SPECIFIED");
+                }
                 word if words.len() == 1 && word.parse::<u64>().is_ok() => {
+                    end(&mut samples, rows, line, is_full)?;
+                    let count = word.parse::<u64>().ok();
+                    let next = before.map(|before: u64| before.saturating_add(1));
+                    if next.is_some() && count != next {
+                        let expected = format!("sample {}", next.unwrap_or_default());
+                        return Err(wrong(path, line, word, expected));
+                    }
+                    before = count;
                     rows += 1;
                     if rows * channels > MOST_VALUES {
                         return Err(wrong(path, line, word, format!("at most {MOST_VALUES} values")));
                     }
-                    samples.resize(rows * channels, 0.0);
+                    samples.resize(rows * channels, f64::NAN);
                 }
                 bone => {
                     let Some(joint) = self.joints.iter().find(|joint| joint.name == bone) else {
@@ -225,6 +249,7 @@ impl Skeleton {
                 }
             }
         }
+        end(&mut samples, rows, last, is_full)?;
         let times = (0..rows).map(|row| row as f64 / rate).collect();
         Recording::new(self.channels.clone(), times, DMatrix::from_row_slice(rows, channels, &samples))
     }
@@ -385,6 +410,12 @@ mod tests {
         assert!(error("1\nhead 1\n").contains("a bone of the skeleton"));
         assert!(error("upper 1\n").contains("number of a sample"));
         assert!(error("1\nupper nan\n").contains("a finite number"));
+        let full =
+            ":FULLY-SPECIFIED\n1\nroot 5 6 7 0 0 0\nupper 0\nlower 0 0\n2\nroot 5 6 7 0 0 0\nupper 9\n";
+        assert!(error(full).contains("line 8: found \"the end of a sample\", expected a value of lower_rx"));
+        let whole = format!("{full}lower 1 1\n");
+        assert!(skeleton.read_amc("a.amc", &whole, 120.0).is_ok());
+        assert!(error(&whole.replace("\n2\n", "\n3\n")).contains("expected sample 2"));
     }
 
     #[test]

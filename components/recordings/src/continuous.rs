@@ -38,7 +38,7 @@ impl Recording {
     /// A channel is an angle if all its values are within one turn, from -pi to pi or from 0 to 2 pi (or the
     /// same in degrees), and it changes by almost a turn between two samples. Four channels are a quaternion
     /// if they are named `qx`, `qy`, `qz` and `qw`, in any order, with other beginnings or ends such as
-    /// `orientation.x`, and all samples have the norm 1.
+    /// `orientation.x`, or have consecutive numbers such as `q0` to `q3`, and all samples have the norm 1.
     #[must_use]
     pub fn continuous(mut self) -> (Self, Vec<Removed>) {
         let mut removed = Vec::new();
@@ -88,6 +88,39 @@ impl Recording {
             }
         }
         found.extend(self.quaternion_entries());
+        found.extend(self.numbered_quaternions(&found));
+        found
+    }
+
+    /// Four neighbours among numbered channels, such as `3` to `6` of a pose of seven numbers, that hold a
+    /// rotation: a unit quaternion of which at least two entries change.
+    fn numbered_quaternions(&self, known: &[[usize; 4]]) -> Vec<[usize; 4]> {
+        let mut found: Vec<[usize; 4]> = Vec::new();
+        let entry = |stem: &str, end: &str, number: u32| {
+            self.names.iter().position(|name| *name == format!("{stem}{number}{end}"))
+        };
+        for (first, name) in self.names.iter().enumerate() {
+            let end = if name.ends_with(']') { "]" } else { "" };
+            let digits = &name[..name.len() - end.len()];
+            let stem = digits.trim_end_matches(|letter: char| letter.is_ascii_digit());
+            let Ok(number) = digits[stem.len()..].parse::<u32>() else { continue };
+            let next = |k: u32| entry(stem, end, number.checked_add(k)?);
+            let (Some(a), Some(b), Some(c)) = (next(1), next(2), next(3)) else { continue };
+            let channels = [first, a, b, c];
+            let is_taken = |channel: &usize| known.iter().chain(&found).flatten().any(|it| it == channel);
+            let is_unit = |row: usize| {
+                let squares = channels.map(|channel| self.values[(row, channel)].powi(2));
+                (squares.iter().sum::<f64>().sqrt() - 1.0).abs() < NORM
+            };
+            let changes = |channel: &&usize| {
+                let column = self.values.column(**channel);
+                column.max() - column.min() > NORM
+            };
+            let turns = channels.iter().filter(changes).count() >= 2;
+            if turns && !channels.iter().any(is_taken) && (0..self.samples()).all(is_unit) {
+                found.push(channels);
+            }
+        }
         found
     }
 
@@ -216,10 +249,20 @@ mod tests {
     }
 
     #[test]
+    fn flags_are_no_quaternions() {
+        let sign = |k: usize| if k < 25 { 1.0 } else { -1.0 };
+        let rows: Vec<Vec<f64>> = (0..50).map(|k| vec![0.0, 0.0, 0.0, sign(k)]).collect();
+        let original = recording(&["d0", "d1", "d2", "d3"], &rows);
+        assert_eq!(original.clone().continuous(), (original, Vec::new()));
+    }
+
+    #[test]
     fn a_quaternion_keeps_its_sign() {
         for names in [
             ["qx", "qy", "qz", "qw"],
             ["orientation[0]", "orientation[1]", "orientation[2]", "orientation[3]"],
+            ["pose[3]", "pose[4]", "pose[5]", "pose[6]"],
+            ["3", "4", "5", "6"],
         ] {
             let rotation = |k: usize| (0.02 * k as f64).sin_cos();
             let rows: Vec<Vec<f64>> = (0..100)

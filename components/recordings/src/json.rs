@@ -210,6 +210,10 @@ fn whole(
     }
     let scalar = |key: &str| object.get(key).map(|value| number(place, value)).transpose();
     let given = match (scalar("rate")?, scalar("duration")?) {
+        (Some(rate), Some(duration)) if !agree(rate, samples, duration) => {
+            let found = format!("{samples} samples, a `rate` of {rate} Hz and a `duration` of {duration} s");
+            return Err(malformed(place, found, "a rate and a duration that agree, or one of them"));
+        }
         (_, Some(duration)) => Some((samples - 1) as f64 / duration),
         (rate, None) => rate,
     };
@@ -231,7 +235,7 @@ fn whole(
     let times = timed(clock, places)?;
     let mut channels: Vec<(String, Vec<f64>)> =
         columns.channels.iter().map(|(index, name)| (name.clone(), all[*index].1.clone())).collect();
-    if channels.len() > 1 && channels.iter().all(|(name, _)| name.len() > 1 && name.starts_with('v')) {
+    if channels.len() > 1 && channels.iter().all(|(name, _)| is_velocity(name)) {
         channels.iter_mut().for_each(|channel| integrate(channel, &times));
     }
     let (names, values): (Vec<String>, Vec<Vec<f64>>) = channels.into_iter().unzip();
@@ -239,10 +243,24 @@ fn whole(
     Ok(Recording { id, label, ..Recording::new(names, times, values)? })
 }
 
+/// True if so many samples last this long (s) at this rate (Hz), to one sample and 1 %.
+fn agree(rate: f64, samples: usize, duration: f64) -> bool {
+    (rate * duration - (samples - 1) as f64).abs() <= 1.0 + 0.01 * samples as f64
+}
+
+/// True for `vx`, `v1`, `vq1` and `v_x`; words such as `voltage` are no velocities.
+fn is_velocity(name: &str) -> bool {
+    let Some(channel) = name.strip_prefix('v') else { return false };
+    let channel = channel.strip_prefix('_').unwrap_or(channel);
+    let number = channel.trim_start_matches(|letter: char| letter.is_ascii_alphabetic());
+    let letters = channel.len() - number.len();
+    !channel.is_empty() && letters <= 1 && number.bytes().all(|digit| digit.is_ascii_digit())
+}
+
 /// Sums a velocity `vNAME` up to the position `NAME`: each sample adds its velocity times the time since the
 /// one before.
 fn integrate((name, values): &mut (String, Vec<f64>), times: &[f64]) {
-    name.remove(0);
+    *name = name[1..].trim_start_matches('_').to_string();
     let mut sum = 0.0;
     for (k, value) in values.iter_mut().enumerate() {
         let step = if k == 0 { times[1] - times[0] } else { times[k] - times[k - 1] };

@@ -13,16 +13,17 @@
 //!
 //! **Recordings in JSON.** An object with an array of numbers for each channel, or with `positions` (an array
 //! of samples) and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration`
-//! (s) or `rate` (Hz) says how long it takes. Arrays whose names all begin with `v` (`vx`, `vy`) are
-//! velocities and are summed up.
+//! (s) or `rate` (Hz) says how long it takes. Arrays that are all named `v` and a letter or a number (`vx`,
+//! `vy`) are velocities and are summed up.
 //!
-//! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time` or `log_time` holds the
-//! time of a sample; `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one, samples are
-//! evenly spaced at [`Selection::rate`].
+//! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time`, `log_time` or `%time`
+//! holds the time of a sample; `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one,
+//! samples are evenly spaced at [`Selection::rate`].
 //!
-//! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit.
-//! Other names hold seconds, or times since 1970 in s, ms, us or ns, which their size shows. Numbers too far
-//! apart for seconds are refused, as is a gap of a clock that was set.
+//! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit,
+//! as do `Time [ms]` and `time (ms)`; case does not matter. Other names hold seconds, or times since 1970 in
+//! s, ms, us or ns, which their size shows. Numbers too far apart for seconds are refused, as is a gap of a
+//! clock that was set.
 //!
 //! **Tables of `motorium export`.** Their columns `sequence`, `publish_time_ns`, `source_time_ns` and
 //! `episode` are not channels.

@@ -6,11 +6,12 @@ use crate::time::Unit;
 
 /// Names of a column or field that holds the time, in s or in a unit that the size of its numbers shows; the
 /// first of them that exists is used.
-pub(crate) const TIME: [&str; 7] = ["time_s", "time", "t", "timestamp", "timestamp_s", "__time", "log_time"];
+pub(crate) const TIME: [&str; 8] =
+    ["time_s", "time", "t", "timestamp", "timestamp_s", "__time", "log_time", "%time"];
 /// Beginnings of names that a unit follows.
 const TIME_IN: [&str; 3] = ["time", "t", "timestamp"];
-/// Ends of names of times in another unit, and the unit in s.
-const UNITS: [(&str, f64); 3] = [("_ms", 1e-3), ("_us", 1e-6), ("_ns", 1e-9)];
+/// Ends of names of times in a unit, and the unit in s.
+const UNITS: [(&str, f64); 4] = [("_s", 1.0), ("_ms", 1e-3), ("_us", 1e-6), ("_ns", 1e-9)];
 /// Names of a column or field that holds the time from its sample to the next, s.
 pub(crate) const STEP: [&str; 3] = ["dt_s", "dt", "frame_dt"];
 /// Columns of a table that `motorium export` writes, besides the time and the fields of the samples.
@@ -29,7 +30,8 @@ pub(crate) enum Clock {
 
 /// The unit of a time column of this name; `None` if it is not a time column.
 fn time_unit(name: &str) -> Option<Unit> {
-    if TIME.contains(&name) {
+    let name = usual(name);
+    if TIME.contains(&name.as_str()) {
         return Some(if name.ends_with("_s") { Unit::Named(1.0) } else { Unit::Recognised });
     }
     let (_, seconds) = UNITS
@@ -38,10 +40,27 @@ fn time_unit(name: &str) -> Option<Unit> {
     Some(Unit::Named(seconds))
 }
 
+/// The name in the usual spelling: `time_ms` for `Time [ms]`, `Time (ms)` and `Time ms`. A `T` is a
+/// temperature or a torque.
+fn usual(name: &str) -> String {
+    let name = name.trim();
+    let is_word = |rest: &str| rest.starts_with(|letter: char| letter.is_ascii_alphabetic());
+    let is_symbol = name.strip_prefix('T').is_some_and(|rest| !is_word(rest));
+    let name = if is_symbol { name.to_string() } else { name.to_lowercase() };
+    let Some((beginning, unit)) = name.split_once([' ', '[', '(']) else { return name };
+    let unit = unit.trim_matches([' ', '[', ']', '(', ')']);
+    let unit = match unit {
+        "sec" | "seconds" => "s",
+        unit => unit,
+    };
+    format!("{}_{unit}", beginning.trim())
+}
+
 /// The unit of a column of time steps of this name; `None` if it is not one.
 fn step_unit(name: &str) -> Option<Unit> {
+    let name = usual(name);
     let named = if name == "dt_s" { Unit::Named(1.0) } else { Unit::Recognised };
-    STEP.contains(&name).then_some(named)
+    STEP.contains(&name.as_str()).then_some(named)
 }
 
 /// The columns of a table that make a recording.
@@ -78,8 +97,8 @@ impl Columns {
         let find = |unit: fn(&str) -> Option<Unit>| {
             names.iter().enumerate().find_map(|(index, name)| Some((index, unit(name)?)))
         };
-        let usual = TIME.iter().find_map(position).and_then(|index| Some((index, time_unit(&names[index])?)));
-        let clock = match (usual.or_else(|| find(time_unit)), find(step_unit)) {
+        let exact = TIME.iter().find_map(position).and_then(|index| Some((index, time_unit(&names[index])?)));
+        let clock = match (exact.or_else(|| find(time_unit)), find(step_unit)) {
             (Some((index, unit)), _) => Some(Clock::Time(index, unit)),
             (None, Some((index, unit))) => Some(Clock::Step(index, unit)),
             (None, None) => selection.clock()?,

@@ -18,6 +18,9 @@ const SINCE_1970: std::ops::Range<f64> = 1e9..1e10;
 const SLOW: f64 = 5.0;
 /// The same of a recording of this length or more, which would be long for so few samples.
 const SLOW_AND_LONG: (f64, f64) = (1.0, 60.0);
+/// Intervals below which numbers without a unit are not taken for seconds: nobody samples a movement at more
+/// than 100 kHz, and times in days have such intervals.
+const FAST: f64 = 1e-5;
 /// Largest interval in a recording, in usual intervals and in s: more is a clock that was set.
 const LARGEST_GAP: (f64, f64) = (1000.0, 60.0);
 
@@ -44,7 +47,8 @@ fn unit(clock: Clock, numbers: &[(Place, f64)]) -> Result<f64, RecordingError> {
         _ => median(numbers.iter().map(|(_, step)| *step).collect()),
     };
     let length = interval * (numbers.len() - 1) as f64;
-    if interval >= SLOW || (interval >= SLOW_AND_LONG.0 && length >= SLOW_AND_LONG.1) {
+    let is_fast = interval > 0.0 && interval < FAST;
+    if is_fast || interval >= SLOW || (interval >= SLOW_AND_LONG.0 && length >= SLOW_AND_LONG.1) {
         return Err(RecordingError::Malformed {
             place: Box::new(place.clone()),
             found: format!("times {interval} apart, without a unit"),

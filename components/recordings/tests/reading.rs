@@ -240,12 +240,52 @@ fn units_of_time_are_named_or_recognised() {
 }
 
 #[test]
+fn units_and_case_of_time_columns_have_many_spellings() {
+    for (name, unit) in [
+        ("Time", 1.0),
+        ("Timestamp", 1.0),
+        ("TIME_MS", 1e3),
+        ("Time [ms]", 1e3),
+        ("time (us)", 1e6),
+        ("t[s]", 1.0),
+        ("t_s", 1.0),
+        ("Time (sec)", 1.0),
+        ("timestamp [ns]", 1e9),
+    ] {
+        let line = |k: i32| format!("{},{k}\n", 0.01 * f64::from(k) * unit);
+        let text = format!("{name},a\n{}", (0..100).map(line).collect::<String>());
+        let recording = read_text("x.csv", &text, &all()).unwrap();
+        assert!((recording.duration() - 0.99).abs() < 1e-9, "{name}: {} s", recording.duration());
+        assert_eq!(recording.names(), ["a"]);
+    }
+    // a temperature and a torque
+    let recording = read_text("x.csv", "time,T,T [N m]\n0,20,1\n1,21,2\n", &all()).unwrap();
+    assert_eq!(recording.names(), ["T", "T [N m]"]);
+}
+
+#[test]
+fn words_that_begin_with_v_are_not_velocities() {
+    let text = r#"{"rate": 10, "voltage": [1, 2, 3], "valve": [0, 0, 1]}"#;
+    let recording = read_text("x.json", text, &all()).unwrap();
+    assert_eq!(recording.names(), ["valve", "voltage"]);
+    assert_eq!(column(&recording, 1), [1.0, 2.0, 3.0]);
+    for names in [["vx", "vy"], ["v_x", "v_y"], ["v0", "v1"], ["vq1", "vq2"]] {
+        let text = format!(r#"{{"rate": 10, "{}": [1, 2, 3], "{}": [0, 0, 1]}}"#, names[0], names[1]);
+        let recording = read_text("x.json", &text, &all()).unwrap();
+        let expected = names.map(|name| name.trim_start_matches(['v', '_']).to_string());
+        assert_eq!(recording.names(), expected);
+        assert!((column(&recording, 0)[2] - 0.6).abs() < 1e-12);
+    }
+}
+
+#[test]
 fn times_of_an_unknown_unit_are_refused() {
     let table = |name: &str, step: f64| {
         let lines: String = (0..100).map(|k| format!("{},{k}\n", step * f64::from(k))).collect();
         format!("{name},a\n{lines}")
     };
-    for (name, step) in [("time", 10.0), ("t", 1.0), ("timestamp", 1e4), ("time", 1e7)] {
+    // the last is a date of a spreadsheet, in days
+    for (name, step) in [("time", 10.0), ("t", 1.0), ("timestamp", 1e4), ("time", 1e7), ("time", 1e-7)] {
         let error = refusal("x.csv", &table(name, step), &all());
         assert!(error.contains("without a unit") && error.contains("time_ms"), "{error}");
     }
@@ -275,4 +315,17 @@ fn a_table_of_motorium_export_is_read() {
 fn a_cutoff_far_below_the_duration_is_refused() {
     let recording = read_text("x.csv", "t,a\n0,1\n1,2\n", &all()).unwrap();
     assert!(recording.evenly(10, Some(1e-9)).unwrap_err().to_string().starts_with("cutoff = "));
+}
+
+#[test]
+fn contradictory_rates_and_durations_are_refused() {
+    let recording = |rate: f64, duration: f64| {
+        let text = format!(r#"{{"rate": {rate}, "duration": {duration}, "x": [0, 1, 2, 3]}}"#);
+        read_text("x.json", &text, &all())
+    };
+    assert!((recording(1.0, 3.0).unwrap().duration() - 3.0).abs() < 1e-12);
+    // some writers count the last interval, too
+    assert!((recording(1.0, 4.0).unwrap().duration() - 4.0).abs() < 1e-12);
+    let error = recording(100.0, 3.0).unwrap_err().to_string();
+    assert!(error.contains("a `rate` of 100 Hz and a `duration` of 3 s"), "{error}");
 }

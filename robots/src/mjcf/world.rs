@@ -17,14 +17,14 @@ use super::geoms::{Geom, Geoms};
 use super::held::{Held, connections};
 use super::looks::Looks;
 use super::pose::pose;
-use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION};
+use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION, is_off};
 use super::sections::read_assets;
 use super::{height_fields, include};
 use crate::nearest::nearest;
 use crate::world::unique;
 use crate::{
-    BasePose, Colour, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object, ObjectShape,
-    ShapeSource, TriangleMesh, World,
+    BasePose, Colour, FrictionCombine, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object,
+    ObjectShape, ShapeSource, TriangleMesh, World,
 };
 
 /// An MJCF text turned into a world.
@@ -41,15 +41,32 @@ pub struct MjcfWorld {
 /// Sections without effect on a world.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
+/// Values of flags that change the motion of objects.
+const FLAGS: [(&str, &str, &str); 4] = [
+    ("contact", "disable", "the objects of a world touch"),
+    ("constraint", "disable", "the objects of a world touch"),
+    ("equality", "disable", "leave the section <equality> out"),
+    ("override", "enable", "write friction and stiffness into the geoms"),
+];
+
 /// The name of the ground among the colours of a world.
 const GROUND: &str = "ground";
+
+/// Attributes of a free joint that no object has.
+const ON_FREE_JOINTS: [(&str, &str); 5] = [
+    ("damping", "an object moves freely; `drag` slows it down"),
+    ("frictionloss", "an object moves freely"),
+    ("armature", "an object has the inertia of its shape"),
+    ("stiffness", "no spring holds an object"),
+    ("springdamper", "no spring holds an object"),
+];
 
 /// Sections of robots.
 const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
 /// Reads MJCF `text` as a world. `file` is its path, for messages and to find meshes next to it.
 ///
-/// Geoms of immovable bodies, including height fields, become fixed objects, and an infinite level plane the
+/// Geoms of immovable bodies, including height fields, become fixed objects, and a level plane the
 /// ground. A body with a free joint becomes a moving object of one or more shapes, with the masses of its
 /// geoms. Meshes touch by their convex hull, as in MuJoCo, height fields by their triangles. Objects have the
 /// colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies with other joints,
@@ -122,9 +139,10 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
                     if node.attribute("gravity") == Some("disable") {
                         (world.gravity, states_gravity) = ([0.0; 3], true);
                     }
-                    if node.attribute("contact") == Some("disable") {
-                        let reason = "the objects of a world touch";
-                        return Err(attributes.refused(node, "contact", "disable", reason));
+                    for (name, value, reason) in FLAGS {
+                        if node.attribute(name) == Some(value) {
+                            return Err(attributes.refused(node, name, value, reason));
+                        }
                     }
                 }
             }
@@ -147,6 +165,7 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
         reader.contents(section, &Place { within: Isometry3::identity(), class: MAIN, frees: false })?;
     }
     let Reader { mut world, bodies, looks, .. } = reader;
+    world.combine_frictions(FrictionCombine::Max);
     let objects = world.objects.iter().map(|object| object.name.as_str());
     world.appearance.colours = looks.colours(objects.chain(world.ground.map(|_| GROUND)));
     for section in root.children().filter(|section| section.has_tag_name("equality")) {
@@ -233,7 +252,16 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         {
             let free = match joint.has_tag_name("freejoint") {
                 true => attributes.element(joint, MAIN, &FREEJOINT).map(|_| true)?,
-                false => attributes.element(joint, class, &JOINT)?.get("type") == Some("free"),
+                false => {
+                    let joint = attributes.element(joint, class, &JOINT)?;
+                    let free = joint.get("type") == Some("free");
+                    for (name, reason) in ON_FREE_JOINTS.into_iter().filter(|_| free) {
+                        if joint.get(name).is_some_and(|value| !is_off(value)) {
+                            joint.ignore(name, reason);
+                        }
+                    }
+                    free
+                }
             };
             if !free {
                 return Err(self.other(
@@ -307,12 +335,19 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         }
         let size = read.first_numbers("size", [0.0; 3])?;
         let up = pose.rotation * nalgebra::Vector3::z();
-        if read.get("type") == Some("plane") && size[0] <= 0.0 && size[1] <= 0.0 && up.z > 1.0 - 1e-9 {
+        let (is_plane, has_ends) = (read.get("type") == Some("plane"), size[0] > 0.0 || size[1] > 0.0);
+        if is_plane && up.z > 1.0 - 1e-9 {
             if self.world.ground.is_some() {
                 return Err(self.other(
                     node,
-                    "a second level plane without ends: a world has one ground; give the plane a size",
+                    "a second level plane: planes have no ends, and a world has one ground; write a box",
                 ));
+            }
+            if has_ends {
+                read.ignore(
+                    "size",
+                    "a level plane has no ends here, and rays and cameras meet it everywhere",
+                );
             }
             // The plane is the top of the box that represents it.
             let Geometry::Box { size } = geometry else { return Ok(()) };
@@ -321,6 +356,12 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             self.world.ground =
                 Some(Ground { height, friction, torsional_friction, rolling_friction, ..Ground::default() });
             return Ok(());
+        }
+        if is_plane && has_ends {
+            read.ignore(
+                "size",
+                "a plane on a slope is a box of this size; in MuJoCo nothing falls off its ends",
+            );
         }
         let shape = shape(&geometry, &read)?;
         self.fixed(node, shape, &pose, surface, (colour, is_seen));

@@ -46,6 +46,8 @@ pub struct NearTriangle {
     pub nearest: Point3<f64>,
     /// Its upward unit normal.
     pub normal: Vector3<f64>,
+    /// Its cell along x and y, and 0 for the half at the end of x, 1 for the half at the end of y.
+    place: ([i64; 2], usize),
 }
 
 /// A cell: the height of its first corner, and the slopes of both triangles.
@@ -185,15 +187,9 @@ impl HeightField {
                 if cell.top < point.z - reach {
                     continue;
                 }
-                let corner = |i: i64, j: i64| {
-                    V3::new(
-                        self.origin[0] + self.spacing * i as f64,
-                        self.origin[1] + self.spacing * j as f64,
-                        self.corner_height(i, j),
-                    )
-                };
-                let (first, last) = (corner(i, j), corner(i + 1, j + 1));
-                for (half, other) in [corner(i + 1, j), corner(i, j + 1)].into_iter().enumerate() {
+                let (first, last) = (self.corner(i, j), self.corner(i + 1, j + 1));
+                let others = [self.corner(i + 1, j), self.corner(i, j + 1)];
+                for (half, other) in others.into_iter().enumerate() {
                     let nearest = nearest_on_triangle(p, [first, other, last]);
                     let out = p - nearest;
                     if out.dot(out) <= reach * reach {
@@ -203,11 +199,36 @@ impl HeightField {
                             index: number as u32,
                             nearest: Point3::from(Vector3::from(nearest)),
                             normal: self.upward(cell.slopes[half]).into(),
+                            place: ([i, j], half),
                         });
                     }
                 }
             }
         }
+    }
+
+    /// A corner of the grid.
+    #[inline(always)]
+    fn corner(&self, i: i64, j: i64) -> V3 {
+        V3::new(
+            self.origin[0] + self.spacing * i as f64,
+            self.origin[1] + self.spacing * j as f64,
+            self.corner_height(i, j),
+        )
+    }
+
+    /// True if a point is within `reach` \[m\] of a triangle.
+    pub fn is_near(&self, triangle: &NearTriangle, point: &Point3<f64>, reach: f64) -> bool {
+        let ([i, j], half) = triangle.place;
+        let (x, y) = self.in_cells(point.x, point.y);
+        let (wide, u, v) = (reach / self.spacing + 1e-9, x - i as f64, y - j as f64);
+        if u.min(v) < -wide || u.max(v) > 1.0 + wide {
+            return false;
+        }
+        let other = if half == 0 { self.corner(i + 1, j) } else { self.corner(i, j + 1) };
+        let p: V3 = point.coords.into();
+        let out = p - nearest_on_triangle(p, [self.corner(i, j), other, self.corner(i + 1, j + 1)]);
+        out.dot(out) <= reach * reach
     }
 
     /// Passes the corners of the grid within `reach` \[m\] along x and y that rise above the line of their

@@ -83,8 +83,12 @@ pub(crate) fn limits(
             warnings.push(ModelWarning::ZeroLimit { joint: name(), what });
         }
     }
+    let (lower, upper) = (joint.limit.lower, joint.limit.upper);
+    // Ranges of a whole turn are common, and say nothing.
+    if kind == JointKind::Continuous && lower < upper && upper - lower < 0.98 * TAU {
+        warnings.push(ModelWarning::ContinuousRange { joint: name(), lower, upper });
+    }
     if kind != JointKind::Continuous {
-        let (lower, upper) = (joint.limit.lower, joint.limit.upper);
         if lower > upper {
             let problem = UrdfProblem::LowerAboveUpper { joint: name(), lower, upper };
             return Err(UrdfError::new(limit.at, problem));

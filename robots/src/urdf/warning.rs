@@ -62,6 +62,19 @@ pub enum ModelWarning {
         /// Upper limit \[rad\].
         upper: f64,
     },
+    /// A continuous joint with a range of less than a turn.
+    #[error(
+        "joint \"{joint}\": limits {lower} to {upper} have no effect on a continuous joint; if it must not turn further, \
+         write type=\"revolute\""
+    )]
+    ContinuousRange {
+        /// Joint at fault.
+        joint: String,
+        /// Lower limit \[rad\].
+        lower: f64,
+        /// Upper limit \[rad\].
+        upper: f64,
+    },
     /// A limit of zero, often meant as "unknown".
     #[error(
         "joint \"{joint}\": {what} limit is 0, taken literally; leave it out or raise it if it means unknown"
@@ -254,6 +267,7 @@ impl ModelWarning {
             | Self::FollowerVelocity { joint, .. }
             | Self::FollowerOutside { joint, .. }
             | Self::ManyTurns { joint, .. }
+            | Self::ContinuousRange { joint, .. }
             | Self::ZeroLimit { joint, .. }
             | Self::NoEffortLimit { joint }
             | Self::AxisLength { joint, .. } => ("joint", joint),

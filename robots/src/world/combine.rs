@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::World;
+
 /// Rule for combining the friction coefficients of two surfaces in contact.
 ///
 /// For surfaces with different rules, the later one in the order `mean`, `min`, `multiply`, `max` applies.
@@ -44,5 +46,21 @@ impl FrictionCombine {
             Self::Multiply => a * b,
             Self::Max => a.max(b),
         }
+    }
+}
+
+impl World {
+    /// Gives all surfaces this rule, unless they have the same coefficient, and with it the same friction
+    /// under every rule but `multiply`.
+    pub(crate) fn combine_frictions(&mut self, rule: FrictionCombine) {
+        let all = || {
+            let objects = self.objects.iter().map(|object| object.friction);
+            self.ground.iter().map(|ground| ground.friction).chain(objects)
+        };
+        if all().zip(all().skip(1)).all(|(one, other)| one == other) {
+            return;
+        }
+        self.ground.iter_mut().for_each(|ground| ground.friction_combine = Some(rule));
+        self.objects.iter_mut().for_each(|object| object.friction_combine = Some(rule));
     }
 }

@@ -10,8 +10,8 @@ use super::{EARTH, Object, ObjectShape, World, sdf};
 use crate::file::read_bounded;
 use crate::format::is_mjcf;
 use crate::{
-    BasePose, Geometry, LinkColours, LoadOptions, MeshShape, MjcfError, MjcfWorld, ModelWarning, Position,
-    Shape, UrdfError, parse_mjcf_world, parse_urdf_with,
+    BasePose, Geometry, LinkColours, LoadOptions, MeshCollision, MeshShape, MjcfError, MjcfWorld,
+    ModelWarning, Position, Shape, TriangleMesh, UrdfError, parse_mjcf_world, parse_urdf_with,
 };
 
 /// Longest file of a world, bytes.
@@ -110,10 +110,15 @@ pub(super) fn read(path: &Path) -> Result<Read, WorldFileError> {
     }
 }
 
+/// The place of an element.
+pub(super) fn position(node: Node<'_, '_>) -> Position {
+    let at = node.document().text_pos_at(node.range().start);
+    Position { line: at.row, column: at.col }
+}
+
 /// An error at an element.
 pub(super) fn problem(path: &Path, node: Node<'_, '_>, problem: impl Into<String>) -> WorldFileError {
-    let at = node.document().text_pos_at(node.range().start);
-    let at = Position { line: at.row, column: at.col };
+    let at = position(node);
     WorldFileError::Problem { path: path.to_owned(), at, problem: problem.into() }
 }
 
@@ -132,20 +137,23 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
         ));
     }
     let base = robot.model.base();
-    let mut world = World::default();
+    let (mut world, mut warnings) = (World::default(), robot.warnings);
     let (colours, mut used) = (LinkColours::of_urdf(text), BTreeMap::<&str, usize>::new());
     for shape in base.shapes.iter().chain(&base.world_shapes) {
-        let missing = |uri: &str| {
+        let named = |uri: &str| {
             let mesh = document.descendants().find(|node| node.attribute("filename") == Some(uri));
-            problem(
-                path,
-                mesh.unwrap_or(document.root_element()),
-                format!(
-                    "its mesh \"{uri}\" was not found; name the folder of its package by ROS_PACKAGE_PATH"
-                ),
-            )
+            mesh.unwrap_or(document.root_element())
         };
-        let object = object(&world, shape).map_err(|uri| missing(&uri))?;
+        let missing = |uri: &str| {
+            let advice = "name the folder of its package by ROS_PACKAGE_PATH";
+            problem(path, named(uri), format!("its mesh \"{uri}\" was not found; {advice}"))
+        };
+        let (object, reason) = object(&world, shape).map_err(|uri| missing(&uri))?;
+        if let (Some(reason), Geometry::Mesh { uri, .. }) = (reason, &shape.geometry) {
+            let at = position(named(uri));
+            let what = format!("concavity of the mesh \"{uri}\"");
+            warnings.push(ModelWarning::Ignored { what, at, count: 1, reason });
+        }
         let place = used.entry(&shape.link).or_default();
         if let Some(colour) = colours.stated(&shape.link, *place) {
             world.appearance.colours.insert(object.name.clone(), colour);
@@ -153,26 +161,47 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
         *place += 1;
         world.objects.push(object);
     }
-    Ok(Read { world, states_gravity: false, warnings: robot.warnings })
+    Ok(Read { world, states_gravity: false, warnings })
 }
 
-/// Returns a fixed object for a shape; the error is the name of a missing mesh.
-fn object(world: &World, shape: &Shape) -> Result<Object, String> {
+/// Returns a fixed object for a shape, and the reason for a warning; the error is the name of a missing mesh.
+fn object(world: &World, shape: &Shape) -> Result<(Object, Option<&'static str>), String> {
+    let mut reason = None;
     let kind = match &shape.geometry {
         Geometry::Box { size } => ObjectShape::Box { size: (*size).into() },
         Geometry::Cylinder { radius, length } => ObjectShape::Cylinder { radius: *radius, length: *length },
         Geometry::Sphere { radius } => ObjectShape::Sphere { radius: *radius },
         Geometry::Capsule { radius, length } => ObjectShape::Capsule { radius: *radius, length: *length },
-        Geometry::Mesh { path: Some(path), scale, .. } => mesh(path, (*scale).into()),
+        Geometry::Mesh { path: Some(path), scale, .. } => {
+            let (shape, concave) = mesh(path, (*scale).into(), false);
+            reason = concave;
+            shape
+        }
         Geometry::Mesh { uri, .. } => return Err(uri.clone()),
     };
-    Ok(fixed(unique(world, &shape.link), kind, &shape.placement))
+    Ok((fixed(unique(world, &shape.link), kind, &shape.placement), reason))
 }
 
-/// A mesh of a file, which touches by its convex hull.
-pub(super) fn mesh(path: &Path, scale: [f64; 3]) -> ObjectShape {
-    let mesh = MeshShape::new(std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
-    ObjectShape::Mesh(MeshShape { scale, ..mesh })
+/// A mesh of a file, and the reason for a warning.
+///
+/// In the program of the file it touches by its triangles. So it does here if it is fixed, unless it is
+/// convex, since the hull is the same then. An object that moves touches by the hull.
+pub(super) fn mesh(path: &Path, scale: [f64; 3], moves: bool) -> (ObjectShape, Option<&'static str>) {
+    let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    // A file that cannot be read is reported by the check of the object.
+    let read = TriangleMesh::read(&file).ok().filter(|mesh| !mesh.is_convex());
+    let (collision, reason) = match read {
+        None => (MeshCollision::Hull, None),
+        Some(_) if moves => {
+            (MeshCollision::Hull, Some("an object that moves touches by the convex hull of its mesh"))
+        }
+        Some(mesh) if mesh.welded().twisted_edge().is_some() => (
+            MeshCollision::Hull,
+            Some("it touches by its convex hull: its triangles face both sides; let all face outward"),
+        ),
+        Some(_) => (MeshCollision::Triangles, None),
+    };
+    (ObjectShape::Mesh(MeshShape { scale, collision, ..MeshShape::new(file) }), reason)
 }
 
 pub(super) fn fixed(name: String, shape: ObjectShape, pose: &Isometry3<f64>) -> Object {

@@ -10,12 +10,13 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 
 use self::schema::Treatment;
-use super::file::{Read, WorldFileError, fixed, mesh, problem, unique};
-use super::{Ground, Object, ObjectShape, World};
-use crate::{ModelWarning, Position};
+use super::file::{Read, WorldFileError, fixed, mesh, position, problem, unique};
+use super::{FrictionCombine, Ground, Object, ObjectShape, World};
+use crate::ModelWarning;
 
-/// Thickness of the box that represents a finite plane \[m\].
-const THICK: f64 = 0.1;
+/// Thickness and sides of the box that represents a plane on a slope \[m\].
+const THICK: f64 = 1.0;
+const WIDE: f64 = 100.0;
 
 /// Reads the first `<world>`, else the `<model>`s, of an SDF document.
 pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
@@ -46,7 +47,8 @@ pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFi
             _ => reader.leave_out("world", node)?,
         }
     }
-    let Reader { world, states_gravity, warnings, .. } = reader;
+    let Reader { mut world, states_gravity, warnings, .. } = reader;
+    world.combine_frictions(FrictionCombine::Min);
     Ok(Read { world, states_gravity, warnings })
 }
 
@@ -57,9 +59,14 @@ struct Reader<'p> {
     warnings: Vec<ModelWarning>,
 }
 
-/// Returns `true` for a true value.
+/// Returns `true` for a true value; case does not matter, as in libsdformat.
 fn is_true(value: &str) -> bool {
-    matches!(value.trim(), "true" | "1")
+    value.trim().eq_ignore_ascii_case("true") || value.trim() == "1"
+}
+
+/// The text of an element, with comments left out.
+fn text(node: Node<'_, '_>) -> String {
+    node.children().filter(|child| child.is_text()).filter_map(|child| child.text()).collect()
 }
 
 fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
@@ -76,7 +83,7 @@ impl Reader<'_> {
     }
 
     fn numbers<const N: usize>(&self, node: Node<'_, '_>) -> Result<[f64; N], WorldFileError> {
-        let text = node.text().unwrap_or("");
+        let text = text(node);
         let numbers: Vec<f64> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
         let whole = numbers.len() == text.split_whitespace().count();
         match <[f64; N]>::try_from(numbers) {
@@ -115,7 +122,7 @@ impl Reader<'_> {
             let text = format!("rotation_format=\"{format}\" is not read, expected euler_rpy");
             return Err(problem(self.path, pose, text));
         }
-        if pose.text().is_none_or(|text| text.trim().is_empty()) {
+        if text(pose).trim().is_empty() {
             return Ok(Isometry3::identity());
         }
         let [x, y, z, mut roll, mut pitch, mut yaw] = self.numbers(pose)?;
@@ -134,7 +141,7 @@ impl Reader<'_> {
             let text = format!("placement_frame=\"{frame}\" is not read; write the pose of the model itself");
             return Err(problem(self.path, model, text));
         }
-        let is_static = child(model, "static").and_then(|node| node.text()).is_some_and(is_true);
+        let is_static = child(model, "static").map_or(Ok(false), |node| self.boolean(node))?;
         let name = model.attribute("name").unwrap_or("model");
         let links = || model.children().filter(|node| node.has_tag_name("link"));
         for node in model.children().filter(Node::is_element) {
@@ -200,16 +207,27 @@ impl Reader<'_> {
 
     /// Refuses a link that moves otherwise than free bodies do.
     fn check_motion(&self, node: Node<'_, '_>, moves: bool) -> Result<(), WorldFileError> {
-        let stated = node.text().unwrap_or("");
         let name = node.tag_name().name();
-        if moves && is_true(stated) != (name == "gravity") {
-            let text = format!(
+        if moves && self.boolean(node)? != (name == "gravity") {
+            let message = format!(
                 "<{name}> is \"{}\": an object that moves is free, and gravity pulls it; make its model <static>",
-                stated.trim()
+                text(node).trim()
             );
-            return Err(problem(self.path, node, text));
+            return Err(problem(self.path, node, message));
         }
         Ok(())
+    }
+
+    fn boolean(&self, node: Node<'_, '_>) -> Result<bool, WorldFileError> {
+        let text = text(node);
+        if is_true(&text) {
+            return Ok(true);
+        }
+        if text.trim().eq_ignore_ascii_case("false") || text.trim() == "0" {
+            return Ok(false);
+        }
+        let name = node.tag_name().name();
+        Err(problem(self.path, node, format!("<{name}> is \"{}\", expected true or false", text.trim())))
     }
 
     /// Accepts, warns of or rejects an unread element.
@@ -238,9 +256,7 @@ impl Reader<'_> {
                 return;
             }
         }
-        let at = node.document().text_pos_at(node.range().start);
-        let at = Position { line: at.row, column: at.col };
-        let what = element.to_owned();
+        let (at, what) = (position(node), element.to_owned());
         self.warnings.push(ModelWarning::Ignored { what, at, count: 1, reason: because });
     }
 
@@ -271,7 +287,7 @@ impl Reader<'_> {
                 radius: self.number(geometry, "radius")?,
                 length: self.number(geometry, "length")?,
             },
-            "mesh" => self.mesh(geometry)?,
+            "mesh" => self.mesh(geometry, mass.is_some())?,
             "plane" => {
                 return self.plane(
                     (collision, geometry),
@@ -303,23 +319,23 @@ impl Reader<'_> {
         let visual = of_kind("visual").nth(place).or_else(|| of_kind("visual").next_back());
         let diffuse =
             visual.and_then(|visual| child(visual, "material")).and_then(|looks| child(looks, "diffuse"));
-        let Some(text) = diffuse.and_then(|diffuse| diffuse.text()) else { return };
-        let parts: Vec<f64> = text.split_whitespace().filter_map(|part| part.parse().ok()).collect();
+        let Some(diffuse) = diffuse else { return };
+        let parts: Vec<f64> = text(diffuse).split_whitespace().filter_map(|part| part.parse().ok()).collect();
         if let [red, green, blue, ..] = parts[..] {
             let colour = [red, green, blue].map(|part| part.clamp(0.0, 1.0));
             self.world.appearance.colours.insert(object.to_owned(), colour);
         }
     }
 
-    fn mesh(&self, geometry: Node<'_, '_>) -> Result<ObjectShape, WorldFileError> {
+    fn mesh(&mut self, geometry: Node<'_, '_>, moves: bool) -> Result<ObjectShape, WorldFileError> {
         let uri =
             child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> without a <uri>"))?;
         if let Some(part) = child(geometry, "submesh") {
             let text = "a part of a mesh is not read; write the part into a file of its own";
             return Err(problem(self.path, part, text));
         }
-        let name = uri.text().unwrap_or("").trim();
-        let name = name.strip_prefix("file://").unwrap_or(name);
+        let name = text(uri);
+        let name = name.trim().strip_prefix("file://").unwrap_or(name.trim());
         if name.contains("://") {
             return Err(problem(
                 self.path,
@@ -337,10 +353,15 @@ impl Reader<'_> {
                 format!("its mesh \"{name}\" was not found beside the file"),
             ));
         }
-        Ok(mesh(&file, scale))
+        let (shape, reason) = mesh(&file, scale, moves);
+        if let Some(reason) = reason {
+            self.ignore(geometry, "concavity of a <mesh>", reason);
+        }
+        Ok(shape)
     }
 
-    /// A level plane becomes the ground, any other one a box below it with its size.
+    /// A level plane becomes the ground, a slope a large box below it. Planes of collisions have no ends, by
+    /// the specification of SDF: their `size` is for drawing.
     fn plane(
         &mut self,
         (collision, geometry): (Node<'_, '_>, Node<'_, '_>),
@@ -361,21 +382,18 @@ impl Reader<'_> {
             return Err(problem(self.path, geometry, "the normal of a plane must point up or aside"));
         };
         let pose = pose * turn;
-        if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 && self.world.ground.is_none() {
+        if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 {
+            if self.world.ground.is_some() {
+                let text =
+                    "a second level plane: planes have no ends, and a world has one ground; write a <box>";
+                return Err(problem(self.path, geometry, text));
+            }
             self.world.ground =
                 Some(Ground { height: pose.translation.z, friction, restitution, ..Ground::default() });
             self.paint(collision, "ground");
             return Ok(());
         }
-        let Some(size) = child(geometry, "size") else {
-            return Err(problem(
-                self.path,
-                geometry,
-                "a second plane, or one that is not level, needs a <size>",
-            ));
-        };
-        let [x, y] = self.numbers(size)?;
-        let shape = ObjectShape::Box { size: [x, y, THICK] };
+        let shape = ObjectShape::Box { size: [WIDE, WIDE, THICK] };
         let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
         let name = unique(&self.world, model);
         self.paint(collision, &name);

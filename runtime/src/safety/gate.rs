@@ -3,9 +3,9 @@
 use super::account::Account;
 use super::limits::{Before, Bounds, JointLimits, JointSetpoint, SLOWEST_LIMIT};
 use super::offer::{Measured, Offer, Verdict};
-use super::rest::Rest;
+use super::rest::{Rest, is_moving};
 use super::resume::Resume;
-use super::states::{Joint, enter, stay};
+use super::states::{Joint, enter, soften, stay};
 use super::within::Envelope;
 use crate::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use crate::region::{GateState, Refusal};
@@ -205,6 +205,10 @@ impl Gate {
                 let joint =
                     Joint::measured(measured.position, measured.velocity, self.gravity[i], i, setpoint);
                 *setpoint = stay(state, &joint, limits, setpoint, dt);
+                let braked = state == SafeState::Hold && setpoint.velocity == 0.0;
+                if braked && self.rest.lowers_gains() && is_moving(joint.velocity) {
+                    soften(setpoint, &joint, limits);
+                }
             }
         }
         self.bound_velocities(position);

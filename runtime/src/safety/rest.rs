@@ -9,11 +9,24 @@ pub const REST_SPEED: f64 = 0.05;
 /// reached its safe state.
 pub const REST_WITHIN: f64 = 1.0;
 
+/// Time after which `hold` lowers gains above the profile's for a joint that still moves, s.
+const LOWERS_GAINS_AFTER: f64 = 0.25;
+/// Time for which every joint must stay slower than [`REST_SPEED`] once one was faster, s: a joint that
+/// oscillates is slow at each turn.
+const CALM_FOR: f64 = 0.02;
+
 /// Time in a safe state, and the joints that are still moving.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rest {
     elapsed: f64,
-    moves: bool,
+    /// Time for which all joints have been slow, s; infinite where none was ever fast.
+    calm_for: f64,
+}
+
+impl Default for Rest {
+    fn default() -> Self {
+        Self { elapsed: 0.0, calm_for: f64::INFINITY }
+    }
 }
 
 impl Rest {
@@ -27,23 +40,36 @@ impl Rest {
         dt: f64,
         entered: bool,
     ) {
-        self.elapsed = if entered { 0.0 } else { self.elapsed + dt };
         let stops = matches!(state, SafeState::Hold | SafeState::Brake);
+        self.elapsed = if entered { 0.0 } else { self.elapsed + dt };
+        self.calm_for = if entered || !stops { f64::INFINITY } else { self.calm_for + dt };
         // A joint without a gain is not held: a rotor, or a pole that swings freely.
         let mut held = velocity.iter().zip(joints).filter(|(_, joint)| joint.kp > 0.0);
-        self.moves = stops && held.any(|(velocity, _)| velocity.is_nan() || velocity.abs() >= REST_SPEED);
+        if stops && held.any(|(velocity, _)| is_moving(*velocity)) {
+            self.calm_for = 0.0;
+        }
     }
 
     /// True while a joint moves that the safe state should bring to rest.
     pub(super) fn moves(&self) -> bool {
-        self.moves
+        self.calm_for < CALM_FOR
     }
 
     /// False where a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move, and
     /// are reached at their entry.
     pub(super) fn is_reached(&self) -> bool {
-        !self.moves || self.elapsed < REST_WITHIN
+        !self.moves() || self.elapsed < REST_WITHIN
     }
+
+    /// True once joints that still move are held with gains that do not bring them to rest.
+    pub(super) fn lowers_gains(&self) -> bool {
+        self.elapsed >= LOWERS_GAINS_AFTER
+    }
+}
+
+/// True for a joint that is not at rest. An unknown velocity is not rest.
+pub(super) fn is_moving(velocity: f64) -> bool {
+    velocity.is_nan() || velocity.abs() >= REST_SPEED
 }
 
 #[cfg(test)]
@@ -62,6 +88,10 @@ mod tests {
         }
         assert!(!rest.is_reached());
         rest.step(SafeState::Hold, (&[0.0, 0.049], &joints), 1e-3, false);
+        assert!(!rest.is_reached(), "a joint that oscillates is slow at each turn");
+        for _ in 0..21 {
+            rest.step(SafeState::Hold, (&[0.0, 0.049], &joints), 1e-3, false);
+        }
         assert!(rest.is_reached(), "at rest, if late");
         rest.step(SafeState::Hold, (&[0.0, f64::NAN], &joints), 1e-3, false);
         assert!(!rest.is_reached(), "an unknown speed is not rest");

@@ -17,6 +17,14 @@ pub(super) const HOLD_EFFORT_BLEND: f64 = 0.03;
 /// A joint slower than this counts as standing, rad/s or m/s.
 const STANDS: f64 = 1e-3;
 
+/// Largest position gain of `hold`, in units of the profile's: twice its bandwidth.
+const MOST_STIFFNESS: f64 = 4.0;
+
+/// Largest velocity gain of `hold`, in units of the profile's. With [`MOST_STIFFNESS`] the damping ratio is
+/// the profile's. A sampled drive oscillates where `kd dt` exceeds twice the inertia, which only the profile
+/// knows.
+const MOST_DAMPING: f64 = 2.0;
+
 /// A joint as it is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
@@ -51,7 +59,7 @@ impl Joint {
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
-/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | the larger of the last command's and the profile's, for each of `kp` and `kd` | gravity |
+/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | the larger of the last command's and the profile's, for each of `kp` and `kd`; at most 4 times the profile's `kp` and twice its `kd` | gravity |
 /// | `damp` | none | `kd` of the safe states | none |
 /// | `zero_torque` | none | none | none |
 /// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
@@ -69,9 +77,14 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
     let none = JointSetpoint { position: joint.position, ..JointSetpoint::default() };
     match state {
         // With gravity compensation, or the arm would sag; and never softer than the profile, since a
-        // compliant controller's gains may be too low to stop the arm.
+        // compliant controller's gains may be too low to stop the arm; nor much stiffer, since a stiff
+        // controller's may be unstable.
         SafeState::Hold => {
-            let (kp, kd) = (last.kp.max(limits.kp), last.kd.max(limits.kd));
+            let held = |last: f64, profile: f64, most: f64| {
+                if profile > 0.0 { last.min(most * profile).max(profile) } else { last }
+            };
+            let kp = held(last.kp, limits.kp, MOST_STIFFNESS);
+            let kd = held(last.kd, limits.kd, MOST_DAMPING);
             let velocity = if limits.acceleration.is_finite() { joint.velocity } else { 0.0 };
             JointSetpoint { velocity, effort: joint.gravity, kp, kd, ..none }
         }
@@ -115,5 +128,18 @@ pub fn stay(
         }
         SafeState::Brake => JointSetpoint { effort: joint.gravity, ..*setpoint },
         _ => *setpoint,
+    }
+}
+
+/// Lowers the gains of `hold` to the profile's for a joint that they do not bring to rest, without a step of
+/// its effort. A gain that the profile does not have stays.
+pub(super) fn soften(setpoint: &mut JointSetpoint, joint: &Joint, limits: &JointLimits) {
+    if limits.kp > 0.0 && setpoint.kp > limits.kp {
+        let pull = (setpoint.kp - limits.kp) * (setpoint.position - joint.position);
+        setpoint.effort = (setpoint.effort + pull).max(-limits.effort).min(limits.effort);
+        setpoint.kp = limits.kp;
+    }
+    if limits.kd > 0.0 {
+        setpoint.kd = setpoint.kd.min(limits.kd);
     }
 }

@@ -8,6 +8,9 @@ pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
     let fields: Vec<&str> = line.split_whitespace().collect();
     match fields[..] {
         [] => Ok(None),
+        ["base", "hex", "timestamps", "relative", ..] => refuse(
+            "times of this ASC file are relative to the line before: export it with `timestamps absolute`",
+        ),
         ["base", "hex", ..] => Ok(None),
         ["base", ..] => refuse("numbers of this ASC file are decimal: export it with `base hex`"),
         ["date" | "internal" | "no" | "Begin" | "End" | "begin" | "end", ..] => Ok(None),
@@ -46,11 +49,19 @@ fn screen(time: &str, line: &str) -> Option<String> {
     let is_byte = |text: &str| text.len() == 2 && text.bytes().all(|digit| digit.is_ascii_hexdigit());
     let rest: Vec<&str> = fields.collect();
     if rest.first() == Some(&"remote") {
-        return Some(format!("({time}) {interface} {id}#R"));
+        let length = if count == 0 { String::new() } else { count.to_string() };
+        return Some(format!("({time}) {interface} {id}#R{length}"));
     }
     // the text behind the bytes comes from `candump -a`, or is the name of an error
     let bytes = rest.get(..count).filter(|bytes| bytes.iter().all(|byte| is_byte(byte)))?;
-    let separator = if length.len() == 2 { "##0" } else { "#" };
+    // `B` among the flags of `candump -x`: the data are at the higher rate
+    let is_fast =
+        || line.split_whitespace().take_while(|field| !field.starts_with('[')).any(|field| field == "B");
+    let separator = match length.len() {
+        2 if is_fast() => "##1",
+        2 => "##0",
+        _ => "#",
+    };
     Some(format!("({time}) {interface} {id}{separator}{}", bytes.concat()))
 }
 

@@ -44,6 +44,29 @@ fn every_frame_has_the_values_that_cantools_finds_in_it() {
     assert!(compared > 250, "{compared}");
 }
 
+#[test]
+fn signal_of_an_absent_multiplexor_is_absent() {
+    let text = "VERSION \"\"\nNS_ :\nBS_:\nBU_:\nBO_ 2024 Diagnosis: 8 Vector__XXX\n \
+                SG_ Service M : 0|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
+                SG_ Pid m1M : 8|8@1+ (1,0) [0|255] \"\" Vector__XXX\n \
+                SG_ Speed m13 : 16|8@1+ (1,0) [0|255] \"km/h\" Vector__XXX\n \
+                SG_ Code m2 : 8|16@1+ (1,0) [0|65535] \"\" Vector__XXX\n\
+                SG_MUL_VAL_ 2024 Pid Service 1-1;\nSG_MUL_VAL_ 2024 Speed Pid 13-13;\n\
+                SG_MUL_VAL_ 2024 Code Service 2-2;\n";
+    let database = Database::parse(text).unwrap();
+    let decoded =
+        |data: &[u8]| database.decode(&Frame::classic(Id::Standard(2024), data)).unwrap().to_string();
+    assert_eq!(decoded(&[1, 13, 80]), "Diagnosis(Service: 1, Pid: 13, Speed: 80 km/h)");
+    // The bytes hold 13 where `Pid` would be.
+    assert_eq!(decoded(&[2, 13, 80]), "Diagnosis(Service: 2, Code: 20493)");
+    assert_eq!(decoded(&[1, 12, 80]), "Diagnosis(Service: 1, Pid: 12)");
+    // Two that switch one another are never there.
+    let circle = text.replace("Pid Service 1-1", "Pid Speed 1-1");
+    let database = Database::parse(&circle).unwrap();
+    let found = database.decode(&Frame::classic(Id::Standard(2024), &[1, 13, 1])).unwrap().to_string();
+    assert_eq!(found, "Diagnosis(Service: 1)");
+}
+
 fn odrive() -> Database {
     Database::parse(ODRIVE).unwrap().with_mask(0x1f).unwrap()
 }
@@ -103,6 +126,9 @@ fn logs_of_screens_and_asc_files_are_read() {
         (" (1735270496.916858)  can0  00000123   [1]  FF", "(1735270496.916858) can0 00000123#FF"),
         ("(12.5) can0 123#0102", "(12.500000) can0 123#0102"),
         ("   0.012345 2  7FF             Rx   d 2 01 02  Length = 0", "(0.012345) can2 7FF#0102"),
+        ("  can0  123   [4]  remote request", "(0.000000) can0 123#R4"),
+        ("  can0  RX B -  123   [02]  11 22", "(0.000000) can0 123##51122"),
+        ("  can0  RX - -  123   [02]  11 22", "(0.000000) can0 123##41122"),
     ] {
         assert_eq!(read(line).as_deref(), Some(expected), "{line}");
     }
@@ -111,7 +137,13 @@ fn logs_of_screens_and_asc_files_are_read() {
     {
         assert_eq!(read(line), None, "{line}");
     }
-    for line in ["base dec  timestamps absolute", "0.5 1 123 Rx d 3 11 22", "can0 123 [3] 11 22", "words"] {
+    for line in [
+        "base dec  timestamps absolute",
+        "base hex timestamps relative",
+        "0.5 1 123 Rx d 3 11 22",
+        "can0 123 [3] 11 22",
+        "words",
+    ] {
         assert!(Record::of_log(line).is_err(), "{line}");
     }
 }

@@ -4,7 +4,7 @@
 //! around them; a sharp one touches the face below it. Where a box, a cylinder, a capsule or the hull of an
 //! object lies across a peak, the peak touches it. Edges between coplanar faces are no edges.
 
-use motorium_robots::{Collisions, ConvexShape, HeightField};
+use motorium_robots::{Collisions, ConvexShape, HeightField, NearTriangle};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::bounds::Motions;
@@ -175,18 +175,18 @@ fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -
         if over {
             keep(&mut touches, touch);
         }
-        beside.add(Near { touch, at: triangle.nearest, over });
+        beside.add(Near { touch, triangle, over });
     });
     beside.visit_edges(field, &mut |touch| keep(&mut touches, touch));
     touches
 }
 
-/// A triangle near a round feature, and its point nearest to that.
+/// A triangle near a round feature.
 #[derive(Clone, Copy)]
 struct Near {
     touch: Touch,
-    at: Point3<f64>,
-    /// The feature is over the triangle.
+    triangle: NearTriangle,
+    /// The feature stands over the triangle.
     over: bool,
 }
 
@@ -230,11 +230,9 @@ impl Beside {
                 let distance = near.touch.distance;
                 distance < edge.touch.distance - LEVEL || near.over && distance <= edge.touch.distance + LEVEL
             };
-            let mut least = true;
-            field.visit_near(&edge.at, LEVEL, &mut |around| {
-                least &= !all().any(|near| near.touch.triangle == around.index && nearer(near));
-            });
-            if least {
+            let at = &edge.triangle.nearest;
+            // The comparison of distances first: few triangles are nearer.
+            if !all().any(|near| nearer(near) && field.is_near(&near.triangle, at, LEVEL)) {
                 visit(edge.touch);
             }
         }

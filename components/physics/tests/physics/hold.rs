@@ -106,14 +106,12 @@ fn speeds(name: &str, world: World, (kp, kd): (f64, f64), seed: &mut u64) -> (f6
 }
 
 #[test]
-fn hold_stops_robots_with_soft_controllers() {
+fn hold_stops_robots_whatever_their_last_gains() {
     let mut seed = 11;
     for (name, is_legged) in [("panda", false), ("ur5e", false), ("quadruped", true)] {
         let mut worst = 0.0_f64;
         for case in 0..67 {
-            // Its light legs oscillate at 1 kHz with gains that are stable on an arm.
-            let (decades, damping) = if is_legged { (8.0, 5.0) } else { (9.0, 100.0) };
-            let gains = (10_f64.powf(-6.0 + decades * uniform(&mut seed)), damping * uniform(&mut seed));
+            let gains = (10_f64.powf(-6.0 + 9.0 * uniform(&mut seed)), 100.0 * uniform(&mut seed));
             let world = if is_legged { grounded(vec![]) } else { World::default() };
             let (at_death, later) = speeds(name, world, gains, &mut seed);
             assert!(

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Matrix4, Rotation3, Unit, Vector3};
+use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::{Fault, MeshProblem, TriangleMesh, ears, number};
@@ -26,7 +26,13 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let root = document.root_element();
     let unit = match child(root, "asset").and_then(|asset| child(asset, "unit")) {
         Some(unit) => match unit.attribute("meter") {
-            Some(metres) => number(metres).map_err(|problem| reader.fault(unit, problem))?,
+            Some(metres) => {
+                let metres = number(metres).map_err(|problem| reader.fault(unit, problem))?;
+                if metres.is_nan() || metres <= 0.0 {
+                    return Err(reader.malformed(unit, format!("a unit of {metres} m, expected more than 0")));
+                }
+                metres
+            }
             None => 1.0,
         },
         None => 1.0,
@@ -59,6 +65,11 @@ fn children<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Ite
     node.children().filter(move |child| child.tag_name().name() == name)
 }
 
+/// The text of an element, with comments left out.
+fn text(node: Node<'_, '_>) -> String {
+    node.children().filter(|child| child.is_text()).filter_map(|child| child.text()).collect()
+}
+
 struct Reader<'a, 'i> {
     document: &'a Document<'i>,
     ids: HashMap<&'a str, Node<'a, 'i>>,
@@ -87,14 +98,14 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     fn floats(&self, node: Node<'_, '_>) -> Result<Vec<f64>, Fault> {
-        let words = node.text().unwrap_or("").split_whitespace();
-        words.map(number).collect::<Result<_, _>>().map_err(|problem| self.fault(node, problem))
+        let numbers = text(node).split_whitespace().map(number).collect::<Result<_, _>>();
+        numbers.map_err(|problem| self.fault(node, problem))
     }
 
     fn counts(&self, node: Node<'_, '_>) -> Result<Vec<usize>, Fault> {
         let whole = |word: &str| word.parse().map_err(|_| MeshProblem::Number(word.to_owned()));
-        let words = node.text().unwrap_or("").split_whitespace();
-        words.map(whole).collect::<Result<_, _>>().map_err(|problem| self.fault(node, problem))
+        let counts = text(node).split_whitespace().map(whole).collect::<Result<_, _>>();
+        counts.map_err(|problem| self.fault(node, problem))
     }
 
     fn node(&mut self, node: Node<'a, 'i>, parent: &Matrix4<f64>, depth: usize) -> Result<(), Fault> {
@@ -121,6 +132,10 @@ impl<'a, 'i> Reader<'a, 'i> {
                     self.node(target, &pose, depth + 1)?;
                 }
                 "node" => self.node(element, &pose, depth + 1)?,
+                "instance_controller" => {
+                    let message = "<instance_controller>, a skin, is not supported; export plain geometry";
+                    return Err(self.malformed(element, message));
+                }
                 _ => {}
             }
         }
@@ -163,7 +178,15 @@ impl<'a, 'i> Reader<'a, 'i> {
 
     fn geometry(&mut self, geometry: Node<'a, 'i>, pose: &Matrix4<f64>) -> Result<(), Fault> {
         self.count(geometry)?;
-        let Some(mesh) = child(geometry, "mesh") else { return Ok(()) };
+        let Some(mesh) = child(geometry, "mesh") else {
+            let others = ["convex_mesh", "spline", "brep"];
+            let other = geometry.children().find(|part| others.contains(&part.tag_name().name()));
+            return other.map_or(Ok(()), |part| {
+                let name = part.tag_name().name();
+                Err(self.malformed(part, format!("<{name}> is not supported; export triangles")))
+            });
+        };
+        let first = self.mesh.triangles.len();
         for part in mesh.children().filter(Node::is_element) {
             match part.tag_name().name() {
                 "triangles" | "polylist" | "polygons" => self.part(part, pose)?,
@@ -174,6 +197,10 @@ impl<'a, 'i> Reader<'a, 'i> {
                 _ => {}
             }
         }
+        if pose.fixed_view::<3, 3>(0, 0).determinant() < 0.0 {
+            // A mirror turns the triangles inside out.
+            self.mesh.triangles[first..].iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
         Ok(())
     }
 
@@ -181,7 +208,13 @@ impl<'a, 'i> Reader<'a, 'i> {
         // Each corner has one index per offset; one of them is the position.
         let (mut stride, mut positions) = (0, None);
         for input in children(part, "input") {
-            let offset: usize = input.attribute("offset").and_then(|offset| offset.parse().ok()).unwrap_or(0);
+            let offset: usize = match input.attribute("offset") {
+                Some(offset) => offset
+                    .trim()
+                    .parse()
+                    .map_err(|_| self.fault(input, MeshProblem::Number(offset.to_owned())))?,
+                None => 0,
+            };
             if offset > LARGEST_OFFSET {
                 let message = format!("an input has the offset {offset}, expected at most {LARGEST_OFFSET}");
                 return Err(self.malformed(input, message));
@@ -198,17 +231,21 @@ impl<'a, 'i> Reader<'a, 'i> {
             return Err(self.malformed(holed, "polygons with holes are not supported; export triangles"));
         }
         let first = self.mesh.points.len();
-        for point in positions.chunks_exact(3) {
-            let placed = pose.transform_point(&nalgebra::Point3::new(point[0], point[1], point[2]));
-            self.mesh.points.push(placed.coords);
-        }
-        let count = positions.len() / 3;
+        let count = positions.len();
+        self.mesh.points.extend(positions.into_iter().map(|point| pose.transform_point(&point).coords));
         let sizes = match child(part, "vcount") {
             Some(sizes) => self.counts(sizes)?,
+            None if part.tag_name().name() == "polylist" => {
+                return Err(self.malformed(part, "a <polylist> without a <vcount>"));
+            }
             None => Vec::new(),
         };
         for list in children(part, "p") {
             let indices = self.counts(list)?;
+            if indices.len() % stride != 0 {
+                let message = format!("{} indices, expected a multiple of {stride}", indices.len());
+                return Err(self.malformed(list, message));
+            }
             let corners: Vec<usize> = indices.chunks_exact(stride).map(|corner| corner[offset]).collect();
             if let Some(&index) = corners.iter().find(|&&index| index >= count) {
                 return Err(self.fault(list, MeshProblem::Index { index: index as i64, count }));
@@ -231,12 +268,17 @@ impl<'a, 'i> Reader<'a, 'i> {
                     ears::triangulate(&self.mesh.points, &face, &mut self.mesh.triangles);
                 }
             }
+            if !rest.is_empty() {
+                return Err(
+                    self.malformed(list, format!("{} corners are left over by its faces", rest.len()))
+                );
+            }
         }
         Ok(())
     }
 
-    /// The numbers of the POSITION source of an input of vertices, three a corner.
-    fn positions(&self, input: Node<'a, 'i>) -> Result<Vec<f64>, Fault> {
+    /// The points of the POSITION source of an input of vertices.
+    fn positions(&self, input: Node<'a, 'i>) -> Result<Vec<Point3<f64>>, Fault> {
         let vertices = self.target(input, "source")?;
         let position =
             children(vertices, "input").find(|input| input.attribute("semantic") == Some("POSITION"));
@@ -244,16 +286,142 @@ impl<'a, 'i> Reader<'a, 'i> {
             return Err(self.malformed(vertices, "<vertices> without a POSITION input"));
         };
         let source = self.target(position, "source")?;
-        match child(source, "float_array") {
-            Some(array) => self.floats(array),
-            None => Err(self.malformed(source, "<source> without a <float_array>")),
+        let accessor = child(source, "technique_common").and_then(|common| child(common, "accessor"));
+        let named = accessor.filter(|accessor| accessor.has_attribute("source"));
+        let named = named.map(|accessor| self.target(accessor, "source")).transpose()?;
+        let Some(array) = named.or_else(|| child(source, "float_array")) else {
+            return Err(self.malformed(source, "<source> without a <float_array>"));
+        };
+        let (numbers, layout) = (self.floats(array)?, self.layout(accessor)?);
+        let points = match layout.count {
+            Some(count) => count,
+            None => numbers.len().saturating_sub(layout.offset) / layout.stride,
+        };
+        let last = layout.offset.saturating_add(points.saturating_sub(1).saturating_mul(layout.stride));
+        let end = last.saturating_add(layout.axes.into_iter().max().unwrap_or(0));
+        if points > 0 && end >= numbers.len() {
+            let message = format!("its <accessor> reads number {end} of {}, counted from 0", numbers.len());
+            return Err(self.malformed(accessor.unwrap_or(source), message));
         }
+        let at = |point: usize, axis: usize| numbers[layout.offset + point * layout.stride + axis];
+        Ok((0..points).map(|point| Point3::from(layout.axes.map(|axis| at(point, axis)))).collect())
     }
+
+    /// The layout that an accessor states: the named parameters are x, y and z; unnamed ones are skipped.
+    fn layout(&self, accessor: Option<Node<'_, '_>>) -> Result<Layout, Fault> {
+        let Some(accessor) = accessor else {
+            return Ok(Layout { offset: 0, stride: 3, count: None, axes: [0, 1, 2] });
+        };
+        let whole = |name: &str| -> Result<Option<usize>, Fault> {
+            let Some(value) = accessor.attribute(name) else { return Ok(None) };
+            let count = value.trim().parse().map_err(|_| MeshProblem::Number(value.to_owned()));
+            count.map(Some).map_err(|problem| self.fault(accessor, problem))
+        };
+        let (offset, stride) = (whole("offset")?.unwrap_or(0), whole("stride")?);
+        let all: Vec<bool> = children(accessor, "param").map(|param| param.has_attribute("name")).collect();
+        let named: Vec<usize> = (0..all.len()).filter(|index| all[*index]).collect();
+        // Some writers leave the parameters out.
+        let axes = match named[..] {
+            [] => [0, 1, 2],
+            [x, y, z] => [x, y, z],
+            _ => {
+                let message = format!("positions with {} named <param>, expected 3", named.len());
+                return Err(self.malformed(accessor, message));
+            }
+        };
+        let stride = stride.unwrap_or(all.len().max(3));
+        if axes.iter().any(|axis| *axis >= stride) {
+            let message = format!("an <accessor> with stride=\"{stride}\", expected at least 3");
+            return Err(self.malformed(accessor, message));
+        }
+        Ok(Layout { offset, stride, count: whole("count")?, axes })
+    }
+}
+
+/// The numbers of an array that are points.
+struct Layout {
+    /// Numbers before the first point, and from one point to the next.
+    offset: usize,
+    stride: usize,
+    /// Number of points; `None` for as many as there are.
+    count: Option<usize>,
+    /// Places of x, y and z within a point.
+    axes: [usize; 3],
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A tetrahedron with this array of positions, accessor and list of faces, under this node.
+    fn tetrahedron(array: &str, accessor: &str, faces: &str, node: &str) -> Result<TriangleMesh, Fault> {
+        parse(&format!(
+            "<COLLADA><library_geometries><geometry id=\"g\"><mesh><source id=\"p\"><float_array id=\"a\">{array}\
+             </float_array><technique_common>{accessor}</technique_common></source><vertices id=\"v\">\
+             <input semantic=\"POSITION\" source=\"#p\"/></vertices>{faces}</mesh></geometry></library_geometries>\
+             <library_visual_scenes><visual_scene id=\"s\"><node>{node}</node></visual_scene></library_visual_scenes>\
+             <scene><instance_visual_scene url=\"#s\"/></scene></COLLADA>"
+        ))
+    }
+
+    const PLAIN: &str = "0 0 0 1 0 0 0 1 0 0 0 1";
+    const ACCESSOR: &str = "<accessor source=\"#a\" count=\"4\" stride=\"3\"><param name=\"X\"/><param name=\"Y\"/>\
+                            <param name=\"Z\"/></accessor>";
+    const FACES: &str = "<triangles count=\"4\"><input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/>\
+                         <p>0 2 1 0 1 3 1 2 3 0 3 2</p></triangles>";
+    const INSTANCE: &str = "<instance_geometry url=\"#g\"/>";
+
+    #[test]
+    fn accessors_state_the_layout_of_positions() {
+        let plain = tetrahedron(PLAIN, ACCESSOR, FACES, INSTANCE).unwrap();
+        assert_eq!((plain.points.len(), plain.triangles.len()), (4, 4));
+        assert!((plain.volume() - 1.0 / 6.0).abs() < 1e-15);
+        let normals = "9 0 0 0 7 7 7 1 0 0 7 7 7 0 1 0 7 7 7 0 0 1 7 7 7";
+        let interleaved = ACCESSOR.replace("stride=\"3\"", "offset=\"1\" stride=\"6\"");
+        let unnamed = "<accessor source=\"#a\" count=\"4\" stride=\"4\"><param/><param name=\"X\"/><param name=\"Y\"/>\
+                       <param name=\"Z\"/></accessor>";
+        for (array, accessor) in [
+            ("<!-- metres -->0 0 0 1 0 0 <!-- y -->0 1 0 0 0 1", ACCESSOR),
+            ("0 0 0 1 0 0 0 1 0 0 0 1", "<accessor source=\"#a\" stride=\"3\"/>"),
+            (normals, interleaved.as_str()),
+            ("7 0 0 0 7 1 0 0 7 0 1 0 7 0 0 1", unnamed),
+        ] {
+            assert_eq!(tetrahedron(array, accessor, FACES, INSTANCE).unwrap(), plain, "{accessor}");
+        }
+        let count = ACCESSOR.replace("count=\"4\"", "count=\"5\"");
+        let (_, problem) = tetrahedron(PLAIN, &count, FACES, INSTANCE).unwrap_err();
+        assert!(problem.to_string().contains("reads number 14 of 12"), "{problem}");
+        let two = ACCESSOR.replace("<param name=\"Z\"/>", "");
+        assert!(tetrahedron(PLAIN, &two, FACES, INSTANCE).is_err());
+    }
+
+    #[test]
+    fn mirrored_nodes_keep_their_triangles_outward() {
+        let mirror = format!("<scale>1 -1 1</scale>{INSTANCE}");
+        let mesh = tetrahedron(PLAIN, ACCESSOR, FACES, &mirror).unwrap();
+        assert!((mesh.volume() - 1.0 / 6.0).abs() < 1e-15);
+        assert_eq!(mesh.points[2], -Vector3::y());
+    }
+
+    #[test]
+    fn geometry_that_is_not_read_is_refused() {
+        for (faces, node, expected) in [
+            (FACES, "<instance_controller url=\"#g\"/>", "<instance_controller>, a skin"),
+            (FACES.replace("0 3 2<", "0 3 2 1<").as_str(), INSTANCE, "1 corners are left over"),
+            (
+                FACES.replace("triangles", "polylist").replace("<p>", "<vcount>3 3 3</vcount><p>").as_str(),
+                INSTANCE,
+                "3 corners are left over",
+            ),
+            (FACES.replace("offset=\"0\"", "offset=\"4\"").as_str(), INSTANCE, "expected a multiple of 5"),
+        ] {
+            let (_, problem) = tetrahedron(PLAIN, ACCESSOR, faces, node).unwrap_err();
+            assert!(problem.to_string().contains(expected), "{problem}");
+        }
+        let text =
+            "<COLLADA><library_geometries><geometry><convex_mesh/></geometry></library_geometries></COLLADA>";
+        assert!(parse(text).unwrap_err().1.to_string().contains("<convex_mesh> is not supported"));
+    }
 
     #[test]
     fn nodes_that_double_each_other_are_refused() {

@@ -55,6 +55,25 @@ impl TriangleMesh {
         self.is_without_rim() && self.volume() > 0.0
     }
 
+    /// Returns `true` for a closed mesh that fills its convex hull, but for a millionth of the volume.
+    /// Positions need not be merged.
+    ///
+    /// ```
+    /// use motorium_robots::TriangleMesh;
+    /// use nalgebra::Vector3;
+    ///
+    /// let points = vec![Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
+    /// let closed = TriangleMesh { points, triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] };
+    /// let open = TriangleMesh { triangles: closed.triangles[1..].to_vec(), ..closed.clone() };
+    /// assert!(closed.is_convex() && !open.is_convex());
+    /// ```
+    pub fn is_convex(&self) -> bool {
+        let mesh = self.welded().facing_outward();
+        let volume = |mesh: &Self| mesh.volume_properties().map_or(0.0, |solid| solid.volume);
+        let hull = mesh.hull(usize::MAX).map_or(f64::INFINITY, |hull| volume(&hull));
+        mesh.is_without_rim() && volume(&mesh) >= (1.0 - 1e-6) * hull
+    }
+
     /// The same mesh, turned inside out where it encloses a volume and its triangles face inward. Corners at
     /// one position must be one: see [`welded`](Self::welded).
     ///

@@ -6,9 +6,18 @@ use super::{Fault, MeshProblem, TriangleMesh, ears, number};
 
 pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let mut mesh = TriangleMesh::default();
-    for (index, content) in text.lines().enumerate() {
+    // A byte-order mark would hide the first corner, and so shift all faces.
+    let mut lines = text.trim_start_matches('\u{feff}').lines().enumerate();
+    while let Some((index, content)) = lines.next() {
         let line = index as u32 + 1;
         let at = |problem| (line, problem);
+        let without_comment = |content: &str| content.split('#').next().unwrap_or("").trim_end().to_owned();
+        let mut content = without_comment(content);
+        while content.ends_with('\\') {
+            content.pop();
+            let Some((_, next)) = lines.next() else { break };
+            content = format!("{content} {}", without_comment(next));
+        }
         let mut words = content.split_whitespace();
         match words.next() {
             Some("v") => {
@@ -43,5 +52,23 @@ fn corner(word: &str, count: usize) -> Result<u32, MeshProblem> {
     match usize::try_from(index) {
         Ok(found) if found < count => Ok(found as u32),
         _ => Err(MeshProblem::Index { index, count }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_comments_and_continued_lines_are_read() {
+        let plain = parse("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+        for text in [
+            "\u{feff}v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+            "v 0 0 0 # origin\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4 # top\n",
+            "v 0 0 \\\n0\nv 1 0 0\r\nv 1 1 0\nv 0 1 0\nf 1 2 \\\r\n 3 \\\n4\n",
+        ] {
+            assert_eq!(parse(text).unwrap(), plain, "{text}");
+        }
+        assert_eq!(parse("v 0 0 \\\n 0\nf 1 1 9\n").unwrap_err().0, 3);
     }
 }

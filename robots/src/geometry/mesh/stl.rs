@@ -16,6 +16,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Fault> {
     let expected = count.map(|count| HEADER + FACET * count as usize);
     let text = bytes.trim_ascii_start().starts_with(b"solid");
     match expected {
+        // Fewer triangles than there are: the number was not written, or the file is another one's.
+        Some(expected) if !text && expected + FACET <= bytes.len() => {
+            let (found, promised) = ((bytes.len() - HEADER) / FACET, (expected - HEADER) / FACET);
+            let message = format!("its header promises {promised} triangles, and there is room for {found}");
+            Err((0, MeshProblem::Malformed(message)))
+        }
         Some(expected) if expected == bytes.len() || !text && expected < bytes.len() => {
             Ok(binary(bytes, expected))
         }
@@ -42,10 +48,12 @@ fn binary(bytes: &[u8], end: usize) -> TriangleMesh {
 fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
     let mut soup = Soup::default();
     let mut corners = Vec::with_capacity(3);
+    let (mut open, mut last) = (false, 0);
     for (line, words) in
         text.lines().enumerate().map(|(line, text)| (line as u32 + 1, text.split_whitespace()))
     {
         let mut words = words;
+        last = line;
         match words.next() {
             Some("vertex") => {
                 let mut corner = [0.0; 3];
@@ -62,7 +70,9 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
                 soup.add(triangle);
                 corners.clear();
             }
-            Some("solid" | "facet" | "outer" | "endfacet" | "endsolid") | None => {}
+            Some("solid") => open = true,
+            Some("endsolid") => open = false,
+            Some("facet" | "outer" | "endfacet") | None => {}
             Some(word) => {
                 return Err((
                     line,
@@ -70,6 +80,10 @@ fn ascii(text: &str) -> Result<TriangleMesh, Fault> {
                 ));
             }
         }
+    }
+    if open || !corners.is_empty() {
+        let message = "the file ends without `endsolid`: it was cut off".to_owned();
+        return Err((last, MeshProblem::Malformed(message)));
     }
     Ok(soup.mesh)
 }
@@ -92,5 +106,39 @@ impl Soup {
             })
         });
         self.mesh.triangles.push(triangle);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_that_was_cut_off_is_refused() {
+        let facet =
+            "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+        let whole = format!("solid part\n{facet}{facet}endsolid part\nsolid other\n{facet}endsolid\n");
+        assert_eq!(parse(whole.as_bytes()).unwrap().triangles.len(), 3);
+        let cut = |text: &str| parse(text.as_bytes()).unwrap_err();
+        for text in [&whole[..whole.len() - 9], &whole[..whole.len() - 40], &whole[..30 + facet.len()]] {
+            let (_, problem) = cut(text);
+            assert!(problem.to_string().contains("cut off"), "{text}: {problem}");
+        }
+    }
+
+    #[test]
+    fn binary_file_with_more_triangles_than_its_number_is_refused() {
+        let file = |promised: u32, triangles: usize, rest: usize| {
+            let mut bytes = vec![0; 80];
+            bytes.extend(promised.to_le_bytes());
+            bytes.resize(HEADER + FACET * triangles + rest, 0);
+            parse(&bytes)
+        };
+        assert_eq!(file(2, 2, 0).unwrap().triangles.len(), 2);
+        assert_eq!(file(2, 2, 7).unwrap().triangles.len(), 2);
+        for promised in [0, 1] {
+            let (_, problem) = file(promised, 2, 0).unwrap_err();
+            assert!(problem.to_string().contains("room for 2"), "{problem}");
+        }
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::Isometry3;
 use roxmltree::Node;
 
-use super::{Reader, WorldFileError, child, is_true, problem};
+use super::{Reader, WorldFileError, child, is_true, problem, text};
 
 impl Reader<'_> {
     /// Returns the mass of a moving link. Warns if its centre or inertia differ from its shape's.
@@ -91,16 +91,16 @@ impl Reader<'_> {
 
     fn leave_out_of_surface(&mut self, node: Node<'_, '_>) -> Result<(), WorldFileError> {
         let name = node.tag_name().name();
-        let number = node.text().and_then(|text| text.trim().parse::<f64>().ok());
+        let value = text(node);
+        let (value, number) = (value.trim(), value.trim().parse::<f64>().ok());
         let ode = node.parent().filter(|parent| parent.has_tag_name("ode"));
-        let mu = ode.and_then(|ode| child(ode, "mu")).and_then(|mu| mu.text()).map(str::trim);
+        let mu = ode.and_then(|ode| child(ode, "mu")).map(text);
         let is_default = match name {
-            "collide_without_contact" => node.text().is_some_and(|text| matches!(text.trim(), "false" | "0")),
+            "collide_without_contact" => value.eq_ignore_ascii_case("false") || value == "0",
             "collide_bitmask" | "category_bitmask" => {
-                let text = node.text().unwrap_or("").trim();
-                ["65535", "0xffff", "0xFFFF"].contains(&text)
+                value == "65535" || value.eq_ignore_ascii_case("0xffff")
             }
-            "mu2" => number.is_some() && number == mu.map_or(Some(1.0), |mu| mu.parse().ok()),
+            "mu2" => number.is_some() && number == mu.map_or(Some(1.0), |mu| mu.trim().parse().ok()),
             "slip1" | "slip2" | "slip" | "kd" => number == Some(0.0),
             _ => false,
         };

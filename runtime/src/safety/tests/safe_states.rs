@@ -73,6 +73,12 @@ fn each_safe_state_is_entered_by_its_law() {
     let stiff = JointSetpoint { kp: 1_000.0, kd: 5.0, ..JointSetpoint::default() };
     let held = enter(SafeState::Hold, &joint, limits, &stiff);
     assert_eq!((held.kp, held.kd), (1_000.0, 40.0), "each gain is the larger of the two");
+    let stiffest = JointSetpoint { kp: 9_000.0, kd: 5_000.0, ..JointSetpoint::default() };
+    let held = enter(SafeState::Hold, &joint, limits, &stiffest);
+    assert_eq!((held.kp, held.kd), (2_400.0, 80.0), "a stiff controller may be unstable");
+    let unknown = JointLimits { kp: 0.0, kd: 0.0, ..limits.clone() };
+    let held = enter(SafeState::Hold, &joint, &unknown, &stiffest);
+    assert_eq!((held.kp, held.kd), (9_000.0, 5_000.0), "without a profile the last command's");
     let stands = stay(SafeState::Brake, &Joint { position: 0.4, ..joint }, limits, &braked, DT);
     assert_eq!((stands.position, stands.kp, stands.kd, stands.effort), (0.4, 600.0, 40.0, 21.0));
 }
@@ -157,4 +163,47 @@ fn hold_that_does_not_hold_is_never_reached() {
     arm.offer(&command([0.95, -0.5], [0.0; 2]));
     arm.silence();
     assert!(arm.gate.is_safe_state_reached(), "it has just been entered again");
+}
+
+/// A light joint whose drive computes its effort once in a step: stable up to `kd = 2 inertia / dt`, which is
+/// 0.8 N m s/rad.
+#[test]
+fn hold_stops_a_joint_that_its_last_gains_shake() {
+    const INERTIA: f64 = 4e-4;
+    let limits =
+        JointLimits { kp: 6.0, kd: 0.5, velocity: 30.0, ..JointLimits::new("knee") }.with_effort(2.7);
+    let rules =
+        GateRules { safe_state: SafeState::Hold, limits: LimitPolicy::Clamp, resume: ResumeRule::AtOnce };
+    for (kp, kd) in [(1e-6, 100.0), (1e3, 100.0), (20.0, 2.0), (20.0, 0.9), (1e3, 0.0)] {
+        let mut gate = Gate::new(vec![limits.clone()], rules);
+        let (mut q, mut v) = (0.3, 1.0);
+        let mut command = JointCommand::default();
+        command.set_count(1);
+        (command.kp_mut()[0], command.kd_mut()[0]) = (kp, kd);
+        let mut shaken = 0.0_f64;
+        for step in 0..1_020 {
+            let (position, velocity) = ([q], [v]);
+            let mut gravity = |effort: &mut [f64]| effort.fill(0.0);
+            let measured = Measured { position: &position, velocity: &velocity, gravity: &mut gravity };
+            if step < 20 {
+                command.position_mut()[0] = 0.3;
+                let offer = Offer { command: &command, is_new: true, ahead: DT };
+                gate.offer(offer, measured, DT, &Book::default());
+                shaken = shaken.max(v.abs());
+            } else {
+                gate.make_safe(measured, DT);
+                assert!(!is_fast(v) || gate.is_moving_in_safe_state(), "gains {kp}, {kd}: {v} rad/s");
+            }
+            v += gate.setpoints()[0].effort_at(q, v, limits.effort) / INERTIA * DT;
+            q += v * DT;
+        }
+        assert!(shaken > REST_SPEED && !is_fast(v), "gains {kp}, {kd}: {shaken}, then {v} rad/s");
+        assert!(gate.is_safe_state_reached() && !gate.is_moving_in_safe_state());
+        let setpoint = gate.setpoints()[0];
+        assert!(setpoint.kp >= 6.0 && setpoint.kd >= 0.5, "{setpoint:?}");
+    }
+}
+
+fn is_fast(velocity: f64) -> bool {
+    velocity.abs() >= REST_SPEED
 }
