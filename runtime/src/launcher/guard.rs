@@ -134,7 +134,7 @@ fn await_cause(
         match &mut silent {
             None if is_silent => {
                 tell(Event::LauncherSilent { run: folder.id() });
-                silent = Some(Silence::new(plan, now));
+                silent = Some(Silence::new(plan, region, now));
                 // A component that ended after the launcher's last sign of life needs it already.
                 continue;
             }
@@ -214,9 +214,9 @@ struct Silence {
 }
 
 impl Silence {
-    fn new(plan: &Plan, now: u64) -> Self {
-        let watchdogs = plan.components.iter().map(|component| Watchdog::new(plan, component, now));
-        Self { watchdogs: watchdogs.collect() }
+    fn new(plan: &Plan, region: &Region, now: u64) -> Self {
+        let indices = 0..plan.components.len();
+        Self { watchdogs: indices.map(|index| Watchdog::new(plan, region, index, now)).collect() }
     }
 
     /// Returns the first component that needs the launcher, as text: it died since the launcher's last sign

@@ -11,8 +11,8 @@ use super::restart::History;
 use super::watchdog::Watchdog;
 use super::{Event, Exit, Launch, stop_reason};
 use crate::os::monotonic_ns;
-use crate::plan::{ClockKind, ComponentPlan, OnFailure, Plan};
-use crate::region::{Command, Phase};
+use crate::plan::{ClockKind, OnFailure, Plan};
+use crate::region::{Command, Phase, Region};
 
 /// Maximum interval between checks of events without a descriptor: printed lines, orders of components, ns.
 const LOOK_NS: u64 = 20_000_000;
@@ -75,10 +75,11 @@ struct Down {
 }
 
 impl Supervision {
-    pub(super) fn new(plan: &Plan, component: &ComponentPlan, now_ns: u64) -> Self {
+    /// Supervises a component from `now_ns` on.
+    fn new(plan: &Plan, region: &Region, index: usize, now_ns: u64) -> Self {
         Self {
-            watchdog: Watchdog::new(plan, component, now_ns),
-            lost_steps: LostSteps::new(component.liveness.lost_steps, now_ns),
+            watchdog: Watchdog::new(plan, region, index, now_ns),
+            lost_steps: LostSteps::new(plan.components[index].liveness.lost_steps, now_ns),
             history: History::default(),
             down: None,
             stepping_since_ns: now_ns,
@@ -184,8 +185,8 @@ impl Launch {
 
     /// The state of supervision of every component at the start.
     pub(super) fn supervision(&self, start_ns: u64) -> Vec<Supervision> {
-        let plan = &self.plan;
-        plan.components.iter().map(|component| Supervision::new(plan, component, start_ns)).collect()
+        let indices = 0..self.plan.components.len();
+        indices.map(|index| Supervision::new(&self.plan, &self.region, index, start_ns)).collect()
     }
 
     /// Waits until a process ends, a signal arrives, or the next check is due.

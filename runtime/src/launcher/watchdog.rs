@@ -8,7 +8,7 @@
 use std::sync::atomic::Ordering::Relaxed;
 
 use crate::os::process_state;
-use crate::plan::{Activation, ClockKind, ComponentPlan, Plan};
+use crate::plan::{Activation, ClockKind, Plan};
 use crate::region::Region;
 
 /// The counters of a component that a watchdog reads.
@@ -97,11 +97,15 @@ struct Waiting {
 }
 
 impl Watchdog {
-    /// Watches a component of a plan from `now_ns` on.
-    pub(super) fn new(plan: &Plan, component: &ComponentPlan, now_ns: u64) -> Self {
-        // In lockstep a tick may take any time.
+    /// Watches a component of a run from `now_ns` on.
+    pub(super) fn new(plan: &Plan, region: &Region, index: usize, now_ns: u64) -> Self {
+        let component = &plan.components[index];
+        let is_played = region.components()[index].played.load(Relaxed) != 0;
         let hang_after_ns = match plan.clock {
+            // The program that replaces a component publishes whenever it likes: there are no steps.
+            ClockKind::Realtime if is_played => u64::MAX,
             ClockKind::Realtime => component.liveness.hang_after_ns,
+            // In lockstep a tick may take any time.
             ClockKind::Lockstep => u64::MAX,
         };
         let waiting = |period_ns| Waiting { period_ns, idle: (0, now_ns), overdue: None };

@@ -35,6 +35,7 @@ mod meshes;
 mod midpoint;
 mod mujoco;
 mod mujoco_properties;
+mod own_safety;
 mod pairs;
 mod panda;
 mod patches;

@@ -7,7 +7,7 @@ use crate::support::{self, Nothing};
 use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::graph::{self, Machine};
-use motorium::launcher::Options;
+use motorium::launcher::{Exit, Options};
 use motorium::session::Session;
 use motorium::state::{PoseTarget, Weights};
 use motorium::transport::{Input, Output};
@@ -216,6 +216,40 @@ fn weights_for_episodes_wait_for_the_next_one_and_stay() {
     assert_eq!(half_way(&mut session).0, 0.0, "before its first step");
     let result = &session.stop().results["policy"]["weights"];
     assert_eq!((&result["version"], &result["taken"]), (&json!(2), &json!(2)));
+}
+
+#[test]
+fn weights_are_taken_at_an_episode_of_real_time() {
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds());
+    let text = graph("take_weights = \"episode\"")
+        .replace("clock = \"lockstep\"", "clock = \"realtime\"")
+        .replace("rate = \"1 kHz\"", "rate = \"500 Hz\"\nschedule = \"normal\"")
+        .replace("trigger = \"target\"", "trigger = \"target\"\nschedule = \"normal\"")
+        .replace("kind = \"test.learner\"", "kind = \"test.learner\"\nhang_after = \"20 ms\"");
+    let checked = graph::check(Path::new("weights.toml"), text, &[], &registry, &Machine::detect());
+    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let options = Options::threads().leaving_signals().standing_in_for("learner");
+    let mut session = Session::launch(plan, &registry, &options).unwrap();
+    // the newest target of an episode that meets a condition
+    let newest = |session: &mut Session<'_>, episode: u64, is_met: fn(&PoseTarget) -> bool| loop {
+        session.step_until(session.time() + Duration::from_millis(2)).unwrap();
+        let read = session.read::<PoseTarget>("target").unwrap();
+        let read = read.filter(|read| read.stamp.episode == episode && is_met(&read.value));
+        if let Some(read) = read {
+            break read.value;
+        }
+    };
+    let target = newest(&mut session, 0, |target| target.position[0] > 0.2);
+    assert_eq!((target.position[1], target.goal), (0.0, 1));
+    session.publish("weights", &*weights(1, 30.0)).unwrap();
+    session.begin_episode(2).unwrap();
+    let first = newest(&mut session, 1, |_| true);
+    assert!(first.position[0] > 0.2, "it sets out from where it is, not from the start: {first:?}");
+    assert_eq!(first.goal, 2, "the first goal again");
+    newest(&mut session, 1, |target| target.position[1].abs() > 1e-4);
+    let report = session.stop();
+    assert_eq!(report.results["policy"]["weights"]["taken"], 1);
+    assert_eq!((report.episodes.len(), report.exit), (2, Exit::Finished));
 }
 
 #[test]

@@ -228,6 +228,25 @@ fn a_session_writes_a_topic_by_its_layout() {
 }
 
 #[test]
+fn a_replaced_component_is_never_judged_hung() {
+    let options = Options::threads().leaving_signals().standing_in_for("slow");
+    let settings = [("component.slow.hang_after", "30 ms")];
+    let mut session =
+        launched("", &settings, &options).unwrap_or_else(|error| panic!("{}", error.render(false)));
+    // three times as long, without a publication on its topic
+    let steps = |session: &mut Session<'_>| session.read::<Wrench>("fast").unwrap();
+    while steps(&mut session).is_none_or(|newest| newest.stamp.sequence < 50) {
+        session.step_until(session.time() + Duration::from_millis(2)).unwrap();
+    }
+    let bytes = vec![0; Wrench::layout().size];
+    session.writer("slow").unwrap().publish(&bytes).unwrap();
+    assert_eq!(session.read::<Wrench>("slow").unwrap().unwrap().value, Wrench::default());
+    let report = session.stop();
+    assert_eq!(report.exit, Exit::Finished);
+    assert!(report.warnings.iter().all(|warning| !warning.contains("slow")), "{:?}", report.warnings);
+}
+
+#[test]
 fn check_refuses_two_divisions_of_one_run() {
     let refused = |more: &str, settings: &[(&str, &str)]| graph(more, settings).unwrap_err().render(false);
     let begins = ("component.slow.begins_episodes", "true");
