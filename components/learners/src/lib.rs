@@ -3,6 +3,7 @@
 //! - [`task`], [`environment`]: definitions of tasks, and worlds in which to learn them.
 //! - [`ppo`]: proximal policy optimisation; [`evaluation`]: returns of a trained policy.
 //! - [`search`]: black-box search, from policy search by weighted exploration to Bayesian optimisation.
+//! - [`tuning`]: a search in a folder: checkpoints, a table of evaluations, several threads.
 //! - [`random`]: counter-based random numbers, so that a training run repeats to the bit.
 //! - [`perception`]: maps the picture of a letter to the movement that writes it.
 //! - [`experiments`]: experiments of a thesis, reproduced as numbers.
@@ -17,5 +18,6 @@ pub mod random;
 pub mod search;
 mod sha256;
 pub mod task;
+pub mod tuning;
 
 pub use files::FileError;

@@ -11,9 +11,10 @@
 //! - [`PathIntegral`]: black-box policy improvement by path integrals (PI^BB).
 //! - [`FiniteDifferences`]: gradient ascent by central differences with common random numbers.
 //! - [`BayesianOptimisation`]: a Gaussian process and an acquisition function.
+//! - [`RandomSearch`]: uniform candidates, the baseline.
 //!
-//! All but the last draw generations of candidates from a distribution: they are [`Generations`] of a
-//! [`Distribution`].
+//! All but the last two draw generations of candidates from a distribution: they are [`Generations`] of a
+//! [`Distribution`]. [`maximise`] evaluates candidates on several threads.
 //!
 //! ```
 //! use motorium_learners::search::{CmaEs, CmaEsSettings, Search, Start};
@@ -39,21 +40,26 @@ mod cross_entropy;
 mod finite_differences;
 mod generations;
 mod nes;
+mod parallel;
 mod path_integral;
 mod power;
 mod reps;
 mod start;
+mod uniform;
 
-pub use bayesian::{Acquisition, BayesianOptimisation, BayesianSettings};
+pub use bayesian::{Acquisition, BayesianOptimisation, BayesianSettings, Smoothness};
 pub use cma::{CmaEs, CmaEsSettings, Covariance, Restarts};
 pub use cross_entropy::{CrossEntropy, CrossEntropySettings, Elite};
 pub use finite_differences::{Differences, FiniteDifferences, FiniteDifferencesSettings};
 pub use generations::{Distribution, Generations, Samples};
 pub use nes::{ExponentialNes, Natural, NaturalSeparable, NesSettings, SeparableNes};
+pub use parallel::{Evaluation, Outcome, Workers, maximise};
 pub use path_integral::{PathIntegral, PathIntegralSettings, SoftmaxMean};
 pub use power::{Power, PowerSettings, Weighted};
 pub use reps::{RelativeEntropy, Reps, RepsSettings};
+use start::check_bounds;
 pub use start::{Start, StartError};
+pub use uniform::RandomSearch;
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 

@@ -140,6 +140,23 @@ impl Start {
     }
 }
 
+/// Checks that there are bounds, and that they are finite and in order.
+pub(super) fn check_bounds(bounds: &[[f64; 2]]) -> Result<(), StartError> {
+    if bounds.is_empty() {
+        return Err(StartError::Empty);
+    }
+    for (index, [low, high]) in bounds.iter().copied().enumerate() {
+        let value = |what, found, expected| StartError::Value { what, index, found, expected };
+        if !low.is_finite() {
+            return Err(value("the lower bound", low, "a finite number"));
+        }
+        if !(high > low && high.is_finite()) {
+            return Err(value("the upper bound", high, "a finite number above the lower bound"));
+        }
+    }
+    Ok(())
+}
+
 /// Mirrors a number into its bounds.
 fn reflect(x: f64, [low, high]: [f64; 2]) -> f64 {
     if (low..=high).contains(&x) || x.is_nan() {

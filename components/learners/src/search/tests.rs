@@ -33,6 +33,7 @@ fn all(seed: u64) -> Vec<Box<dyn Search>> {
         Box::new(PathIntegral::new(start(), PathIntegralSettings::default()).expect("a search")),
         Box::new(FiniteDifferences::new(start(), FiniteDifferencesSettings::default()).expect("a search")),
         Box::new(BayesianOptimisation::new(vec![[-4.0, 4.0]; 3], bayesian, seed).expect("a search")),
+        Box::new(RandomSearch::new(vec![[-4.0, 4.0]; 3], seed).expect("a search")),
     ]
 }
 

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use acquisition::Acquisition;
 
-use super::{Best, Candidate, RestoreError, Saved, Search, StartError, TellError};
+use super::{Best, Candidate, RestoreError, Saved, Search, StartError, TellError, check_bounds};
 use crate::random::{Counter, Purpose};
 
 /// Name of the method in saved states.
@@ -22,11 +22,35 @@ const METHOD: &str = "bayesian-optimisation";
 /// Bounds of the noise variance, in units of the variance of the rewards.
 const NOISE: [f64; 2] = [1e-6, 1.0];
 
+/// Smoothness of the rewards that a model expects: its kernel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Smoothness {
+    /// Matern with `nu = 5/2`: twice differentiable.
+    #[default]
+    Matern52,
+    /// Radial basis function: infinitely smooth.
+    Rbf,
+}
+
+impl Smoothness {
+    /// The kernel with a length scale of 0.5 in each dimension.
+    fn kernel(self, dimensions: usize) -> Kernel {
+        match self {
+            Self::Matern52 => Kernel::matern52(dimensions, 0.5),
+            Self::Rbf => Kernel::rbf(dimensions, 0.5),
+        }
+    }
+}
+
 /// Settings of [`BayesianOptimisation`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BayesianSettings {
     /// Acquisition function. Default: expected improvement.
     pub acquisition: Acquisition,
+    /// Kernel of the model. Default: Matern 5/2.
+    #[serde(default)]
+    pub smoothness: Smoothness,
     /// Points of a quasi-random sequence before the first model, from 1. Default 5.
     pub initial: usize,
     /// Points at which the acquisition is evaluated before its local search, from 1. Default 2000.
@@ -40,7 +64,14 @@ pub struct BayesianSettings {
 
 impl Default for BayesianSettings {
     fn default() -> Self {
-        Self { acquisition: Acquisition::default(), initial: 5, points: 2000, starts: 5, refit: 5 }
+        Self {
+            acquisition: Acquisition::default(),
+            smoothness: Smoothness::default(),
+            initial: 5,
+            points: 2000,
+            starts: 5,
+            refit: 5,
+        }
     }
 }
 
@@ -49,7 +80,7 @@ type Feasible = Arc<dyn Fn(&[f64]) -> bool + Send + Sync>;
 
 /// A search that models the reward by a Gaussian process and evaluates where an [`Acquisition`] is largest.
 ///
-/// The process has a Matern 5/2 kernel with a length scale per parameter, on parameters in the unit box and
+/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with a length scale per parameter, on parameters in the unit box and
 /// standardised rewards. Its hyperparameters are the maximum of the marginal likelihood with log-normal
 /// priors: length scales around 0.5 and variance around 1, both with a deviation of 1 in the logarithm.
 /// Several candidates at a time are chosen one after the other, each as if the pending ones had returned
@@ -126,19 +157,8 @@ impl BayesianOptimisation {
     ///
     /// [`StartError`] where bounds or settings are out of range.
     pub fn new(bounds: Vec<[f64; 2]>, settings: BayesianSettings, seed: u64) -> Result<Self, StartError> {
-        if bounds.is_empty() {
-            return Err(StartError::Empty);
-        }
-        for (index, [low, high]) in bounds.iter().copied().enumerate() {
-            let value = |what, found, expected| StartError::Value { what, index, found, expected };
-            if !low.is_finite() {
-                return Err(value("the lower bound", low, "a finite number"));
-            }
-            if !(high > low && high.is_finite()) {
-                return Err(value("the upper bound", high, "a finite number above the lower bound"));
-            }
-        }
-        let BayesianSettings { acquisition, initial, points, starts, refit } = settings;
+        check_bounds(&bounds)?;
+        let BayesianSettings { acquisition, smoothness: _, initial, points, starts, refit } = settings;
         for (key, count) in [("initial", initial), ("points", points), ("starts", starts), ("refit", refit)] {
             StartError::check(key, count as f64, count > 0, "at least 1")?;
         }
@@ -319,7 +339,7 @@ impl BayesianOptimisation {
     /// The process of a fit with the rewards at its time.
     fn build(&self, fit: &Fit) -> Result<GaussianProcess, GpError> {
         let n = self.bounds.len();
-        let mut kernel = Kernel::matern52(n, 0.5);
+        let mut kernel = self.settings.smoothness.kernel(n);
         kernel.set_parameters(&fit.parameters);
         let noise = fit.parameters[n + 1].exp();
         let rewards: Vec<f64> =
@@ -519,6 +539,17 @@ mod tests {
             let reward = search.best().expect("rewards").1;
             assert!(reward > -0.5, "{acquisition:?}: {reward}");
         }
+    }
+
+    #[test]
+    fn radial_kernel_solves_branin() {
+        let settings =
+            BayesianSettings { smoothness: Smoothness::Rbf, points: 500, ..BayesianSettings::default() };
+        let mut search = search(1, settings);
+        rollouts(&mut search, 40, branin);
+        assert!(search.best().expect("rewards").1 > -0.5, "{:?}", search.best());
+        let kernel = search.process.as_ref().map(|process| process.kernel().clone());
+        assert!(matches!(kernel, Some(Kernel::Rbf(_))), "{kernel:?}");
     }
 
     #[test]

@@ -1,0 +1,111 @@
+//! Tuning: a black-box search for numbers of a system, in a folder, on several threads.
+//!
+//! A [`Tuning`] proposes values of [`Parameter`]s, a [`Subject`] evaluates them: a graph in an inline
+//! session, say. Every evaluation is a line of a table, and a checkpoint follows each, so an interrupted
+//! tuning continues where it stopped. Parameters and rewards repeat to the bit, on any number of threads,
+//! straight or resumed, if the evaluations do.
+//!
+//! | file | content |
+//! |---|---|
+//! | `tuning.json` | settings, and the description of the subject |
+//! | `evaluations.csv` | one line an evaluation: number, outcome, reward, parameters, reason of a failure |
+//! | `checkpoint.json` | state of the search, and the number of evaluations |
+//! | `best.toml` | the best parameters, in the form of the subject |
+
+mod parameter;
+mod run;
+
+pub use parameter::{Parameter, ParameterError, Scale};
+pub use run::{FolderError, Progress, Subject, Summary, Tuning, TuningError};
+
+use serde::{Deserialize, Serialize};
+
+use crate::search::{
+    BayesianOptimisation, BayesianSettings, CmaEs, CmaEsSettings, CrossEntropy, CrossEntropySettings,
+    RandomSearch, Search, Start, StartError,
+};
+
+/// Search method of a tuning.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Covariance matrix adaptation with restarts.
+    #[default]
+    CmaEs,
+    /// The cross-entropy method.
+    CrossEntropy,
+    /// Gaussian process and expected improvement: for few, expensive evaluations.
+    Bayesian,
+    /// Independent, uniform candidates: the baseline.
+    Random,
+}
+
+/// Settings of a tuning.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Parameters and their ranges, at least one.
+    pub parameters: Vec<Parameter>,
+    /// Search method. Default: CMA-ES.
+    #[serde(default)]
+    pub method: Method,
+    /// Seed of the search.
+    pub seed: u64,
+    /// Evaluations, from 1.
+    pub evaluations: u64,
+    /// Evaluations of a Bayesian search at a time, from 1. Each candidate is proposed without the rewards of
+    /// the last `together - 1`. Other methods evaluate whole generations together.
+    pub together: usize,
+}
+
+impl Settings {
+    /// The search before its first candidate. It starts in the middle of the ranges, with a deviation of a
+    /// quarter of each.
+    ///
+    /// # Errors
+    ///
+    /// [`StartError`].
+    pub fn search(&self) -> Result<Box<dyn Search>, StartError> {
+        let bounds: Vec<[f64; 2]> = self.parameters.iter().map(Parameter::bounds).collect();
+        let start = || {
+            let mean = bounds.iter().map(|[low, high]| 0.5 * (low + high)).collect();
+            let deviation = bounds.iter().map(|[low, high]| 0.25 * (high - low)).collect();
+            Start::new(mean, deviation, self.seed).within(bounds.clone())
+        };
+        Ok(match self.method {
+            Method::CmaEs => Box::new(CmaEs::new(start(), CmaEsSettings::default())?),
+            Method::CrossEntropy => Box::new(CrossEntropy::new(start(), CrossEntropySettings::default())?),
+            Method::Bayesian => {
+                Box::new(BayesianOptimisation::new(bounds, BayesianSettings::default(), self.seed)?)
+            }
+            Method::Random => Box::new(RandomSearch::new(bounds, self.seed)?),
+        })
+    }
+
+    /// Candidates that may wait for rewards at a time.
+    fn ahead(&self) -> usize {
+        match self.method {
+            Method::Bayesian => self.together.max(1),
+            Method::CmaEs | Method::CrossEntropy => usize::MAX,
+            // as many as keep any machine busy
+            Method::Random => 256,
+        }
+    }
+
+    /// Values of the parameters at a point of the search.
+    fn values(&self, point: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(point).map(|(parameter, x)| parameter.value(*x)).collect()
+    }
+
+    /// Values in the middle of the ranges.
+    pub fn middle(&self) -> Vec<f64> {
+        let middle = |parameter: &Parameter| {
+            let [low, high] = parameter.bounds();
+            parameter.value(0.5 * (low + high))
+        };
+        self.parameters.iter().map(middle).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,366 @@
+//! A tuning in a folder.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::{Parameter, ParameterError, Settings};
+use crate::files::{self, FileError};
+use crate::search::{Evaluation, Outcome, RestoreError, Search, StartError, TellError, Workers, maximise};
+use crate::sha256::sha256_hex;
+
+const DESCRIPTION: &str = "tuning.json";
+const CHECKPOINT: &str = "checkpoint.json";
+const TABLE: &str = "evaluations.csv";
+const BEST: &str = "best.toml";
+
+/// Evaluates parameters of a [`Tuning`].
+pub trait Subject: Sync {
+    /// Resources of a thread. A worker is built on the thread that uses it.
+    type Worker;
+    /// Error that ends a tuning, such as an interruption. Parameters that fail are no error but an
+    /// [`Evaluation`].
+    type Error: Send;
+
+    /// Builds the worker of a thread.
+    ///
+    /// # Errors
+    ///
+    /// The worker cannot be built.
+    fn worker(&self, thread: usize) -> Result<Self::Worker, Self::Error>;
+
+    /// Evaluates values of the parameters, with random numbers of a seed. The result depends on nothing else.
+    ///
+    /// # Errors
+    ///
+    /// The tuning cannot continue.
+    fn evaluate(
+        &self,
+        worker: &mut Self::Worker,
+        values: &[f64],
+        seed: u64,
+    ) -> Result<Evaluation, Self::Error>;
+
+    /// Content of `best.toml` for values of the parameters and their reward.
+    ///
+    /// # Errors
+    ///
+    /// The values cannot be written.
+    fn best(&self, values: &[f64], reward: f64) -> Result<String, Self::Error>;
+}
+
+/// The errors of a tuning.
+#[derive(Debug, thiserror::Error)]
+pub enum TuningError<E> {
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The folder holds a tuning already.
+    #[error(
+        "{} holds a tuning, expected a folder without one\n\
+         help: continue it with `motorium learn resume {}`, or choose another folder",
+        folder.display(), folder.display()
+    )]
+    Exists {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A parameter is invalid.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The search cannot start.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// A number is out of range.
+    #[error("found {found} {what}, expected at least 1")]
+    Count {
+        /// Counted quantity.
+        what: &'static str,
+        /// Number found.
+        found: u64,
+    },
+    /// A file of the folder does not parse.
+    #[error("{}: {message}", file.display())]
+    Parse {
+        /// The file.
+        file: PathBuf,
+        /// Defect.
+        message: String,
+    },
+    /// The checkpoint belongs to another search.
+    #[error("{}: {source}", file.display())]
+    Restore {
+        /// The file.
+        file: PathBuf,
+        /// Defect.
+        source: RestoreError,
+    },
+    /// The table has fewer lines than the checkpoint has evaluations.
+    #[error("{} has {found} evaluations, expected {expected}, as in the checkpoint", file.display())]
+    Table {
+        /// The file.
+        file: PathBuf,
+        /// Lines found.
+        found: u64,
+        /// Evaluations of the checkpoint.
+        expected: u64,
+    },
+    /// The search refused a reward.
+    #[error(transparent)]
+    Tell(#[from] TellError),
+    /// The first evaluation finished without a value of its reward: no other one would have a value either.
+    #[error("the first evaluation has no reward: {reason}")]
+    NoReward {
+        /// Reason.
+        reason: String,
+    },
+    /// The subject cannot be evaluated.
+    #[error("{0}")]
+    Subject(E),
+}
+
+/// Error of operations without a subject.
+pub type FolderError = TuningError<core::convert::Infallible>;
+
+/// Content of `tuning.json`.
+#[derive(Serialize, Deserialize)]
+struct Description {
+    settings: Settings,
+    subject: serde_json::Value,
+}
+
+/// Content of `checkpoint.json`.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Checkpoint {
+    evaluations: u64,
+    outcomes: BTreeMap<Outcome, u64>,
+    /// State of the search; none before the first evaluation.
+    search: Option<String>,
+}
+
+/// Progress after an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress<'a> {
+    /// Number of the evaluation, from 1.
+    pub evaluation: u64,
+    /// Evaluations of the whole tuning.
+    pub evaluations: u64,
+    /// Values of the parameters.
+    pub values: &'a [f64],
+    /// Result.
+    pub result: &'a Evaluation,
+    /// Best reward so far, or `None` while all evaluations failed.
+    pub best: Option<f64>,
+}
+
+/// Result of a tuning.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Evaluations.
+    pub evaluations: u64,
+    /// Evaluations by outcome; the sum is `evaluations`.
+    pub outcomes: BTreeMap<Outcome, u64>,
+    /// Best values of the parameters and their reward, or `None` if every evaluation failed.
+    pub best: Option<(Vec<f64>, f64)>,
+    /// SHA-256 of the table of evaluations, in hexadecimal: equal for equal parameters, rewards and outcomes.
+    pub table_sha256: String,
+}
+
+/// A tuning in a folder. See [the module](super).
+pub struct Tuning {
+    folder: PathBuf,
+    settings: Settings,
+    search: Box<dyn Search>,
+    checkpoint: Checkpoint,
+}
+
+impl Tuning {
+    /// True if a folder holds a tuning.
+    pub fn exists(folder: &Path) -> bool {
+        folder.join(DESCRIPTION).exists()
+    }
+
+    /// Starts a tuning in a folder. `subject` describes the subject; [`resume`](Self::resume) returns it.
+    ///
+    /// # Errors
+    ///
+    /// [`TuningError`]; [`TuningError::Exists`] where the folder holds a tuning.
+    pub fn create(
+        folder: &Path,
+        settings: Settings,
+        subject: serde_json::Value,
+    ) -> Result<Self, FolderError> {
+        Parameter::check_all(&settings.parameters)?;
+        let counts = [("evaluations", settings.evaluations), ("together", settings.together as u64)];
+        if let Some((what, found)) = counts.into_iter().find(|(_, count)| *count == 0) {
+            return Err(TuningError::Count { what, found });
+        }
+        let search = settings.search()?;
+        if Self::exists(folder) {
+            return Err(TuningError::Exists { folder: folder.to_path_buf() });
+        }
+        files::create_folder(folder)?;
+        let mut header = "evaluation,outcome,reward".to_owned();
+        for parameter in &settings.parameters {
+            let _ = write!(header, ",{}", quoted(&parameter.name()));
+        }
+        header += ",reason\n";
+        files::write(&folder.join(TABLE), header.as_bytes())?;
+        let made = Self { folder: folder.to_path_buf(), settings, search, checkpoint: Checkpoint::default() };
+        made.save()?;
+        // last: a folder with a description is complete
+        let description = Description { settings: made.settings.clone(), subject };
+        files::write(&folder.join(DESCRIPTION), to_json(&description).as_bytes())?;
+        Ok(made)
+    }
+
+    /// Opens the tuning in a folder as of its last checkpoint; returns the description of its subject, too.
+    ///
+    /// # Errors
+    ///
+    /// [`TuningError`].
+    pub fn resume(folder: &Path) -> Result<(Self, serde_json::Value), FolderError> {
+        let Description { settings, subject } = from_json(&folder.join(DESCRIPTION))?;
+        Parameter::check_all(&settings.parameters)?;
+        let file = folder.join(CHECKPOINT);
+        let checkpoint: Checkpoint = from_json(&file)?;
+        let mut search = settings.search()?;
+        if let Some(state) = &checkpoint.search {
+            search.restore(state).map_err(|source| TuningError::Restore { file, source })?;
+        }
+        // lines after the checkpoint are written again
+        let file = folder.join(TABLE);
+        let table = files::read_text(&file)?;
+        let expected = checkpoint.evaluations;
+        let kept: Vec<&str> =
+            table.lines().take(1 + usize::try_from(expected).unwrap_or(usize::MAX)).collect();
+        let found = kept.len().saturating_sub(1) as u64;
+        if found < expected {
+            return Err(TuningError::Table { file, found, expected });
+        }
+        files::write(&file, (kept.join("\n") + "\n").as_bytes())?;
+        Ok((Self { folder: folder.to_path_buf(), settings, search, checkpoint }, subject))
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Evaluations so far.
+    pub fn evaluations(&self) -> u64 {
+        self.checkpoint.evaluations
+    }
+
+    /// File of the best parameters. It exists once an evaluation has a reward.
+    pub fn best_file(&self) -> PathBuf {
+        self.folder.join(BEST)
+    }
+
+    /// Evaluates the remaining candidates on `threads` threads and calls `observe` after each, in the order
+    /// of the candidates.
+    ///
+    /// # Errors
+    ///
+    /// [`TuningError`]. The folder then holds all evaluations so far.
+    pub fn run<T: Subject>(
+        &mut self,
+        subject: &T,
+        threads: usize,
+        mut observe: impl FnMut(Progress<'_>),
+    ) -> Result<(), TuningError<T::Error>> {
+        let Self { folder, settings, search, checkpoint } = self;
+        let file = folder.join(TABLE);
+        let failed = |source| TuningError::File(FileError { file: file.clone(), source });
+        let mut table = File::options().append(true).open(&file).map_err(failed)?;
+        let workers = Workers {
+            threads,
+            ahead: settings.ahead(),
+            evaluations: settings.evaluations.saturating_sub(checkpoint.evaluations),
+        };
+        let mut last_best = search.best().map(|(_, reward)| reward);
+        maximise(
+            search.as_mut(),
+            workers,
+            |thread| subject.worker(thread).map_err(TuningError::Subject),
+            |worker, candidate| {
+                let values = settings.values(&candidate.parameters);
+                subject.evaluate(worker, &values, candidate.seed).map_err(TuningError::Subject)
+            },
+            |search, candidate, result| {
+                let values = settings.values(&candidate.parameters);
+                if candidate.id == 0 && result.outcome == Outcome::NoValue {
+                    let reason = result.reason.clone().unwrap_or_default();
+                    return Err(TuningError::NoReward { reason });
+                }
+                table.write_all(line(candidate.id, &values, result).as_bytes()).map_err(failed)?;
+                let best = search.best().map(|(_, reward)| reward);
+                if let Some(reward) = best.filter(|_| best != last_best) {
+                    let text = subject.best(&values, reward).map_err(TuningError::Subject)?;
+                    files::write(&folder.join(BEST), text.as_bytes())?;
+                }
+                last_best = best;
+                checkpoint.evaluations += 1;
+                *checkpoint.outcomes.entry(result.outcome).or_default() += 1;
+                checkpoint.search = Some(search.save());
+                files::write(&folder.join(CHECKPOINT), to_json(checkpoint).as_bytes())?;
+                let (evaluation, evaluations) = (checkpoint.evaluations, settings.evaluations);
+                observe(Progress { evaluation, evaluations, values: &values, result, best });
+                Ok(())
+            },
+        )
+    }
+
+    /// The result so far.
+    ///
+    /// # Errors
+    ///
+    /// [`TuningError::File`] if the table cannot be read.
+    pub fn summary(&self) -> Result<Summary, FolderError> {
+        let best = self.search.best().map(|(point, reward)| (self.settings.values(point), reward));
+        Ok(Summary {
+            evaluations: self.checkpoint.evaluations,
+            outcomes: self.checkpoint.outcomes.clone(),
+            best,
+            table_sha256: sha256_hex(&files::read(&self.folder.join(TABLE))?),
+        })
+    }
+
+    fn save(&self) -> Result<(), FolderError> {
+        Ok(files::write(&self.folder.join(CHECKPOINT), to_json(&self.checkpoint).as_bytes())?)
+    }
+}
+
+/// A line of the table.
+fn line(id: u64, values: &[f64], result: &Evaluation) -> String {
+    let mut line = format!("{id},{}", result.outcome.name());
+    line.push(',');
+    if result.outcome == Outcome::Finished {
+        let _ = write!(line, "{:?}", result.reward);
+    }
+    for value in values {
+        let _ = write!(line, ",{value:?}");
+    }
+    let _ = writeln!(line, ",{}", quoted(result.reason.as_deref().unwrap_or_default()));
+    line
+}
+
+/// A cell of a table in one line.
+fn quoted(text: &str) -> String {
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+}
+
+fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("numbers, lists and texts serialise")
+}
+
+fn from_json<T: serde::de::DeserializeOwned>(file: &Path) -> Result<T, FolderError> {
+    let bytes = files::read(file)?;
+    serde_json::from_slice(&bytes)
+        .map_err(|error| TuningError::Parse { file: file.to_path_buf(), message: error.to_string() })
+}
