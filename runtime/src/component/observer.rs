@@ -4,7 +4,6 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::{ConfigureError, Setup};
-use crate::declare::TopicPattern;
 use crate::os::{Watch, monotonic_ns};
 use crate::plan::{ClockKind, Plan};
 use crate::region::{Command, EventReader, EventRecord, Region};
@@ -57,11 +56,7 @@ impl Observer {
     /// # Errors
     /// The topic cannot be reached, or it already has four observers.
     pub fn tap(&self, topic: usize) -> Result<Tap, PortError> {
-        let topic = &self.plan.topics[topic];
-        match topic.pattern {
-            TopicPattern::Slices { .. } => Tap::of_slices(&self.domain, topic),
-            TopicPattern::State | TopicPattern::Stream { .. } => Tap::open(&self.domain, topic),
-        }
+        Tap::open(&self.domain, &self.plan.topics[topic])
     }
 
     /// Returns the events since the last call, or all that are still available, oldest first.

@@ -37,6 +37,9 @@ pub struct Declaration {
     /// that never waits.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub waits_ns: u64,
+    /// Reason why it cannot keep deadlines; `None` if it can.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_real_time: Option<String>,
     /// Topics read by taps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taps: Option<Taps>,
@@ -280,6 +283,12 @@ impl Declare {
         self.declaration.may_begin_episodes = true;
     }
 
+    /// Declares that this component can be reset for a new episode. A component with a type of its own says so
+    /// by `Component::RESETS`; this is for components that are known at run time only.
+    pub fn resets(&mut self) {
+        self.declaration.resets = true;
+    }
+
     /// This component has a file descriptor, such as a socket, that can release its steps: a graph may say
     /// `activate = { on = "fd", min_interval = "1 ms" }`. It names the descriptor by
     /// `Setup::wake_on`.
@@ -300,6 +309,21 @@ impl Declare {
     /// ```
     pub fn waits(&mut self, longest: Duration) {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
+    }
+
+    /// Declares that this component cannot keep deadlines, and why: it collects garbage, or waits for a lock of
+    /// its interpreter. Its scheduling class is then `normal` unless the graph insists on another one, and
+    /// `motorium check` warns with the reason, and names the real-time components that depend on it.
+    ///
+    /// ```
+    /// use motorium::prelude::*;
+    ///
+    /// let mut declare = Declare::new(None);
+    /// declare.not_real_time("its interpreter collects garbage");
+    /// assert!(declare.into_declaration().not_real_time.is_some());
+    /// ```
+    pub fn not_real_time(&mut self, reason: &str) {
+        self.declaration.not_real_time = Some(reason.to_string());
     }
 
     /// Declares that this component reads topics of the whole graph by taps (`Setup::observer`). The graph

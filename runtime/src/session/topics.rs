@@ -7,7 +7,6 @@ use iceoryx2::node::Node;
 
 use super::{Session, SessionError, TopicReader};
 use crate::context::Context;
-use crate::declare::TopicPattern;
 use crate::launcher::LaunchError;
 use crate::nearest::suggest;
 use crate::plan::{PortPlan, TopicPlan};
@@ -160,11 +159,7 @@ impl Session<'_> {
     pub fn tap(&self, topic: &str) -> Result<Tap, SessionError> {
         let index = self.topic(topic)?;
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
-        let plan = &self.launch.plan().topics[index];
-        Ok(match plan.pattern {
-            TopicPattern::Slices { .. } => Tap::of_slices(&domain, plan)?,
-            TopicPattern::State | TopicPattern::Stream { .. } => Tap::open(&domain, plan)?,
-        })
+        Ok(Tap::open(&domain, &self.launch.plan().topics[index])?)
     }
 
     /// Publishes a value in the place of the component that writes the topic, at the present time of the run.

@@ -69,31 +69,13 @@ pub(crate) fn side_pin(
 }
 
 impl Tap {
-    /// Joins a topic. The first value is the newest one of a state, or the next one of a stream.
+    /// Joins a topic. The first value is the newest one of a state, or the next one of a stream. Of slices,
+    /// such as images, the bytes of each value are the elements of a slice, one after the other, each in the
+    /// [layout](Self::layout).
     ///
     /// # Errors
-    /// The run or the topic cannot be reached, or four others look on already.
+    /// The run or the topic cannot be reached, or four other programs read it.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
-        if matches!(topic.pattern, TopicPattern::Slices { .. }) {
-            let reason = &"it carries slices, which have no single layout";
-            return Err(refused(&topic.name, "looking on")(reason));
-        }
-        Self::join(domain, topic)
-    }
-
-    /// Joins a topic of slices, such as images. The bytes of each value are the elements of a slice, one
-    /// after the other, each in the [layout](Self::layout).
-    ///
-    /// # Errors
-    /// The run or the topic cannot be reached, or the topic carries single values.
-    pub fn of_slices(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
-        if !matches!(topic.pattern, TopicPattern::Slices { .. }) {
-            return Err(refused(&topic.name, "looking on")(&"it carries single values, no slices"));
-        }
-        Self::join(domain, topic)
-    }
-
-    fn join(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
         let source = if topic.pattern == TopicPattern::State {
             let memory = TopicMemory::open(&node, topic)?;
@@ -105,7 +87,7 @@ impl Tap {
         Ok(Self { layout: topic.layout.clone(), source: Owned::new(source), _node: Owned::new(node) })
     }
 
-    /// The layout of the topic's values.
+    /// The layout of the topic's values; of one element, where it carries slices.
     pub fn layout(&self) -> &TypeLayout {
         &self.layout
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use motorium::component::{Component, ConfigureError, Setup, Tick};
 use motorium::declare::{ClockKind, ConfigError, Declare, StepError};
 use motorium::graph::{self, Checked};
+use motorium::plan::SchedulingClass;
 use motorium::state::Wrench;
 use motorium::worker::{Kind, Registry, RobotSource};
 use schemars::JsonSchema;
@@ -21,6 +22,8 @@ struct SurveyorConfig {
     map: Option<String>,
     /// Time that its declaration takes, ms.
     slow_ms: u64,
+    /// Reason why it cannot keep deadlines.
+    not_real_time: Option<String>,
 }
 
 /// Names a port after its place in the graph.
@@ -47,6 +50,9 @@ impl Component for Surveyor {
         }
         if period_us.is_some_and(|us| us < 1_000 * config.least_period_ms) {
             declare.warn("it steps more often than it need");
+        }
+        if let Some(reason) = &config.not_real_time {
+            declare.not_real_time(reason);
         }
         declare.optional_input::<Wrench>("in", "input");
         declare.output::<Wrench>("out", "output");
@@ -104,6 +110,49 @@ fn a_component_knows_its_period_at_the_end_of_a_chain() {
     for component in &lockstep.plan.components {
         assert_eq!(component.period_ns(), 2_500_000, "as it is resolved after the declarations");
     }
+}
+
+#[test]
+fn a_component_that_is_not_real_time_is_normal() {
+    let text = |schedule: &str| {
+        format!(
+            r#"
+        name = "script"
+        [component.script]
+        kind = "test.surveyor"
+        rate = "100 Hz"
+        {schedule}
+        publish = {{ out = "a" }}
+        config = {{ not_real_time = "its interpreter collects garbage" }}
+        [component.middle]
+        kind = "test.surveyor"
+        rate = "100 Hz"
+        schedule = "normal"
+        subscribe = {{ in = "a" }}
+        publish = {{ out = "b" }}
+        [component.last]
+        kind = "test.surveyor"
+        rate = "100 Hz"
+        subscribe = {{ in = "b" }}
+    "#
+        )
+    };
+    let warned = |checked: &Checked| {
+        let warnings = checked.warnings.iter().map(|warning| warning.render(false)).collect::<Vec<_>>();
+        warnings.into_iter().find(|warning| warning.contains("is not real-time: its interpreter"))
+    };
+    let class = |checked: &Checked| checked.plan.components[0].class;
+    let by_default = check(&text(""));
+    let warning = warned(&by_default).expect("a warning");
+    assert!(warning.contains("real-time components that depend on it: `last`"), "{warning}");
+    assert_eq!(class(&by_default), SchedulingClass::Normal);
+    let accepted = check(&text("schedule = \"normal\""));
+    assert!(warned(&accepted).is_none());
+    let insists = check(&text("schedule = \"fifo\""));
+    assert!(warned(&insists).is_some_and(|warning| warning.contains("insists on a real-time class")));
+    assert!(matches!(class(&insists), SchedulingClass::Fifo(_)));
+    let simulated = check(&text("").replace("name = \"script\"", "name = \"script\"\nclock = \"lockstep\""));
+    assert!(warned(&simulated).is_none(), "nothing has a deadline");
 }
 
 #[test]

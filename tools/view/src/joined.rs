@@ -57,8 +57,9 @@ impl Source {
     fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
         Ok(match topic.pattern {
             TopicPattern::State => Self::Newest(Box::new(TopicReader::open(domain, topic)?)),
-            TopicPattern::Stream { .. } => Self::Every(Tap::open(domain, topic)?),
-            TopicPattern::Slices { .. } => Self::Every(Tap::of_slices(domain, topic)?),
+            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => {
+                Self::Every(Tap::open(domain, topic)?)
+            }
         })
     }
 }

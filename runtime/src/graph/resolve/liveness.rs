@@ -23,7 +23,7 @@ pub(super) fn resolve(
         table.map_or(defaults::LOST_STEPS, |table| good_or(&table.lost_steps, defaults::LOST_STEPS));
     let of = |component: usize, report: &mut Report| {
         let draft = &drafts[component];
-        let schedule = good_or(&draft.table.schedule, defaults::SCHEDULE);
+        let schedule = draft.schedule();
         let period_ns = timing.period_ns(component).unwrap_or(0);
         let at = draft.table.hang_after.as_ref().or(whole);
         if let Some(at) = at {

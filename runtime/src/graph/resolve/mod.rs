@@ -37,6 +37,7 @@ use super::machine::Machine;
 use super::model::{ComponentTable, GraphTable};
 use super::read::good_or;
 use super::source::{Sources, Span};
+use super::values::Schedule;
 use crate::declare::{Declaration, Direction, Placement, PortDeclaration, RobotReference};
 use crate::plan::{Plan, Program};
 use crate::worker::Registry;
@@ -103,6 +104,13 @@ impl Draft<'_, '_> {
         }
     }
 
+    /// Its scheduling class: of the file, else as it declares.
+    fn schedule(&self) -> Schedule {
+        let declared = self.declaration.as_ref().is_some_and(|declared| declared.not_real_time.is_some());
+        let default = if declared { Schedule::Normal } else { defaults::SCHEDULE };
+        good_or(&self.table.schedule, default)
+    }
+
     /// Returns its declared ports of one direction, in order of declaration.
     fn ports(&self, direction: Direction) -> impl Iterator<Item = &PortDeclaration> {
         self.declaration.iter().flat_map(|d| &d.ports).filter(move |port| port.direction == direction)
@@ -129,7 +137,7 @@ pub(super) fn resolve(
     topics::check(&drafts, &wiring, report);
     let clock = good_or(&graph.clock, defaults::CLOCK);
     let timing = timing::resolve(&drafts, &wiring, clock, report);
-    let scheduling = scheduling::resolve(graph, &drafts, &timing, context.machine, report);
+    let scheduling = scheduling::resolve(graph, &drafts, (&wiring, &timing), context.machine, report);
     let liveness = liveness::resolve(graph, &drafts, &timing, report);
     let parameters = parameters::resolve(&drafts, report);
     let latencies = latency::resolve(graph, &drafts, &wiring, &timing, report);

@@ -2,18 +2,20 @@
 
 mod classes;
 mod cores;
+mod not_real_time;
 mod rise;
 mod spin;
 
 use super::Draft;
 use super::timing::Timing;
+use super::wiring::Wiring;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::machine::Machine;
 use crate::graph::model::GraphTable;
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Schedule;
-use crate::plan::{SchedulingClass, SchedulingPlan, Spin};
+use crate::plan::{ClockKind, SchedulingClass, SchedulingPlan, Spin};
 
 /// Class, core and spin time of each component.
 #[derive(Debug)]
@@ -33,13 +35,15 @@ pub(super) struct Scheduling {
 pub(super) fn resolve(
     graph: &GraphTable<'_>,
     drafts: &[Draft<'_, '_>],
-    timing: &Timing,
+    (wiring, timing): (&Wiring, &Timing),
     machine: &Machine,
     report: &mut Report,
 ) -> Scheduling {
     let cores = cores::cores(graph, machine, report);
-    let schedules: Vec<Schedule> =
-        drafts.iter().map(|draft| good_or(&draft.table.schedule, defaults::SCHEDULE)).collect();
+    let schedules: Vec<Schedule> = drafts.iter().map(Draft::schedule).collect();
+    if good_or(&graph.clock, defaults::CLOCK) == ClockKind::Realtime {
+        not_real_time::warn(drafts, &schedules, wiring, report);
+    }
     let classes = classes::classes(drafts, &schedules, timing, report);
     let given: Vec<bool> = drafts.iter().map(|draft| draft.table.priority.is_some()).collect();
     let pinned = cores::pin(drafts, &schedules, timing, &cores, machine, report);
