@@ -133,3 +133,36 @@ fn interrupted_tuning_resumes_to_the_same_table() {
         assert_eq!(resumed[key], expected[key], "{key}");
     }
 }
+
+#[test]
+fn walking_by_bayesian_optimisation_is_reproduced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let reproduce = |threads: &str, output: &str| {
+        let mut arguments = vec!["reproduce", "locomotion", "--seeds", "2", "--evaluations", "7"];
+        arguments.extend(["--seconds", "0.4", "--threads", threads, "--output", output, "--json"]);
+        json(&arguments)
+    };
+    let (first, second) = (file("a"), file("b"));
+    let report = reproduce("2", &first);
+    assert_eq!(report["claims"].as_array().map(Vec::len), Some(4), "{report}");
+    assert_eq!(report["files"].as_array().map(Vec::len), Some(8), "{report}");
+    reproduce("1", &second);
+    let read = |folder: &str, name: &str| {
+        std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for name in ["locomotion-evaluations.csv", "locomotion-speed.csv", "locomotion-gait.toml", "claims.json"]
+    {
+        assert_eq!(read(&first, name), read(&second, name), "{name}");
+    }
+    assert_eq!(read(&first, "locomotion-evaluations.csv").lines().count(), 1 + 3 * 2 * 7);
+    let summary: serde_json::Value = serde_json::from_str(&read(&first, "locomotion.json")).expect("JSON");
+    let speed = summary["fastest"]["speed_m_s"].as_f64().expect("a speed");
+    // the written gait walks at the speed of its evaluation
+    let gait = format!("{first}/locomotion-gait.toml");
+    let mut arguments = vec!["run", "--example", "quadruped-trot", "--with", &gait, "--clock", "lockstep"];
+    arguments.extend(["--for", "400 ms", "--json"]);
+    let run = json(&arguments);
+    let travel = run["results"]["physics"]["base_travel_x_m"].as_f64().expect("a number");
+    assert!((travel / 0.4 - speed).abs() < 1e-12, "{travel} {speed}");
+}
