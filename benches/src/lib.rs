@@ -11,6 +11,7 @@ pub mod kill;
 pub mod latency;
 pub mod pair;
 pub mod payload;
+pub mod peers;
 mod processes;
 mod raw_chain;
 mod read;

@@ -9,20 +9,20 @@
 //! $ cargo run --release --example tune_trot -- --episodes 200
 //! ```
 
-use std::cell::RefCell;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use clap::Parser as _;
-use crossbeam_channel::unbounded;
 use motorium::graph::{self, Machine};
 use motorium::launcher::Options;
 use motorium::plan::Plan;
 use motorium::session::Session;
 use motorium::state::{BaseState, JointCommand};
-use motorium_learners::search::{Candidate, CrossEntropy, CrossEntropySettings, Search as _, Start};
+use motorium_learners::search::{
+    CrossEntropy, CrossEntropySettings, Evaluation, Search as _, Start, Workers, maximise,
+};
 use motorium_tools::registry;
 
 /// Tune the trot of the quadruped by a black-box search.
@@ -195,67 +195,6 @@ fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -
     Ok(here - start.unwrap_or(here))
 }
 
-/// Tries gaits, in a session on each of these cores at once.
-struct Trial<'a> {
-    plan: &'a Plan,
-    legs: &'a Legs,
-    cores: &'a [usize],
-    seconds: f64,
-}
-
-impl Trial<'_> {
-    /// Tries the candidates that `ask` returns, until there are none, and passes the distance of each to
-    /// `tell`, m. Two generations are open at a time, so that no core waits for the last gait of one.
-    fn run(
-        &self,
-        mut ask: impl FnMut() -> Vec<Candidate>,
-        mut tell: impl FnMut(u64, f64) -> anyhow::Result<()>,
-    ) -> anyhow::Result<()> {
-        std::thread::scope(|scope| {
-            // whichever session is free takes the next gait
-            let (request, requested) = unbounded::<(u64, Gait)>();
-            let (answer, answered) = unbounded::<anyhow::Result<(u64, f64)>>();
-            for core in self.cores {
-                let (requested, answer) = (requested.clone(), answer.clone());
-                scope.spawn(move || {
-                    let options = Options::inline().on_core(*core).standing_in_for(POLICY);
-                    let mut session = match Session::launch(self.plan.clone(), &registry(), &options) {
-                        Ok(session) => session,
-                        Err(error) => {
-                            let _ = answer.send(Err(error.into()));
-                            return;
-                        }
-                    };
-                    for (id, gait) in requested {
-                        let reached = distance(&mut session, self.legs, &gait, self.seconds);
-                        if answer.send(reached.map(|distance| (id, distance))).is_err() {
-                            break;
-                        }
-                    }
-                    session.stop();
-                });
-            }
-            drop((requested, answer));
-            let mut running = 0;
-            loop {
-                for candidate in ask() {
-                    request
-                        .send((candidate.id, Gait::from_numbers(&candidate.parameters)))
-                        .context("the sessions have ended")?;
-                    running += 1;
-                }
-                if running == 0 {
-                    drop(request);
-                    return Ok(());
-                }
-                let (id, distance) = answered.recv().context("the sessions have ended")??;
-                running -= 1;
-                tell(id, distance)?;
-            }
-        })
-    }
-}
-
 /// The cores that this program may run on.
 fn allowed_cores() -> Vec<usize> {
     let online = Machine::detect().cores().to_vec();
@@ -273,43 +212,45 @@ fn main() -> anyhow::Result<()> {
     let checked = graph::check(&file, text, &settings, &registry(), &Machine::detect())
         .map_err(|error| anyhow::anyhow!(error.render(false)))?;
     let legs = Legs::from_plan(&checked.plan)?;
-    // those that the program may run on: `taskset` leaves it fewer
+    // `taskset` leaves fewer
     let cores = allowed_cores();
     let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
     let seconds = arguments.seconds.max(EASE + 0.5);
-    let trial = Trial { plan: &checked.plan, legs: &legs, cores: &cores[..sessions], seconds };
     let (mean, deviation) = (Gait::START.to_vec(), Gait::DEVIATION.to_vec());
     let settings = CrossEntropySettings { population: GENERATION, ..CrossEntropySettings::default() };
     let start = Start::new(mean, deviation, arguments.seed).within(Gait::BOUNDS.to_vec());
-    let search = RefCell::new(CrossEntropy::new(start, settings)?.with_open_generations(2));
-    let mut first = None;
+    // two generations are open at a time, so that no core waits for the last gait of one
+    let mut search = CrossEntropy::new(start, settings)?.with_open_generations(2);
     let episodes = arguments.episodes.max(1);
-    let (mut left_to_ask, mut left_to_tell) = (episodes, episodes);
+    let workers = Workers { threads: sessions, ahead: usize::MAX, evaluations: episodes as u64 };
+    let (mut first, mut left) = (0.0, episodes);
     let began = Instant::now();
-    trial.run(
-        || {
-            let asked = search.borrow_mut().ask(left_to_ask);
-            left_to_ask -= asked.len();
-            asked
+    maximise(
+        &mut search,
+        workers,
+        |index| -> anyhow::Result<Session<'static>> {
+            let options = Options::inline().on_core(cores[index]).standing_in_for(POLICY);
+            Ok(Session::launch(checked.plan.clone(), &registry(), &options)?)
         },
-        |id, distance| {
-            let mut search = search.borrow_mut();
+        |session, candidate| {
+            let gait = Gait::from_numbers(&candidate.parameters);
+            Ok(Evaluation::finished(distance(session, &legs, &gait, seconds)?))
+        },
+        |search, candidate, evaluation| {
             // the first candidate is the start of the search
-            if id == 0 {
-                first = Some(distance);
+            if candidate.id == 0 {
+                first = evaluation.reward;
             }
-            search.tell(&[(id, distance)])?;
-            left_to_tell -= 1;
-            if left_to_tell.is_multiple_of(GENERATION) {
+            left -= 1;
+            if left.is_multiple_of(GENERATION) {
                 let best = search.best().map_or(0.0, |(_, distance)| distance);
-                println!("{left_to_tell:>5} episodes left, best {:.3} m/s", best / seconds);
+                println!("{left:>5} episodes left, best {:.3} m/s", best / seconds);
             }
             Ok(())
         },
     )?;
     let took = began.elapsed().as_secs_f64();
-    let search = search.into_inner();
-    let ((best, reached), first) = search.best().zip(first).context("no gait was tried")?;
+    let (best, reached) = search.best().context("no gait was tried")?;
     let Gait { frequency, amplitude, duty, phase } = Gait::from_numbers(best);
     println!("before: {:.3} m/s", first / seconds);
     println!(

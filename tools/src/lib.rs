@@ -16,6 +16,7 @@ mod progress;
 mod registry;
 mod report;
 mod robots;
+mod rollout;
 mod runs;
 mod screen;
 mod style;

@@ -1,14 +1,14 @@
 //! Movement primitives (criterion). With `--peers`, compared with movement_primitives and pydmps in one run.
 
-mod peers;
 mod work;
 
 use criterion::Criterion;
+use motorium_benches::peers::compare;
 
 fn main() {
     let mut works = work::all();
     if std::env::args().any(|argument| argument == "--peers") {
-        if let Err(error) = peers::compare(&mut works) {
+        if let Err(error) = compare(&mut works, "primitives.py", &["movement_primitives", "pydmps"]) {
             eprintln!("no peers: {error}");
             std::process::exit(1);
         }

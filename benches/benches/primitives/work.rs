@@ -2,6 +2,7 @@
 
 use std::hint::black_box;
 
+use motorium_benches::peers::Work;
 use motorium_primitives::cpg::{Gait, LegSettings, PhaseNetwork};
 use motorium_primitives::dmp::{
     Demonstration, DiscreteDmp, DmpModel, Regression, RhythmicDmp, RhythmicModel, RhythmicSettings, Settings,
@@ -14,12 +15,6 @@ use nalgebra::{DMatrix, DVector};
 pub(crate) const DIMENSIONS: usize = 14;
 pub(crate) const KERNELS: usize = 50;
 pub(crate) const SAMPLES: usize = 200;
-
-/// One thing to be measured.
-pub(crate) struct Work {
-    pub(crate) name: &'static str,
-    pub(crate) run: Box<dyn FnMut()>,
-}
 
 /// The movement that all learn: `sin((d + 1) pi p / 4) + p^2`, one second long. The peers make the same.
 fn positions() -> DMatrix<f64> {

@@ -1,6 +1,9 @@
-//! `motorium learn`: one set of weights on any number of threads, straight or resumed; a policy folder.
+//! `motorium learn`: one set of weights on any number of threads, straight or resumed; a policy folder; a tuned
+//! graph.
 
-use crate::program::{json, printed, run};
+use std::time::{Duration, Instant};
+
+use crate::program::{json, motorium, printed, run};
 
 const TASK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks/cart-pole.toml");
 
@@ -57,4 +60,109 @@ fn the_tasks_of_the_project_are_listed_with_their_rewards() {
         assert!(low <= high && low.is_finite() && high.is_finite(), "{task}");
     }
     assert!(printed(&["learn", "list", folder]).contains("reward of a step 1 to 1"), "cart-pole");
+}
+
+#[test]
+fn tuning_repeats_and_its_best_overlay_runs() {
+    const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/quadruped-trot.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let tune = |threads: &str, output: &str| {
+        let mut arguments = vec!["learn", "tune", GRAPH, "--method", "cross-entropy", "--seed", "4"];
+        arguments.extend(["--parameter", "policy.config.frequency=1:4"]);
+        arguments.extend(["--parameter", "policy.config.joint_command.kp=5:30:log"]);
+        arguments.extend(["--reward", "physics.base_travel_x_m", "--reward", "-0.1*physics.base_travel_y_m"]);
+        arguments.extend(["--expect", "physics.base_height_lowest_m > 0.12", "--for", "400 ms"]);
+        arguments.extend(["--evaluations", "6", "--threads", threads, "--output", output, "--json"]);
+        json(&arguments)
+    };
+    let (first, second) = (file("a"), file("b"));
+    let tuned = tune("1", &first);
+    assert_eq!((&tuned["evaluations"], &tuned["outcomes"]["finished"]), (&6.into(), &6.into()), "{tuned}");
+    assert_eq!(tune("2", &second)["table_sha256"], tuned["table_sha256"]);
+    let resumed = json(&["learn", "resume", &first, "--json"]);
+    assert_eq!((&resumed["table_sha256"], &resumed["reward"]), (&tuned["table_sha256"], &tuned["reward"]));
+
+    let overlay = tuned["overlay"].as_str().expect("a file");
+    let best = json(&["run", GRAPH, "--with", overlay, "--clock", "lockstep", "--for", "400 ms", "--json"]);
+    let travel = |axis: &str| best["results"]["physics"][axis].as_f64().expect("a number");
+    let reward = travel("base_travel_x_m") - 0.1 * travel("base_travel_y_m");
+    assert_eq!(tuned["reward"].as_f64(), Some(reward));
+
+    let again =
+        run(&["learn", "tune", GRAPH, "--parameter", "seed=1:2", "--reward", "a.b", "--output", &first]);
+    let errors = String::from_utf8_lossy(&again.stderr);
+    assert_eq!(again.status.code(), Some(3), "a seed is a whole number: {errors}");
+    let unknown =
+        ["--parameter", "policy.config.frequency=1:4", "--reward", "walker.speed", "--output", &first];
+    let unknown = run(&[&["learn", "tune", GRAPH][..], &unknown].concat());
+    let errors = String::from_utf8_lossy(&unknown.stderr);
+    assert!(!unknown.status.success() && errors.contains("`walker`, expected one of physics"), "{errors}");
+}
+
+#[test]
+fn interrupted_tuning_resumes_to_the_same_table() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let (straight, interrupted) = (file("a"), file("b"));
+    let graph = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/quadruped-trot.toml");
+    let mut arguments =
+        vec!["learn", "tune", graph, "--parameter", "policy.config.frequency=1:4", "--for", "1s"];
+    arguments.extend(["--reward", "physics.base_travel_x_m", "--evaluations", "16", "--json", "--output"]);
+    let expected = json(&[&arguments[..], &[&straight]].concat());
+
+    let mut child =
+        motorium(&[&arguments[..], &[&interrupted]].concat()).spawn().expect("the program starts");
+    let table = folder.path().join("b/evaluations.csv");
+    let began = Instant::now();
+    // the header and two evaluations
+    while std::fs::read_to_string(&table).map_or(0, |text| text.lines().count()) < 3 {
+        assert!(child.try_wait().expect("a child").is_none(), "it ended before the signal");
+        assert!(began.elapsed() < Duration::from_secs(120), "no evaluation");
+        std::thread::yield_now();
+    }
+    rustix::process::kill_process(rustix::process::Pid::from_child(&child), rustix::process::Signal::INT)
+        .expect("the program is there");
+    let ended = child.wait_with_output().expect("a child");
+    assert!(!ended.status.success(), "{}", String::from_utf8_lossy(&ended.stdout));
+    let before = std::fs::read_to_string(&table).expect("a table").lines().count();
+    assert!(before < 17, "{before} lines");
+
+    let resumed = json(&["learn", "resume", &interrupted, "--threads", "1", "--json"]);
+    for key in ["evaluations", "outcomes", "reward", "parameters", "table_sha256"] {
+        assert_eq!(resumed[key], expected[key], "{key}");
+    }
+}
+
+#[test]
+fn walking_by_bayesian_optimisation_is_reproduced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let reproduce = |threads: &str, output: &str| {
+        let mut arguments = vec!["reproduce", "locomotion", "--seeds", "2", "--evaluations", "7"];
+        arguments.extend(["--seconds", "0.4", "--threads", threads, "--output", output, "--json"]);
+        json(&arguments)
+    };
+    let (first, second) = (file("a"), file("b"));
+    let report = reproduce("2", &first);
+    assert_eq!(report["claims"].as_array().map(Vec::len), Some(4), "{report}");
+    assert_eq!(report["files"].as_array().map(Vec::len), Some(8), "{report}");
+    reproduce("1", &second);
+    let read = |folder: &str, name: &str| {
+        std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for name in ["locomotion-evaluations.csv", "locomotion-speed.csv", "locomotion-gait.toml", "claims.json"]
+    {
+        assert_eq!(read(&first, name), read(&second, name), "{name}");
+    }
+    assert_eq!(read(&first, "locomotion-evaluations.csv").lines().count(), 1 + 3 * 2 * 7);
+    let summary: serde_json::Value = serde_json::from_str(&read(&first, "locomotion.json")).expect("JSON");
+    let speed = summary["fastest"]["speed_m_s"].as_f64().expect("a speed");
+    // the written gait walks at the speed of its evaluation
+    let gait = format!("{first}/locomotion-gait.toml");
+    let mut arguments = vec!["run", "--example", "quadruped-trot", "--with", &gait, "--clock", "lockstep"];
+    arguments.extend(["--for", "400 ms", "--json"]);
+    let run = json(&arguments);
+    let travel = run["results"]["physics"]["base_travel_x_m"].as_f64().expect("a number");
+    assert!((travel / 0.4 - speed).abs() < 1e-12, "{travel} {speed}");
 }

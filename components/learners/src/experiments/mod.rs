@@ -1,10 +1,12 @@
 //! Experiments with the motion library and its learners, after Delhaisse, *Learning and control of humanoid
-//! robots* (PhD thesis, 2019), chapter 3. They return numbers; `motorium reproduce` draws them.
+//! robots* (PhD thesis, 2019), chapters 2 and 3. They return numbers; `motorium reproduce` draws them.
 //!
 //! - [`search`]: policy search on weights of a library and of radial kernels.
 //! - [`body`]: libraries of a full body and of its parts, and composed movements.
+//! - [`locomotion`]: Bayesian optimisation of the gait of a quadruped.
 //! - [`perception`]: letters written from their pictures, against the nearest picture known.
 
 pub mod body;
+pub mod locomotion;
 pub mod perception;
 pub mod search;

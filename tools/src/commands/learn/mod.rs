@@ -1,12 +1,13 @@
-//! `motorium learn`: training of policies.
+//! `motorium learn`: training of policies, and tuning of graphs.
 
 mod evaluate;
 mod list;
 mod train;
+mod tune;
 
 use std::process::ExitCode;
 
-/// Policies that learn a task: train one, continue a training run, evaluate it, list tasks.
+/// Policies that learn a task: train one, continue a training run, evaluate it, list tasks; tune a graph.
 ///
 /// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
 #[derive(Debug, clap::Args)]
@@ -20,6 +21,7 @@ enum Command {
     Train(train::Train),
     Resume(train::Resume),
     Evaluate(evaluate::Evaluate),
+    Tune(tune::Tune),
     List(list::List),
 }
 
@@ -29,6 +31,7 @@ impl Learn {
             Command::Train(command) => command.run(),
             Command::Resume(command) => command.run(),
             Command::Evaluate(command) => command.run(),
+            Command::Tune(command) => command.run(),
             Command::List(command) => command.run(),
         }
     }

@@ -5,8 +5,10 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use motorium_learners::ppo::{Progress, Run};
+use motorium_learners::tuning::Tuning;
 use serde_json::json;
 
+use super::tune;
 use crate::out::outln;
 
 /// Time between two lines of progress.
@@ -48,7 +50,7 @@ pub(super) struct Train {
     json: bool,
 }
 
-/// Continue a training run from its last checkpoint.
+/// Continue a training run, or a tuning of a graph, from its last checkpoint.
 ///
 /// The result equals a run without interruption to the bit.
 ///
@@ -72,7 +74,8 @@ fn steps(text: &str) -> Result<u64, String> {
     if (1.0..=1e15).contains(&value) { Ok(value as u64) } else { Err("expected 1 to 1e15".to_owned()) }
 }
 
-fn threads(given: Option<u32>) -> usize {
+/// Threads of a run: all cores if not given.
+pub(super) fn threads(given: Option<u32>) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     given.map_or_else(cores, |threads| threads as usize)
 }
@@ -89,6 +92,9 @@ impl Train {
 
 impl Resume {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        if Tuning::exists(&self.folder) {
+            return tune::resume(&self.folder, threads(self.threads), self.json);
+        }
         let run = Run::resume(&self.folder, threads(self.threads))?;
         anstream::eprintln!("{}: resumed after {} steps", run.task().title, run.steps().0);
         finish(run, self.json)

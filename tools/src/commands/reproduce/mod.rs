@@ -4,6 +4,7 @@ mod body;
 mod chapter3;
 mod chapter4;
 mod letters;
+mod locomotion;
 mod perception;
 mod qp;
 mod search;
@@ -25,6 +26,7 @@ enum Command {
     Chapter3(chapter3::Chapter3),
     Chapter4(chapter4::Chapter4),
     Qp(qp::Qp),
+    Locomotion(locomotion::Locomotion),
 }
 
 impl Reproduce {
@@ -33,6 +35,7 @@ impl Reproduce {
             Command::Chapter3(command) => command.run(),
             Command::Chapter4(command) => command.run(),
             Command::Qp(command) => command.run(),
+            Command::Locomotion(command) => command.run(),
         }
     }
 }

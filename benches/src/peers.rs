@@ -1,4 +1,8 @@
-//! Comparison with the Python packages: a process of each is called over a pipe, alternating with motorium.
+//! Comparison with Python packages: a process of each is called over a pipe, alternating with motorium.
+//!
+//! The script of a comparison gets the name of a package as its argument. It prints the names of its works in
+//! one line, then reads the name of a work a line and answers with the nanoseconds of processor time of one
+//! call.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -7,21 +11,30 @@ use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
 
-use crate::work::Work;
-
 /// Number of turns per side, and the minimum processor time of one turn, s.
 const TURNS: usize = 40;
 const TURN: f64 = 0.001;
 
-const PEERS: [&str; 2] = ["movement_primitives", "pydmps"];
+/// A measured call.
+pub struct Work {
+    /// Its name, which peers share.
+    pub name: &'static str,
+    /// The call.
+    pub run: Box<dyn FnMut()>,
+}
 
-/// Prints the time of every work on all sides. `MOTORIUM_PEER_PYTHON` names the Python that has the packages
-/// (`pip install -r benches/peers/primitives.txt`), by default `python3`. Ratios are the peers' times over
-/// motorium's.
-pub(crate) fn compare(works: &mut [Work]) -> Result<(), String> {
-    let mut peers = PEERS.map(Peer::start).into_iter().collect::<Result<Vec<_>, _>>()?;
+/// Prints the time of every work on all sides. `script` is a file in `benches/peers`. `MOTORIUM_PEER_PYTHON`
+/// names the Python that has the packages, by default `python3`. Ratios are the peers' times over motorium's.
+///
+/// # Errors
+/// A peer does not start or does not answer, as text.
+pub fn compare(works: &mut [Work], script: &str, packages: &[&'static str]) -> Result<(), String> {
+    let peers = packages.iter().map(|package| Peer::start(script, package));
+    let mut peers = peers.collect::<Result<Vec<_>, _>>()?;
     println!("us of processor time per call, minimum / median of {TURNS} turns, the sides in turn\n");
-    println!("{:<22} {:>19} {:>19} {:>7} {:>19} {:>7}", "", "motorium", PEERS[0], "ratio", PEERS[1], "ratio");
+    print!("{:<22} {:>19}", "", "motorium");
+    packages.iter().for_each(|package| print!(" {package:>19} {:>7}", "ratio"));
+    println!();
     for work in works {
         let mut ours = Vec::new();
         let mut theirs = vec![Vec::new(); peers.len()];
@@ -90,9 +103,9 @@ struct Peer {
 }
 
 impl Peer {
-    fn start(name: &'static str) -> Result<Self, String> {
+    fn start(script: &str, name: &'static str) -> Result<Self, String> {
         let python = std::env::var_os("MOTORIUM_PEER_PYTHON").unwrap_or_else(|| "python3".into());
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/primitives.py");
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
         let mut child = Command::new(&python)
             .arg(script)
             .arg(name)

@@ -1,0 +1,32 @@
+//! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the searches
+//! are compared with cma and bayesian-optimization in one run.
+
+mod training;
+mod work;
+
+use std::time::Duration;
+
+use criterion::{Criterion, Throughput};
+use motorium_benches::peers::compare;
+
+fn main() {
+    if std::env::args().any(|argument| argument == "--peers") {
+        if let Err(error) = compare(&mut work::all(), "learning.py", &["cma", "bayesian-optimization"]) {
+            eprintln!("no peers: {error}; pip install -r benches/peers/learning.txt");
+            std::process::exit(1);
+        }
+        return;
+    }
+    let mut criterion = Criterion::default().configure_from_args();
+    let mut group = criterion.benchmark_group("learning");
+    for work in &mut work::all() {
+        group.bench_function(work.name, |timer| timer.iter(&mut work.run));
+    }
+    group.sample_size(10).measurement_time(Duration::from_secs(5));
+    for row in &mut training::all() {
+        group.throughput(Throughput::Elements(row.steps));
+        group.bench_function(row.name.as_str(), |timer| timer.iter(&mut row.run));
+    }
+    group.finish();
+    criterion.final_summary();
+}

@@ -1,0 +1,73 @@
+//! Environment steps and steps of PPO.
+
+use std::hint::black_box;
+use std::path::Path;
+
+use motorium_learners::environment::{Scene, VectorEnvironment};
+use motorium_learners::ppo::{Ppo, PpoSettings};
+use motorium_learners::task::Task;
+
+/// Worlds of the environments.
+const WORLDS: usize = 64;
+/// Threads of the published figures.
+const THREADS: usize = 2;
+/// Tasks of the rows; one that the checkout does not have yet is left out.
+const TASKS: [&str; 2] = ["cart-pole", "quadruped-velocity"];
+
+/// A measured call and its environment steps.
+pub(crate) struct Row {
+    pub(crate) name: String,
+    pub(crate) steps: u64,
+    pub(crate) run: Box<dyn FnMut()>,
+}
+
+/// All rows.
+pub(crate) fn all() -> Vec<Row> {
+    let mut rows = Vec::new();
+    for name in TASKS {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tasks");
+        let Ok(text) = std::fs::read_to_string(folder.join(name).with_extension("toml")) else {
+            eprintln!("no task {name}");
+            continue;
+        };
+        let task = Task::parse(&text).expect("the project's tasks are valid");
+        let scene = Scene::load(&task, &folder).expect("the robot of the catalogue");
+        rows.push(environment(name, &task, &scene));
+        rows.push(training(name, &task, &scene));
+    }
+    rows
+}
+
+/// Steps of all worlds with actions that change from step to step.
+fn environment(name: &str, task: &Task, scene: &Scene) -> Row {
+    let worlds = VectorEnvironment::new(task, (WORLDS, THREADS), 1, || scene.simulation());
+    let mut worlds = worlds.expect("a task of its robot");
+    let mut actions = vec![0.0; WORLDS * worlds.terms().actions()];
+    let mut phase = 0.0_f32;
+    Row {
+        name: format!("{name}_environment_{WORLDS}_worlds_{THREADS}_threads"),
+        steps: WORLDS as u64,
+        run: Box::new(move || {
+            phase += 0.7;
+            for (index, action) in actions.iter_mut().enumerate() {
+                *action = (phase + index as f32).sin();
+            }
+            black_box(worlds.step(&actions).expect("the next episode starts"));
+        }),
+    }
+}
+
+/// One update of PPO with the settings of the task: its roll-outs and its epochs.
+fn training(name: &str, task: &Task, scene: &Scene) -> Row {
+    let settings = PpoSettings::from_table(&task.algorithms).expect("the settings of the task");
+    let steps = (settings.worlds * settings.horizon) as u64;
+    let run = Ppo::new(task, settings, (1, THREADS), || scene.simulation());
+    let mut run = run.expect("a task of its robot");
+    Row {
+        name: format!("{name}_ppo_{THREADS}_threads"),
+        steps,
+        run: Box::new(move || {
+            black_box(run.advance().expect("finite losses"));
+        }),
+    }
+}

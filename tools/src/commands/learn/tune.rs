@@ -1,0 +1,418 @@
+//! `motorium learn tune`, and its continuation by `motorium learn resume`.
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail, ensure};
+use motorium::graph::{GraphError, Machine, Override};
+use motorium::plan::{Expectation, Plan};
+use motorium::units::TimeSpan;
+use motorium::worker::Registry;
+use motorium_learners::search::{Evaluation, Outcome};
+use motorium_learners::tuning::{self, Parameter, Progress, Settings, Subject, Tuning, TuningError};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::train::threads;
+use crate::commands::loading::graph_file;
+use crate::complete;
+use crate::failure::Failure;
+use crate::out::{errln, outln};
+use crate::registry::registry;
+use crate::rollout::{Reward, Rollout, RolloutError, allowed_cores, overlay};
+
+/// Time between two lines of progress.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Method {
+    /// Covariance matrix adaptation with restarts
+    CmaEs,
+    /// The cross-entropy method
+    CrossEntropy,
+    /// Gaussian process and expected improvement
+    Bayesian,
+    /// Uniform candidates
+    Random,
+}
+
+impl From<Method> for tuning::Method {
+    fn from(method: Method) -> Self {
+        match method {
+            Method::CmaEs => Self::CmaEs,
+            Method::CrossEntropy => Self::CrossEntropy,
+            Method::Bayesian => Self::Bayesian,
+            Method::Random => Self::Random,
+        }
+    }
+}
+
+/// Tune numbers of a graph for the largest reward, by a black-box search.
+///
+/// Each evaluation is one lockstep run of the graph in an inline session; one session runs on each core.
+/// `motorium run GRAPH --with OUTPUT/best.toml` runs the best. Equal seeds give equal results on any number
+/// of threads; `motorium learn resume` continues after an interruption.
+///
+/// Example: motorium learn tune graphs/quadruped-trot.toml --parameter policy.config.frequency=1:4 --reward
+/// physics.base_travel_x_m --expect "physics.base_height_lowest_m > 0.12" --for 5s --output out/trot
+#[derive(Debug, clap::Args)]
+pub(super) struct Tune {
+    /// The graph file
+    #[arg(value_parser = graph_file(), add = complete::graphs())]
+    graph: PathBuf,
+    /// Keys of a number, and its range; `:log` searches ratios; may be repeated
+    #[arg(long, value_name = "KEY[,KEY]=LOW:HIGH[:log]", required = true)]
+    parameter: Vec<Parameter>,
+    /// Figure of the report to maximise, such as `-1*controller.position_error_m`; several are added
+    #[arg(long, value_name = "[WEIGHT*]COMPONENT.FIGURE", required = true, allow_hyphen_values = true)]
+    reward: Vec<Reward>,
+    /// Condition without which an evaluation has failed; may be repeated
+    #[arg(long, value_name = "FIGURE CONDITION")]
+    expect: Vec<Expectation>,
+    /// Ignore the conditions of the graph
+    #[arg(long)]
+    no_expect: bool,
+    /// Simulated time of an evaluation [default: the graph's duration]
+    #[arg(long = "for", value_name = "DURATION")]
+    duration: Option<TimeSpan>,
+    /// Search method: `cma-es`, `cross-entropy`, `bayesian` or `random`
+    #[arg(long, default_value = "cma-es", hide_possible_values = true)]
+    method: Method,
+    /// Evaluations
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    evaluations: u64,
+    /// Evaluations of a Bayesian search at a time
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
+    together: u16,
+    /// Seed of the search; `--set seed=N` is the graph's
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; all cores if not given
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
+    threads: Option<u32>,
+    /// Merge a file over the graph; may be repeated
+    #[arg(long = "with", value_name = "OVERLAY.toml", add = complete::graphs())]
+    with: Vec<PathBuf>,
+    /// Set a value of the graph; may be repeated
+    #[arg(long = "set", value_name = "COMPONENT.KEY=VALUE")]
+    set: Vec<Override>,
+    /// Folder of the tuning
+    #[arg(long, short, value_name = "FOLDER")]
+    output: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The subject of a tuning in its folder.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Description {
+    graph: PathBuf,
+    with: Vec<PathBuf>,
+    set: Vec<String>,
+    expect: Vec<Expectation>,
+    no_expect: bool,
+    rewards: Vec<Reward>,
+    /// The plan with the parameters in the middle of their ranges.
+    #[serde(default)]
+    plan: serde_json::Value,
+}
+
+impl Description {
+    fn rollout(&self) -> anyhow::Result<Rollout> {
+        Ok(Rollout {
+            graph: self.graph.clone(),
+            text: crate::input::text(&self.graph)?,
+            with: self.with.clone(),
+            set: self.set.iter().map(|set| set.parse()).collect::<Result<_, _>>()?,
+            expect: self.expect.clone(),
+            no_expect: self.no_expect,
+            rewards: self.rewards.clone(),
+            machine: Machine::detect(),
+        })
+    }
+}
+
+/// A graph whose numbers are tuned.
+struct Graph {
+    rollout: Rollout,
+    parameters: Vec<Parameter>,
+    cores: Vec<usize>,
+    /// The plan with the parameters in the middle of their ranges.
+    middle: Plan,
+    registry: Registry,
+}
+
+/// Values of all keys of parameters.
+fn keyed<'p>(parameters: &'p [Parameter], values: &[f64]) -> Vec<(&'p str, f64)> {
+    let each = parameters.iter().zip(values);
+    each.flat_map(|(parameter, value)| parameter.keys.iter().map(move |key| (key.as_str(), *value))).collect()
+}
+
+impl Subject for Graph {
+    /// The core of the sessions.
+    type Worker = usize;
+    type Error = RolloutError;
+
+    fn worker(&self, thread: usize) -> Result<Self::Worker, RolloutError> {
+        Ok(self.cores[thread % self.cores.len()])
+    }
+
+    fn evaluate(&self, core: &mut usize, values: &[f64], _: u64) -> Result<Evaluation, RolloutError> {
+        match self.rollout.plan(&keyed(&self.parameters, values), &self.registry) {
+            Ok(plan) => self.rollout.run(plan, &self.registry, *core),
+            Err(error) => Ok(Evaluation::failed(Outcome::Refused, error.render(false))),
+        }
+    }
+
+    fn best(&self, values: &[f64], reward: f64) -> Result<String, RolloutError> {
+        let text = overlay(&self.middle, &self.registry, &keyed(&self.parameters, values))?;
+        let graph = self.rollout.graph.display();
+        Ok(format!("# reward {reward}\n#   motorium run {graph} --with best.toml --clock lockstep\n\n{text}"))
+    }
+}
+
+impl Graph {
+    /// Checks the graph with the parameters in the middle of their ranges. `Err` within are the mistakes of
+    /// the graph.
+    fn check(rollout: Rollout, settings: &Settings) -> anyhow::Result<Result<Self, GraphError>> {
+        let (registry, middle) = (registry(), settings.middle());
+        let keyed = keyed(&settings.parameters, &middle);
+        let middle = match rollout.plan(&keyed, &registry) {
+            Ok(plan) => plan,
+            Err(error) => return Ok(Err(error)),
+        };
+        ensure!(
+            middle.duration_ns.is_some(),
+            "the graph has no duration, expected one of each evaluation\nhelp: add `--for 5s`"
+        );
+        for figure in middle.expectations.iter().rev().take(rollout.rewards.len()) {
+            let component = figure.component();
+            let names: Vec<&str> =
+                middle.components.iter().map(|component| component.name.as_str()).collect();
+            ensure!(
+                names.contains(&component),
+                "the reward `{}` is of component `{component}`, expected one of {}",
+                figure.figure,
+                names.join(", ")
+            );
+        }
+        overlay(&middle, &registry, &keyed)?;
+        let cores = allowed_cores(&rollout.machine);
+        let parameters = settings.parameters.clone();
+        Ok(Ok(Self { rollout, parameters, cores, middle, registry }))
+    }
+}
+
+/// Prints the mistakes of a graph.
+fn refuse(error: &GraphError) -> ExitCode {
+    errln!("{}", error.render(std::io::stderr().is_terminal()));
+    Failure::of_graph(error.reports()).print_json()
+}
+
+impl Tune {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let mut set: Vec<String> = self.set.iter().map(Override::to_string).collect();
+        set.extend(self.duration.map(|duration| format!("duration=\"{duration}\"")));
+        let absolute = |path: &PathBuf| std::path::absolute(path).with_context(|| path.display().to_string());
+        let mut description = Description {
+            graph: absolute(&self.graph)?,
+            with: self.with.iter().map(absolute).collect::<Result<_, _>>()?,
+            set,
+            expect: self.expect,
+            no_expect: self.no_expect,
+            rewards: self.reward,
+            plan: serde_json::Value::Null,
+        };
+        let settings = Settings {
+            parameters: self.parameter,
+            method: self.method.into(),
+            seed: self.seed,
+            evaluations: self.evaluations,
+            together: usize::from(self.together),
+        };
+        let graph = match Graph::check(description.rollout()?, &settings)? {
+            Ok(graph) => graph,
+            Err(error) => return Ok(refuse(&error)),
+        };
+        description.plan = serde_json::to_value(&graph.middle)?;
+        let tuning = Tuning::create(&self.output, settings, serde_json::to_value(&description)?)?;
+        finish(tuning, &graph, &self.output, (threads(self.threads), self.json))
+    }
+}
+
+/// Continues the tuning in a folder.
+pub(super) fn resume(folder: &Path, threads: usize, json: bool) -> anyhow::Result<ExitCode> {
+    let (tuning, description) = Tuning::resume(folder)?;
+    let description: Description = serde_json::from_value(description)
+        .with_context(|| format!("{}: the description of the graph", folder.display()))?;
+    let graph = match Graph::check(description.rollout()?, tuning.settings())? {
+        Ok(graph) => graph,
+        Err(error) => return Ok(refuse(&error)),
+    };
+    ensure!(
+        serde_json::to_value(&graph.middle)? == description.plan,
+        "{} or a file over it has changed since the tuning began, expected the same graph\n\
+         help: restore it, or tune it in another folder",
+        description.graph.display()
+    );
+    errln!("resumed after {} evaluations", tuning.evaluations());
+    finish(tuning, &graph, folder, (threads, json))
+}
+
+/// Evaluates to the end, with a line of progress a second on standard error.
+fn finish(
+    mut tuning: Tuning,
+    graph: &Graph,
+    folder: &Path,
+    (threads, json): (usize, bool),
+) -> anyhow::Result<ExitCode> {
+    let (first, began) = (tuning.evaluations(), Instant::now());
+    let mut printed = began;
+    let result = tuning.run(graph, threads, |progress| {
+        if printed.elapsed() >= INTERVAL && progress.evaluation < progress.evaluations {
+            printed = Instant::now();
+            let rate = (progress.evaluation - first) as f64 / began.elapsed().as_secs_f64();
+            let left = (progress.evaluations - progress.evaluation) as f64 / rate;
+            errln!("{}, {left:.0} s left", line(&progress));
+        }
+    });
+    match result {
+        Ok(()) => {}
+        Err(TuningError::Subject(RolloutError::Interrupted)) => bail!(
+            "interrupted after {} of {} evaluations\nhelp: continue with `motorium learn resume {}`",
+            tuning.evaluations(),
+            tuning.settings().evaluations,
+            folder.display()
+        ),
+        Err(error) => return Err(error.into()),
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    let summary = tuning.summary()?;
+    let rate = (summary.evaluations - first) as f64 / seconds;
+    let table = folder.join("evaluations.csv");
+    let (values, reward) = summary.best.with_context(|| {
+        format!(
+            "none of {} evaluations has a reward: {} has the reasons",
+            summary.evaluations,
+            table.display()
+        )
+    })?;
+    let parameters = &tuning.settings().parameters;
+    if json {
+        let parameters: serde_json::Map<String, serde_json::Value> = parameters
+            .iter()
+            .zip(&values)
+            .map(|(parameter, value)| (parameter.name(), json!(value)))
+            .collect();
+        outln!(
+            "{}",
+            json!({
+                "evaluations": summary.evaluations,
+                "outcomes": summary.outcomes,
+                "reward": reward,
+                "parameters": parameters,
+                "overlay": tuning.best_file(),
+                "table": table,
+                "table_sha256": summary.table_sha256,
+                "seconds": seconds,
+                "evaluations_per_second": rate,
+            })
+        );
+        return Ok(ExitCode::SUCCESS);
+    }
+    outln!(
+        "reward {reward:.6} after {} evaluations in {seconds:.1} s, {rate:.1} a second",
+        summary.evaluations
+    );
+    for (outcome, count) in summary.outcomes.iter().filter(|(outcome, _)| **outcome != Outcome::Finished) {
+        outln!("{count} {}", outcome.name());
+    }
+    for (parameter, value) in parameters.iter().zip(&values) {
+        outln!("{} = {value}", parameter.name());
+    }
+    outln!("table {}", summary.table_sha256);
+    outln!("motorium run {} --with {}", graph.rollout.graph.display(), tuning.best_file().display());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn line(progress: &Progress<'_>) -> String {
+    let Progress { evaluation, evaluations, result, best, .. } = progress;
+    let found = match &result.reason {
+        None => format!("reward {:.4}", result.reward),
+        Some(_) => result.outcome.name().to_owned(),
+    };
+    let best = best.map_or_else(|| "no reward yet".to_owned(), |best| format!("best {best:.4}"));
+    format!("{evaluation:>5} of {evaluations}: {found}, {best}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A trot of 0.3 s at two parameters.
+    fn graph(expect: &str) -> (Graph, Settings) {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/quadruped-trot.toml");
+        let description = Description {
+            graph: file,
+            with: vec![],
+            set: vec!["duration=\"300 ms\"".into()],
+            expect: vec![expect.parse().expect("an expectation")],
+            no_expect: false,
+            rewards: vec!["physics.base_travel_x_m".parse().expect("a reward")],
+            plan: serde_json::Value::Null,
+        };
+        let parameters = [
+            "policy.config.frequency=1:4",
+            "policy.config.legs.0.joints.0.amplitude,policy.config.legs.3.joints.0.amplitude=0.05:0.3",
+        ];
+        let parameters = parameters.map(|text| text.parse().expect("a parameter")).into();
+        let method = tuning::Method::Bayesian;
+        let settings = Settings { parameters, method, seed: 2, evaluations: 7, together: 2 };
+        let checked = Graph::check(description.rollout().expect("a graph"), &settings).expect("a plan");
+        (checked.unwrap_or_else(|error| panic!("{}", error.render(false))), settings)
+    }
+
+    #[test]
+    fn tuned_graph_repeats_on_threads_and_its_overlay_has_the_reward() {
+        let (graph, settings) = graph("physics.base_height_lowest_m > 0.12");
+        let tables = [1, 2].map(|threads| {
+            let folder = tempfile::tempdir().expect("a folder");
+            let mut tuning = Tuning::create(folder.path(), settings.clone(), json!(null)).expect("a tuning");
+            tuning.run(&graph, threads, |_| {}).expect("rewards");
+            let text = std::fs::read_to_string(tuning.best_file()).expect("an overlay");
+            (tuning.summary().expect("a table"), text)
+        });
+        assert_eq!(tables[0], tables[1]);
+        let [(summary, text), _] = tables;
+        assert_eq!(summary.outcomes, [(Outcome::Finished, 7)].into());
+        // the overlay over the graph has the reward of the best evaluation to the bit
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("best.toml");
+        std::fs::write(&file, text).expect("a file");
+        let rollout = Rollout { with: vec![file], ..graph.rollout };
+        let registry = registry();
+        let plan = rollout.plan(&[], &registry).expect("a plan");
+        let found = rollout.run(plan, &registry, graph.cores[0]).expect("a run");
+        assert_eq!(Some(found.reward), summary.best.map(|(_, reward)| reward));
+    }
+
+    #[test]
+    fn failed_rollouts_have_an_outcome_and_a_reason() {
+        let (graph, _) = graph("physics.base_height_lowest_m > 9");
+        let mut worker = graph.worker(0).expect("a worker");
+        let mut outcome = |values: &[f64]| {
+            let found = graph.evaluate(&mut worker, values, 0).expect("an evaluation");
+            assert!(found.reward.is_nan());
+            (found.outcome, found.reason.expect("a reason"))
+        };
+        let (unmet, reason) = outcome(&[2.0, 0.2]);
+        assert_eq!(unmet, Outcome::Unmet);
+        assert!(reason.starts_with("expected `physics.base_height_lowest_m` > 9, found 0."), "{reason}");
+        let (refused, reason) = outcome(&[25.0, 0.2]);
+        assert_eq!(refused, Outcome::Refused);
+        assert!(reason.contains("expected from 0 to 20"), "{reason}");
+    }
+}

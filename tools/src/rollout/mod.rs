@@ -1,0 +1,203 @@
+//! Roll-outs of a graph: one lockstep run in an inline session, judged by figures of its report.
+
+mod overlay;
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use motorium::graph::{self, GraphError, Machine, Override};
+use motorium::launcher::{Exit, LaunchError, Options};
+use motorium::plan::{Expectation, Plan};
+use motorium::session::{Session, SessionError};
+use motorium::worker::Registry;
+use motorium_learners::search::{Evaluation, Outcome};
+use serde::{Deserialize, Serialize};
+
+pub(crate) use overlay::{OverlayError, overlay};
+
+/// A figure of the report and its weight in the reward.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub(crate) struct Reward {
+    weight: f64,
+    figure: String,
+}
+
+/// The text does not describe a reward.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum RewardError {
+    /// The figure has no component.
+    #[error("found `{0}`, expected [WEIGHT*]COMPONENT.FIGURE, such as physics.base_travel_x_m")]
+    Form(String),
+    /// The weight is not a number.
+    #[error("the weight `{0}` is not a finite number other than 0")]
+    Weight(String),
+}
+
+impl FromStr for Reward {
+    type Err = RewardError;
+
+    fn from_str(text: &str) -> Result<Self, RewardError> {
+        let (weight, figure) = match text.split_once('*') {
+            Some((weight, figure)) => (Some(weight.trim()), figure.trim()),
+            None => (None, text.trim()),
+        };
+        let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite() && *value != 0.0);
+        let weight = match weight {
+            Some(text) => number(text).ok_or_else(|| RewardError::Weight(text.to_owned()))?,
+            None => 1.0,
+        };
+        match figure.split_once('.') {
+            Some((component, path)) if !component.is_empty() && !path.is_empty() => {
+                Ok(Self { weight, figure: figure.to_owned() })
+            }
+            _ => Err(RewardError::Form(text.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for Reward {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { weight, figure } = self;
+        if *weight == 1.0 { f.write_str(figure) } else { write!(f, "{weight:?}*{figure}") }
+    }
+}
+
+impl From<Reward> for String {
+    fn from(reward: Reward) -> Self {
+        reward.to_string()
+    }
+}
+
+impl TryFrom<String> for Reward {
+    type Error = RewardError;
+
+    fn try_from(text: String) -> Result<Self, RewardError> {
+        text.parse()
+    }
+}
+
+/// A roll-out cannot be made, whatever the parameters.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum RolloutError {
+    /// A signal ended the run.
+    #[error("interrupted")]
+    Interrupted,
+    /// The session failed.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The parameters cannot be written as an overlay.
+    #[error(transparent)]
+    Overlay(#[from] OverlayError),
+}
+
+/// A graph with its overlays and overrides, and the judgement of its runs.
+pub(crate) struct Rollout {
+    /// The graph file and its text.
+    pub(crate) graph: PathBuf,
+    pub(crate) text: String,
+    /// Overlay files, then overrides.
+    pub(crate) with: Vec<PathBuf>,
+    pub(crate) set: Vec<Override>,
+    /// Expectations in addition to the graph's.
+    pub(crate) expect: Vec<Expectation>,
+    /// True if the graph's own expectations do not count.
+    pub(crate) no_expect: bool,
+    /// Terms of the reward.
+    pub(crate) rewards: Vec<Reward>,
+    pub(crate) machine: Machine,
+}
+
+impl Rollout {
+    /// The plan with values of keys, in lockstep. The last expectations are the figures of the reward.
+    pub(crate) fn plan(&self, settings: &[(&str, f64)], registry: &Registry) -> Result<Plan, GraphError> {
+        let mut overrides = self.set.clone();
+        let mut set = |path: &str, value: String| overrides.push(Override { path: path.to_owned(), value });
+        set("clock", "\"lockstep\"".to_owned());
+        for (key, value) in settings {
+            set(key, format!("{value:?}"));
+        }
+        let (text, machine) = (self.text.clone(), &self.machine);
+        let checked = graph::check_with(&self.graph, text, &self.with, &overrides, registry, machine)?;
+        let mut plan = checked.plan;
+        if self.no_expect {
+            plan.expectations.clear();
+        }
+        plan.expectations.extend(self.expect.iter().cloned());
+        plan.expectations.extend(self.rewards.iter().map(|reward| Expectation {
+            figure: reward.figure.clone(),
+            comparison: motorium::plan::Comparison::NotEqual,
+            bound: serde_json::Value::Null,
+        }));
+        Ok(plan)
+    }
+
+    /// Runs a plan of this graph on a core.
+    pub(crate) fn run(
+        &self,
+        plan: Plan,
+        registry: &Registry,
+        core: usize,
+    ) -> Result<Evaluation, RolloutError> {
+        let options = Options::inline().on_core(core);
+        let mut session = match Session::launch(plan, registry, &options) {
+            Ok(session) => session,
+            Err(SessionError::Launch(error @ LaunchError::Component { .. })) => {
+                return Ok(Evaluation::failed(Outcome::Refused, error.to_string()));
+            }
+            Err(error) => return Err(error.into()),
+        };
+        session.run()?;
+        let report = session.stop();
+        match report.exit {
+            Exit::Interrupted => return Err(RolloutError::Interrupted),
+            Exit::SafeStop { reason } => return Ok(Evaluation::failed(Outcome::Stopped, reason)),
+            Exit::Finished => {}
+        }
+        let judged = report.expectations.len().saturating_sub(self.rewards.len());
+        let (expectations, figures) = report.expectations.split_at(judged);
+        if let Some(unmet) = expectations.iter().find(|expectation| !expectation.met) {
+            return Ok(Evaluation::failed(Outcome::Unmet, unmet.to_string()));
+        }
+        let mut total = 0.0;
+        for (reward, found) in self.rewards.iter().zip(figures) {
+            let Some(value) = found.found.as_f64() else {
+                let problem = found.problem.clone().unwrap_or_else(|| format!("found {}", found.found));
+                let reason = format!("`{}`: {problem}, expected a number", reward.figure);
+                return Ok(Evaluation::failed(Outcome::NoValue, reason));
+            };
+            total += reward.weight * value;
+        }
+        Ok(Evaluation::finished(total))
+    }
+}
+
+/// The cores that this program may run on.
+pub(crate) fn allowed_cores(machine: &Machine) -> Vec<usize> {
+    let online = machine.cores();
+    let allowed = rustix::thread::sched_getaffinity(None);
+    let is_allowed = |core: &&usize| allowed.as_ref().is_ok_and(|allowed| allowed.is_set(**core));
+    let cores: Vec<usize> = online.iter().filter(is_allowed).copied().collect();
+    if cores.is_empty() { online.to_vec() } else { cores }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rewards_are_printed_as_they_are_read() {
+        for (text, weight) in [("physics.base_travel_x_m", 1.0), ("-0.5*controller.tasks.0.error_m", -0.5)] {
+            let reward: Reward = text.parse().expect("a reward");
+            assert_eq!((reward.weight, reward.to_string().as_str()), (weight, text));
+        }
+        for text in ["physics", "physics.", ".x", "2*physics"] {
+            assert_eq!(text.parse::<Reward>(), Err(RewardError::Form(text.to_owned())));
+        }
+        for weight in ["0", "x", "inf", ""] {
+            let found = format!("{weight}*a.b").parse::<Reward>();
+            assert_eq!(found, Err(RewardError::Weight(weight.to_owned())));
+        }
+    }
+}
