@@ -27,8 +27,7 @@ pub(super) fn check_options<'a, 'i>(
         }
         for attribute in node.attributes().filter(|attribute| attribute.value() == "disable") {
             match attribute.name() {
-                name @ ("constraint" | "equality" | "limit" | "damper" | "spring" | "passive"
-                | "frictionloss" | "actuation") => {
+                name @ ("constraint" | "equality" | "limit" | "damper" | "frictionloss") => {
                     let reason = "it takes back what the rest of the file says: leave that out";
                     return Err(attributes.refused(node, name, "disable", reason));
                 }

@@ -3,7 +3,7 @@
 use super::account::Account;
 use super::limits::{Before, Bounds, JointLimits, JointSetpoint, SLOWEST_LIMIT};
 use super::offer::{Measured, Offer, Verdict};
-use super::rest::{Rest, is_moving};
+use super::rest::{Rest, Reversals};
 use super::resume::Resume;
 use super::states::{Joint, enter, soften, stay};
 use super::within::Envelope;
@@ -58,6 +58,7 @@ pub struct Gate {
     envelope: Envelope,
     resume: Resume,
     rest: Rest,
+    reversals: Vec<Reversals>,
 }
 
 impl Gate {
@@ -78,6 +79,7 @@ impl Gate {
             envelope: Envelope::from_limits(&joints),
             resume: Resume::new(count),
             rest: Rest::default(),
+            reversals: vec![Reversals::default(); count],
             joints,
         }
     }
@@ -205,8 +207,7 @@ impl Gate {
                 let joint =
                     Joint::measured(measured.position, measured.velocity, self.gravity[i], i, setpoint);
                 *setpoint = stay(state, &joint, limits, setpoint, dt);
-                let braked = state == SafeState::Hold && setpoint.velocity == 0.0;
-                if braked && self.rest.lowers_gains() && is_moving(joint.velocity) {
+                if self.reversals[i].step(joint.velocity, dt) && state == SafeState::Hold {
                     soften(setpoint, &joint, limits);
                 }
             }
@@ -237,6 +238,7 @@ impl Gate {
 
     fn enter_safe(&mut self, position: &[f64], velocity: &[f64], gravity: &mut dyn FnMut(&mut [f64])) {
         gravity(&mut self.gravity);
+        self.reversals.fill(Reversals::default());
         let followed = self.state != GateState::Safe;
         for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
             let joint = Joint::measured(position, velocity, self.gravity[i], i, setpoint);
@@ -245,6 +247,8 @@ impl Gate {
             if followed && self.rules.safe_state == SafeState::Hold {
                 // Without a jump of the effort, which would be one of the acceleration.
                 let (q, v) = (joint.position, joint.velocity);
+                // Damping that is not kept may have shaken the joint: its effort of this moment is arbitrary.
+                let last = JointSetpoint { kd: last.kd.min(setpoint.kd), ..last };
                 let jump = last.effort_at(q, v, limits.effort) - setpoint.effort_at(q, v, f64::INFINITY);
                 setpoint.effort = (setpoint.effort + jump).clamp(-limits.effort, limits.effort);
             }

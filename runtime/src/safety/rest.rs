@@ -9,8 +9,11 @@ pub const REST_SPEED: f64 = 0.05;
 /// reached its safe state.
 pub const REST_WITHIN: f64 = 1.0;
 
-/// Time after which `hold` lowers gains above the profile's for a joint that still moves, s.
-const LOWERS_GAINS_AFTER: f64 = 0.25;
+/// Reversals of a joint per second from which on it shakes: a structure oscillates more slowly, and a drive
+/// whose gains are too high for its period reverses at every step.
+const SHAKES: f64 = 100.0;
+/// Time over which reversals are counted, s.
+const MEMORY: f64 = 0.1;
 /// Time for which every joint must stay slower than [`REST_SPEED`] once one was faster, s: a joint that
 /// oscillates is slow at each turn.
 const CALM_FOR: f64 = 0.02;
@@ -60,21 +63,51 @@ impl Rest {
     pub(super) fn is_reached(&self) -> bool {
         !self.moves() || self.elapsed < REST_WITHIN
     }
+}
 
-    /// True once joints that still move are held with gains that do not bring them to rest.
-    pub(super) fn lowers_gains(&self) -> bool {
-        self.elapsed >= LOWERS_GAINS_AFTER
+/// The reversals of a joint in a safe state.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Reversals {
+    velocity: f64,
+    /// Reversals within [`MEMORY`], those long ago counting less.
+    count: f64,
+}
+
+impl Reversals {
+    /// Notes the velocity, `dt` s after the one before. True for a joint that shakes: it reverses more than a
+    /// hundred times per second, or at more than half of the steps of a slower actuator.
+    pub(super) fn step(&mut self, velocity: f64, dt: f64) -> bool {
+        let reverses = velocity * self.velocity < 0.0 && is_moving(velocity) && is_moving(self.velocity);
+        self.count *= 1.0 - (dt / MEMORY).min(1.0);
+        self.count += f64::from(u8::from(reverses));
+        self.velocity = velocity;
+        self.count > (SHAKES * MEMORY).min(0.5 * MEMORY / dt)
     }
 }
 
 /// True for a joint that is not at rest. An unknown velocity is not rest.
-pub(super) fn is_moving(velocity: f64) -> bool {
+fn is_moving(velocity: f64) -> bool {
     velocity.is_nan() || velocity.abs() >= REST_SPEED
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_joint_shakes_where_it_reverses_at_every_step() {
+        let shakes = |hertz: f64, dt: f64, speed: f64| {
+            let mut reversals = Reversals::default();
+            let steps = (0.5 / dt) as usize;
+            let velocity = |k: usize| speed * (core::f64::consts::TAU * hertz * (k as f64 + 0.25) * dt).cos();
+            (0..steps).any(|k| reversals.step(velocity(k), dt))
+        };
+        for dt in [1e-4, 1e-3, 4e-3, 1e-2] {
+            assert!(shakes(0.5 / dt, dt, 2.0), "{dt} s: at every step");
+            assert!(!shakes(0.5 / dt, dt, 0.06), "{dt} s: at rest");
+            assert!(!shakes(15.0, dt, 2.0), "{dt} s: a leg that rocks");
+        }
+    }
 
     #[test]
     fn a_joint_that_moves_after_a_second_has_not_reached_hold() {

@@ -131,8 +131,8 @@ pub fn stay(
     }
 }
 
-/// Lowers the gains of `hold` to the profile's for a joint that they do not bring to rest, without a step of
-/// its effort. A gain that the profile does not have stays.
+/// Lowers the gains of `hold` to the profile's for a joint that they shake, without a step of its effort. A
+/// gain that the profile does not have stays.
 pub(super) fn soften(setpoint: &mut JointSetpoint, joint: &Joint, limits: &JointLimits) {
     if limits.kp > 0.0 && setpoint.kp > limits.kp {
         let pull = (setpoint.kp - limits.kp) * (setpoint.position - joint.position);
