@@ -29,7 +29,7 @@ pub(super) fn warn(drafts: &[Draft<'_, '_>], schedules: &[Schedule], wiring: &Wi
         };
         let diagnostic = report
             .warning(format!("component `{}` is not real-time: {reason}", draft.name))
-            .at(place, label)
+            .label(place, label)
             .advise(advice);
         let behind = dependants(component, drafts.len(), wiring);
         let real_time = behind.into_iter().filter(|other| schedules[*other] != Schedule::Normal);
