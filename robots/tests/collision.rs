@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::solids::{Random, at, cube, with_shape};
+use crate::solids::{Random, cube, translation, with_shape};
 use approx::assert_relative_eq;
 use motorium_robots::{
     Attachment, BaseMode, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape,
@@ -29,7 +29,7 @@ fn the_jacobian_is_the_slope_of_the_distance() {
         let model = panda(base);
         let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
         let ball = Geometry::Sphere { radius: 0.1 };
-        solids.add_obstacle("ball", at(0.5, 0.4, 0.6), ball, MeshMode::default()).unwrap();
+        solids.add_obstacle("ball", translation(0.5, 0.4, 0.6), ball, MeshMode::default()).unwrap();
         let mut collisions = Collisions::new(&solids);
         let mut kinematics = Kinematics::new(&model);
         let (mut checked, mut sharp) = (0, 0);
@@ -122,7 +122,7 @@ fn an_srdf_takes_pairs_out_and_puts_them_back() {
 fn the_nearest_pair_is_the_minimum_and_ranges_skip_far_ones() {
     let model = panda(BaseMode::AsFile);
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
-    solids.add_obstacle("table", at(0.0, 0.0, -0.3), cube(0.4), MeshMode::default()).unwrap();
+    solids.add_obstacle("table", translation(0.0, 0.0, -0.3), cube(0.4), MeshMode::default()).unwrap();
     let removed = solids.exclude("table", "panda_link0");
     assert!(removed > 0);
     let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
@@ -167,7 +167,7 @@ fn a_shape_that_cannot_be_used_is_named_or_left_out() {
 fn a_state_that_is_no_number_has_no_distance_and_does_no_harm() {
     let model = with_shape("<box size=\"1 1 1\"/>");
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
-    solids.add_obstacle("other", at(0.0, 0.0, 0.0), cube(1.0), MeshMode::default()).unwrap();
+    solids.add_obstacle("other", translation(0.0, 0.0, 0.0), cube(1.0), MeshMode::default()).unwrap();
     let (mut collisions, mut kinematics) = (Collisions::new(&solids), Kinematics::new(&model));
     kinematics.update(&model, &[f64::NAN]);
     collisions.update(&solids, &kinematics);
@@ -284,10 +284,10 @@ fn free_objects_are_checked_against_everything() {
     let model = with_shape(r#"<sphere radius="0.1"/>"#);
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
     let meshes = MeshMode::default();
-    let wall = solids.add_obstacle("wall", at(1.0, 0.0, 0.0), cube(0.2), meshes).unwrap();
-    let ball = solids.add_free_object("ball", at(0.0, 1.0, 0.0), cube(0.2), meshes).unwrap();
-    let can = solids.add_free_object("can", at(0.0, 2.0, 0.0), cube(0.2), meshes).unwrap();
-    let ground = solids.add_half_space("ground", at(0.0, 0.0, -3.0));
+    let wall = solids.add_obstacle("wall", translation(1.0, 0.0, 0.0), cube(0.2), meshes).unwrap();
+    let ball = solids.add_free_object("ball", translation(0.0, 1.0, 0.0), cube(0.2), meshes).unwrap();
+    let can = solids.add_free_object("can", translation(0.0, 2.0, 0.0), cube(0.2), meshes).unwrap();
+    let ground = solids.add_half_space("ground", translation(0.0, 0.0, -3.0));
     let expected = [
         [0, wall],
         [0, ball],
@@ -305,7 +305,7 @@ fn free_objects_are_checked_against_everything() {
     let mut collisions = Collisions::new(&solids);
     let pair = expected.iter().position(|pair| *pair == [ball, can]).unwrap();
     assert_relative_eq!(collisions.distance(&solids, pair).distance, 0.8, epsilon = 1e-12);
-    collisions.set_pose(can, &at(0.0, 1.5, 0.0));
+    collisions.set_pose(can, &translation(0.0, 1.5, 0.0));
     assert_relative_eq!(collisions.distance(&solids, pair).distance, 0.3, epsilon = 1e-12);
     assert!(collisions.distance_within(&solids, pair, 0.2).is_none_or(|found| found.distance > 0.2));
     solids.retain_pairs(|pair| pair.contains(&ground));

@@ -1,6 +1,6 @@
 //! Signed distances of shapes, compared with geometry.
 
-use crate::solids::{Random, at, cube, with_shape};
+use crate::solids::{Random, cube, translation, with_shape};
 use approx::assert_relative_eq;
 use motorium_robots::{
     CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics, MeshMode, Proximity,
@@ -31,43 +31,51 @@ fn between(geometry: &str, other: Geometry, placement: Isometry3<f64>) -> Proxim
 #[test]
 fn primitives_are_as_far_apart_as_geometry_says() {
     let sphere = Geometry::Sphere { radius: 0.2 };
-    let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), at(0.3, 0.4, 0.0));
+    let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), translation(0.3, 0.4, 0.0));
     assert_relative_eq!(found.distance, 0.2, epsilon = 1e-12);
     assert_relative_eq!(found.points[0], Point3::new(0.06, 0.08, 0.0), epsilon = 1e-12);
     assert_relative_eq!(found.points[1], Point3::new(0.18, 0.24, 0.0), epsilon = 1e-12);
     assert_relative_eq!(found.normal.into_inner(), Vector3::new(0.6, 0.8, 0.0), epsilon = 1e-12);
 
     // A corner of the cube against the sphere, an edge, a face.
-    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), at(2.0, 2.0, 2.0)).distance;
+    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), translation(2.0, 2.0, 2.0)).distance;
     assert_relative_eq!(gap, 3.0_f64.sqrt() - 0.2, epsilon = 1e-9);
-    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), at(2.0, 2.0, 0.3)).distance;
+    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), translation(2.0, 2.0, 0.3)).distance;
     assert_relative_eq!(gap, 2.0_f64.sqrt() - 0.2, epsilon = 1e-9);
-    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), at(2.0, 0.2, 0.3)).distance;
+    let gap = between("<box size=\"2 2 2\"/>", sphere.clone(), translation(2.0, 0.2, 0.3)).distance;
     assert_relative_eq!(gap, 0.8, epsilon = 1e-9);
 
     // URDF cylinders and capsules stand along z.
     let cylinder = "<cylinder radius=\"0.5\" length=\"2\"/>";
-    assert_relative_eq!(between(cylinder, sphere.clone(), at(0.0, 1.0, 0.9)).distance, 0.3, epsilon = 1e-7);
-    assert_relative_eq!(between(cylinder, sphere.clone(), at(0.1, 0.0, 1.5)).distance, 0.3, epsilon = 1e-9);
+    assert_relative_eq!(
+        between(cylinder, sphere.clone(), translation(0.0, 1.0, 0.9)).distance,
+        0.3,
+        epsilon = 1e-7
+    );
+    assert_relative_eq!(
+        between(cylinder, sphere.clone(), translation(0.1, 0.0, 1.5)).distance,
+        0.3,
+        epsilon = 1e-9
+    );
     let capsule = "<capsule radius=\"0.5\" length=\"2\"/>";
-    assert_relative_eq!(between(capsule, sphere, at(0.0, 0.0, 2.0)).distance, 0.3, epsilon = 1e-12);
+    assert_relative_eq!(between(capsule, sphere, translation(0.0, 0.0, 2.0)).distance, 0.3, epsilon = 1e-12);
     let crossing = Isometry3::new(Vector3::new(0.0, 2.0, 0.0), Vector3::y() * std::f64::consts::FRAC_PI_2);
     let other = Geometry::Capsule { radius: 0.25, length: 1.0 };
     assert_relative_eq!(between(capsule, other.clone(), crossing).distance, 1.25, epsilon = 1e-12);
-    let parallel = between(capsule, other, at(3.0, 0.0, 0.2));
+    let parallel = between(capsule, other, translation(3.0, 0.0, 0.2));
     assert_relative_eq!(parallel.distance, 2.25, epsilon = 1e-12);
 }
 
 #[test]
 fn depths_are_the_shortest_way_out() {
     let sphere = Geometry::Sphere { radius: 0.2 };
-    let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), at(0.1, 0.0, 0.0));
+    let found = between("<sphere radius=\"0.1\"/>", sphere.clone(), translation(0.1, 0.0, 0.0));
     assert_relative_eq!(found.distance, -0.2, epsilon = 1e-12);
     // The centre of the sphere is 0.3 below a face of the cube.
-    let found = between("<box size=\"2 2 2\"/>", sphere, at(0.1, -0.2, 0.7));
+    let found = between("<box size=\"2 2 2\"/>", sphere, translation(0.1, -0.2, 0.7));
     assert_relative_eq!(found.distance, -0.5, epsilon = 1e-9);
     assert_relative_eq!(found.normal.into_inner(), Vector3::z(), epsilon = 1e-9);
-    let found = between("<box size=\"2 2 2\"/>", cube(1.0), at(0.2, 1.3, 0.1));
+    let found = between("<box size=\"2 2 2\"/>", cube(1.0), translation(0.2, 1.3, 0.1));
     assert_relative_eq!(found.distance, -0.2, epsilon = 1e-9);
     assert_relative_eq!(found.normal.into_inner(), Vector3::y(), epsilon = 1e-9);
     // Crossed in the middle: out sideways by both radii.

@@ -1,6 +1,6 @@
 //! The points that take turns at being the nearest, held to the shapes and to the distances after a turn.
 
-use crate::solids::{Random, at, cube, with_shape};
+use crate::solids::{Random, cube, translation, with_shape};
 use motorium_robots::{
     CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics, MeshMode, Proximity,
 };
@@ -35,7 +35,7 @@ fn has(found: &[Proximity], x: f64, y: f64, z: f64, gap: f64) -> bool {
 #[test]
 fn witnesses_between_sides_are_the_corners_of_the_overlap() {
     // a corner of the small cube and a corner of the large one: 0.5 by 0.5
-    let (nearest, found) = between("<box size=\"2 2 2\"/>", cube(1.0), at(1.0, 1.0, 1.6));
+    let (nearest, found) = between("<box size=\"2 2 2\"/>", cube(1.0), translation(1.0, 1.0, 1.6));
     assert!((nearest.distance - 0.1).abs() < 1e-9);
     let corners = [(0.5, 0.5), (1.0, 0.5), (1.0, 1.0), (0.5, 1.0)];
     let is_nearest = |x: f64, y: f64| (nearest.points[0] - Point3::new(x, y, 1.0)).norm() < 1e-5;
@@ -109,13 +109,14 @@ fn capsule_ends_and_cylinder_rims_have_witnesses() {
         assert!((nearest.points[0].x - x).abs() < 1e-5 || has(&found, x, 0.0, 1.0, 0.2), "{x}: {found:?}");
     }
     let cylinder = Geometry::Cylinder { radius: 0.2, length: 0.4 };
-    let (_, found) = between("<box size=\"2 2 2\"/>", cylinder, at(0.0, 0.0, 1.3));
+    let (_, found) = between("<box size=\"2 2 2\"/>", cylinder, translation(0.0, 0.0, 1.3));
     assert!(found.len() >= 3, "{found:?}");
     for witness in &found {
         let at = &witness.points[1];
         assert!((at.x.hypot(at.y) - 0.2).abs() < 1e-9 && (at.z - 1.1).abs() < 1e-9, "{witness:?}");
     }
-    let (_, found) = between("<box size=\"2 2 2\"/>", Geometry::Sphere { radius: 0.2 }, at(0.3, 0.0, 1.5));
+    let (_, found) =
+        between("<box size=\"2 2 2\"/>", Geometry::Sphere { radius: 0.2 }, translation(0.3, 0.0, 1.5));
     assert!(found.is_empty());
 }
 
@@ -125,7 +126,7 @@ fn witnesses_above_a_half_space_are_the_lower_corners() {
     let mut kinematics = Kinematics::new(&model);
     kinematics.update(&model, &[0.5]);
     let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
-    solids.add_half_space("ground", at(0.0, 0.0, 0.0));
+    solids.add_half_space("ground", translation(0.0, 0.0, 0.0));
     let (nearest, found) = witnesses(&solids, &kinematics);
     assert!((nearest.distance - 0.45).abs() < 1e-12);
     for (x, y) in [(0.2, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.2, -0.1)] {

@@ -37,7 +37,7 @@ const PLACES: [(f64, f64); 6] = [(0.0, 0.0), (0.3, 0.25), (0.5, 0.5), (0.6, 0.8)
 
 fn places(image: &RawImage) -> impl Iterator<Item = (u32, u32)> {
     let at = |part: f64, size: u32| (part * f64::from(size)) as u32;
-    PLACES.iter().map(move |(x, y)| (picture_at(*x, image.width), picture_at(*y, image.height)))
+    PLACES.iter().map(move |(x, y)| (at(*x, image.width), at(*y, image.height)))
 }
 
 /// Returns the bytes of a pixel.

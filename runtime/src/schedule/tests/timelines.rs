@@ -8,7 +8,7 @@ use crate::schedule::{Activity, Lane, Overheads, Timeline, timeline};
 
 const MS: u64 = 1_000_000;
 
-fn timeline(nodes: &[Node], spin_ns: u64, longest_ns: u64) -> Timeline {
+fn drawn_timeline(nodes: &[Node], spin_ns: u64, longest_ns: u64) -> Timeline {
     timeline(&graph(nodes, spin_ns, &[]), &Overheads::NONE, longest_ns)
 }
 
@@ -19,7 +19,7 @@ fn spans(lane: &Lane) -> Vec<(u64, u64)> {
 #[test]
 fn a_chain_runs_in_order_and_spins_before_its_release() {
     let nodes = [node("head", When::Every(100, 20), 30), node("tail", When::After(0), 25)];
-    let drawn = timeline(&nodes, 10, MS);
+    let drawn = drawn_timeline(&nodes, 10, MS);
     assert_eq!((drawn.length_ns, drawn.hyperperiod_ns), (100, Some(100)));
     let [core] = drawn.cores.as_slice() else { panic!("one core") };
     assert_eq!(spans(&core.lanes[0]), [(10, 20), (20, 50)]);
@@ -37,7 +37,7 @@ fn the_more_urgent_interrupts_and_equals_wait_for_their_turn() {
         node("slow", When::Every(60, 2), 20).priority(50),
         node("equal", When::Every(60, 1), 4).priority(50),
     ];
-    let drawn = timeline(&nodes, 0, MS);
+    let drawn = drawn_timeline(&nodes, 0, MS);
     let lanes = &drawn.cores[0].lanes;
     assert_eq!(spans(&lanes[0]), [(0, 5), (20, 25), (40, 45)]);
     assert_eq!(lanes[1].component, "slow");
@@ -49,7 +49,7 @@ fn the_more_urgent_interrupts_and_equals_wait_for_their_turn() {
 fn events_are_drawn_as_often_as_they_may_come() {
     let nodes =
         [node("bus", When::OnEvents(40), 5).priority(90), node("slow", When::Every(80, 2), 40).priority(50)];
-    let drawn = timeline(&nodes, 0, MS);
+    let drawn = drawn_timeline(&nodes, 0, MS);
     let lanes = &drawn.cores[0].lanes;
     assert_eq!((spans(&lanes[0]), &lanes[0].releases_ns), (vec![(0, 5), (40, 45)], &vec![0, 40]));
     assert_eq!(spans(&lanes[1]), [(5, 40), (45, 50)]);
@@ -61,7 +61,7 @@ fn events_are_drawn_as_often_as_they_may_come() {
 
 #[test]
 fn what_spins_before_time_zero_shows_at_the_end() {
-    let drawn = timeline(&[node("head", When::Every(100, 0), 30)], 10, MS);
+    let drawn = drawn_timeline(&[node("head", When::Every(100, 0), 30)], 10, MS);
     assert_eq!(spans(&drawn.cores[0].lanes[0]), [(0, 30), (90, 100)]);
 }
 
@@ -81,7 +81,7 @@ fn a_late_step_is_marked() {
         node("fast", When::Every(70, 0), 26).priority(90),
         node("slow", When::Every(100, 0), 62).priority(50),
     ];
-    let drawn = timeline(&nodes, 0, MS);
+    let drawn = drawn_timeline(&nodes, 0, MS);
     assert!(drawn.cores[0].lanes[0].late_ns.is_empty());
     assert!(drawn.cores[0].lanes[1].late_ns.contains(&114), "{:?}", drawn.cores[0].lanes[1].late_ns);
     assert!(drawn.notes.is_empty());
@@ -91,7 +91,7 @@ fn a_late_step_is_marked() {
 fn a_core_that_cannot_keep_up_is_drawn_and_named() {
     let nodes =
         [node("a", When::Every(20, 0), 12).priority(90), node("b", When::Every(20, 0), 12).priority(50)];
-    let drawn = timeline(&nodes, 0, MS);
+    let drawn = drawn_timeline(&nodes, 0, MS);
     assert_eq!(drawn.cores[0].idle_ns(drawn.length_ns), 0);
     assert_eq!(drawn.notes, ["core 1 cannot keep up: it falls further behind than is drawn"]);
 }
@@ -104,7 +104,7 @@ fn long_hyperperiods_are_cut_and_what_is_left_out_is_said() {
         node("c", When::After(0), 1).no_budget(),
         node("d", When::Every(MS, 0), 1).not_realtime(),
     ];
-    let drawn = timeline(&nodes, 0, 10 * MS);
+    let drawn = drawn_timeline(&nodes, 0, 10 * MS);
     assert_eq!(drawn.length_ns, 10 * MS);
     assert_eq!(
         drawn.notes,
@@ -116,7 +116,7 @@ fn long_hyperperiods_are_cut_and_what_is_left_out_is_said() {
     );
     let primes = [999_999_999_989, 999_999_999_961, 999_999_999_959];
     let nodes: Vec<Node> = primes.iter().map(|period| node("p", When::Every(*period, 0), 1)).collect();
-    let drawn = timeline(&nodes, 0, MS);
+    let drawn = drawn_timeline(&nodes, 0, MS);
     assert_eq!((drawn.hyperperiod_ns, drawn.length_ns), (None, MS));
 }
 
@@ -137,7 +137,7 @@ proptest! {
             (next.when, next.budget_ns) = (When::After(writer), Some(cost));
             nodes.push(next);
         }
-        let drawn = timeline(&nodes, 0, MS);
+        let drawn = drawn_timeline(&nodes, 0, MS);
         let late = drawn.cores[0].lanes.iter().any(|lane| !lane.late_ns.is_empty());
         // beyond a full core the least urgent may not come to an end at all
         let keeps_up = drawn.notes.is_empty();
