@@ -106,7 +106,7 @@ fn speeds(name: &str, world: World, (kp, kd): (f64, f64), seed: &mut u64) -> (f6
 }
 
 #[test]
-fn hold_stops_robots_whatever_their_last_gains() {
+fn hold_stops_robots_with_soft_controllers() {
     let mut seed = 11;
     for (name, is_legged) in [("panda", false), ("ur5e", false), ("quadruped", true)] {
         let (mut worst, mut moving) = (0.0_f64, Vec::new());
