@@ -376,8 +376,8 @@ fn range_of_a_continuous_joint_is_named() {
              <limit {limits} effort=\"9\" velocity=\"2\"/></joint></robot>"
         ))
     };
-    let told =
+    let warns =
         |limits: &str| robot(limits).iter().any(|warning| warning.contains("no effect on a continuous"));
-    assert!(told("lower=\"-1.57\" upper=\"1.57\""));
-    assert!(!told("") && !told("lower=\"-3.1416\" upper=\"3.1416\"") && !told("lower=\"0\" upper=\"0\""));
+    assert!(warns("lower=\"-1.57\" upper=\"1.57\""));
+    assert!(!warns("") && !warns("lower=\"-3.1416\" upper=\"3.1416\"") && !warns("lower=\"0\" upper=\"0\""));
 }

@@ -243,7 +243,7 @@ fn whole(
     Ok(Recording { id, label, ..Recording::new(names, times, values)? })
 }
 
-/// True if so many samples last this long (s) at this rate (Hz), to one sample and 1 %.
+/// True if this number of samples lasts `duration` s at `rate` Hz, to one sample and 1 %.
 fn agree(rate: f64, samples: usize, duration: f64) -> bool {
     (rate * duration - (samples - 1) as f64).abs() <= 1.0 + 0.01 * samples as f64
 }

@@ -53,10 +53,10 @@ pub struct JointLimits {
     /// here.
     pub max_kd: f64,
     /// Position gain of the safe states, N m/rad or N/m. `hold` keeps the last command's where that is
-    /// larger, up to 4 times this one.
+    /// larger, up to 16 times this one.
     pub kp: f64,
     /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps the last command's where that is
-    /// larger, up to twice this one.
+    /// larger, up to 20 times this one.
     pub kd: f64,
 }
 

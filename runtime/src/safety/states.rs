@@ -17,13 +17,13 @@ pub(super) const HOLD_EFFORT_BLEND: f64 = 0.03;
 /// A joint slower than this counts as standing, rad/s or m/s.
 const STANDS: f64 = 1e-3;
 
-/// Largest position gain of `hold`, in units of the profile's: twice its bandwidth.
-const MOST_STIFFNESS: f64 = 4.0;
+/// Largest position gain of `hold`, in units of the profile's: four times its bandwidth.
+const MOST_STIFFNESS: f64 = 16.0;
 
-/// Largest velocity gain of `hold`, in units of the profile's. With [`MOST_STIFFNESS`] the damping ratio is
-/// the profile's. A sampled drive oscillates where `kd dt` exceeds twice the inertia, which only the profile
-/// knows.
-const MOST_DAMPING: f64 = 2.0;
+/// Largest velocity gain of `hold`, in units of the profile's: five times its damping ratio at
+/// [`MOST_STIFFNESS`]. A sampled drive oscillates where `kd dt` exceeds twice the inertia, which only the
+/// profile knows.
+const MOST_DAMPING: f64 = 20.0;
 
 /// A joint as it is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +59,7 @@ impl Joint {
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
-/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | the larger of the last command's and the profile's, for each of `kp` and `kd`; at most 4 times the profile's `kp` and twice its `kd` | gravity |
+/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | the larger of the last command's and the profile's, for each of `kp` and `kd`; at most 16 times the profile's `kp` and 20 times its `kd` | gravity |
 /// | `damp` | none | `kd` of the safe states | none |
 /// | `zero_torque` | none | none | none |
 /// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |

@@ -73,12 +73,12 @@ fn each_safe_state_is_entered_by_its_law() {
     let stiff = JointSetpoint { kp: 1_000.0, kd: 5.0, ..JointSetpoint::default() };
     let held = enter(SafeState::Hold, &joint, limits, &stiff);
     assert_eq!((held.kp, held.kd), (1_000.0, 40.0), "each gain is the larger of the two");
-    let stiffest = JointSetpoint { kp: 9_000.0, kd: 5_000.0, ..JointSetpoint::default() };
+    let stiffest = JointSetpoint { kp: 20_000.0, kd: 5_000.0, ..JointSetpoint::default() };
     let held = enter(SafeState::Hold, &joint, limits, &stiffest);
-    assert_eq!((held.kp, held.kd), (2_400.0, 80.0), "a stiff controller may be unstable");
+    assert_eq!((held.kp, held.kd), (9_600.0, 800.0), "a stiff controller may be unstable");
     let unknown = JointLimits { kp: 0.0, kd: 0.0, ..limits.clone() };
     let held = enter(SafeState::Hold, &joint, &unknown, &stiffest);
-    assert_eq!((held.kp, held.kd), (9_000.0, 5_000.0), "without a profile the last command's");
+    assert_eq!((held.kp, held.kd), (20_000.0, 5_000.0), "without a profile the last command's");
     let stands = stay(SafeState::Brake, &Joint { position: 0.4, ..joint }, limits, &braked, DT);
     assert_eq!((stands.position, stands.kp, stands.kd, stands.effort), (0.4, 600.0, 40.0, 21.0));
 }
