@@ -1,5 +1,5 @@
-//! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the searches
-//! are compared with cma and bayesian-optimization in one run.
+//! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the
+//! searches are compared with cma and bayesian-optimization in one run.
 
 mod training;
 mod work;

@@ -1,5 +1,5 @@
-//! `motorium learn`: one set of weights on any number of threads, straight or resumed; a policy folder; a tuned
-//! graph.
+//! `motorium learn`: one set of weights on any number of threads, straight or resumed; a policy folder; a
+//! tuned graph.
 
 use std::time::{Duration, Instant};
 
@@ -109,10 +109,12 @@ fn interrupted_tuning_resumes_to_the_same_table() {
     let mut arguments =
         vec!["learn", "tune", graph, "--parameter", "policy.config.frequency=1:4", "--for", "1s"];
     arguments.extend(["--reward", "physics.base_travel_x_m", "--evaluations", "16", "--json", "--output"]);
-    let expected = json(&[&arguments[..], &[&straight]].concat());
+    let mut other = arguments.clone();
+    arguments.push(&straight);
+    other.push(&interrupted);
+    let expected = json(&arguments);
 
-    let mut child =
-        motorium(&[&arguments[..], &[&interrupted]].concat()).spawn().expect("the program starts");
+    let mut child = motorium(&other).spawn().expect("the program starts");
     let table = folder.path().join("b/evaluations.csv");
     let began = Instant::now();
     // the header and two evaluations

@@ -281,7 +281,7 @@ impl Study {
         over_seeds(&self.trials(searcher).map(Trial::best_speeds).collect::<Vec<_>>(), 1)
     }
 
-    /// Number of the evaluation, mean over seeds of its distance from the gait before, and its standard error.
+    /// Number of the evaluation, mean over seeds of its distance from the gait before, and standard error.
     pub fn distances(&self, searcher: Searcher) -> Vec<[f64; 3]> {
         over_seeds(&self.trials(searcher).map(Trial::distances).collect::<Vec<_>>(), 2)
     }

@@ -22,7 +22,7 @@ pub enum Scale {
 /// use motorium_learners::tuning::{Parameter, Scale};
 ///
 /// let frequency: Parameter = "policy.config.frequency=1:4".parse()?;
-/// assert_eq!((frequency.keys.as_slice(), frequency.range), (&["policy.config.frequency".to_owned()][..], [1.0, 4.0]));
+/// assert_eq!((frequency.name().as_str(), frequency.range), ("policy.config.frequency", [1.0, 4.0]));
 /// let gain: Parameter = "left.config.kp, right.config.kp=1:1000:log".parse()?;
 /// assert_eq!((gain.keys.len(), gain.scale), (2, Scale::Log));
 /// # Ok::<(), motorium_learners::tuning::ParameterError>(())

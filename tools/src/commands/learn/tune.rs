@@ -56,7 +56,7 @@ impl From<Method> for tuning::Method {
 /// of threads; `motorium learn resume` continues after an interruption.
 ///
 /// Example: motorium learn tune graphs/quadruped-trot.toml --parameter policy.config.frequency=1:4 --reward
-/// physics.base_travel_x_m --expect "physics.base_height_lowest_m > 0.12" --for 5s --output out/trot
+/// physics.base_travel_x_m --for 5s --output out/trot
 #[derive(Debug, clap::Args)]
 pub(super) struct Tune {
     /// The graph file
@@ -65,29 +65,30 @@ pub(super) struct Tune {
     /// Keys of a number, and its range; `:log` searches ratios; may be repeated
     #[arg(long, value_name = "KEY[,KEY]=LOW:HIGH[:log]", required = true)]
     parameter: Vec<Parameter>,
-    /// Figure of the report to maximise, such as `-1*controller.position_error_m`; several are added
+    /// Figure of the report to maximise; a weight of -1 minimises it; several are added
     #[arg(long, value_name = "[WEIGHT*]COMPONENT.FIGURE", required = true, allow_hyphen_values = true)]
     reward: Vec<Reward>,
-    /// Condition without which an evaluation has failed; may be repeated
+    /// Condition without which an evaluation fails; `--no-expect` ignores the graph's
     #[arg(long, value_name = "FIGURE CONDITION")]
     expect: Vec<Expectation>,
     /// Ignore the conditions of the graph
-    #[arg(long)]
+    #[arg(long, hide = true)]
     no_expect: bool,
     /// Simulated time of an evaluation [default: the graph's duration]
     #[arg(long = "for", value_name = "DURATION")]
     duration: Option<TimeSpan>,
-    /// Search method: `cma-es`, `cross-entropy`, `bayesian` or `random`
-    #[arg(long, default_value = "cma-es", hide_possible_values = true)]
+    /// Search method: `cma-es`, `cross-entropy`, `random`, or `bayesian` with `--together` (2) evaluations at
+    /// a time [default: cma-es]
+    #[arg(long, default_value = "cma-es", hide_possible_values = true, hide_default_value = true)]
     method: Method,
-    /// Evaluations
-    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    /// Evaluations [default: 200]
+    #[arg(long, default_value_t = 200, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     evaluations: u64,
     /// Evaluations of a Bayesian search at a time
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, hide = true, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     together: u16,
-    /// Seed of the search; `--set seed=N` is the graph's
-    #[arg(long, default_value_t = 1)]
+    /// Seed of the search; `--set seed=N` is the graph's [default: 1]
+    #[arg(long, default_value_t = 1, hide_default_value = true)]
     seed: u64,
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
@@ -376,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn tuned_graph_repeats_on_threads_and_its_overlay_has_the_reward() {
+    fn tuning_repeats_and_its_overlay_has_the_reward() {
         let (graph, settings) = graph("physics.base_height_lowest_m > 0.12");
         let tables = [1, 2].map(|threads| {
             let folder = tempfile::tempdir().expect("a folder");

@@ -80,9 +80,10 @@ type Feasible = Arc<dyn Fn(&[f64]) -> bool + Send + Sync>;
 
 /// A search that models the reward by a Gaussian process and evaluates where an [`Acquisition`] is largest.
 ///
-/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with a length scale per parameter, on parameters in the unit box and
-/// standardised rewards. Its hyperparameters are the maximum of the marginal likelihood with log-normal
-/// priors: length scales around 0.5 and variance around 1, both with a deviation of 1 in the logarithm.
+/// The process has a Matern 5/2 kernel (or another [`Smoothness`]) with a length scale per parameter, on
+/// parameters in the unit box and standardised rewards. Its hyperparameters are the maximum of the marginal
+/// likelihood with log-normal priors: length scales around 0.5 and variance around 1, both with a deviation
+/// of 1 in the logarithm.
 /// Several candidates at a time are chosen one after the other, each as if the pending ones had returned
 /// their mean.
 ///
