@@ -135,7 +135,7 @@ fn comments_inside_sdf_values_are_left_out() {
 }
 
 #[test]
-fn files_with_different_frictions_combine_them_as_their_program() {
+fn files_combine_frictions_as_their_program() {
     let sdf = |ground: f64| {
         let plane = format!(
             "<model name=\"ground\"><static>true</static><link name=\"l\"><collision name=\"c\"><geometry><plane/></geometry>\

@@ -111,7 +111,8 @@ struct Collected {
     consequences: Vec<Consequence>,
 }
 
-/// Injects the faults one after the other; `report_progress` is called after each with the number of faults so far.
+/// Injects the faults one after the other; `report_progress` is called after each one with the number of faults
+/// so far.
 ///
 /// # Errors
 /// The graph does not start.

@@ -48,7 +48,7 @@ counted_buffer! {
     /// use motorium::state::Text;
     ///
     /// assert_eq!(Text::truncated("go").as_str(), "go");
-    /// assert_eq!(Text::truncated(&"long ".repeat(1000)).as_str().len(), 1024, "cut at the length of the buffer");
+    /// assert_eq!(Text::truncated(&"long ".repeat(1000)).as_str().len(), 1024, "cut at the buffer length");
     /// ```
     pub struct Text as "motorium.Text", at most MAX_TEXT {
         counted {

@@ -193,8 +193,8 @@ impl TopicMemory {
             return first;
         };
         let value = self.value(like).cast_const();
-        // SAFETY: `at` lies in the value (see `InUse::from_layout`), all of it initialised, which nobody writes by the
-        // caller's promise.
+        // SAFETY: `at` is within the value (see `InUse::from_layout`), which is initialised, and which nobody
+        // writes by the caller's promise.
         let count = |at: usize| unsafe { value.add(at).cast::<u32>().read_unaligned() } as usize;
         self.in_use.each(count, |offset, size| prefetch(first.wrapping_add(offset), size));
         first
