@@ -311,9 +311,10 @@ impl Declare {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// Declares that this component cannot keep deadlines, and why: for example, it collects garbage, or waits
-    /// for a lock of its interpreter. Its scheduling class is then `normal` unless the graph insists on another one, and
-    /// `motorium check` warns with the reason, and names the real-time components that depend on it.
+    /// Declares that this component cannot keep deadlines, and why: for example, it collects garbage, or
+    /// waits for a lock of its interpreter. Its scheduling class is then `normal` unless the graph insists
+    /// on another one, and `motorium check` warns with the reason, and names the real-time components that
+    /// depend on it.
     ///
     /// ```
     /// use motorium::prelude::*;
