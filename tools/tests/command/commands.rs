@@ -221,7 +221,7 @@ fn hopeless(words: &str, command: &clap::Command) -> Vec<String> {
                 let count = argument.get_num_args().map_or(1, |range| range.min_values().max(1));
                 arguments.extend(std::iter::repeat_n("no-such/Thing".to_string(), count));
             }
-            (Some("run" | "only" | "data" | "states" | "example" | "robot"), true) => {
+            (Some("run" | "only" | "data" | "states" | "example" | "robot" | "seeds"), true) => {
                 let option = argument.get_long().expect("it has one");
                 options.extend([format!("--{option}"), "no-such-thing".to_string()]);
             }
