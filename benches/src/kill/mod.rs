@@ -111,8 +111,7 @@ struct Collected {
     consequences: Vec<Consequence>,
 }
 
-/// Injects the faults one after the other; `report_progress` is called after each one with the number of faults
-/// so far.
+/// Injects the faults one after the other and calls `report_progress` after each with their number so far.
 ///
 /// # Errors
 /// The graph does not start.

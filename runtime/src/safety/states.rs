@@ -59,13 +59,13 @@ impl Joint {
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
-/// | `hold` | current; with an acceleration limit, where 0.7 times the limit stops the joint | held gains | gravity |
+/// | `hold` | current; under an acceleration limit, where 0.7 times it stops the joint | held gains | gravity |
 /// | `damp` | none | `kd` of the safe states | none |
 /// | `zero_torque` | none | none | none |
 /// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
 ///
-/// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at most
-/// 16 times the profile's `kp` and 20 times its `kd`.
+/// Held gains are the larger of the last command's and the profile's, separately for `kp` and `kd`, but at
+/// most 16 times the profile's `kp` and 20 times its `kd`.
 ///
 /// ```
 /// use motorium::plan::SafeState;
