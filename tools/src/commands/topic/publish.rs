@@ -60,7 +60,7 @@ impl Pub {
         let bytes = encode(&topic.layout, &self.fields.join(" "))?;
         fed_from_outside(&run.plan, topic)?;
         let mut watch = Watch::open(&run, topic)?;
-        let feed = Feed::open(&run.folder.domain()?, &topic.name, &topic.layout)
+        let feed = Feed::open(&run.folder.domain()?, topic)
             .with_context(|| format!("`{}` of run {} cannot be fed", topic.name, run.folder.id()))?;
         let begin = Instant::now();
         let Some(rate) = self.rate else {
