@@ -30,6 +30,8 @@ pub struct Link {
     pub(super) is_off: bool,
     /// It is let go for the rest of the run.
     pub(super) is_released: bool,
+    /// It is never enabled.
+    pub(super) is_observed: bool,
     /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
     pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
@@ -75,6 +77,7 @@ impl Link {
             state_ns: None,
             is_off: false,
             is_released: false,
+            is_observed: false,
             asked_by: None,
             asked: false,
             answered: false,
@@ -316,6 +319,11 @@ impl Link {
                 (self.phase, self.fault) = (Phase::Fault, Some(fault));
                 self.counts.faults += u64::from(is_new);
                 is_new
+            }
+            // Nobody resumes an adapter that only listens.
+            (State::Disabled | State::Enabled | State::Unknown, Phase::Fault) if self.is_observed => {
+                self.phase = Phase::Disabled;
+                false
             }
             (State::Enabled | State::Unknown, Phase::Enabling) => {
                 self.phase = Phase::Enabled;

@@ -176,16 +176,18 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
 }
 
 /// Refuses drives whose watchdog is off, or acts between two commands; warns of one that a single lost
-/// command sets off.
+/// command sets off. Drives that are never enabled need none.
 pub(super) fn check_watchdogs(
     config: &CanAdapterConfig,
     equipped: &Equipped,
     declare: &mut Declare,
 ) -> Result<(), ConfigError> {
+    if config.observe {
+        return Ok(());
+    }
     let drives = &equipped.table.drives;
     if let Some(drive) = drives.iter().find(|drive| drive.watchdog.ns == 0)
         && !config.allow_no_watchdog
-        && !config.observe
     {
         let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
         return Err(ConfigError::key("drives", message).advise(
