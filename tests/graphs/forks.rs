@@ -40,8 +40,8 @@ fn a_run_in_processes_outlives_a_fork_of_its_driver() {
     advance(&mut session, 20);
 
     let mut session = Some(session);
-    // SAFETY: the child compares and drops, calls nothing that waits for a lock of another thread, and ends by
-    // `_exit`.
+    // SAFETY: the child compares and drops, calls nothing that waits for a lock of another thread, and ends
+    // by `_exit`.
     let child = unsafe { libc::fork() };
     if child == 0 {
         let refused = session.as_mut().is_some_and(|session| {

@@ -9,7 +9,7 @@ use crate::declare::{ConfigError, Declare, StepError};
 /// no Rust type for each component.
 ///
 /// It means the same as [`Component`](super::Component), method by method. Its configuration is JSON, its
-/// ports are usually those of [`raw`](crate::raw), and whether it resets is declared by
+/// ports are usually from [`raw`](crate::raw), and whether it resets is declared by
 /// [`Declare::resets`]. `program::main_of` is the `main` of its program, which a graph names by `exec`.
 ///
 /// ```no_run

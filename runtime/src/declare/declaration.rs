@@ -283,8 +283,8 @@ impl Declare {
         self.declaration.may_begin_episodes = true;
     }
 
-    /// Declares that this component can be reset for a new episode. A component with a type of its own says so
-    /// by `Component::RESETS`; this is for components that are known at run time only.
+    /// Declares that this component can be reset for a new episode. A component with a type declares it by
+    /// `Component::RESETS`; this is for components that are known at run time only.
     pub fn resets(&mut self) {
         self.declaration.resets = true;
     }
@@ -311,8 +311,8 @@ impl Declare {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// Declares that this component cannot keep deadlines, and why: it collects garbage, or waits for a lock of
-    /// its interpreter. Its scheduling class is then `normal` unless the graph insists on another one, and
+    /// Declares that this component cannot keep deadlines, and why: it collects garbage, or waits for a lock
+    /// of its interpreter. Its scheduling class is then `normal` unless the graph insists on another one, and
     /// `motorium check` warns with the reason, and names the real-time components that depend on it.
     ///
     /// ```

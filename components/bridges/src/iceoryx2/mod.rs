@@ -28,9 +28,9 @@ const MIRRORED_CAPACITY: usize = 16;
 /// Mirrors topics of the graph to stock iceoryx2 programs, and publishes their values on topics of the graph.
 ///
 /// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp)
-/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. That of a state has no user
-/// header; that of a stream or of slices has a `Stamp`, whose `sequence` the program counts. A value gets the
-/// bridge's own stamp; its source time is the step that received it.
+/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. A state has no user header there;
+/// a stream and slices have a `Stamp`, whose `sequence` the program counts. A value gets the bridge's own
+/// stamp; its source time is the step that received it.
 pub struct Iceoryx2Bridge {
     outbound: Vec<Outbound>,
     inbound: Vec<Inbound>,

@@ -145,7 +145,7 @@ impl<'a> Service<'a> {
         };
         let builder = node.service_builder(&name).publish_subscribe::<[CustomPayloadMarker]>();
         // SAFETY: the details describe `repr(C)` types of fixed size with their alignments, or no header.
-        // iceoryx2 compares them with those of an existing service.
+        // iceoryx2 compares them with the details of an existing service.
         Ok(unsafe {
             builder
                 .user_header::<CustomHeaderMarker>()
@@ -176,8 +176,8 @@ pub(super) fn send(port: &Sender, stamp: Option<&Stamp>, bytes: &[u8], count: us
         return false;
     }
     let payload = payload.as_mut_ptr().cast::<u8>();
-    // SAFETY: a service with a header was created with `Stamp`, and the payload has the length of `bytes`. The
-    // sample is loaned to this call only and is filled completely.
+    // SAFETY: a service with a header was created with `Stamp`, and the payload has the length of `bytes`.
+    // The sample is loaned to this call only and is filled completely.
     let sample = unsafe {
         if let Some(stamp) = stamp {
             header.write(*stamp);

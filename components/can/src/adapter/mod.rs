@@ -123,8 +123,8 @@ impl Adapter {
         }
     }
 
-    /// The same, but no drive is ever enabled: they are checked, and tell where they stand. A fault lasts for
-    /// as long as the drive reports it.
+    /// The same, but no drive is ever enabled: they are checked and measured. A fault lasts for as long as the
+    /// drive reports it.
     #[must_use]
     pub fn observer(mut self) -> Self {
         self.links.iter_mut().for_each(|link| link.is_observed = true);

@@ -7,8 +7,8 @@ use crate::graph::diagnostic::Report;
 use crate::graph::values::Schedule;
 use crate::nearest::list;
 
-/// Warns of components that cannot keep deadlines, with their reasons and the real-time components that depend
-/// on them. A graph that writes `schedule = "normal"` has accepted it.
+/// Warns of components that cannot keep deadlines, with their reasons and the real-time components that
+/// depend on them. A graph that writes `schedule = "normal"` has accepted it.
 pub(super) fn warn(drafts: &[Draft<'_, '_>], schedules: &[Schedule], wiring: &Wiring, report: &mut Report) {
     for (component, draft) in drafts.iter().enumerate() {
         let declared = draft.declaration.as_ref().and_then(|declared| declared.not_real_time.as_ref());
