@@ -3,12 +3,13 @@
 use std::io::{Read as _, Write as _};
 use std::process::ExitCode;
 
-use crate::declare::Declare;
+use crate::component::DynamicComponent;
+use crate::declare::{Declaration, Declare};
 use crate::plan;
 use crate::run_folder::RunFolder;
 use crate::worker::{
-    CLEANER, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, KINDS, Kind, KindAnswer, KindsAnswer, Outcome,
-    WORKER, Worker,
+    CLEANER, ConfigProblem, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, KINDS, Kind, KindAnswer,
+    KindsAnswer, Outcome, WORKER, Worker, declare_dynamic, run_dynamic,
 };
 
 /// The request of motorium to a program, from its arguments.
@@ -56,17 +57,47 @@ pub fn main(kind: &Kind) -> ExitCode {
         Some(Program::Guard(folder)) => guard(&folder),
         Some(Program::Cleaner(folder)) => clean(&folder),
         Some(Program::Worker { folder, component }) => run_worker(&folder, &component, |_| Some(*kind)),
-        None => {
-            eprintln!(
-                "{} is a motorium component ({}: {}).\nName it in a graph file, `exec = \"PATH\"`, and start that with \
-                 `motorium run GRAPH.toml`.",
-                arguments.first().map_or("this", String::as_str),
-                kind.name,
-                kind.summary
-            );
-            ExitCode::from(2)
-        }
+        None => introduce(&arguments, kind.name, kind.summary),
     }
+}
+
+/// The `main` of a program with one component whose kind, ports and configuration are known at run time only.
+///
+/// The program answers `motorium check` and runs as a process of a graph that names it by `exec`, as one made
+/// by [`main!`](crate::main) does. Its allocations are not counted unless its global allocator is
+/// [`CountingAllocator`](crate::telemetry::CountingAllocator).
+pub fn main_of(component: impl DynamicComponent) -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    match Program::from_arguments(&arguments) {
+        Some(Program::Describe) => answer(|request| {
+            let (config, declare) = (request.config.clone(), declare_of(request));
+            Some(declare_dynamic(&component, &config, declare))
+        }),
+        Some(Program::Kinds) => list_answers(vec![KindAnswer {
+            name: component.kind().to_string(),
+            summary: component.summary().to_string(),
+            reads_world: false,
+            reads_gravity: false,
+            schema: component.schema(),
+            definitions: serde_json::json!({}),
+        }]),
+        Some(Program::Guard(folder)) => guard(&folder),
+        Some(Program::Cleaner(folder)) => clean(&folder),
+        Some(Program::Worker { folder, component: name }) => {
+            work(&folder, &name, |worker| Some(run_dynamic(worker, Box::new(component))))
+        }
+        None => introduce(&arguments, component.kind(), component.summary()),
+    }
+}
+
+/// Says how a program with one component is used.
+fn introduce(arguments: &[String], kind: &str, summary: &str) -> ExitCode {
+    eprintln!(
+        "{} is a motorium component ({kind}: {summary}).\nName it in a graph file, `exec = \"PATH\"`, and start that \
+         with `motorium run GRAPH.toml`.",
+        arguments.first().map_or("this", String::as_str),
+    );
+    ExitCode::from(2)
 }
 
 /// The `main` of a program that hosts several kinds for `motorium`; use [`host!`](crate::host).
@@ -97,7 +128,10 @@ pub fn host(kinds: &[Kind]) -> ExitCode {
 
 /// Answers a request for the kinds that the program hosts: JSON on standard output.
 pub fn list(kinds: &[Kind]) -> ExitCode {
-    let mut kinds: Vec<KindAnswer> = kinds.iter().map(KindAnswer::from_kind).collect();
+    list_answers(kinds.iter().map(KindAnswer::from_kind).collect())
+}
+
+fn list_answers(mut kinds: Vec<KindAnswer>) -> ExitCode {
     kinds.sort_by(|one, other| one.name.cmp(&other.name));
     let motorium = env!("CARGO_PKG_VERSION").to_string();
     print(&KindsAnswer { motorium, memory: crate::region::layout_digest(), kinds })
@@ -138,6 +172,27 @@ pub fn clean(folder: &RunFolder) -> ExitCode {
 /// Answers a request for a component's description: JSON on standard input and output. A program with one
 /// kind needs no kind in the request.
 pub fn describe(kinds: &[Kind]) -> ExitCode {
+    answer(|request| {
+        let wanted = match (&request.kind, kinds) {
+            (None, [only]) => Some(only),
+            (None, _) => None,
+            (Some(name), kinds) => kinds.iter().find(|kind| kind.name == name),
+        };
+        wanted.map(|kind| kind.declare_in(request.config.clone(), declare_of(request)))
+    })
+}
+
+/// The declaration to be filled for a request.
+fn declare_of(request: &DescribeRequest) -> Declare {
+    let declare = match request.robots.is_empty() {
+        true => Declare::new(request.robot.clone()),
+        false => Declare::of_robots(request.robots.clone()),
+    };
+    declare.placed(request.placement.clone())
+}
+
+/// Answers a request for a description; `describe` returns `None` if the program does not host its kind.
+fn answer(describe: impl FnOnce(&DescribeRequest) -> Option<Result<Declaration, ConfigProblem>>) -> ExitCode {
     let mut text = String::new();
     let request: Result<DescribeRequest, String> = std::io::stdin()
         .read_to_string(&mut text)
@@ -150,20 +205,10 @@ pub fn describe(kinds: &[Kind]) -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let wanted = match (&request.kind, kinds) {
-        (None, [only]) => Some(only),
-        (None, _) => None,
-        (Some(name), kinds) => kinds.iter().find(|kind| kind.name == name),
-    };
-    let Some(kind) = wanted else {
+    let Some(declared) = describe(&request) else {
         eprintln!("this program hosts no kind `{}`", request.kind.unwrap_or_default());
         return ExitCode::from(2);
     };
-    let declare = match request.robots.is_empty() {
-        true => Declare::new(request.robot),
-        false => Declare::of_robots(request.robots),
-    };
-    let declared = kind.declare_in(request.config, declare.placed(request.placement));
     let (declaration, error) = match declared {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),
@@ -178,6 +223,11 @@ pub fn run_worker(
     component: &str,
     kinds: impl Fn(&crate::plan::ComponentPlan) -> Option<Kind>,
 ) -> ExitCode {
+    work(folder, component, |worker| Some(kinds(worker.component())?.run(worker)))
+}
+
+/// Runs one component of a run in this process; `run` returns `None` if the program does not host its kind.
+fn work(folder: &RunFolder, component: &str, run: impl FnOnce(Worker) -> Option<Outcome>) -> ExitCode {
     crate::domain::quieten();
     let worker = match Worker::open(folder.clone(), component) {
         Ok(worker) => worker,
@@ -186,13 +236,13 @@ pub fn run_worker(
             return ExitCode::FAILURE;
         }
     };
-    let Some(kind) = kinds(worker.component()) else {
-        eprintln!("{component}: this program does not host its kind");
-        return ExitCode::FAILURE;
-    };
-    match kind.run(worker) {
-        Outcome::Stopped => ExitCode::SUCCESS,
-        Outcome::Failed => ExitCode::FAILURE,
+    match run(worker) {
+        Some(Outcome::Stopped) => ExitCode::SUCCESS,
+        Some(Outcome::Failed) => ExitCode::FAILURE,
+        None => {
+            eprintln!("{component}: this program does not host its kind");
+            ExitCode::FAILURE
+        }
     }
 }
 

@@ -18,12 +18,13 @@ fn python() -> Option<PathBuf> {
     works.then_some(python)
 }
 
-/// Returns the program on the bridge's page.
-fn example() -> String {
+/// The block of this kind and index in the page of the bridge.
+fn example(kind: &str, index: usize) -> String {
     let page = workspace().join("docs/src/kinds/bridge-iceoryx2.md");
     let page = std::fs::read_to_string(page).expect("the page is there");
-    let program = page.split("```python\n").nth(1).and_then(|rest| rest.split("```").next());
-    program.expect("the page holds a program").to_string()
+    let opening = format!("```{kind}\n");
+    let program = page.split(&opening).nth(index + 1).and_then(|rest| rest.split("```").next());
+    program.expect("the page holds it").to_string()
 }
 
 /// Returns a Python with the wheel, or reports that the test is skipped.
@@ -44,7 +45,7 @@ fn the_python_program_of_the_book_leads_the_arm() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
     write("motorium_types.py", &printed(&["schema", "python"]));
-    write("lift.py", &example());
+    write("lift.py", &example("python", 0));
     let program = || {
         let mut program = Command::new(&python);
         program.arg("lift.py").current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -79,6 +80,40 @@ fn the_python_program_of_the_book_leads_the_arm() {
     // the bridge shares its core with everything else: only the limit is certain
     assert!((Some(10)..=Some(600)).contains(&counts["published"].as_u64()), "{counts}");
     assert_eq!(counts["refused"]["not_finite"].as_u64(), Some(0), "{counts}");
+    assert_eq!(leftovers(&name), Vec::<String>::new());
+}
+
+#[test]
+fn the_python_program_of_the_book_filters_a_cloud() {
+    let Some(python) = python_or_skip() else { return };
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+    write("motorium_types.py", &printed(&["schema", "python"]));
+    write("obstacles.py", &example("python", 1));
+    let below = workspace().join("graphs/lidar-drive.toml");
+    let graph = example("toml cloud", 0);
+    write("cloud.toml", &graph.replace("lidar-drive.toml", below.to_str().expect("a plain path")));
+
+    let run = Run::start(&folder.path().join("cloud.toml"), &["--for", "6 s"]);
+    let name = run.folder.id().to_string();
+    let output = Command::new(&python).arg("obstacles.py").current_dir(folder.path()).output();
+    let output = output.expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8_lossy(&output.stdout);
+    let numbers = |line: &str| line.split(' ').map(|number| number.parse().expect("a number")).collect();
+    let scans: Vec<Vec<u64>> = lines.lines().map(numbers).collect();
+    let ended = run.finish();
+    let report = ended.report();
+    assert_eq!(report.exit, Exit::Finished, "{}", ended.stderr);
+    assert_eq!(scans.len(), 10, "{lines}");
+    // sequences, points of a scan, and those nearby: walls are farther away than 1.5 m, some of them
+    assert!(scans.windows(2).all(|pair| pair[0][0] < pair[1][0]), "{lines}");
+    assert!(scans.iter().all(|scan| scan[1] <= 360 && scan[2] < scan[1]), "{lines}");
+    let counts = &report.results["bridge"]["in"]["rover/obstacles"];
+    assert_eq!((counts["received"].as_u64(), counts["published"].as_u64()), (Some(10), Some(10)), "{counts}");
+    assert_eq!(counts["lost"].as_u64(), Some(0), "{counts}");
+    assert!(report.results["bridge"]["out"]["rover/points"]["mirrored"].as_u64() >= Some(10));
     assert_eq!(leftovers(&name), Vec::<String>::new());
 }
 

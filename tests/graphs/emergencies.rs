@@ -3,8 +3,7 @@
 use std::net::UdpSocket;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -107,21 +106,20 @@ fn every_press_latches_however_short_it_is() {
 
 /// A program that feeds the value "released". It is killed on drop.
 enum Feeder {
-    Datagrams(Arc<AtomicBool>, Option<JoinHandle<()>>),
+    /// Sends until the other end of the channel is dropped.
+    Datagrams(Option<(Sender<()>, JoinHandle<()>)>),
     Program(Child),
 }
 
 impl Feeder {
     fn datagrams(socket: &UdpSocket) -> Self {
-        let (socket, ended) = (socket.try_clone().unwrap(), Arc::new(AtomicBool::new(false)));
-        let is_over = ended.clone();
+        let (socket, (ends, ended)) = (socket.try_clone().unwrap(), channel());
         let feed = move || {
-            while !is_over.load(Ordering::Relaxed) {
+            while ended.recv_timeout(Duration::from_millis(10)) == Err(RecvTimeoutError::Timeout) {
                 let _ = socket.send(&0_u64.to_ne_bytes());
-                std::thread::sleep(Duration::from_millis(10));
             }
         };
-        Self::Datagrams(ended, Some(std::thread::spawn(feed)))
+        Self::Datagrams(Some((ends, std::thread::spawn(feed))))
     }
 
     fn program(run: &Run) -> Self {
@@ -135,9 +133,11 @@ impl Feeder {
 impl Drop for Feeder {
     fn drop(&mut self) {
         match self {
-            Self::Datagrams(ended, thread) => {
-                ended.store(true, Ordering::Relaxed);
-                thread.take().into_iter().for_each(|thread| thread.join().unwrap());
+            Self::Datagrams(feeding) => {
+                if let Some((ends, thread)) = feeding.take() {
+                    drop(ends);
+                    thread.join().unwrap();
+                }
             }
             Self::Program(child) => {
                 let _ = child.kill();
@@ -175,7 +175,9 @@ fn press_at_random(run: &Run, feed: &dyn Fn() -> Feeder, press: &dyn Fn(u64)) {
             }
             gate.latch.is_none() && gate.state == GateState::Following
         });
-        std::thread::sleep(Duration::from_secs_f64(0.1 * uniform()));
+        // up to 100 steps at 1 kHz
+        let moment = run.steps_of("physics") + (100.0 * uniform()) as u64;
+        await_that("the run has reached the moment", || run.steps_of("physics") >= moment);
         let began = Instant::now();
         if uniform() < 0.2 || presses >= 5 && deaths == 0 {
             drop(fed);

@@ -5,7 +5,7 @@ use std::process::Child;
 use std::time::{Duration, Instant};
 
 use crate::program::{complaint, json, machine, motorium, printed};
-use crate::support::ANY_LOSS;
+use crate::support::{ANY_LOSS, Run};
 use serde_json::Value;
 
 /// The component that `motorium new` writes.
@@ -143,6 +143,27 @@ fn echoes_samples(run: &str) {
 
     let wrong = complaint(&["topic", "echo", "panda/joint_sate", "--run", run]);
     assert!(wrong.contains("did you mean `panda/joint_state`?"), "{wrong}");
+}
+
+#[test]
+fn slices_of_any_size_are_echoed_in_place() {
+    let _machine = machine();
+    let run = Run::start(Path::new("graphs/lidar-drive.toml"), &["--for", "60 s"]);
+    let id = run.folder.id();
+    let sample = |topic: &str| json(&["topic", "echo", topic, "--run", id, "--count", "1", "--json"]);
+    let cloud = sample("rover/points");
+    let points = cloud["value"].as_array().expect("an array of points");
+    assert!(!points.is_empty() && points.len() <= 360, "{}", points.len());
+    assert!(points.iter().all(|point| point["x"].is_f64() && point["intensity"].is_f64()), "{cloud}");
+    assert_eq!(cloud["publisher"], "lidar");
+    let depth = sample("rover/depth");
+    let bytes = depth["value"].as_array().expect("an array of bytes");
+    assert!(bytes.len() == 160 * 120 * 4 && bytes.iter().all(Value::is_u64), "{}", bytes.len());
+    let text = printed(&["topic", "echo", "rover/points", "--run", id, "--every", "--count", "2"]);
+    assert_eq!(text.matches("elements of motorium.CloudPoint").count(), 2, "{text}");
+    assert!(text.contains("  [0] x ") && text.contains("more, which --json prints"), "{text}");
+    let measured = json(&["topic", "hz", "rover/points", "--run", id, "--for", "1s", "--json"]);
+    assert!(measured["received"].as_u64() > Some(1), "{measured}");
 }
 
 fn measures_rates(run: &str) {

@@ -15,6 +15,7 @@ mod exports;
 mod exposition;
 mod faults;
 mod feeding;
+mod forks;
 mod gaits;
 mod gravity;
 mod hangs;

@@ -7,6 +7,8 @@ use serde_json::Value;
 use crate::MOTORIUM;
 
 const NEW: &str = env!("CARGO_BIN_EXE_new-component");
+/// A component whose ports follow from its configuration.
+const DYNAMIC: &str = env!("CARGO_BIN_EXE_dynamic-component");
 
 fn motorium(arguments: &[&str]) -> (bool, String, String) {
     let output = Command::new(MOTORIUM).args(arguments).output().expect("motorium starts");
@@ -69,4 +71,41 @@ fn a_program_that_is_no_component_is_said_to_be_none() {
     let (success, _, errors) = motorium(&["kinds", "--exec", "/bin/true"]);
     assert!(!success && errors.contains("does not answer `motorium-kinds` as a component does"), "{errors}");
     assert!(errors.contains("motorium::main!"), "{errors}");
+}
+
+/// A constant wrench, and the double of it: both by the program whose ports follow from its configuration.
+fn scaled(resets: bool, output: &str) -> String {
+    let component = |name: &str, subscribe: &str, config: &str| {
+        format!(
+            "[component.{name}]\nexec = {DYNAMIC:?}\nrate = \"1 kHz\"\n{subscribe}publish = {{ output = \"{name}\" }}\n\
+             config = {{ type = \"{output}\", resets = {resets}, {config} }}\n"
+        )
+    };
+    let source = component("source", "", "constant = 1.5");
+    let double = component("double", "subscribe = { input = \"source\" }\n", "gain = 2.0");
+    format!("name = \"scaled\"\nclock = \"lockstep\"\nduration = \"100 ms\"\n{source}{double}")
+}
+
+#[test]
+fn a_component_made_at_run_time_runs_and_resets() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = folder.path().join("graph.toml");
+    std::fs::write(&graph, scaled(true, "motorium.Wrench")).unwrap();
+    let report = crate::support::run(&graph, &["--episodes", "2"]);
+    let report = report.report();
+    assert_eq!(report.exit, motorium::launcher::Exit::Finished);
+    let double = &report.results["double"];
+    assert_eq!(double["last"], serde_json::json!([3.0, 3.0, 3.0, 3.0, 3.0, 3.0]), "{double}");
+    assert_eq!((&double["steps"], &double["resets"]), (&200.into(), &1.into()), "{double}");
+    let hashes: Vec<_> = report.episodes.iter().map(|episode| episode.state_hash.clone()).collect();
+    assert_eq!(hashes[0], hashes[1]);
+
+    std::fs::write(&graph, scaled(false, "motorium.Wrench")).unwrap();
+    let refused = crate::support::run(&graph, &["--episodes", "2"]);
+    assert!(refused.stderr.contains("cannot be reset for a new episode"), "{}", refused.stderr);
+    std::fs::write(&graph, scaled(true, "motorium.Wrenches")).unwrap();
+    let (success, _, errors) = motorium(&["check", graph.to_str().unwrap()]);
+    assert!(!success && errors.contains("there is no built-in state `motorium.Wrenches`"), "{errors}");
+    let (success, sheet, errors) = motorium(&["kinds", "--exec", DYNAMIC, "--json"]);
+    assert!(success && sheet.contains("scales the numbers of any type"), "{errors}");
 }

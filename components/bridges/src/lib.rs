@@ -12,7 +12,7 @@ pub mod recording;
 
 use motorium::worker::Kind;
 
-pub use iceoryx2::{Feed, FeedError, Iceoryx2Bridge, Iceoryx2BridgeConfig, InboundConfig};
+pub use iceoryx2::{Feed, Iceoryx2Bridge, Iceoryx2BridgeConfig, InboundConfig, ServiceError};
 
 /// Returns the component kinds of this crate, for a host program.
 ///

@@ -11,6 +11,7 @@
 mod beside;
 mod checkpoint;
 mod clock;
+mod dynamic;
 mod error;
 mod helper;
 mod observer;
@@ -21,6 +22,7 @@ pub use crate::declare::{ConfigError, Declare, StepError};
 pub use crate::parameter::{Choice, Parameter, ParameterArray};
 pub use checkpoint::Checkpoint;
 pub use clock::RunClock;
+pub use dynamic::DynamicComponent;
 pub use error::ConfigureError;
 pub(crate) use helper::Helpers;
 pub use helper::StopRequest;

@@ -28,6 +28,7 @@ pub use protocol::{
     CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, KINDS, KindAnswer, KindsAnswer,
     WORKER,
 };
+pub(crate) use registry::declare_dynamic;
 pub use registry::{ConfigProblem, GravityOfFile, Kind, Registry, RobotCheck, RobotSource, Sibling};
 pub(crate) use rounds::Rounds;
 
@@ -36,7 +37,7 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use crate::component::{Component, Prepared, Setup};
+use crate::component::{Component, DynamicComponent, Prepared, Setup};
 use crate::context::Context;
 use crate::declare::ConfigError;
 use crate::os::{self, Request};
@@ -97,6 +98,20 @@ impl Worker {
     pub fn component(&self) -> &crate::plan::ComponentPlan {
         &self.plan.components[self.index]
     }
+}
+
+/// Runs a component that is known at run time only, from configuration to its end.
+pub(crate) fn run_dynamic(worker: Worker, component: Box<dyn DynamicComponent>) -> Outcome {
+    let make = move |config: serde_json::Value| -> Result<Configure, ConfigError> {
+        Ok(Box::new(move |setup: &mut Setup| {
+            let mut component = component;
+            match component.configure(config, setup) {
+                Ok(()) => Ok(Box::new(stepper::Dynamic(component)) as Box<dyn AnyComponent>),
+                Err(error) => Err(error.with_advice()),
+            }
+        }))
+    };
+    run(worker, Box::new(make))
 }
 
 /// Runs a component from configuration to its end.
@@ -221,9 +236,12 @@ const NO_DESCRIPTOR: &str =
     "its steps are released by a descriptor, and its `configure` has named none by `wake_on`";
 
 /// The type-specific part of a configuration: it reads the `config` table.
-type Make = fn(serde_json::Value) -> Result<Configure, ConfigError>;
+type Make = Box<dyn FnOnce(serde_json::Value) -> Result<Configure, ConfigError>>;
 /// Creates the component from a configuration that was read, or returns the reason why it cannot.
 type Configure = Box<dyn FnOnce(&mut Setup) -> Result<Box<dyn AnyComponent>, String>>;
+
+/// As [`Make`], of a type.
+type MakeType = fn(serde_json::Value) -> Result<Configure, ConfigError>;
 
 /// Reads the configuration of a component. All around it is compiled once for all types.
 fn make<C: Component>(config: serde_json::Value) -> Result<Configure, ConfigError> {

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::hosted::{Host, Hosted};
-use super::{Failure, Make, Outcome, Worker};
-use crate::component::Component;
+use super::{Failure, MakeType, Outcome, Worker};
+use crate::component::{Component, DynamicComponent};
 use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
 /// A component type known by name, with the functions that launcher and worker call.
@@ -20,7 +20,7 @@ pub struct Kind {
     pub reads_gravity: bool,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
-    make: Make,
+    make: MakeType,
 }
 
 type DeclareFunction = fn(serde_json::Value, Declare) -> Result<Declaration, ConfigProblem>;
@@ -79,12 +79,12 @@ impl Kind {
 
     /// Runs a component from configuration to its end.
     pub(crate) fn run(&self, worker: Worker) -> Outcome {
-        super::run(worker, self.make)
+        super::run(worker, Box::new(self.make))
     }
 
     /// Configures a component of a run in the calling thread.
     pub(crate) fn open(&self, host: &Host<'_>, index: usize) -> Result<Box<dyn Hosted>, Failure> {
-        super::hosted::open(host, index, self.make)
+        super::hosted::open(host, index, Box::new(self.make))
     }
 
     /// Returns the JSON Schema (draft 7) of the `config` table alone, and the definitions that it refers to.
@@ -108,6 +108,17 @@ fn declare<C: Component>(
         super::config::read(config).map_err(|error| ConfigProblem { unread: true, error })?;
     let declared = C::declare(&config, &mut declare);
     declaration(declare, declared, C::KIND, C::RESETS)
+}
+
+/// Declares a component that is known at run time only.
+pub(crate) fn declare_dynamic(
+    component: &dyn DynamicComponent,
+    config: &serde_json::Value,
+    mut declare: Declare,
+) -> Result<Declaration, ConfigProblem> {
+    let declared = component.declare(config, &mut declare);
+    let resets = declare.declaration.resets;
+    declaration(declare, declared, component.kind(), resets)
 }
 
 /// The declaration of a component of a kind that has declared itself.

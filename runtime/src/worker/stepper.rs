@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::account::{self, Accounts, Consequence};
 use super::timing::Timing;
 use super::{Failure, failure};
-use crate::component::{Component, Episode, Helpers, Tick};
+use crate::component::{Component, DynamicComponent, Episode, Helpers, Tick};
 use crate::context::{Access, Context};
 use crate::declare::StepError;
 use crate::os;
@@ -53,6 +53,31 @@ impl<C: Component> AnyComponent for C {
 
     fn result(&self) -> Option<serde_json::Value> {
         Component::result(self)
+    }
+}
+
+/// A component that is known at run time only.
+pub(super) struct Dynamic(pub(super) Box<dyn DynamicComponent>);
+
+impl AnyComponent for Dynamic {
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.0.step(tick)
+    }
+
+    fn begin_episode(&mut self, episode: &Episode) -> Result<(), StepError> {
+        self.0.begin_episode(episode)
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        self.0.reset(episode)
+    }
+
+    fn stop(&mut self) {
+        self.0.stop();
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        self.0.result()
     }
 }
 

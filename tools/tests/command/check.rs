@@ -54,6 +54,17 @@ fn the_reaching_arm_holds_and_is_drawn() {
 }
 
 #[test]
+fn staleness_of_one_actuator_is_printed() {
+    let safety = |value: &str| format!("component.physics.safety.stale_after=\"{value}\"");
+    let answer = printed(&["check", REACH, "--set", &safety("30 ms")]);
+    assert!(answer.contains(": 30 ms until a command is stale, 1 ms period"), "{answer}");
+    let output = run(&["check", REACH, "--set", &safety("500 us")]);
+    let errors = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{errors}");
+    assert!(errors.contains("commands of `physics` are stale before the next one comes"), "{errors}");
+}
+
+#[test]
 fn topic_memory_is_printed_with_its_history() {
     let bytes = |set: &[&str]| -> u64 {
         let output = run(&[&["check", REACH, "--json"], set].concat());

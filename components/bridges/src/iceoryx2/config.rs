@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use motorium::declare::ConfigError;
-use motorium::state::{TypeLayout, built_in};
+use motorium::declare::{ConfigError, TopicPattern};
+use motorium::state::{EmergencyStop, StateBuffer, TypeLayout, built_in};
 use motorium::units::{Rate, TimeSpan, UnitError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
@@ -12,17 +12,28 @@ use serde::{Deserialize, Deserializer};
 /// wire.
 ///
 /// ```toml
-/// out = ["joint_state"]
+/// out        = ["joint_state"]
+/// out_slices = ["points"]
 ///
 /// [in.target]
 /// type     = "motorium.PoseTarget"
 /// max_rate = "100 Hz"
+///
+/// [in.obstacles]
+/// type    = "motorium.CloudPoint"
+/// pattern = { slices = { longest = 4096, capacity = 4 } }
 /// ```
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Iceoryx2BridgeConfig {
-    /// Inputs whose topics are mirrored to other programs, of any type. Default none.
+    /// Inputs whose topics are mirrored to other programs by their newest value: states and streams of any
+    /// type. Default none.
     pub out: Vec<String>,
+    /// Inputs whose streams are mirrored value by value, in order, of any type. Default none.
+    pub out_streams: Vec<String>,
+    /// Inputs whose slices, such as images and clouds, are mirrored one by one, in order, of any type.
+    /// Default none.
+    pub out_slices: Vec<String>,
     /// Outputs whose topics are fed by other programs, by name. Default none.
     #[serde(rename = "in")]
     pub inbound: BTreeMap<String, InboundConfig>,
@@ -32,16 +43,32 @@ pub struct Iceoryx2BridgeConfig {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InboundConfig {
-    /// Type of the values: a built-in state, such as "motorium.PoseTarget".
+    /// Type of the values, or of the elements of slices: a built-in state, such as "motorium.PoseTarget", or
+    /// a number, such as "u8".
     #[serde(rename = "type")]
     pub type_name: String,
-    /// Largest rate of publication, such as "500 Hz"; the newest value is published. Default 1 kHz.
+    /// Pattern of the topic: "state"; a stream, such as `{ stream = { capacity = 16 } }`; or slices, such as
+    /// `{ slices = { longest = 4096, capacity = 4 } }`. The capacity, from 1 to 1024, is the number of values
+    /// of each program that wait for a step of the bridge, and the number that a reader of the topic may lag
+    /// behind. Default "state".
+    #[serde(default = "state")]
+    pub pattern: TopicPattern,
+    /// Largest rate of publication, such as "500 Hz". Of a state the newest value is published; of a stream
+    /// or of slices, values above the rate are refused, but as many as the capacity may come at once. Default
+    /// 1 kHz.
     #[serde(default = "max_rate", deserialize_with = "rate")]
     pub max_rate: Rate,
     /// Longest time that a value may have waited for a step of the bridge, such as "50 ms"; older ones are
     /// refused. At least a period of the bridge. Default 100 ms.
     #[serde(default = "max_age")]
     pub max_age: TimeSpan,
+}
+
+/// Largest capacity of a stream or of slices.
+const LARGEST_CAPACITY: usize = 1024;
+
+fn state() -> TopicPattern {
+    TopicPattern::State
 }
 
 fn max_rate() -> Rate {
@@ -60,29 +87,80 @@ fn rate<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Rate, D::Error> {
 
 impl Iceoryx2BridgeConfig {
     pub(super) fn check(&self) -> Result<(), ConfigError> {
-        if self.out.is_empty() && self.inbound.is_empty() {
-            return Err(ConfigError::new("it bridges nothing")
-                .advise("name inputs in `out`, or outputs with their types in `in`"));
+        let mirrored: Vec<(&str, &String)> = self.mirrored().collect();
+        if mirrored.is_empty() && self.inbound.is_empty() {
+            return Err(ConfigError::new("it bridges nothing").advise(
+                "name inputs in `out`, `out_streams` or `out_slices`, or outputs with their types in `in`",
+            ));
         }
-        for (index, port) in self.out.iter().enumerate() {
-            if self.out[..index].contains(port) || self.inbound.contains_key(port) {
-                return Err(ConfigError::key("out", format!("there are two ports named `{port}`")));
+        for (index, (key, port)) in mirrored.iter().enumerate() {
+            if mirrored[..index].iter().any(|(_, other)| other == port) || self.inbound.contains_key(*port) {
+                return Err(ConfigError::key(*key, format!("there are two ports named `{port}`")));
             }
         }
-        Ok(())
+        self.inbound.iter().try_for_each(|(port, inbound)| inbound.check(port))
+    }
+
+    /// The inputs, with their keys.
+    fn mirrored(&self) -> impl Iterator<Item = (&'static str, &String)> {
+        let lists =
+            [("out", &self.out), ("out_streams", &self.out_streams), ("out_slices", &self.out_slices)];
+        lists.into_iter().flat_map(|(key, ports)| ports.iter().map(move |port| (key, port)))
     }
 }
 
+/// The layouts of single numbers.
+fn numbers() -> [TypeLayout; 10] {
+    [
+        u8::layout(),
+        u16::layout(),
+        u32::layout(),
+        u64::layout(),
+        i8::layout(),
+        i16::layout(),
+        i32::layout(),
+        i64::layout(),
+        f32::layout(),
+        f64::layout(),
+    ]
+}
+
 impl InboundConfig {
+    fn check(&self, port: &str) -> Result<(), ConfigError> {
+        let refuse = |message: String, advice| {
+            Err(ConfigError::key(format!("in.{port}.pattern"), message).advise(advice))
+        };
+        if let TopicPattern::Slices { longest: 0, .. } = self.pattern {
+            return refuse("slices of 0 elements at most".to_string(), "write the longest slice in elements");
+        }
+        match self.pattern.capacity() {
+            None => Ok(()),
+            Some(capacity) if !(1..=LARGEST_CAPACITY).contains(&capacity) => refuse(
+                format!("a capacity of {capacity}, expected 1 to {LARGEST_CAPACITY}"),
+                "write the number of values that come between two steps of the bridge, or a few more",
+            ),
+            Some(_) if self.type_name == EmergencyStop::NAME => refuse(
+                "an emergency stop that waits for its turn".to_string(),
+                "leave `pattern` out: a state has no queue to overflow",
+            ),
+            Some(_) => Ok(()),
+        }
+    }
+
     /// The layout of the type.
     pub(super) fn layout(&self, port: &str) -> Result<TypeLayout, ConfigError> {
         let layouts = built_in();
+        if let Some(number) = numbers().into_iter().find(|layout| layout.type_name == self.type_name) {
+            return Ok(number);
+        }
         let found = layouts.iter().find(|layout| layout.type_name == self.type_name).cloned();
         found.ok_or_else(|| {
             let names: Vec<&str> = layouts.iter().map(|layout| layout.type_name.as_str()).collect();
             let message = format!("there is no built-in state `{}`", self.type_name);
-            ConfigError::key(format!("in.{port}.type"), message)
-                .advise(format!("the built-in states are {}", names.join(", ")))
+            ConfigError::key(format!("in.{port}.type"), message).advise(format!(
+                "the built-in states are {}; numbers such as \"u8\" are types, too",
+                names.join(", ")
+            ))
         })
     }
 }

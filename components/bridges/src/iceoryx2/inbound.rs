@@ -2,20 +2,22 @@
 
 use iceoryx2::node::Node;
 use motorium::component::{ConfigureError, RunClock};
+use motorium::declare::TopicPattern;
 use motorium::os::monotonic_ns;
-use motorium::raw::{RawError, RawOutput};
-use motorium::state::{ContentDefect, EmergencyStop, StateBuffer as _};
+use motorium::raw::RawOutput;
+use motorium::state::{EmergencyStop, StateBuffer as _};
 use motorium::telemetry::set_apart;
 use motorium::transport::Shared;
 use serde_json::{Value, json};
 
 use super::config::InboundConfig;
-use super::service::{InboundPort, PUBLISHERS, receive, subscribe, waiting};
+use super::counts::Refused;
+use super::service::{PUBLISHERS, Queue, Service, receive};
 
-/// An inbound topic. Of the valid values the newest is published, no more often than the limit.
+/// An inbound state. Of the valid values the newest is published, no more often than the limit.
 pub(super) struct Inbound {
     output: RawOutput,
-    port: InboundPort,
+    port: Queue,
     period_ns: u64,
     max_age_ns: u64,
     /// The value taken last.
@@ -34,19 +36,9 @@ pub(super) struct Inbound {
     /// The topic carries emergency stops: one that stops wins over newer values, over `max_rate` and over
     /// `max_age`.
     is_emergency_stop: bool,
-    counts: Counts,
-}
-
-/// Counts of the values by outcome.
-#[derive(Debug, Default)]
-struct Counts {
     received: u64,
     published: u64,
-    above_max_rate: u64,
-    too_old: u64,
-    not_finite: u64,
-    count_too_large: u64,
-    too_late: u64,
+    refused: Refused,
 }
 
 impl Inbound {
@@ -57,7 +49,8 @@ impl Inbound {
         config: &InboundConfig,
     ) -> Result<Option<Self>, ConfigureError> {
         let Some(topic) = output.topic() else { return Ok(None) };
-        let port = subscribe(node, topic, output.layout())?;
+        let service = Service::feeding(topic, output.layout(), TopicPattern::State);
+        let (port, waiting) = (service.subscribe(node)?, service.waiting());
         let zeros = vec![0; output.layout().size].into_boxed_slice();
         Ok(Some(Self {
             port,
@@ -69,9 +62,11 @@ impl Inbound {
             is_pending: false,
             published_ns: None,
             looked_ns: monotonic_ns(),
-            waiting: waiting(output.layout()),
+            waiting,
             is_emergency_stop: output.layout().type_name == EmergencyStop::NAME,
-            counts: Counts::default(),
+            received: 0,
+            published: 0,
+            refused: Refused::default(),
             output,
         }))
     }
@@ -82,20 +77,20 @@ impl Inbound {
         let is_old = now_ns.saturating_sub(self.looked_ns) > self.max_age_ns;
         self.looked_ns = now_ns;
         if is_old && core::mem::take(&mut self.is_pending) {
-            self.counts.too_old += 1;
+            self.refused.too_old += 1;
         }
         let mut taken = 0;
         while taken < PUBLISHERS * self.waiting {
             // iceoryx2 allocates when a publisher connects or disconnects
-            if !set_apart(|| receive(&self.port, &mut self.taken)) {
+            if set_apart(|| receive(&self.port, false, &mut self.taken)).is_none() {
                 break;
             }
             taken += 1;
-            self.counts.received += 1;
+            self.received += 1;
             if self.is_emergency_stop && is_pressed(&self.taken) {
                 self.stop(time_ns, clock);
             } else if is_old {
-                self.counts.too_old += 1;
+                self.refused.too_old += 1;
             } else {
                 self.admit(clock.stamp_ns(time_ns));
             }
@@ -110,17 +105,10 @@ impl Inbound {
             // The source time of a delayed value is the step that received it.
             match self.output.publish_from(&self.newest, self.taken_ns) {
                 Ok(()) => {
-                    self.counts.published += 1;
+                    self.published += 1;
                     self.published_ns = Some(time_ns);
                 }
-                Err(RawError::Content(defect)) => self.counts.refuse(defect),
-                // The time of a step is never in the future.
-                Err(
-                    RawError::Late
-                    | RawError::SourceInFuture { .. }
-                    | RawError::Length { .. }
-                    | RawError::NotSent,
-                ) => self.counts.too_late += 1,
+                Err(error) => self.refused.unpublished(error),
             }
         }
     }
@@ -129,61 +117,38 @@ impl Inbound {
     /// dropped.
     fn stop(&mut self, time_ns: u64, clock: &RunClock) {
         if core::mem::take(&mut self.is_pending) {
-            self.counts.above_max_rate += 1;
+            self.refused.above_max_rate += 1;
         }
         match self.output.publish_from(&self.taken, clock.stamp_ns(time_ns)) {
             Ok(()) => {
-                self.counts.published += 1;
+                self.published += 1;
                 self.published_ns = Some(time_ns);
             }
-            Err(RawError::Content(defect)) => self.counts.refuse(defect),
-            Err(
-                RawError::Late
-                | RawError::SourceInFuture { .. }
-                | RawError::Length { .. }
-                | RawError::NotSent,
-            ) => self.counts.too_late += 1,
+            Err(error) => self.refused.unpublished(error),
         }
     }
 
     /// Stores the last received value, from the step at this time, if it is valid.
     fn admit(&mut self, taken_ns: u64) {
         if let Err(defect) = self.output.check(&self.taken) {
-            self.counts.refuse(defect);
+            self.refused.defective(defect);
             return;
         }
         core::mem::swap(&mut self.taken, &mut self.newest);
         self.taken_ns = taken_ns;
         if core::mem::replace(&mut self.is_pending, true) {
-            self.counts.above_max_rate += 1;
+            self.refused.above_max_rate += 1;
         }
     }
 
     pub(super) fn result(&self) -> (String, Value) {
         let topic = self.output.topic().unwrap_or_default().to_string();
-        let counts = &self.counts;
-        let refused = json!({
-            "above_max_rate": counts.above_max_rate,
-            "too_old": counts.too_old,
-            "not_finite": counts.not_finite,
-            "count_too_large": counts.count_too_large,
-            "too_late": counts.too_late,
-        });
-        (topic, json!({ "received": counts.received, "published": counts.published, "refused": refused }))
+        let Self { received, published, refused, .. } = self;
+        (topic, json!({ "received": received, "published": published, "refused": refused }))
     }
 }
 
 /// Returns `true` if the bytes are a pressed emergency stop.
 fn is_pressed(value: &[u8]) -> bool {
     value.iter().any(|byte| *byte != 0)
-}
-
-impl Counts {
-    fn refuse(&mut self, defect: ContentDefect) {
-        match defect {
-            ContentDefect::NotFinite { .. } => self.not_finite += 1,
-            // the size equals the service's type size, which iceoryx2 compares when a program opens it
-            ContentDefect::Count { .. } | ContentDefect::Size { .. } => self.count_too_large += 1,
-        }
-    }
 }

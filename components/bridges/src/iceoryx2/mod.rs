@@ -1,30 +1,40 @@
 //! `bridge.iceoryx2`: topics for programs that use stock iceoryx2, in any language.
 
 mod config;
+mod counts;
 mod feed;
 mod inbound;
+mod inbound_stream;
 mod outbound;
 mod service;
 
 pub use config::{Iceoryx2BridgeConfig, InboundConfig};
-pub use feed::{Feed, FeedError};
+pub use feed::Feed;
+pub use service::ServiceError;
 
 use motorium::component::{Component, ConfigureError, RunClock, Setup, Tick};
-use motorium::declare::{ClockKind, ConfigError, Declare, StepError};
+use motorium::declare::{ClockKind, ConfigError, Declare, StepError, TopicPattern};
 use motorium::os::monotonic_ns;
 use serde_json::{Map, Value, json};
 
 use inbound::Inbound;
+use inbound_stream::InboundStream;
 use outbound::Outbound;
+
+/// Values of a mirrored stream that wait for a step of the bridge at least; the graph has more wait where the
+/// writer or another reader of the topic declares more.
+const MIRRORED_CAPACITY: usize = 16;
 
 /// Mirrors topics of the graph to stock iceoryx2 programs, and publishes their values on topics of the graph.
 ///
 /// A mirrored topic `NAME` is the service `out/NAME`, with the publisher's [`Stamp`](motorium::state::Stamp)
-/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`, which has no user header. A value
-/// gets the bridge's own stamp; its source time is the step that received it.
+/// as user header. An inbound topic `NAME` is fed by the service `in/NAME`. A state has no user header there;
+/// a stream and slices have a `Stamp`, whose `sequence` the program counts. A value gets the bridge's own
+/// stamp; its source time is the step that received it.
 pub struct Iceoryx2Bridge {
     outbound: Vec<Outbound>,
     inbound: Vec<Inbound>,
+    inbound_streams: Vec<InboundStream>,
     clock: RunClock,
 }
 
@@ -38,8 +48,22 @@ impl Component for Iceoryx2Bridge {
         for port in &config.out {
             declare.raw_input(port, "topic to mirror, of any type");
         }
+        for port in &config.out_streams {
+            declare.raw_stream_input(port, MIRRORED_CAPACITY, "stream to mirror, of any type");
+        }
+        for port in &config.out_slices {
+            // slices may be large: the writer knows how many are worth the memory
+            declare.raw_slice_input(port, 1, "slices to mirror, of any type");
+        }
         for (port, inbound) in &config.inbound {
-            declare.raw_output(port, inbound.layout(port)?, "topic fed by foreign programs");
+            let (layout, doc) = (inbound.layout(port)?, "topic fed by foreign programs");
+            match inbound.pattern {
+                TopicPattern::State => declare.raw_output(port, layout, doc),
+                TopicPattern::Stream { capacity } => declare.raw_stream_output(port, layout, capacity, doc),
+                TopicPattern::Slices { capacity, longest } => {
+                    declare.raw_slice_output(port, layout, longest, capacity, doc);
+                }
+            }
         }
         if declare.clock() == ClockKind::Lockstep {
             let warning = declare.warn(
@@ -53,9 +77,17 @@ impl Component for Iceoryx2Bridge {
 
     fn configure(config: Iceoryx2BridgeConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let node = setup.domain().node().map_err(ConfigureError::failed)?;
-        let mut bridge = Self { outbound: Vec::new(), inbound: Vec::new(), clock: setup.clock() };
+        let mut bridge = Self {
+            outbound: Vec::new(),
+            inbound: Vec::new(),
+            inbound_streams: Vec::new(),
+            clock: setup.clock(),
+        };
         for port in &config.out {
-            bridge.outbound.push(Outbound::new(&node, setup.raw_input(port)?)?);
+            bridge.outbound.push(Outbound::newest(&node, setup.raw_input(port)?)?);
+        }
+        for port in config.out_streams.iter().chain(&config.out_slices) {
+            bridge.outbound.push(Outbound::every(&node, setup.raw_stream_input(port)?)?);
         }
         for (port, inbound) in &config.inbound {
             let period_ns = setup.period().as_nanos() as u64;
@@ -63,21 +95,29 @@ impl Component for Iceoryx2Bridge {
                 let message = format!("max_age is {}, less than a period of the bridge", inbound.max_age);
                 return Err(ConfigError::key(format!("in.{port}.max_age"), message).into());
             }
-            bridge.inbound.extend(Inbound::new(&node, setup.raw_output(port)?, inbound)?);
+            if inbound.pattern == TopicPattern::State {
+                bridge.inbound.extend(Inbound::new(&node, setup.raw_output(port)?, inbound)?);
+            } else {
+                let output = setup.raw_stream_output(port)?;
+                bridge.inbound_streams.extend(InboundStream::new(&node, output, inbound)?);
+            }
         }
         Ok(bridge)
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let now_ns = monotonic_ns();
-        self.inbound.iter_mut().for_each(|inbound| inbound.step(tick.time_ns, now_ns, &self.clock));
+        let (time_ns, clock) = (tick.time_ns, &self.clock);
+        self.inbound.iter_mut().for_each(|inbound| inbound.step(time_ns, now_ns, clock));
+        self.inbound_streams.iter_mut().for_each(|stream| stream.step(time_ns, now_ns, clock));
         self.outbound.iter_mut().for_each(Outbound::step);
         Ok(())
     }
 
     fn result(&self) -> Option<Value> {
         let outbound: Map<String, Value> = self.outbound.iter().map(Outbound::result).collect();
-        let inbound: Map<String, Value> = self.inbound.iter().map(Inbound::result).collect();
+        let streams = self.inbound_streams.iter().map(InboundStream::result);
+        let inbound: Map<String, Value> = self.inbound.iter().map(Inbound::result).chain(streams).collect();
         Some(json!({ "out": outbound, "in": inbound }))
     }
 }

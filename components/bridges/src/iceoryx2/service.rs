@@ -2,17 +2,20 @@
 
 #![allow(unsafe_code)] // services are made from layouts, so that the bridge need not know the Rust types
 
+use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{AttributeVerifier, ServiceName};
+use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 use motorium::component::ConfigureError;
+use motorium::declare::TopicPattern;
 use motorium::state::{EmergencyStop, Stamp, StateBuffer as _, TypeLayout};
 use motorium::transport::Shared;
 
-/// Values of each foreign publisher that wait for the bridge at most; the oldest are dropped.
+/// Values of each foreign publisher of a state that wait for the bridge at most; the oldest are dropped.
 const WAITING: usize = 8;
 /// Queue length for an emergency stop, which must not be lost.
 const STOPS_WAITING: usize = 64;
@@ -21,124 +24,196 @@ pub(super) const PUBLISHERS: usize = 2;
 /// Foreign subscribers of a mirrored topic.
 const SUBSCRIBERS: usize = 8;
 
-/// Values of each foreign publisher of a type that wait for the bridge at most.
-pub(super) fn waiting(layout: &TypeLayout) -> usize {
-    if layout.type_name == EmergencyStop::NAME { STOPS_WAITING } else { WAITING }
+/// The writing end of a service.
+pub(super) type Sender = Publisher<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
+/// The reading end of a service.
+pub(super) type Queue = Subscriber<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
+type Typed = Builder<[CustomPayloadMarker], CustomHeaderMarker, Shared>;
+
+/// A service that cannot be created or joined.
+#[derive(Debug, thiserror::Error)]
+#[error("service `{service}`: {reason}")]
+pub struct ServiceError {
+    /// The service.
+    pub service: String,
+    /// Cause.
+    pub reason: String,
 }
 
-pub(super) type OutboundPort = Publisher<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
-pub(super) type InboundPort = Subscriber<Shared, [CustomPayloadMarker], ()>;
-
-/// The publisher of a service for foreign subscribers.
-pub(super) fn publish(
-    node: &Node<Shared>,
-    topic: &str,
-    layout: &TypeLayout,
-) -> Result<OutboundPort, ConfigureError> {
-    let service = format!("out/{topic}");
-    let fail = |error: &dyn core::fmt::Debug| failed(&service, error);
-    let builder = node
-        .service_builder(&name(&service)?)
-        .publish_subscribe::<[CustomPayloadMarker]>()
-        .user_header::<CustomHeaderMarker>();
-    // SAFETY: both details describe `repr(C)` types of fixed size and their alignment.
-    let builder = unsafe {
-        builder
-            .__internal_set_payload_type_details(&detail(layout).map_err(|e| fail(&e))?)
-            .__internal_set_user_header_type_details(&detail(&Stamp::layout()).map_err(|e| fail(&e))?)
-    };
-    builder
-        .subscriber_max_buffer_size(1)
-        .subscriber_max_borrowed_samples(2)
-        .history_size(1)
-        .enable_safe_overflow(true)
-        .max_publishers(PUBLISHERS)
-        .max_subscribers(SUBSCRIBERS)
-        .max_nodes(SUBSCRIBERS + PUBLISHERS + 2)
-        .open_or_create_with_attributes(&attributes(&service, layout)?)
-        .map_err(|error| fail(&error))?
-        .publisher_builder()
-        .max_loaned_samples(1)
-        .create()
-        .map_err(|error| fail(&error))
+impl From<ServiceError> for ConfigureError {
+    fn from(error: ServiceError) -> Self {
+        let ServiceError { service, reason } = error;
+        Self::failed(format!("service `{service}` could not be made: {reason}"))
+    }
 }
 
-/// The subscriber of a service for foreign publishers.
-pub(super) fn subscribe(
-    node: &Node<Shared>,
-    topic: &str,
-    layout: &TypeLayout,
-) -> Result<InboundPort, ConfigureError> {
-    let service = format!("in/{topic}");
-    let fail = |error: &dyn core::fmt::Debug| failed(&service, error);
-    let builder = node.service_builder(&name(&service)?).publish_subscribe::<[CustomPayloadMarker]>();
-    // SAFETY: the detail describes a `repr(C)` type of fixed size and its alignment.
-    let builder =
-        unsafe { builder.__internal_set_payload_type_details(&detail(layout).map_err(|e| fail(&e))?) };
-    builder
-        .subscriber_max_buffer_size(waiting(layout))
-        .subscriber_max_borrowed_samples(2)
-        .history_size(0)
-        .enable_safe_overflow(true)
-        .max_publishers(PUBLISHERS)
-        .max_subscribers(2)
-        .max_nodes(PUBLISHERS + 4)
-        .open_or_create_with_attributes(&attributes(&service, layout)?)
-        .map_err(|error| fail(&error))?
-        .subscriber_builder()
-        .create()
-        .map_err(|error| fail(&error))
+/// A service that carries the values of one topic.
+#[derive(Debug, Clone)]
+pub(super) struct Service<'a> {
+    name: String,
+    layout: &'a TypeLayout,
+    pattern: TopicPattern,
+    is_stamped: bool,
 }
 
-/// Sends a value and its stamp; returns `false` on failure.
-pub(super) fn send(port: &OutboundPort, stamp: &Stamp, bytes: &[u8]) -> bool {
-    // SAFETY: the service was made for one value of fixed size.
-    let Ok(mut sample) = (unsafe { port.loan_custom_payload(1) }) else { return false };
+impl<'a> Service<'a> {
+    /// The service `out/TOPIC` of a mirrored topic. Each value has the publisher's stamp as its header.
+    pub(super) fn mirroring(topic: &str, layout: &'a TypeLayout, pattern: TopicPattern) -> Self {
+        Self { name: format!("out/{topic}"), layout, pattern, is_stamped: true }
+    }
+
+    /// The service `in/TOPIC` of a topic that foreign programs feed. Values of streams and slices have a
+    /// stamp as their header, whose sequence the program counts.
+    pub(super) fn feeding(topic: &str, layout: &'a TypeLayout, pattern: TopicPattern) -> Self {
+        let is_stamped = pattern != TopicPattern::State;
+        Self { name: format!("in/{topic}"), layout, pattern, is_stamped }
+    }
+
+    /// Values of each foreign publisher that wait for the bridge at most.
+    pub(super) fn waiting(&self) -> usize {
+        match self.pattern.capacity() {
+            Some(capacity) => capacity,
+            None if self.layout.type_name == EmergencyStop::NAME => STOPS_WAITING,
+            None => WAITING,
+        }
+    }
+
+    /// Creates the service, or joins it after a restart, as its publisher.
+    pub(super) fn publish(&self, node: &Node<Shared>) -> Result<Sender, ServiceError> {
+        let (depth, history) = match self.pattern.capacity() {
+            Some(capacity) => (capacity, 0),
+            // a program that joins late receives the newest value
+            None => (1, 1),
+        };
+        let service = self
+            .builder(node)?
+            .subscriber_max_buffer_size(depth)
+            .subscriber_max_borrowed_samples(2)
+            .history_size(history)
+            .enable_safe_overflow(true)
+            .max_publishers(PUBLISHERS)
+            .max_subscribers(SUBSCRIBERS)
+            .max_nodes(SUBSCRIBERS + PUBLISHERS + 2)
+            .open_or_create_with_attributes(&self.attributes()?)
+            .map_err(|error| self.failed(&error))?;
+        let longest = if let TopicPattern::Slices { longest, .. } = self.pattern { longest } else { 1 };
+        let sender = service.publisher_builder().max_loaned_samples(1).initial_max_slice_len(longest);
+        sender.create().map_err(|error| self.failed(&error))
+    }
+
+    /// Creates the service, or joins it after a restart, as its subscriber.
+    pub(super) fn subscribe(&self, node: &Node<Shared>) -> Result<Queue, ServiceError> {
+        self.builder(node)?
+            .subscriber_max_buffer_size(self.waiting())
+            .subscriber_max_borrowed_samples(2)
+            .history_size(0)
+            .enable_safe_overflow(true)
+            .max_publishers(PUBLISHERS)
+            .max_subscribers(2)
+            .max_nodes(PUBLISHERS + 4)
+            .open_or_create_with_attributes(&self.attributes()?)
+            .map_err(|error| self.failed(&error))?
+            .subscriber_builder()
+            .create()
+            .map_err(|error| self.failed(&error))
+    }
+
+    /// Joins the service as a publisher, if a bridge has created it.
+    pub(super) fn feed(&self, node: &Node<Shared>) -> Result<Sender, ServiceError> {
+        let service = self.builder(node)?.open_with_attributes(&self.attributes()?);
+        let service = service.map_err(|error| self.failed(&error))?;
+        let sender = service.publisher_builder().max_loaned_samples(1).create();
+        sender.map_err(|error| self.failed(&error))
+    }
+
+    /// The service with its types, before its limits are set.
+    fn builder(&self, node: &Node<Shared>) -> Result<Typed, ServiceError> {
+        let name = ServiceName::new(&self.name).map_err(|error| self.failed(&error))?;
+        let variant = match self.pattern {
+            TopicPattern::State | TopicPattern::Stream { .. } => TypeVariant::FixedSize,
+            TopicPattern::Slices { .. } => TypeVariant::Dynamic,
+        };
+        let detail = |variant, layout: &TypeLayout| {
+            let TypeLayout { type_name, size, alignment, .. } = layout;
+            TypeDetail::__internal_new_from_parts(variant, type_name, *size, *alignment)
+                .map_err(|error| self.failed(&error))
+        };
+        let payload = detail(variant, self.layout)?;
+        let header = match self.is_stamped {
+            true => detail(TypeVariant::FixedSize, &Stamp::layout())?,
+            false => TypeDetail::new::<()>(TypeVariant::FixedSize),
+        };
+        let builder = node.service_builder(&name).publish_subscribe::<[CustomPayloadMarker]>();
+        // SAFETY: the details describe `repr(C)` types of fixed size with their alignments, or no header.
+        // iceoryx2 compares them with the details of an existing service.
+        Ok(unsafe {
+            builder
+                .user_header::<CustomHeaderMarker>()
+                .__internal_set_payload_type_details(&payload)
+                .__internal_set_user_header_type_details(&header)
+        })
+    }
+
+    /// The attribute that the service must have: the hash of its layout.
+    fn attributes(&self) -> Result<AttributeVerifier, ServiceError> {
+        let key = "layout".try_into().map_err(|_| self.failed(&"attribute key"))?;
+        let value = self.layout.hash().as_str().try_into().map_err(|_| self.failed(&"attribute value"))?;
+        AttributeVerifier::new().require(&key, &value).map_err(|error| self.failed(&error))
+    }
+
+    fn failed(&self, error: &dyn core::fmt::Debug) -> ServiceError {
+        ServiceError { service: self.name.clone(), reason: format!("{error:?}") }
+    }
+}
+
+/// Sends `count` elements, and their stamp if the service has a header; returns `false` on failure.
+pub(super) fn send(port: &Sender, stamp: Option<&Stamp>, bytes: &[u8], count: usize) -> bool {
+    // SAFETY: the count is 1 unless the service was made for slices.
+    let Ok(mut sample) = (unsafe { port.loan_custom_payload(count) }) else { return false };
     let header = (&raw mut *sample.user_header_mut()).cast::<Stamp>();
-    let payload = sample.payload_mut().as_mut_ptr().cast::<u8>();
-    // SAFETY: the service was created with `Stamp` as user header and a payload with the layout of `bytes`.
+    let payload = sample.payload_mut();
+    if payload.len() != bytes.len() {
+        return false;
+    }
+    let payload = payload.as_mut_ptr().cast::<u8>();
+    // SAFETY: a service with a header was created with `Stamp`, and the payload has the length of `bytes`.
     // The sample is loaned to this call only and is filled completely.
     let sample = unsafe {
-        header.write(*stamp);
+        if let Some(stamp) = stamp {
+            header.write(*stamp);
+        }
         payload.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
         sample.assume_init()
     };
     sample.send().is_ok()
 }
 
-/// Copies the next value into `value`, which has the size of the service's type; returns `false` if there is
-/// none.
+/// A value that a foreign program has sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Arrived {
+    /// Bytes that were sent, of which as many as there was room for were copied.
+    pub(super) length: usize,
+    /// The publisher.
+    pub(super) publisher: UniquePublisherId,
+    /// The sequence in the header, by which the program counts what it sends; 0 without a header.
+    pub(super) sequence: u64,
+}
+
+/// Copies the next value into `value`; `None` if there is none.
 ///
 /// A foreign program may still write to the memory of a sent value, so only the copy is inspected.
-pub(super) fn receive(port: &InboundPort, value: &mut [u8]) -> bool {
+pub(super) fn receive(port: &Queue, has_header: bool, value: &mut [u8]) -> Option<Arrived> {
     // An error means that the connection to a starting or dying publisher failed.
-    let Some(sample) = port.receive().ok().flatten() else { return false };
-    let payload = sample.payload().as_ptr().cast::<u8>();
-    // SAFETY: the service was created for one value of the size of `value`; iceoryx2 keeps the sample mapped
-    // while it is held.
-    unsafe { value.as_mut_ptr().copy_from_nonoverlapping(payload, value.len()) };
-    true
-}
-
-fn name(service: &str) -> Result<ServiceName, ConfigureError> {
-    ServiceName::new(service).map_err(|error| failed(service, &error))
-}
-
-pub(super) fn detail(layout: &TypeLayout) -> Result<TypeDetail, impl core::fmt::Debug + use<>> {
-    TypeDetail::__internal_new_from_parts(
-        TypeVariant::FixedSize,
-        &layout.type_name,
-        layout.size,
-        layout.alignment,
-    )
-}
-
-fn attributes(service: &str, layout: &TypeLayout) -> Result<AttributeVerifier, ConfigureError> {
-    let key = "layout".try_into().map_err(|_| failed(service, &"attribute key"))?;
-    let value = layout.hash().as_str().try_into().map_err(|_| failed(service, &"attribute value"))?;
-    AttributeVerifier::new().require(&key, &value).map_err(|error| failed(service, &error))
-}
-
-fn failed(service: &str, error: &dyn core::fmt::Debug) -> ConfigureError {
-    ConfigureError::failed(format!("service `{service}` could not be made: {error:?}"))
+    let sample = port.receive().ok().flatten()?;
+    let payload = sample.payload();
+    let (length, payload) = (payload.len(), payload.as_ptr().cast::<u8>());
+    let header =
+        core::ptr::with_exposed_provenance::<Stamp>(core::ptr::from_ref(sample.user_header()).addr());
+    // SAFETY: a service with a header was created with `Stamp`; iceoryx2 keeps the sample mapped while it is
+    // held, and not more than its length is copied.
+    let sequence = unsafe {
+        value.as_mut_ptr().copy_from_nonoverlapping(payload, length.min(value.len()));
+        if has_header { (&raw const (*header).sequence).read() } else { 0 }
+    };
+    Some(Arrived { length, publisher: sample.origin(), sequence })
 }

@@ -1,6 +1,8 @@
 //! The bridge between a graph and stock iceoryx2 programs, which live here in a source of the graph or in a
 //! process of their own.
 
+mod streams;
+
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 

@@ -32,8 +32,9 @@ pub struct Link {
     pub(super) is_off: bool,
     /// The drive is disabled for the rest of the run.
     pub(super) is_released: bool,
-    /// Number of frames on the bus in this cycle after which the drive has been queried; `None` if it is not
-    /// queried.
+    /// It is never enabled.
+    pub(super) is_observed: bool,
+    /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
     pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
     pub(super) answered: bool,
@@ -78,6 +79,7 @@ impl Link {
             state_ns: None,
             is_off: false,
             is_released: false,
+            is_observed: false,
             asked_by: None,
             asked: false,
             answered: false,
@@ -320,6 +322,11 @@ impl Link {
                 (self.phase, self.fault) = (Phase::Fault, Some(fault));
                 self.counts.faults += u64::from(is_new);
                 is_new
+            }
+            // Nobody resumes an adapter that only listens.
+            (State::Disabled | State::Enabled | State::Unknown, Phase::Fault) if self.is_observed => {
+                self.phase = Phase::Disabled;
+                false
             }
             (State::Enabled | State::Unknown, Phase::Enabling) => {
                 self.phase = Phase::Enabled;

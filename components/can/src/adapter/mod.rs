@@ -124,7 +124,8 @@ impl Adapter {
 
     /// Makes the adapter an observer: drives are checked and report their positions, but are never enabled.
     #[must_use]
-    pub fn observer(self) -> Self {
+    pub fn observer(mut self) -> Self {
+        self.links.iter_mut().for_each(|link| link.is_observed = true);
         Self { is_observer: true, ..self }
     }
 

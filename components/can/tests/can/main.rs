@@ -22,6 +22,7 @@ mod homing_tables;
 mod merge;
 mod mit;
 mod moteus;
+mod observe;
 mod odrive;
 mod offered;
 mod protocols;

@@ -7,6 +7,7 @@ Units and meanings: the page "Ports, state buffers, parameters" of the book. Of 
 import ctypes
 import os
 import pathlib
+import typing
 
 import iceoryx2
 
@@ -27,7 +28,11 @@ def join(run):
     return iceoryx2.NodeBuilder.new().config(config).create(iceoryx2.ServiceType.Ipc)
 
 
-def service(node, name, kind):
-    """The publish-subscribe service `out/TOPIC` or `in/TOPIC` of a bridge, for values of the class `kind`."""
+def service(node, name, kind, stream=False):
+    """The publish-subscribe service `out/TOPIC` or `in/TOPIC` of a bridge, for values of the class `kind`.
+
+    For slices, `kind` is `iceoryx2.Slice[CLASS]`. A topic that is fed as a stream of single values needs `stream=True`.
+    """
     builder = node.service_builder(iceoryx2.ServiceName.new(name)).publish_subscribe(kind)
-    return (builder.user_header(Stamp) if name.startswith("out/") else builder).open()
+    has_stamp = name.startswith("out/") or stream or typing.get_origin(kind) is iceoryx2.Slice
+    return (builder.user_header(Stamp) if has_stamp else builder).open()

@@ -5,13 +5,15 @@ use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use motorium::state::{Decoded, Decoder, FieldValue};
+use motorium::plan::TopicPlan;
+use motorium::state::{Decoded, Decoder, FieldValue, Stamp};
 use motorium::transport::Sample;
 
 use super::super::events::Follower;
+use super::content::Content;
 use super::json::Line;
 use super::pace::Pace;
-use super::watch::{End, Watch, poll_for};
+use super::watch::{End, Look, Watch, poll_for};
 use super::{find, log, readable};
 use crate::out::errln;
 use crate::runs::{LivingRun, RunArg};
@@ -57,59 +59,68 @@ impl Echo {
         let (index, topic) = find(&run.plan, &self.topic)?;
         let joints = motorium_bridges::foxglove::joints_of_topic(&run.plan, index).unwrap_or_default();
         let decoder = Decoder::new(&topic.layout)?;
-        let mut watch = Watch::open(&run, topic)?;
-        let interval = Duration::from_secs_f64(1.0 / self.rate.unwrap_or(10.0));
-        let period_ns = run.plan.components[topic.writer].period_ns();
-        let poll = if self.every { poll_for(period_ns) } else { interval.min(Duration::from_millis(20)) };
-        let mut pace = Pace::default();
-        let (mut shown, mut due) = (0, Instant::now());
-        let mut newest: Option<Sample> = None;
-        let take = |samples: Vec<Sample>| {
-            for sample in &samples {
-                pace.see(&sample.stamp);
-            }
-            if self.every {
-                for sample in &samples {
-                    shown += 1;
-                    if !self.print(&run, &decoder, &joints, sample)? || self.count == Some(shown) {
-                        return Ok(false);
-                    }
-                }
-                return Ok(true);
-            }
-            newest = samples.into_iter().next_back().or(newest.take());
-            let now = Instant::now();
-            let Some(sample) = newest.take_if(|_| now >= due) else { return Ok(true) };
-            due = (due + interval).max(now);
-            shown += 1;
-            Ok(self.print(&run, &decoder, &joints, &sample)? && self.count != Some(shown))
-        };
-        let end = watch.follow(poll, None, take)?;
-        if self.every && pace.lost() > 0 {
-            errln!("{} samples were overwritten before they could be read", pace.lost());
-        }
+        let shown = Shown { run: &run, topic, decoder: &decoder, joints: &joints };
+        let watch = Watch::open(&run, topic)?;
+        let end = if self.every { self.every(&watch, &shown)? } else { self.newest(&watch, &shown)? };
         if end == End::RunOver {
             errln!("run {} is over", run.folder.id());
         }
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Prints a sample; false once the reader has closed the pipe.
-    fn print(
-        &self,
-        run: &LivingRun,
-        decoder: &Decoder,
-        joints: &[String],
-        sample: &Sample,
-    ) -> anyhow::Result<bool> {
-        let value = match decoder.decode(&sample.bytes) {
+    /// Prints the newest sample, in place, whenever one is due.
+    fn newest(&self, watch: &Watch<'_>, shown: &Shown<'_>) -> anyhow::Result<End> {
+        let mut reader = watch.reader()?;
+        let interval = Duration::from_secs_f64(1.0 / self.rate.unwrap_or(10.0));
+        let (mut count, mut due) = (0, Instant::now());
+        watch.follow(interval.min(Duration::from_millis(20)), None, || {
+            let now = Instant::now();
+            if now < due || !reader.poll() {
+                return Ok(if reader.stamp().is_some() { Look::Seen } else { Look::Nothing });
+            }
+            let (Some(stamp), Some(bytes)) = (reader.stamp(), reader.bytes()) else {
+                return Ok(Look::Nothing);
+            };
+            due = (due + interval).max(now);
+            count += 1;
+            self.print(shown, stamp, bytes, count)
+        })
+    }
+
+    /// Prints every sample that can be read before it is overwritten.
+    fn every(&self, watch: &Watch<'_>, shown: &Shown<'_>) -> anyhow::Result<End> {
+        let mut tap = watch.tap()?;
+        let (mut pace, mut count) = (Pace::default(), 0);
+        let period_ns = shown.run.plan.components[shown.topic.writer].period_ns();
+        let end = watch.follow(poll_for(period_ns), None, || {
+            // A slow terminal must not delay the reading.
+            let samples: Vec<Sample> = core::iter::from_fn(|| tap.next_unread()).collect();
+            for sample in &samples {
+                pace.see(&sample.stamp);
+                count += 1;
+                if self.print(shown, &sample.stamp, &sample.bytes, count)? == Look::Enough {
+                    return Ok(Look::Enough);
+                }
+            }
+            Ok(if samples.is_empty() { Look::Nothing } else { Look::Seen })
+        })?;
+        if pace.lost() > 0 {
+            errln!("{} samples were overwritten before they could be read", pace.lost());
+        }
+        Ok(end)
+    }
+
+    /// Prints the sample with this number; enough once the reader has closed the pipe, or at `--count`.
+    fn print(&self, shown: &Shown<'_>, stamp: &Stamp, bytes: &[u8], number: u64) -> anyhow::Result<Look> {
+        let Shown { run, topic, decoder, joints } = *shown;
+        let is_last = self.count == Some(number);
+        let value = match Content::read(topic, decoder, bytes) {
             Ok(value) => value,
             Err(error) => {
-                errln!("sample {} of `{}` is malformed: {error}", sample.stamp.sequence, self.topic);
-                return Ok(true);
+                errln!("sample {} of `{}` is malformed: {error}", stamp.sequence, self.topic);
+                return Ok(if is_last { Look::Enough } else { Look::Seen });
             }
         };
-        let stamp = &sample.stamp;
         let line = Line {
             topic: &self.topic,
             sequence: stamp.sequence,
@@ -127,7 +138,7 @@ impl Echo {
             episode: stamp.episode,
             value: &value,
         };
-        self.write(&line)
+        Ok(if self.write(&line)? && !is_last { Look::Seen } else { Look::Enough })
     }
 
     /// Writes a line; false once the reader has closed the pipe.
@@ -157,7 +168,7 @@ impl Echo {
             for record in &records {
                 shown += 1;
                 let message = log::message(record);
-                let value = log::decoded(&message);
+                let value = Content::Value(log::decoded(&message));
                 if !self.write(&log::line(run, record, shown, &value))? || self.count == Some(shown) {
                     return Ok(ExitCode::SUCCESS);
                 }
@@ -168,8 +179,19 @@ impl Echo {
     }
 }
 
-/// True if a value has arrays with an entry for each of so many joints.
-fn are_of_joints(value: &Decoded<'_>, joints: usize) -> bool {
+/// The topic that is shown, and how.
+#[derive(Clone, Copy)]
+struct Shown<'a> {
+    run: &'a LivingRun,
+    topic: &'a TopicPlan,
+    decoder: &'a Decoder,
+    /// Names of the joints whose arrays it carries.
+    joints: &'a [String],
+}
+
+/// True if a value has arrays with an entry for each of this number of joints.
+fn are_of_joints(value: &Content<'_>, joints: usize) -> bool {
+    let Content::Value(value) = value else { return false };
     joints > 0 && value.0.iter().any(|(_, value)| is_of_joints(value, joints))
 }
 
@@ -177,18 +199,26 @@ fn is_of_joints(value: &FieldValue, joints: usize) -> bool {
     matches!(value, FieldValue::Many(numbers) if numbers.len() == joints)
 }
 
-/// A sample as readable lines: the stamp, then a field a line; arrays with an entry for each joint as a
-/// table, a joint a line.
+/// A sample as readable lines: the stamp, then its content.
 fn lines(line: &Line<'_>) -> String {
     let chain = line.publish_time_ns.saturating_sub(line.source_time_ns);
-    let mut text = format!(
+    let text = format!(
         "{} {}\n",
         style::strong(format!("#{} at {:.6} s", line.sequence, line.time_s)),
         style::dim(format!("age {}, {} after its source", readable(line.age_ns), readable(chain)))
     );
-    let joints = line.joints.unwrap_or_default();
+    let value = match line.value {
+        Content::Value(value) => value,
+        Content::Slice(slice) => return text + &slice.lines(),
+    };
+    text + &value_lines(value, line.joints.unwrap_or_default())
+}
+
+/// A value as readable lines: a field a line; arrays with an entry for each joint as a table, a joint a line.
+fn value_lines(value: &Decoded<'_>, joints: &[String]) -> String {
+    let mut text = String::new();
     let tabled = |value: &FieldValue| !joints.is_empty() && is_of_joints(value, joints.len());
-    let plain = || line.value.0.iter().filter(|(_, value)| !tabled(value));
+    let plain = || value.0.iter().filter(|(_, value)| !tabled(value));
     let width = plain().map(|(name, _)| name.len()).max().unwrap_or(0);
     for (name, value) in plain() {
         let _ = write!(text, "  {name:width$} ");
@@ -200,8 +230,7 @@ fn lines(line: &Line<'_>) -> String {
         }
         text.push('\n');
     }
-    let columns: Vec<(&str, Vec<String>)> = line
-        .value
+    let columns: Vec<(&str, Vec<String>)> = value
         .0
         .iter()
         .filter(|(_, value)| tabled(value))
@@ -240,11 +269,11 @@ mod tests {
     #[test]
     fn arrays_of_joints_are_a_table_with_a_joint_a_line() {
         let many = |numbers: &[f64]| FieldValue::Many(numbers.iter().map(|x| Number::Double(*x)).collect());
-        let value = Decoded(vec![
+        let value = Content::Value(Decoded(vec![
             ("count", FieldValue::One(Number::Natural(2))),
             ("position", many(&[0.5, -1.0])),
             ("velocity", many(&[0.0, 2.0])),
-        ]);
+        ]));
         let joints = ["hip".to_string(), "knee".to_string()];
         let line = Line {
             topic: "leg/state",

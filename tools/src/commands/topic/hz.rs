@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::find;
 use super::pace::{Pace, percentiles};
-use super::watch::{End, Watch, poll_for};
+use super::watch::{End, Look, Watch, poll_for};
 use crate::out::{errln, out, outln};
 use crate::report::microseconds;
 use crate::runs::RunArg;
@@ -52,12 +52,14 @@ impl Hz {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let run = self.run.look()?;
         let (_, topic) = find(&run.plan, &self.topic)?;
-        let mut watch = Watch::open(&run, topic)?;
+        let watch = Watch::open(&run, topic)?;
+        let mut tap = watch.tap()?;
         let poll = poll_for(run.plan.components[topic.writer].period_ns());
         let (mut pace, mut intervals) = (Pace::default(), Vec::new());
-        let end = watch.follow(poll, Some(Duration::from_nanos(self.time.ns)), |samples| {
-            intervals.extend(samples.iter().filter_map(|sample| pace.see(&sample.stamp)));
-            Ok(true)
+        let end = watch.follow(poll, Some(Duration::from_nanos(self.time.ns)), || {
+            let before = pace.received();
+            while tap.read(|stamp, _| intervals.extend(pace.see(stamp))) {}
+            Ok(if pace.received() > before { Look::Seen } else { Look::Nothing })
         })?;
         if end == End::RunOver {
             errln!("run {} is over", run.folder.id());

@@ -1,7 +1,8 @@
 //! A topic and a sample as they are printed in JSON.
 
-use motorium::state::Decoded;
 use serde::Serialize;
+
+use super::content::Content;
 
 /// A topic as JSON.
 #[derive(Debug, Serialize)]
@@ -37,5 +38,5 @@ pub(super) struct Line<'a> {
     pub(super) joints: Option<&'a [String]>,
     /// Index of the episode.
     pub(super) episode: u64,
-    pub(super) value: &'a Decoded<'a>,
+    pub(super) value: &'a Content<'a>,
 }

@@ -5,6 +5,7 @@ use motorium::plan::ClockKind;
 use motorium::region::EventRecord;
 use motorium::state::{Decoded, Event, FieldValue, Number, StateBuffer as _};
 
+use super::content::Content;
 use super::json::{Line, Row};
 use crate::runs::LivingRun;
 
@@ -36,7 +37,7 @@ pub(super) fn line<'a>(
     run: &'a LivingRun,
     record: &EventRecord,
     sequence: u64,
-    value: &'a Decoded<'a>,
+    value: &'a Content<'a>,
 ) -> Line<'a> {
     let time_ns = match (run.plan.clock, record.simulated_ns) {
         (ClockKind::Lockstep, Some(simulated_ns)) => simulated_ns,

@@ -1,5 +1,6 @@
 //! `motorium topic`: the topics of a running graph, seen and fed from outside.
 
+mod content;
 mod echo;
 mod hz;
 mod info;

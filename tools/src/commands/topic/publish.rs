@@ -6,12 +6,11 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use motorium::plan::{Plan, Program, TopicPlan};
 use motorium::state::encode;
-use motorium::transport::Sample;
 use motorium::units::TimeSpan;
 use motorium_bridges::{Feed, Iceoryx2Bridge};
 
 use super::find;
-use super::watch::{End, Watch};
+use super::watch::{End, Look, Watch};
 use crate::out::errln;
 use crate::runs::RunArg;
 
@@ -59,16 +58,21 @@ impl Pub {
         // what is wrong with the value is said first: it can be mended at once
         let bytes = encode(&topic.layout, &self.fields.join(" "))?;
         fed_from_outside(&run.plan, topic)?;
-        let mut watch = Watch::open(&run, topic)?;
-        let feed = Feed::open(&run.folder.domain()?, &topic.name, &topic.layout)
+        let watch = Watch::open(&run, topic)?;
+        let feed = Feed::open(&run.folder.domain()?, topic)
             .with_context(|| format!("`{}` of run {} cannot be fed", topic.name, run.folder.id()))?;
-        let begin = Instant::now();
+        let (mut tap, begin) = (watch.tap()?, Instant::now());
         let Some(rate) = self.rate else {
             // what was published before this began is not the answer
-            watch.follow(POLL, Some(Duration::ZERO), |_| Ok(true))?;
+            while tap.read(|_, _| {}) {}
             feed.send(&bytes)?;
-            let end = watch.follow(POLL, Some(ARRIVAL), |samples: Vec<Sample>| {
-                Ok(!samples.iter().any(|sample| sample.bytes == bytes))
+            let end = watch.follow(POLL, Some(ARRIVAL), || {
+                let mut look = Look::Nothing;
+                while look != Look::Enough
+                    && tap.read(|_, found| look = if found == bytes { Look::Enough } else { Look::Seen })
+                {
+                }
+                Ok(look)
             })?;
             return match end {
                 End::Enough => Ok(ExitCode::SUCCESS),
@@ -83,12 +87,14 @@ impl Pub {
         };
         let (interval, mut sent) = (Duration::from_secs_f64(1.0 / rate), 0u32);
         let poll = interval.min(Duration::from_millis(20));
-        let end = watch.follow(poll, self.time.map(|time| Duration::from_nanos(time.ns)), |_| {
+        let end = watch.follow(poll, self.time.map(|time| Duration::from_nanos(time.ns)), || {
             if begin.elapsed() >= interval * sent {
                 feed.send(&bytes)?;
                 sent += 1;
             }
-            Ok(true)
+            let mut look = Look::Nothing;
+            while tap.read(|_, _| look = Look::Seen) {}
+            Ok(look)
         })?;
         if end == End::RunOver {
             errln!("run {} is over", run.folder.id());

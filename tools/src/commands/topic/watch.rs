@@ -1,5 +1,4 @@
-//! Following a topic: its samples as they come, until the wanted number was seen, the run is over, or the
-//! user stops it.
+//! Following a topic: until enough samples were seen, the run is over, or the user stops it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -8,7 +7,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use motorium::plan::TopicPlan;
 use motorium::region::Phase;
-use motorium::transport::{Sample, Tap};
+use motorium::session::TopicReader;
+use motorium::transport::Tap;
 
 use crate::out::errln;
 use crate::runs::LivingRun;
@@ -31,42 +31,61 @@ pub(super) enum End {
     RunOver,
 }
 
+/// The result of one look at a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    /// There was no new sample.
+    Nothing,
+    /// There was a sample.
+    Seen,
+    /// Enough samples were seen.
+    Enough,
+}
+
 /// A topic being followed.
 #[derive(Debug)]
 pub(super) struct Watch<'a> {
     run: &'a LivingRun,
     topic: &'a TopicPlan,
-    tap: Tap,
     interrupted: Arc<AtomicBool>,
 }
 
 impl<'a> Watch<'a> {
-    /// Joins a topic as a tap, away from the real-time cores. Signals from now on end the following in good
-    /// order, so that the place of the tap becomes free again.
+    /// Prepares to follow a topic, away from the real-time cores. Signals from now on end the following in
+    /// good order, so that the place of its reader becomes free again.
     pub(super) fn open(run: &'a LivingRun, topic: &'a TopicPlan) -> anyhow::Result<Self> {
         run.stand_aside();
         let interrupted = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, interrupted.clone()).context("catching signals")?;
         }
-        let tap = Tap::open(&run.folder.domain()?, topic)?;
-        Ok(Self { run, topic, tap, interrupted })
+        Ok(Self { run, topic, interrupted })
     }
 
-    /// Reads new samples every `poll` and passes them, or none, to `take` until it returns false.
+    /// A reader of every sample of the topic.
+    pub(super) fn tap(&self) -> anyhow::Result<Tap> {
+        Ok(Tap::open(&self.run.folder.domain()?, self.topic)?)
+    }
+
+    /// A reader of the newest sample of the topic.
+    pub(super) fn reader(&self) -> anyhow::Result<TopicReader> {
+        Ok(TopicReader::open(&self.run.folder.domain()?, self.topic)?)
+    }
+
+    /// Calls `look` every `poll`, until it has seen enough.
     pub(super) fn follow(
-        &mut self,
+        &self,
         poll: Duration,
         time: Option<Duration>,
-        mut take: impl FnMut(Vec<Sample>) -> anyhow::Result<bool>,
+        mut look: impl FnMut() -> anyhow::Result<Look>,
     ) -> anyhow::Result<End> {
         let begin = Instant::now();
         let (mut checked, mut silent) = (begin, true);
         loop {
-            let samples: Vec<Sample> = core::iter::from_fn(|| self.tap.next_unread()).collect();
-            silent &= samples.is_empty();
-            if !take(samples)? {
-                return Ok(End::Enough);
+            match look()? {
+                Look::Enough => return Ok(End::Enough),
+                Look::Seen => silent = false,
+                Look::Nothing => {}
             }
             if self.interrupted.load(Relaxed) {
                 return Ok(End::Interrupted);

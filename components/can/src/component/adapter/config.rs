@@ -183,10 +183,12 @@ pub(super) fn check_watchdogs(
     equipped: &Equipped,
     declare: &mut Declare,
 ) -> Result<(), ConfigError> {
+    if config.observe {
+        return Ok(());
+    }
     let drives = &equipped.table.drives;
     if let Some(drive) = drives.iter().find(|drive| drive.watchdog.ns == 0)
         && !config.allow_no_watchdog
-        && !config.observe
     {
         let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
         return Err(ConfigError::key("drives", message).advise(
