@@ -39,6 +39,10 @@ pub enum Purpose {
     Start = 8,
     /// Resamples of statistics.
     Resample = 9,
+    /// Samples of a replay buffer.
+    Replay = 12,
+    /// Noise of the actions in a gradient.
+    Noise = 13,
 }
 
 /// Position of a random number in a training run.

@@ -50,6 +50,25 @@ fn training_repeats_on_threads_and_makes_a_policy() {
 }
 
 #[test]
+fn every_listed_algorithm_trains() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let tasks = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks");
+    let listed = json(&["learn", "list", tasks, "--json"]);
+    let names: Vec<&str> =
+        listed["algorithms"].as_array().expect("names").iter().filter_map(|name| name.as_str()).collect();
+    assert_eq!(names, ["ppo", "a2c", "reinforce", "sac", "td3", "ddpg", "dqn"]);
+    for name in names {
+        let output = folder.path().join(name).to_str().expect("a path of text").to_string();
+        let start = ["learn", "train", TASK, "--algorithm", name, "--steps", "100", "--json", "--output"];
+        let trained = json(&[&start[..], &[&output]].concat());
+        assert_eq!(trained["algorithm"], name);
+        assert!(trained["steps"].as_u64() >= Some(100), "{trained}");
+        let evaluated = json(&["learn", "evaluate", &output, "--episodes", "1", "--json", "--task", TASK]);
+        assert!(evaluated["mean"].as_f64() >= Some(1.0), "{evaluated}");
+    }
+}
+
+#[test]
 fn the_tasks_of_the_project_are_listed_with_their_rewards() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks");
     let listed = json(&["learn", "list", folder, "--json"]);

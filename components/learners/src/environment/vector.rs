@@ -121,6 +121,20 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         self.collect()
     }
 
+    /// Ends the running episode of each world and starts the next.
+    ///
+    /// # Errors
+    ///
+    /// [`EnvironmentError::Reset`].
+    pub fn restart(&mut self) -> Result<(), EnvironmentError> {
+        let terms = &self.terms;
+        self.batch.each(|_, simulation, data| {
+            data.step = Step::default();
+            data.failure = data.episode.begin(terms, simulation, data.episode.number + 1).err();
+        });
+        self.collect()
+    }
+
     /// Applies one action a world, one after the other.
     ///
     /// # Errors

@@ -20,75 +20,38 @@
 //! using generalized advantage estimation*, ICLR 2016; defaults: [`PpoSettings`].
 
 mod checkpoint;
-mod normaliser;
 mod rollout;
-mod run;
 mod settings;
 mod update;
-
-use std::collections::VecDeque;
 
 use motorium_models::networks::{Adam, Perceptron};
 use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
 
-pub use checkpoint::CheckpointError;
-pub use normaliser::Normaliser;
 use rollout::Rollout;
-pub use run::{Run, RunError, Summary};
 pub use settings::PpoSettings;
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
+pub use crate::learner::Normaliser;
+use crate::learner::{
+    Algorithm, CheckpointError, Episodes, Head, Learner, LearnerError, Progress, TrainedNetwork, layer_sizes,
+    numbers_sha256,
+};
 use crate::random::{Counter, Purpose};
 use crate::task::Task;
 
-/// Episodes over which the return of a training run is averaged.
-const RECENT: usize = 100;
+/// Values of an update, in the order of [`Progress::values`].
+const MEASURES: [&str; 5] = ["policy_loss", "value_loss", "entropy", "divergence", "rate"];
 
-/// The errors of training.
-#[derive(Debug, thiserror::Error)]
-pub enum PpoError {
-    /// The environment failed.
-    #[error(transparent)]
-    Environment(#[from] EnvironmentError),
-    /// A term of the loss is not finite.
-    #[error(
-        "update {update}: the {term} is {value}, expected a finite number\n\
-         help: lower `rate` or clip the observations of the task"
-    )]
-    NotFinite {
-        /// Number of the update.
-        update: u64,
-        /// Term of the loss.
-        term: &'static str,
-        /// Its value.
-        value: f64,
-    },
-}
-
-/// Progress of a training run after an update.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Progress {
-    /// Updates so far.
-    pub update: u64,
-    /// Steps of all worlds together.
-    pub steps: u64,
-    /// Episodes that ended.
-    pub episodes: u64,
-    /// Mean return of the last 100 episodes, or `None` before the first end.
-    pub mean_return: Option<f64>,
-    /// Mean length of the last 100 episodes \[steps\].
-    pub mean_length: Option<f64>,
-    /// Loss of the policy, squared error of the value, and entropy of the policy, averaged over the update.
-    pub policy_loss: f64,
-    /// See `policy_loss`.
-    pub value_loss: f64,
-    /// See `policy_loss`.
-    pub entropy: f64,
-    /// Divergence between the policies before and after the update.
-    pub divergence: f64,
-    /// Learning rate of the update.
-    pub rate: f64,
+/// The parts in which on-policy methods differ.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Variant {
+    /// The algorithm.
+    pub(crate) algorithm: Algorithm,
+    /// Advantages have mean 0 and deviation 1 in each gradient.
+    pub(crate) is_normalised: bool,
+    /// An update uses one whole episode of each world instead of a horizon, and no value after its end.
+    pub(crate) uses_episodes: bool,
 }
 
 /// Numbers of a training run besides its networks and worlds.
@@ -97,19 +60,19 @@ struct State {
     seed: u64,
     updates: u64,
     steps: u64,
-    episodes: u64,
     rate: f64,
     observations: Normaliser,
     returns: Normaliser,
-    /// Discounted and plain return of the running episode of each world, and its length.
-    running: Vec<(f64, f64, u64)>,
-    /// Return and length of the last episodes.
-    recent: VecDeque<(f64, u64)>,
+    /// Discounted return of the running episode of each world.
+    discounted: Vec<f64>,
+    episodes: Episodes,
 }
 
-/// A training run: worlds, networks, optimiser and counters.
+/// A training run: worlds, networks, optimiser and counters. [A2C](crate::a2c) and
+/// [REINFORCE](crate::reinforce) are variants of it.
 pub struct Ppo<E> {
     settings: PpoSettings,
+    variant: Variant,
     threads: usize,
     worlds: VectorEnvironment<E>,
     policy: Perceptron,
@@ -132,18 +95,30 @@ impl<E: Engine + Send> Ppo<E> {
     pub fn new(
         task: &Task,
         settings: PpoSettings,
-        (seed, threads): (u64, usize),
+        run: (u64, usize),
         build: impl FnMut() -> Result<Simulation<E>, BuildError>,
     ) -> Result<Self, EnvironmentError> {
         settings.check()?;
+        let variant = Variant { algorithm: Algorithm::Ppo, is_normalised: true, uses_episodes: false };
+        Self::with_variant(task, settings, variant, run, build)
+    }
+
+    /// A run of an on-policy method, whose settings are checked.
+    pub(crate) fn with_variant(
+        task: &Task,
+        mut settings: PpoSettings,
+        variant: Variant,
+        (seed, threads): (u64, usize),
+        build: impl FnMut() -> Result<Simulation<E>, BuildError>,
+    ) -> Result<Self, EnvironmentError> {
         let worlds = VectorEnvironment::new(task, (settings.worlds, threads), seed, build)?;
         let (inputs, actions) = (worlds.terms().inputs(), worlds.terms().actions());
+        if variant.uses_episodes {
+            settings.horizon = worlds.terms().steps();
+        }
         let active = worlds.terms().active_actions();
-        let sizes = |outputs| {
-            let hidden = settings.hidden.iter().copied();
-            core::iter::once(inputs).chain(hidden).chain([outputs]).collect::<Vec<usize>>()
-        };
         let weights = |step| Counter { seed, step, ..Counter::default() }.stream(Purpose::Weights);
+        let sizes = |outputs| layer_sizes(inputs, &settings.hidden, outputs);
         let policy = Perceptron::random(&sizes(actions), 0.01, &mut weights(0));
         let value = Perceptron::random(&sizes(1), 1.0, &mut weights(1));
         let deviations = vec![settings.deviation.ln() as f32; actions];
@@ -153,15 +128,26 @@ impl<E: Engine + Send> Ppo<E> {
             seed,
             updates: 0,
             steps: 0,
-            episodes: 0,
             rate: settings.rate,
             observations: Normaliser::new(inputs),
             returns: Normaliser::new(1),
-            running: vec![(0.0, 0.0, 0); settings.worlds],
-            recent: VecDeque::with_capacity(RECENT + 1),
+            discounted: vec![0.0; settings.worlds],
+            episodes: Episodes::new(settings.worlds),
         };
         let threads = threads.max(1);
-        Ok(Self { settings, threads, worlds, policy, value, deviations, active, adam, state, rollout })
+        Ok(Self {
+            settings,
+            variant,
+            threads,
+            worlds,
+            policy,
+            value,
+            deviations,
+            active,
+            adam,
+            state,
+            rollout,
+        })
     }
 
     /// The settings.
@@ -188,41 +174,74 @@ impl<E: Engine + Send> Ppo<E> {
     ///
     /// # Errors
     ///
-    /// [`PpoError`].
-    pub fn advance(&mut self) -> Result<Progress, PpoError> {
+    /// [`LearnerError`].
+    pub fn advance(&mut self) -> Result<Progress, LearnerError> {
         self.collect()?;
         let losses = self.update()?;
         self.state.updates += 1;
-        let recent = &self.state.recent;
-        let mean = |value: &dyn Fn(&(f64, u64)) -> f64| {
-            (!recent.is_empty()).then(|| recent.iter().map(value).sum::<f64>() / recent.len() as f64)
-        };
+        let State { updates, steps, episodes, .. } = &self.state;
         Ok(Progress {
-            update: self.state.updates,
-            steps: self.state.steps,
-            episodes: self.state.episodes,
-            mean_return: mean(&|(total, _)| *total),
-            mean_length: mean(&|(_, length)| *length as f64),
-            policy_loss: losses.policy,
-            value_loss: losses.value,
-            entropy: losses.entropy,
-            divergence: losses.divergence,
-            rate: losses.rate,
+            update: *updates,
+            steps: *steps,
+            episodes: episodes.ended,
+            mean_return: episodes.mean_return(),
+            mean_length: episodes.mean_length(),
+            values: vec![losses.policy, losses.value, losses.entropy, losses.divergence, losses.rate],
         })
-    }
-
-    /// Layers of the policy on raw observations: the normalisation is part of the first.
-    pub fn policy_layers(&self) -> Vec<(Vec<f32>, Vec<f32>)> {
-        let mut layers = self.policy.rows();
-        self.state.observations.fold(&mut layers[0]);
-        layers
     }
 
     /// SHA-256 of all weights of policy and value and of the deviations, in hexadecimal.
     pub fn weights_sha256(&self) -> String {
         let weights = [&self.policy.to_vec(), &self.value.to_vec(), &self.deviations];
-        let bytes: Vec<u8> = weights.into_iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
-        crate::sha256::sha256_hex(&bytes)
+        numbers_sha256(weights.map(Vec::as_slice))
+    }
+}
+
+impl<E: Engine + Send> Learner for Ppo<E> {
+    fn algorithm(&self) -> Algorithm {
+        self.variant.algorithm
+    }
+
+    fn measures(&self) -> &'static [&'static str] {
+        &MEASURES
+    }
+
+    fn steps(&self) -> u64 {
+        self.state.steps
+    }
+
+    fn total_steps(&self) -> u64 {
+        self.settings.steps
+    }
+
+    fn updates(&self) -> u64 {
+        self.state.updates
+    }
+
+    fn checkpoint_interval(&self) -> u64 {
+        self.settings.checkpoint
+    }
+
+    fn advance(&mut self) -> Result<Progress, LearnerError> {
+        self.advance()
+    }
+
+    fn checkpoint(&self) -> Result<Vec<u8>, CheckpointError> {
+        self.checkpoint()
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError> {
+        self.restore(bytes)
+    }
+
+    fn policy(&self) -> TrainedNetwork {
+        let mut layers = self.policy.rows();
+        self.state.observations.fold(&mut layers[0]);
+        TrainedNetwork { layers, head: Head::Linear }
+    }
+
+    fn weights_sha256(&self) -> String {
+        self.weights_sha256()
     }
 }
 

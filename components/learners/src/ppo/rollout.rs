@@ -4,7 +4,7 @@ use motorium_physics::Engine;
 use nalgebra::DMatrix;
 use rand_distr::{Distribution as _, StandardNormal};
 
-use super::{Ppo, RECENT};
+use super::Ppo;
 use crate::environment::EnvironmentError;
 use crate::random::{Counter, Purpose};
 
@@ -22,6 +22,8 @@ pub(super) struct Rollout {
     pub(super) values: Vec<f32>,
     pub(super) advantages: Vec<f32>,
     pub(super) returns: Vec<f32>,
+    /// Samples that an update uses.
+    pub(super) used: Vec<usize>,
     rewards: Vec<f32>,
     /// Value after the step: 0 where the episode terminated, of the final observation where it was truncated.
     next_values: Vec<f32>,
@@ -39,6 +41,7 @@ impl Rollout {
             values: zeros(),
             advantages: zeros(),
             returns: zeros(),
+            used: Vec::with_capacity(samples),
             rewards: zeros(),
             next_values: zeros(),
             ended: vec![false; samples],
@@ -83,7 +86,7 @@ pub(super) fn log_density(away: impl Iterator<Item = (f32, f32, bool)>) -> f32 {
 }
 
 impl<E: Engine + Send> Ppo<E> {
-    /// Steps all worlds through a horizon.
+    /// Steps all worlds through a horizon, or each through an episode.
     pub(super) fn collect(&mut self) -> Result<(), EnvironmentError> {
         let (worlds, horizon) = (self.settings.worlds, self.settings.horizon);
         let (inputs, width) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
@@ -93,11 +96,18 @@ impl<E: Engine + Send> Ppo<E> {
         let normaliser = self.state.observations.clone();
         let mut raw = Vec::with_capacity(horizon * worlds * inputs);
         let mut last = DMatrix::zeros(inputs, worlds);
+        // worlds whose steps count
+        let mut live = vec![true; worlds];
+        self.rollout.used.clear();
         for step in 0..horizon {
+            if !live.contains(&true) {
+                break;
+            }
             let samples = step * worlds..(step + 1) * worlds;
             let observations = &mut self.rollout.observations[samples.start * inputs..samples.end * inputs];
             normaliser.apply(self.worlds.observations(), observations);
-            raw.extend_from_slice(self.worlds.observations());
+            let rows = self.worlds.observations().chunks_exact(inputs).zip(&live);
+            raw.extend(rows.filter(|(_, live)| **live).flat_map(|(row, _)| row));
             let input = DMatrix::from_column_slice(inputs, worlds, observations);
             let values = self.value.forward(input.clone());
             self.rollout.values[samples.clone()].copy_from_slice(values.output().as_slice());
@@ -136,29 +146,31 @@ impl<E: Engine + Send> Ppo<E> {
             let finals = is_any.then(|| self.value.forward(last.clone()));
             for (world, result) in self.worlds.steps().iter().enumerate() {
                 let k = samples.start + world;
-                let running = &mut self.state.running[world];
-                running.0 = running.0 * discount + result.reward;
-                running.1 += result.reward;
-                running.2 += 1;
-                self.state.returns.update(&[running.0 as f32]);
+                self.rollout.ended[k] = result.end.is_some();
+                self.rollout.next_values[k] = 0.0;
+                if !live[world] {
+                    continue;
+                }
+                self.rollout.used.push(k);
+                self.state.steps += 1;
+                self.state.episodes.record(world, result);
+                let discounted = &mut self.state.discounted[world];
+                *discounted = *discounted * discount + result.reward;
+                self.state.returns.update(&[*discounted as f32]);
                 let scaled = result.reward / self.state.returns.deviation(0);
                 self.rollout.rewards[k] = scaled.clamp(-REWARD_CLIP, REWARD_CLIP) as f32;
-                self.rollout.ended[k] = result.end.is_some();
                 // the value of the next observation follows below
-                self.rollout.next_values[k] = match (result.end, &finals) {
-                    (Some(end), Some(finals)) if !end.is_terminal() => finals.output()[world],
-                    _ => 0.0,
-                };
+                if let (Some(end), Some(finals)) = (result.end, &finals)
+                    && !end.is_terminal()
+                    && !self.variant.uses_episodes
+                {
+                    self.rollout.next_values[k] = finals.output()[world];
+                }
                 if result.end.is_some() {
-                    self.state.episodes += 1;
-                    self.state.recent.push_back((running.1, running.2));
-                    if self.state.recent.len() > RECENT {
-                        self.state.recent.pop_front();
-                    }
-                    *running = (0.0, 0.0, 0);
+                    *discounted = 0.0;
+                    live[world] = !self.variant.uses_episodes;
                 }
             }
-            self.state.steps += worlds as u64;
         }
         let mut next = vec![0.0; worlds * inputs];
         normaliser.apply(self.worlds.observations(), &mut next);
@@ -175,6 +187,9 @@ impl<E: Engine + Send> Ppo<E> {
                     };
                 }
             }
+        }
+        if self.variant.uses_episodes {
+            self.worlds.restart()?;
         }
         self.state.observations.update(&raw);
         self.rollout.estimate(worlds, discount as f32, self.settings.lambda as f32);

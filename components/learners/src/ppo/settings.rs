@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::learner::{Algorithm, Check};
 use crate::task::TaskError;
 
 /// Settings of [`Ppo`](super::Ppo): the table `[algorithms.ppo]` of a task.
@@ -97,49 +98,27 @@ impl PpoSettings {
     ///
     /// [`TaskError::Value`].
     pub fn check(&self) -> Result<(), TaskError> {
-        let value = |key: &str, found: f64, expected: &str| TaskError::Value {
-            key: format!("algorithms.ppo.{key}"),
-            found: found.to_string(),
-            expected: expected.to_owned(),
-        };
-        for (key, count) in [
-            ("steps", self.steps as usize),
-            ("worlds", self.worlds),
-            ("horizon", self.horizon),
-            ("epochs", self.epochs),
-            ("checkpoint", self.checkpoint as usize),
-        ] {
-            if count == 0 {
-                return Err(value(key, 0.0, "at least 1"));
-            }
-        }
+        let check = Check(Algorithm::Ppo);
+        check.counts([
+            ("steps", self.steps),
+            ("worlds", self.worlds as u64),
+            ("horizon", self.horizon as u64),
+            ("epochs", self.epochs as u64),
+            ("checkpoint", self.checkpoint),
+        ])?;
         if self.minibatch < 2 {
-            return Err(value("minibatch", self.minibatch as f64, "at least 2"));
+            return Err(check.error("minibatch", self.minibatch as f64, "at least 2"));
         }
-        for (key, found) in [
+        check.positive([
             ("rate", self.rate),
             ("clip", self.clip),
             ("value", self.value),
             ("gradient", self.gradient),
             ("deviation", self.deviation),
             ("target_kl", self.target_kl.unwrap_or(1.0)),
-        ] {
-            if !(found > 0.0 && found.is_finite()) {
-                return Err(value(key, found, "above 0"));
-            }
-        }
-        if !(self.discount > 0.0 && self.discount < 1.0) {
-            return Err(value("discount", self.discount, "above 0, below 1"));
-        }
-        if !(0.0..=1.0).contains(&self.lambda) {
-            return Err(value("lambda", self.lambda, "0 to 1"));
-        }
-        if !(self.entropy >= 0.0 && self.entropy.is_finite()) {
-            return Err(value("entropy", self.entropy, "at least 0"));
-        }
-        if self.hidden.is_empty() || self.hidden.contains(&0) {
-            return Err(value("hidden", 0.0, "at least one layer of at least one unit"));
-        }
-        Ok(())
+        ])?;
+        check.shares([("lambda", self.lambda)])?;
+        check.not_negative([("entropy", self.entropy)])?;
+        check.network(self.discount, &self.hidden)
     }
 }

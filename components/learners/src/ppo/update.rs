@@ -1,18 +1,13 @@
 //! Gradients and the optimiser.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-
 use motorium_physics::Engine;
 use nalgebra::DMatrix;
 use rand::seq::SliceRandom as _;
 
+use super::Ppo;
 use super::rollout::log_density;
-use super::{Ppo, PpoError};
+use crate::learner::{CHUNK, LearnerError, check_finite, map_chunks};
 use crate::random::{Counter, Purpose};
-
-/// Samples in a chunk, whose gradient one thread computes.
-const CHUNK: usize = 64;
 
 /// Averages over an update.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,8 +30,9 @@ struct Part {
 
 impl<E: Engine + Send> Ppo<E> {
     /// Updates the networks by the steps of the rollout.
-    pub(super) fn update(&mut self) -> Result<Losses, PpoError> {
-        let samples = self.rollout.returns.len();
+    pub(super) fn update(&mut self) -> Result<Losses, LearnerError> {
+        let mut order = self.rollout.used.clone();
+        let samples = order.len();
         let (epochs, minibatch) = (self.settings.epochs, self.settings.minibatch.min(samples));
         if self.settings.anneal && self.settings.target_kl.is_none() {
             let done = (self.state.steps - samples as u64) as f64 / self.settings.steps as f64;
@@ -44,7 +40,6 @@ impl<E: Engine + Send> Ppo<E> {
         }
         let mut total = Losses { rate: self.state.rate, ..Losses::default() };
         let mut batches = 0.0;
-        let mut order: Vec<usize> = (0..samples).collect();
         for epoch in 0..epochs {
             let counter =
                 Counter { seed: self.state.seed, world: 0, episode: self.state.updates, step: epoch as u64 };
@@ -59,7 +54,7 @@ impl<E: Engine + Send> Ppo<E> {
             }
         }
         for value in [&mut total.policy, &mut total.value, &mut total.entropy, &mut total.divergence] {
-            *value /= batches;
+            *value /= f64::max(batches, 1.0);
         }
         if let Some(target) = self.settings.target_kl {
             if total.divergence > 2.0 * target {
@@ -72,39 +67,16 @@ impl<E: Engine + Send> Ppo<E> {
     }
 
     /// One step of the optimiser on some samples.
-    fn minibatch(&mut self, batch: &[usize]) -> Result<Losses, PpoError> {
+    fn minibatch(&mut self, batch: &[usize]) -> Result<Losses, LearnerError> {
         let count = batch.len() as f64;
         let advantages = || batch.iter().map(|k| f64::from(self.rollout.advantages[*k]));
         let mean = advantages().sum::<f64>() / count;
         let deviation = (advantages().map(|a| (a - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
-        let normal = (mean as f32, (deviation + 1e-8) as f32);
+        let normal =
+            if self.variant.is_normalised { (mean as f32, (deviation + 1e-8) as f32) } else { (0.0, 1.0) };
         let chunks: Vec<&[usize]> = batch.chunks(CHUNK).collect();
-        let mut parts: Vec<Part> = Vec::with_capacity(chunks.len());
-        if self.threads == 1 || chunks.len() == 1 {
-            parts.extend(chunks.iter().map(|chunk| self.part(chunk, batch.len(), normal)));
-        } else {
-            // whichever thread is free takes the next chunk; the sums below run in the order of the chunks
-            let slots: Vec<Mutex<Part>> = chunks.iter().map(|_| Mutex::default()).collect();
-            let next = AtomicUsize::new(0);
-            let this = self.shared();
-            let work = || {
-                loop {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let (Some(chunk), Some(slot)) = (chunks.get(index), slots.get(index)) else { break };
-                    *slot.lock().unwrap_or_else(PoisonError::into_inner) =
-                        this.part(chunk, batch.len(), normal);
-                }
-            };
-            std::thread::scope(|scope| {
-                for _ in 1..self.threads.min(chunks.len()) {
-                    scope.spawn(work);
-                }
-                work();
-            });
-            parts.extend(
-                slots.into_iter().map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner)),
-            );
-        }
+        let shared = self.shared();
+        let parts = map_chunks(self.threads, &chunks, |chunk| shared.part(chunk, batch.len(), normal));
         let mut parts = parts.into_iter();
         let Some(mut sum) = parts.next() else { return Ok(Losses::default()) };
         for part in parts {
@@ -133,16 +105,11 @@ impl<E: Engine + Send> Ppo<E> {
             ("loss of the value", sum.losses.value),
             ("entropy", sum.losses.entropy),
         ] {
-            if !value.is_finite() {
-                return Err(PpoError::NotFinite { update: self.state.updates, term, value });
-            }
+            check_finite(self.state.updates, term, value)?;
         }
         let all = || sum.policy.iter().chain(&sum.value).chain(&sum.deviations);
         let norm = all().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
-        if !norm.is_finite() {
-            let (update, term) = (self.state.updates, "norm of the gradient");
-            return Err(PpoError::NotFinite { update, term, value: norm });
-        }
+        check_finite(self.state.updates, "norm of the gradient", norm)?;
         let factor = (self.settings.gradient / (norm + 1e-6)).min(1.0) as f32;
         for gradient in [&mut sum.policy, &mut sum.value, &mut sum.deviations] {
             gradient.iter_mut().for_each(|g| *g *= factor);
@@ -169,10 +136,6 @@ impl<E: Engine + Send> Ppo<E> {
             clip: self.settings.clip as f32,
             weight: self.settings.value as f32,
         }
-    }
-
-    fn part(&self, chunk: &[usize], count: usize, normal: (f32, f32)) -> Part {
-        self.shared().part(chunk, count, normal)
     }
 }
 

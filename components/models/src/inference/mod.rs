@@ -89,6 +89,8 @@ pub enum Operation {
     Reduce(Buffer, Reduction, Parts),
     /// Normalised exponentials along an axis.
     Softmax(Buffer, Along),
+    /// 1 at the first largest number along an axis, 0 elsewhere.
+    Hardmax(Buffer, Along),
     /// Normalised rows.
     LayerNorm(Buffer, LayerNorm),
     /// Factors and offsets of channels.
@@ -210,6 +212,7 @@ impl Operation {
             Self::Softmax(input, along) => {
                 arch.dispatch(Softmax { along: *along, input: &buffers[*input], output });
             }
+            Self::Hardmax(input, along) => along.hardmax(&buffers[*input], output),
             Self::LayerNorm(input, norm) => norm.apply(arch, &buffers[*input], output),
             Self::Affine(input, affine) => affine.apply(&buffers[*input], output),
             Self::Recurrent(input, recurrent) => recurrent.run(arch, *input, buffers, output),

@@ -85,6 +85,22 @@ impl WithSimd for Softmax<'_> {
     }
 }
 
+impl Along {
+    /// Writes 1 at the first largest number along the axis, 0 elsewhere.
+    pub fn hardmax(self, input: &[f32], output: &mut [f32]) {
+        let Self { length, inner, .. } = self;
+        output.fill(0.0);
+        let blocks = input.chunks_exact(length * inner).zip(output.chunks_exact_mut(length * inner));
+        for (input, output) in blocks {
+            for column in 0..inner {
+                let value = |k: usize| input[k * inner + column];
+                let largest = (1..length).fold(0, |best, k| if value(k) > value(best) { k } else { best });
+                output[largest * inner + column] = 1.0;
+            }
+        }
+    }
+}
+
 /// Rows of mean 0 and variance 1, scaled and shifted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerNorm {

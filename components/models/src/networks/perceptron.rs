@@ -122,13 +122,28 @@ impl Perceptron {
             let input = &trace.0[index];
             found.push(layer.gradients(input, &gradient));
             if index > 0 {
-                gradient = layer.backward(&gradient);
-                // the slope of tanh is 1 - tanh^2
-                gradient.iter_mut().zip(input.iter()).for_each(|(g, y)| *g *= 1.0 - y * y);
+                gradient = Self::backward(layer, input, &gradient);
             }
         }
         let slices = found.iter().rev().flat_map(|g| [g.weights.as_slice(), g.bias.as_slice()]);
         slices.flatten().copied().collect()
+    }
+
+    /// Gradient of a loss by the inputs, one sample a column, from its gradient by the outputs.
+    pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
+        let mut gradient = output;
+        for (index, layer) in self.layers.iter().enumerate().skip(1).rev() {
+            gradient = Self::backward(layer, &trace.0[index], &gradient);
+        }
+        self.layers[0].backward(&gradient)
+    }
+
+    /// The gradient before the `tanh` that made the input of a layer, from the gradient by its output.
+    fn backward(layer: &Linear, input: &DMatrix<f32>, output: &DMatrix<f32>) -> DMatrix<f32> {
+        let mut gradient = layer.backward(output);
+        // the slope of tanh is 1 - tanh^2
+        gradient.iter_mut().zip(input.iter()).for_each(|(g, y)| *g *= 1.0 - y * y);
+        gradient
     }
 }
 
@@ -166,6 +181,24 @@ mod tests {
                 network.set(&parameters);
                 let error = network.forward(input.clone()).output() - &target;
                 0.5 * error.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>()
+            };
+            let slope = (loss(1e-2) - loss(-1e-2)) / 2e-2;
+            assert!((slope - f64::from(found[index])).abs() < 2e-3, "{index}: {slope} {}", found[index]);
+        }
+    }
+
+    #[test]
+    fn input_gradients_match_finite_differences() {
+        let network = Perceptron::random(&[3, 5, 4, 2], 1.0, &mut Pcg64::seed_from_u64(5));
+        let input = DMatrix::from_fn(3, 2, |i, k| (1.3 * (i + 3 * k) as f32).sin());
+        let weights = DMatrix::from_fn(2, 2, |i, k| 0.5 + i as f32 - 0.7 * k as f32);
+        let found = network.input_gradients(&network.forward(input.clone()), weights.clone());
+        for index in 0..input.len() {
+            let loss = |step: f32| {
+                let mut moved = input.clone();
+                moved[index] += step;
+                let trace = network.forward(moved);
+                trace.output().iter().zip(weights.iter()).map(|(y, w)| f64::from(y * w)).sum::<f64>()
             };
             let slope = (loss(1e-2) - loss(-1e-2)) / 2e-2;
             assert!((slope - f64::from(found[index])).abs() < 2e-3, "{index}: {slope} {}", found[index]);

@@ -231,7 +231,7 @@ fn operator(compiler: &mut Compiler, node: &Node<'_>) -> Outputs {
         "ReduceMean" => compiler.reduce_mean(node),
         "LayerNormalization" => compiler.layer_norm(node),
         "BatchNormalization" => compiler.batch_norm(node),
-        "Softmax" => compiler.softmax(node),
+        "Softmax" | "Hardmax" => compiler.softmax(node),
         "Conv" => compiler.conv(node),
         "MaxPool" => compiler.max_pool(node),
         "GlobalAveragePool" => compiler.global_average_pool(node),

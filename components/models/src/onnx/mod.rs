@@ -5,10 +5,10 @@
 //! buffers allocated.
 //!
 //! Operators: Add, BatchNormalization, Cast, Clip, Concat, Constant, Conv, Div, Elu, Expand, Flatten, GRU,
-//! Gather, Gemm, GlobalAveragePool, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, MaxPool, Mul, Pow,
-//! ReduceMean, Relu, Reshape, Shape, Sigmoid, Slice, Softmax, Softplus, Softsign, Split, Sqrt, Squeeze, Sub,
-//! Tanh, Transpose, Unsqueeze. Anything else is an error that names the node. Source: the ONNX operator
-//! specification, operator sets 7 to 23.
+//! Gather, Gemm, GlobalAveragePool, Hardmax, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, MaxPool,
+//! Mul, Pow, ReduceMean, Relu, Reshape, Shape, Sigmoid, Slice, Softmax, Softplus, Softsign, Split, Sqrt,
+//! Squeeze, Sub, Tanh, Transpose, Unsqueeze. Anything else is an error that names the node. Source: the ONNX
+//! operator specification, operator sets 7 to 23.
 
 mod compile;
 mod elementwise;
@@ -26,7 +26,7 @@ use prost::Message as _;
 
 use crate::inference::Program;
 use proto::ModelProto;
-pub use write::{GruLayer, write_gru, write_mlp};
+pub use write::{GruLayer, write_choice, write_gru, write_mlp};
 
 /// The network cannot be read or compiled.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

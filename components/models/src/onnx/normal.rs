@@ -97,6 +97,10 @@ impl Compiler {
         if along.length * along.inner == 0 {
             return Err(node.error(format!("an empty axis of a tensor of shape {shape:?}")));
         }
-        Ok(vec![Value::Computed(self.push(node, Operation::Softmax(buffer, along), shape)?)])
+        let operation = match &node.proto.op_type[..] {
+            "Hardmax" => Operation::Hardmax(buffer, along),
+            _ => Operation::Softmax(buffer, along),
+        };
+        Ok(vec![Value::Computed(self.push(node, operation, shape)?)])
     }
 }

@@ -151,6 +151,47 @@ pub fn write_mlp(
     model(graph, metadata)
 }
 
+/// Bytes of an ONNX file with a choice: the output `actions` is the row of `table` whose number in the output
+/// of a multilayer perceptron is the largest, the first of equal ones. Inputs and layers as for
+/// [`write_mlp`]; `table` holds one row for each output of the last layer.
+///
+/// ```
+/// use motorium_models::{inference::Unary, onnx};
+///
+/// let layers = [(vec![1.0, -1.0, 0.0], vec![0.0, 0.0, 0.5])];
+/// let file = onnx::write_choice(1, &layers, Unary::Tanh, &[7.0, -7.0, 0.0], &[]);
+/// let mut program = onnx::Model::read(&file)?.program(1)?;
+/// for (input, expected) in [(2.0, 7.0), (-2.0, -7.0), (0.1, 0.0)] {
+///     program.input_mut(0).copy_from_slice(&[input]);
+///     program.run();
+///     assert_eq!(program.output(0), [expected]);
+/// }
+/// # Ok::<(), onnx::OnnxError>(())
+/// ```
+///
+/// # Panics
+///
+/// If there is no layer, or the last has no output.
+pub fn write_choice(
+    inputs: usize,
+    layers: &[(Vec<f32>, Vec<f32>)],
+    activation: Unary,
+    table: &[f32],
+    metadata: &[(&str, &str)],
+) -> Vec<u8> {
+    let mut graph = GraphProto { name: "choice".to_owned(), ..GraphProto::default() };
+    let (last, choices) = dense(&mut graph, ("obs", inputs), layers, activation);
+    let width = table.len() / choices;
+    let mut largest = node("Hardmax", &[&last], &["choice"]);
+    largest.attribute.push(integer("axis", 1));
+    graph.node.push(largest);
+    graph.initializer.push(tensor("table", &[choices, width], table));
+    graph.node.push(node("MatMul", &["choice", "table"], &["actions"]));
+    graph.input.push(port("obs", &[(0, "rows"), (inputs, "")]));
+    graph.output.push(port("actions", &[(0, "rows"), (width, "")]));
+    model(graph, metadata)
+}
+
 /// A layer of gated recurrent units (update, reset, candidate; the reset gate scales the recurrent product,
 /// as in PyTorch).
 #[derive(Clone, Debug, PartialEq)]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use motorium_learners::learner::Algorithm;
 use motorium_learners::task::Task;
 use serde_json::json;
 
@@ -51,7 +52,10 @@ impl List {
             };
             outln!(
                 "{}",
-                json!({ "tasks": tasks.iter().map(one).collect::<Vec<_>>(), "algorithms": ["ppo"] })
+                json!({
+                    "tasks": tasks.iter().map(one).collect::<Vec<_>>(),
+                    "algorithms": Algorithm::ALL.map(Algorithm::name),
+                })
             );
             return Ok(ExitCode::SUCCESS);
         }

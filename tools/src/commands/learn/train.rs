@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use motorium_learners::ppo::{Progress, Run};
+use motorium_learners::learner::{self, Progress, Run};
 use motorium_learners::tuning::Tuning;
 use serde_json::json;
 
@@ -18,6 +18,32 @@ const INTERVAL: Duration = Duration::from_secs(1);
 enum Algorithm {
     /// Proximal policy optimisation
     Ppo,
+    /// Advantage actor-critic
+    A2c,
+    /// Policy gradient of whole episodes
+    Reinforce,
+    /// Soft actor-critic
+    Sac,
+    /// Twin delayed deterministic policy gradient
+    Td3,
+    /// Deterministic policy gradient
+    Ddpg,
+    /// Q-network on a grid of actions
+    Dqn,
+}
+
+impl Algorithm {
+    fn learner(self) -> learner::Algorithm {
+        match self {
+            Self::Ppo => learner::Algorithm::Ppo,
+            Self::A2c => learner::Algorithm::A2c,
+            Self::Reinforce => learner::Algorithm::Reinforce,
+            Self::Sac => learner::Algorithm::Sac,
+            Self::Td3 => learner::Algorithm::Td3,
+            Self::Ddpg => learner::Algorithm::Ddpg,
+            Self::Dqn => learner::Algorithm::Dqn,
+        }
+    }
 }
 
 /// Train a policy on a task.
@@ -82,8 +108,8 @@ pub(super) fn threads(given: Option<u32>) -> usize {
 
 impl Train {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let Algorithm::Ppo = self.algorithm;
-        let run = Run::create(&self.task, &self.output, (self.seed, threads(self.threads)), self.steps)?;
+        let (algorithm, seed) = (self.algorithm.learner(), (self.seed, threads(self.threads)));
+        let run = Run::create(algorithm, &self.task, &self.output, seed, self.steps)?;
         let [low, high] = run.task().reward_range()?;
         anstream::eprintln!("{}: reward of a step {low} to {high}", run.task().title);
         finish(run, self.json)
@@ -118,10 +144,11 @@ fn finish(mut run: Run, json: bool) -> anyhow::Result<ExitCode> {
     let summary = run.summary();
     let rate = (summary.steps - first) as f64 / seconds;
     if json {
-        let last = summary.last;
+        let last = summary.last.as_ref();
         outln!(
             "{}",
             json!({
+                "algorithm": summary.algorithm,
                 "steps": summary.steps,
                 "updates": summary.updates,
                 "episodes": last.map(|last| last.episodes),

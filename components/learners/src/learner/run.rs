@@ -3,7 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `task.toml` | the task |
-//! | `run.json` | seed, number of steps, and the folder of the task, to which its robot is relative |
+//! | `run.json` | algorithm, seed, number of steps, and the folder of the task, to which its robot is relative |
 //! | `checkpoint.safetensors` | networks, optimiser, statistics, counters and running episodes |
 //! | `progress.csv` | one line an update |
 //! | `policy.toml`, `policy.onnx` | the policy, at every checkpoint |
@@ -11,12 +11,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use motorium_models::inference::Unary;
-use motorium_models::onnx;
-use motorium_physics::Articulated;
 use serde::{Deserialize, Serialize};
 
-use super::{CheckpointError, Ppo, PpoError, PpoSettings, Progress};
+use super::{Algorithm, CheckpointError, Learner, LearnerError, Progress};
 use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
 use crate::task::{NETWORK, Task, TaskError};
@@ -25,8 +22,7 @@ const TASK: &str = "task.toml";
 const RUN: &str = "run.json";
 const CHECKPOINT: &str = "checkpoint.safetensors";
 const PROGRESS: &str = "progress.csv";
-const HEADER: &str =
-    "update,steps,episodes,mean_return,mean_length,policy_loss,value_loss,entropy,divergence,rate\n";
+const HEADER: &str = "update,steps,episodes,mean_return,mean_length";
 
 /// The errors of a run.
 #[derive(Debug, thiserror::Error)]
@@ -76,12 +72,12 @@ pub enum RunError {
     },
     /// Training failed.
     #[error(transparent)]
-    Training(#[from] PpoError),
+    Training(#[from] LearnerError),
 }
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Description {
-    algorithm: String,
+    algorithm: Algorithm,
     seed: u64,
     steps: u64,
     base: PathBuf,
@@ -90,6 +86,8 @@ struct Description {
 /// Result of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
+    /// The algorithm.
+    pub algorithm: Algorithm,
     /// Steps of all worlds together.
     pub steps: u64,
     /// Updates.
@@ -104,7 +102,7 @@ pub struct Summary {
 pub struct Run {
     folder: PathBuf,
     task: Task,
-    ppo: Ppo<Articulated>,
+    learner: Box<dyn Learner>,
     last: Option<Progress>,
 }
 
@@ -115,13 +113,30 @@ fn read_task(file: &Path) -> Result<(Task, String), RunError> {
     Ok((task, text))
 }
 
+/// A learner of the task in a file, whose robot is relative to `base`.
+fn build(
+    algorithm: Algorithm,
+    (task, file): (&Task, &Path),
+    base: &Path,
+    steps: Option<u64>,
+    run: (u64, usize),
+) -> Result<Box<dyn Learner>, RunError> {
+    let scene = Scene::load(task, base)?;
+    algorithm.learner(task, &scene, steps, run).map_err(|error| match error {
+        EnvironmentError::Task(source) => RunError::Task { file: file.to_path_buf(), source },
+        other => RunError::Environment(other),
+    })
+}
+
 impl Run {
-    /// Starts a run of the task in a file, with its settings in `[algorithms.ppo]`; `steps` replaces theirs.
+    /// Starts a run of an algorithm on the task in a file, with its settings in `[algorithms]`; `steps`
+    /// replaces theirs.
     ///
     /// # Errors
     ///
     /// [`RunError`]; [`RunError::Exists`] where the folder holds a run.
     pub fn create(
+        algorithm: Algorithm,
         file: &Path,
         folder: &Path,
         (seed, threads): (u64, usize),
@@ -131,16 +146,19 @@ impl Run {
         if folder.join(RUN).exists() {
             return Err(RunError::Exists { folder: folder.to_path_buf() });
         }
-        let invalid = |source| RunError::Task { file: file.to_path_buf(), source };
-        let mut settings = PpoSettings::from_table(&task.algorithms).map_err(invalid)?;
-        settings.steps = steps.unwrap_or(settings.steps);
         let base = file.parent().unwrap_or(Path::new(""));
         let base = std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf());
-        let description = Description { algorithm: "ppo".into(), seed, steps: settings.steps, base };
-        let run = Self::build(folder, task, settings, &description, threads)?;
+        let learner = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
+        let description = Description { algorithm, seed, steps: learner.total_steps(), base };
+        let run = Self { folder: folder.to_path_buf(), task, learner, last: None };
         files::create_folder(folder)?;
         files::write(&folder.join(TASK), text.as_bytes())?;
-        files::write(&folder.join(PROGRESS), HEADER.as_bytes())?;
+        let mut header = HEADER.to_owned();
+        for name in run.learner.measures() {
+            header.extend([",", *name]);
+        }
+        header.push('\n');
+        files::write(&folder.join(PROGRESS), header.as_bytes())?;
         let json = serde_json::to_string_pretty(&description).expect("numbers and texts serialise");
         files::write(&folder.join(RUN), json.as_bytes())?;
         run.save()?;
@@ -157,39 +175,21 @@ impl Run {
         let bytes = files::read(&file)?;
         let description: Description = serde_json::from_slice(&bytes)
             .map_err(|error| RunError::Description { file: file.clone(), message: error.to_string() })?;
-        if description.algorithm != "ppo" {
-            let message = format!("`algorithm`: found \"{}\", expected \"ppo\"", description.algorithm);
-            return Err(RunError::Description { file, message });
-        }
         let (task, _) = read_task(&folder.join(TASK))?;
-        let invalid = |source| RunError::Task { file: folder.join(TASK), source };
-        let mut settings = PpoSettings::from_table(&task.algorithms).map_err(invalid)?;
-        settings.steps = description.steps;
-        let mut run = Self::build(folder, task, settings, &description, threads)?;
+        let Description { algorithm, seed, steps, base } = description;
+        let mut learner = build(algorithm, (&task, &folder.join(TASK)), &base, Some(steps), (seed, threads))?;
         let file = folder.join(CHECKPOINT);
         let bytes = files::read(&file)?;
-        run.ppo.restore(&bytes).map_err(|source| RunError::Checkpoint { file, source: Box::new(source) })?;
+        learner.restore(&bytes).map_err(|source| RunError::Checkpoint { file, source: Box::new(source) })?;
         // lines of updates after the checkpoint are written again
         let progress = files::read_text(&folder.join(PROGRESS))?;
         let is_kept = |line: &&str| {
             let update = line.split(',').next().and_then(|update| update.parse().ok());
-            update.is_none_or(|update: u64| update <= run.ppo.updates())
+            update.is_none_or(|update: u64| update <= learner.updates())
         };
         let kept: String = progress.lines().filter(is_kept).flat_map(|line| [line, "\n"]).collect();
         files::write(&folder.join(PROGRESS), kept.as_bytes())?;
-        Ok(run)
-    }
-
-    fn build(
-        folder: &Path,
-        task: Task,
-        settings: PpoSettings,
-        description: &Description,
-        threads: usize,
-    ) -> Result<Self, RunError> {
-        let scene = Scene::load(&task, &description.base)?;
-        let ppo = Ppo::new(&task, settings, (description.seed, threads), || scene.simulation())?;
-        Ok(Self { folder: folder.to_path_buf(), task, ppo, last: None })
+        Ok(Self { folder: folder.to_path_buf(), task, learner, last: None })
     }
 
     /// The task.
@@ -199,7 +199,7 @@ impl Run {
 
     /// Steps so far, and the steps of the whole run.
     pub fn steps(&self) -> (u64, u64) {
-        (self.ppo.steps(), self.ppo.settings().steps)
+        (self.learner.steps(), self.learner.total_steps())
     }
 
     /// Makes one update and writes its line, and a checkpoint when it is due. Returns `None` once all steps
@@ -209,15 +209,15 @@ impl Run {
     ///
     /// [`RunError`].
     pub fn advance(&mut self) -> Result<Option<Progress>, RunError> {
-        if self.ppo.is_finished() {
+        if self.learner.is_finished() {
             return Ok(None);
         }
-        let progress = self.ppo.advance()?;
-        self.last = Some(progress);
+        let progress = self.learner.advance()?;
         self.append(&progress)?;
-        if self.ppo.is_finished() || progress.update.is_multiple_of(self.ppo.settings().checkpoint) {
+        if self.learner.is_finished() || progress.update.is_multiple_of(self.learner.checkpoint_interval()) {
             self.save()?;
         }
+        self.last = Some(progress.clone());
         Ok(Some(progress))
     }
 
@@ -226,9 +226,12 @@ impl Run {
         use std::io::Write as _;
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         let mut line = format!("{},{},{},", progress.update, progress.steps, progress.episodes);
-        let _ = write!(line, "{},{},", number(progress.mean_return), number(progress.mean_length));
-        let Progress { policy_loss, value_loss, entropy, divergence, rate, .. } = progress;
-        let _ = writeln!(line, "{policy_loss},{value_loss},{entropy},{divergence},{rate}");
+        let _ = write!(line, "{},{}", number(progress.mean_return), number(progress.mean_length));
+        for value in &progress.values {
+            // a value that is not measured yet leaves its cell empty
+            let _ = write!(line, ",{}", number(value.is_finite().then_some(*value)));
+        }
+        line.push('\n');
         let file = self.folder.join(PROGRESS);
         let written = std::fs::OpenOptions::new()
             .append(true)
@@ -241,19 +244,16 @@ impl Run {
     fn save(&self) -> Result<(), RunError> {
         let file = self.folder.join(CHECKPOINT);
         let bytes = self
-            .ppo
+            .learner
             .checkpoint()
             .map_err(|source| RunError::Checkpoint { file: file.clone(), source: Box::new(source) })?;
         let text = self
             .task
             .policy_text()
             .map_err(|source| RunError::Task { file: self.folder.join(TASK), source })?;
-        let layers = self.ppo.policy_layers();
-        let metadata = [("task", &self.task.title[..]), ("algorithm", "ppo")];
-        let inputs = layers[0].0.len() / layers[0].1.len();
-        let network = onnx::write_mlp(inputs, &layers, Unary::Tanh, &metadata);
+        let metadata = [("task", &self.task.title[..]), ("algorithm", self.learner.algorithm().name())];
         files::write(&self.folder.join("policy.toml"), text.as_bytes())?;
-        files::write(&self.folder.join(NETWORK), &network)?;
+        files::write(&self.folder.join(NETWORK), &self.learner.policy().to_onnx(&metadata))?;
         files::write(&file, &bytes)?;
         Ok(())
     }
@@ -261,10 +261,11 @@ impl Run {
     /// Summary of the run so far.
     pub fn summary(&self) -> Summary {
         Summary {
-            steps: self.ppo.steps(),
-            updates: self.ppo.updates(),
-            last: self.last,
-            weights_sha256: self.ppo.weights_sha256(),
+            algorithm: self.learner.algorithm(),
+            steps: self.learner.steps(),
+            updates: self.learner.updates(),
+            last: self.last.clone(),
+            weights_sha256: self.learner.weights_sha256(),
         }
     }
 }

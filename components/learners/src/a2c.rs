@@ -1,0 +1,140 @@
+//! Advantage actor-critic (A2C).
+//!
+//! A stochastic policy `a ~ N(mu(o), diag(sigma^2))` and a value `V(o)` learn from short pieces of all
+//! worlds. With advantages `A` and returns `R` an update minimises, in one gradient over all its steps,
+//!
+//! ```text
+//! L   = -E[A ln pi(a | o)] + value / 2 E[(V - R)^2] - entropy H
+//! A_t = sum_k (discount lambda)^k d_(t+k),   d_t = reward_t + discount V(o_(t+1)) - V(o_t),   R_t = A_t + V(o_t)
+//! ```
+//!
+//! With `lambda = 1` returns are the rewards to the end of the piece and the value that follows. The code is
+//! [PPO](crate::ppo)'s with one pass, no clip and advantages as they are, whose gradient is the same (Huang,
+//! Kanervisto, Raffin and others, *A2C is a special case of PPO*, arXiv:2205.09123, 2022). Observations and
+//! rewards are normalised as there.
+//!
+//! Sources: Mnih, Badia, Mirza and others, *Asynchronous methods for deep reinforcement learning*, ICML 2016,
+//! in its synchronous form; defaults: [`A2cSettings`].
+
+use motorium_physics::{BuildError, Engine, Simulation};
+use serde::{Deserialize, Serialize};
+
+use crate::environment::EnvironmentError;
+use crate::learner::{Algorithm, Check};
+use crate::ppo::{Ppo, PpoSettings, Variant};
+use crate::task::{Task, TaskError};
+
+/// Settings of A2C: the table `[algorithms.a2c]` of a task.
+///
+/// Defaults follow Stable-Baselines3's `A2C` (pieces of 5 steps, rate 7e-4, discount 0.99, lambda 1, value
+/// 0.5, entropy 0, gradient 0.5), unless stated; the optimiser is Adam in place of RMSProp.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct A2cSettings {
+    /// Steps of all worlds together, from 1. Default 200,000, as PPO's.
+    pub steps: u64,
+    /// Worlds, from 1. Default 16, as PPO's.
+    pub worlds: usize,
+    /// Steps of each world between two updates, from 1. Default 5.
+    pub horizon: usize,
+    /// Learning rate of Adam, above 0. Default 7e-4.
+    pub rate: f64,
+    /// True to lower the learning rate linearly to 0 over the steps. Default false.
+    pub anneal: bool,
+    /// Discount of a step, above 0, below 1. Default 0.99.
+    pub discount: f64,
+    /// Decay of the advantage estimate, 0 to 1. Default 1.
+    pub lambda: f64,
+    /// Weight of the entropy, which is maximised, from 0. Default 0.
+    pub entropy: f64,
+    /// Weight of the squared error of the value, above 0. Default 0.5.
+    pub value: f64,
+    /// Largest norm of a gradient, above 0. Default 0.5.
+    pub gradient: f64,
+    /// Hidden units of each layer of policy and value. Default 64 and 64.
+    pub hidden: Vec<usize>,
+    /// Initial standard deviation of the action, above 0. Default 1.
+    pub deviation: f64,
+    /// Updates between two checkpoints, from 1. Default 200.
+    pub checkpoint: u64,
+}
+
+impl Default for A2cSettings {
+    fn default() -> Self {
+        Self {
+            steps: 200_000,
+            worlds: 16,
+            horizon: 5,
+            rate: 7e-4,
+            anneal: false,
+            discount: 0.99,
+            lambda: 1.0,
+            entropy: 0.0,
+            value: 0.5,
+            gradient: 0.5,
+            hidden: vec![64, 64],
+            deviation: 1.0,
+            checkpoint: 200,
+        }
+    }
+}
+
+impl A2cSettings {
+    /// Checks all settings.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Value`].
+    pub fn check(&self) -> Result<(), TaskError> {
+        let check = Check(Algorithm::A2c);
+        check.counts([
+            ("steps", self.steps),
+            ("worlds", self.worlds as u64),
+            ("horizon", self.horizon as u64),
+            ("checkpoint", self.checkpoint),
+        ])?;
+        check.positive([
+            ("rate", self.rate),
+            ("value", self.value),
+            ("gradient", self.gradient),
+            ("deviation", self.deviation),
+        ])?;
+        check.shares([("lambda", self.lambda)])?;
+        check.not_negative([("entropy", self.entropy)])?;
+        check.network(self.discount, &self.hidden)
+    }
+
+    /// A run before its first step; `build` makes the simulation of a world.
+    ///
+    /// # Errors
+    ///
+    /// [`EnvironmentError`].
+    pub fn learner<E: Engine + Send>(
+        self,
+        task: &Task,
+        run: (u64, usize),
+        build: impl FnMut() -> Result<Simulation<E>, BuildError>,
+    ) -> Result<Ppo<E>, EnvironmentError> {
+        self.check()?;
+        let variant = Variant { algorithm: Algorithm::A2c, is_normalised: false, uses_episodes: false };
+        let settings = PpoSettings {
+            steps: self.steps,
+            worlds: self.worlds,
+            horizon: self.horizon,
+            epochs: 1,
+            minibatch: usize::MAX,
+            rate: self.rate,
+            anneal: self.anneal,
+            target_kl: None,
+            discount: self.discount,
+            lambda: self.lambda,
+            clip: f64::INFINITY,
+            entropy: self.entropy,
+            value: self.value,
+            gradient: self.gradient,
+            hidden: self.hidden,
+            deviation: self.deviation,
+            checkpoint: self.checkpoint,
+        };
+        Ppo::with_variant(task, settings, variant, run, build)
+    }
+}

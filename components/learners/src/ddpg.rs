@@ -1,0 +1,78 @@
+//! Deep deterministic policy gradient (DDPG).
+//!
+//! A deterministic policy `mu(o)` between -1 and 1 follows the slope of a critic. With targets `mu'` and
+//! `Q'`, and samples `(o, a, r, o')` of the replay buffer, a gradient minimises
+//!
+//! ```text
+//! y   = r + discount Q'(o', mu'(o'))
+//! L_Q = 1/2 E[(Q(o, a) - y)^2]
+//! L   = -E[Q(o, mu(o))]
+//! ```
+//!
+//! and moves the targets by `polyak`. Exploration adds `N(0, noise^2)` to the actions. The code is
+//! [TD3](crate::td3)'s with one critic.
+//!
+//! Sources: Lillicrap, Hunt, Pritzel and others, *Continuous control with deep reinforcement learning*, ICLR
+//! 2016; defaults: [`DdpgSettings`].
+
+use motorium_physics::{BuildError, Engine, Simulation};
+use serde::{Deserialize, Serialize};
+
+use crate::environment::EnvironmentError;
+use crate::learner::{Algorithm, Check};
+use crate::replay::{OffPolicy, ReplaySettings};
+use crate::task::{Task, TaskError, Terms};
+use crate::td3::{Deterministic, Td3Settings};
+
+/// Settings of DDPG: the table `[algorithms.ddpg]` of a task.
+///
+/// Defaults follow CleanRL's `ddpg_continuous_action` (rate 3e-4, 256 steps in a gradient, polyak 0.005,
+/// discount 0.99, Gaussian noise of 0.1 in place of the paper's correlated noise), unless stated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DdpgSettings {
+    /// Steps, replay and networks. Own defaults: as [`SacSettings`](crate::sac::SacSettings)'s.
+    #[serde(flatten)]
+    pub replay: ReplaySettings,
+    /// Standard deviation of the exploration, from 0. Default 0.1.
+    pub noise: f64,
+}
+
+impl Default for DdpgSettings {
+    fn default() -> Self {
+        Self { replay: crate::sac::SacSettings::default().replay, noise: 0.1 }
+    }
+}
+
+impl DdpgSettings {
+    /// The settings of TD3 that make it DDPG.
+    fn to_td3(&self) -> Td3Settings {
+        let Self { replay, noise } = self.clone();
+        Td3Settings { replay, noise, target_noise: 0.0, target_clip: 0.0, delay: 1 }
+    }
+
+    /// Checks all settings.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Value`].
+    pub fn check(&self) -> Result<(), TaskError> {
+        self.to_td3().check_for(Check(Algorithm::Ddpg))
+    }
+
+    /// A run before its first step; `build` makes the simulation of a world.
+    ///
+    /// # Errors
+    ///
+    /// [`EnvironmentError`].
+    pub fn learner<E: Engine + Send>(
+        self,
+        task: &Task,
+        run: (u64, usize),
+        build: impl FnMut() -> Result<Simulation<E>, BuildError>,
+    ) -> Result<OffPolicy<E, Deterministic>, EnvironmentError> {
+        self.check()?;
+        let settings = self.to_td3();
+        let method = |terms: &Terms| Deterministic::new(terms, &settings, (Algorithm::Ddpg, 1), run.0);
+        OffPolicy::new(task, settings.replay.clone(), run, method, build)
+    }
+}

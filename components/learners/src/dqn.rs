@@ -1,0 +1,287 @@
+//! Deep Q-network (DQN).
+//!
+//! A network estimates the value `Q(o, c)` of each of a few choices. The actions of a task are continuous;
+//! DQN acts on a grid: `bins` values, evenly spaced between the bounds of the action, for each moving joint,
+//! and all their combinations are the choices. With targets `Q'` and samples `(o, c, r, o')` of the replay
+//! buffer, a gradient minimises
+//!
+//! ```text
+//! y = r + discount Q'(o', argmax_k Q(o', k))       double DQN; else r + discount max_k Q'(o', k)
+//! L = E[huber(Q(o, c) - y)],    huber(e) = e^2 / 2 where |e| < 1, else |e| - 1/2
+//! ```
+//!
+//! and moves the targets by `polyak`. A choice is random with the probability `epsilon`, which falls
+//! linearly. The policy without exploration takes the best choice.
+//!
+//! Sources: Mnih, Kavukcuoglu, Silver and others, *Human-level control through deep reinforcement learning*,
+//! Nature 518, 2015; van Hasselt, Guez, Silver, *Deep reinforcement learning with double Q-learning*, AAAI
+//! 2016; defaults: [`DqnSettings`].
+
+use motorium_models::networks::Perceptron;
+use motorium_physics::{BuildError, Engine, Simulation};
+use nalgebra::DMatrix;
+use rand::RngExt as _;
+use serde::{Deserialize, Serialize};
+
+use crate::environment::EnvironmentError;
+use crate::learner::{
+    Algorithm, Check, CheckpointError, CheckpointReader, CheckpointWriter, Head, LearnerError,
+    LinearSchedule, TrainedNetwork, check_finite, layer_sizes, map_chunks,
+};
+use crate::replay::{
+    Batch, Bounds, CriticPart, Exploration, Gradient, Method, OffPolicy, ReplaySettings, Trained, columns,
+    sum, track,
+};
+use crate::task::{Task, TaskError, Terms};
+
+/// Largest number of choices.
+const MOST_CHOICES: usize = 256;
+
+/// Settings of DQN: the table `[algorithms.dqn]` of a task.
+///
+/// Defaults follow CleanRL's `dqn` (rate 2.5e-4, 128 steps in a gradient, exploration from 1 to 0.05 in the
+/// first half of all steps, discount 0.99), unless stated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DqnSettings {
+    /// Steps, replay and networks. Own defaults: 100,000 steps of 4 worlds with 4 gradients after each step
+    /// of all, 1000 random steps, `tanh` layers of 64 and 64 units, targets that move by 0.005 after each
+    /// gradient in place of copies.
+    #[serde(flatten)]
+    pub replay: ReplaySettings,
+    /// Values of each moving joint, from 2. Default 3. There are at most 256 choices.
+    pub bins: usize,
+    /// True to choose by the network and value by the target (double DQN). Default true.
+    pub double: bool,
+    /// Probability of a random choice after the warm-up, 0 to 1. Default 1.
+    pub epsilon: f64,
+    /// Probability at the end, 0 to 1. Default 0.05.
+    pub final_epsilon: f64,
+    /// Share of all steps in which the probability falls, above 0, at most 1. Default 0.5.
+    pub exploration: f64,
+}
+
+impl Default for DqnSettings {
+    fn default() -> Self {
+        let replay = crate::sac::SacSettings::default().replay;
+        Self {
+            replay: ReplaySettings { rate: 2.5e-4, minibatch: 128, ..replay },
+            bins: 3,
+            double: true,
+            epsilon: 1.0,
+            final_epsilon: 0.05,
+            exploration: 0.5,
+        }
+    }
+}
+
+impl DqnSettings {
+    /// Checks all settings.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Value`].
+    pub fn check(&self) -> Result<(), TaskError> {
+        let check = Check(Algorithm::Dqn);
+        self.replay.check(check)?;
+        if self.bins < 2 {
+            return Err(check.error("bins", self.bins as f64, "at least 2"));
+        }
+        check.positive([("exploration", self.exploration)])?;
+        check.shares([
+            ("epsilon", self.epsilon),
+            ("final_epsilon", self.final_epsilon),
+            ("exploration", self.exploration),
+        ])
+    }
+
+    /// A run before its first step; `build` makes the simulation of a world.
+    ///
+    /// # Errors
+    ///
+    /// [`EnvironmentError`]; the task has bounds of its action, and at most 256 choices.
+    pub fn learner<E: Engine + Send>(
+        self,
+        task: &Task,
+        run: (u64, usize),
+        build: impl FnMut() -> Result<Simulation<E>, BuildError>,
+    ) -> Result<OffPolicy<E, Dqn>, EnvironmentError> {
+        self.check()?;
+        let method = |terms: &Terms| Dqn::new(terms, &self, run.0);
+        OffPolicy::new(task, self.replay.clone(), run, method, build)
+    }
+}
+
+/// Actions of all choices, one row each: every combination of `bins` values between -1 and 1 for each moving
+/// joint, the last joint fastest. `None` if there are more than [`MOST_CHOICES`].
+fn grid(active: &[bool], bins: usize) -> Option<Vec<f32>> {
+    let moving = active.iter().filter(|active| **active).count();
+    let choices = bins.checked_pow(u32::try_from(moving).ok()?).filter(|count| *count <= MOST_CHOICES)?;
+    let mut table = vec![0.0; choices * active.len()];
+    for (choice, row) in table.chunks_exact_mut(active.len()).enumerate() {
+        let mut rest = choice;
+        for (number, _) in row.iter_mut().zip(active).rev().filter(|(_, active)| **active) {
+            *number = 2.0 * (rest % bins) as f32 / (bins - 1) as f32 - 1.0;
+            rest /= bins;
+        }
+    }
+    Some(table)
+}
+
+/// Number of the first largest value.
+fn best(values: impl IntoIterator<Item = f32>) -> usize {
+    let first = (0, f32::NEG_INFINITY);
+    values.into_iter().enumerate().fold(first, |best, (k, q)| if q > best.1 { (k, q) } else { best }).0
+}
+
+/// Values of a gradient.
+const MEASURES: [&str; 2] = ["critic_loss", "value"];
+
+/// The learning part of DQN.
+#[derive(Clone, Debug)]
+pub struct Dqn {
+    /// Actions of the task, one row for each choice.
+    table: Vec<f32>,
+    choices: usize,
+    actions: usize,
+    network: Trained,
+    target: Perceptron,
+    double: bool,
+    epsilon: LinearSchedule,
+}
+
+impl Dqn {
+    fn new(terms: &Terms, settings: &DqnSettings, seed: u64) -> Result<Self, TaskError> {
+        let bounds = Bounds::new(terms)?;
+        let actions = bounds.width();
+        let Some(grid) = grid(&bounds.active, settings.bins) else {
+            let most = format!("at most {MOST_CHOICES} choices of {} joints together", bounds.moving());
+            return Err(Check(Algorithm::Dqn).error("bins", settings.bins as f64, &most));
+        };
+        let mut table = vec![0.0; grid.len()];
+        for (stored, action) in grid.chunks_exact(actions).zip(table.chunks_exact_mut(actions)) {
+            bounds.command(stored, action);
+        }
+        let choices = table.len() / actions;
+        let sizes = layer_sizes(terms.inputs(), &settings.replay.hidden, choices);
+        let network = Trained::new(&sizes, 1.0, seed, 0);
+        let DqnSettings { epsilon, final_epsilon, exploration, double, .. } = *settings;
+        Ok(Self {
+            table,
+            choices,
+            actions,
+            target: network.network.clone(),
+            network,
+            double,
+            epsilon: LinearSchedule { start: epsilon, end: final_epsilon, share: exploration },
+        })
+    }
+
+    /// Gradient and loss of some samples of a batch of `count`.
+    fn part(&self, batch: &Batch, range: &core::ops::Range<usize>) -> CriticPart {
+        let share = 1.0 / batch.count() as f32;
+        let next = columns(&batch.next, range);
+        let values = self.target.forward(next.clone());
+        let chosen = self.double.then(|| self.network.network.forward(next));
+        let chosen = chosen.as_ref().map_or(values.output(), |trace| trace.output());
+        let value = |column: usize| values.output()[(best(chosen.column(column).iter().copied()), column)];
+        let targets = batch.targets(range, (0..range.len()).map(value));
+        let trace = self.network.network.forward(columns(&batch.observations, range));
+        let mut by_output = DMatrix::<f32>::zeros(self.choices, range.len());
+        let mut part = CriticPart::default();
+        for (column, target) in targets.iter().enumerate() {
+            let choice = batch.actions[(0, range.start + column)] as usize;
+            let value = trace.output()[(choice, column)];
+            let error = value - target;
+            by_output[(choice, column)] = share * error.clamp(-1.0, 1.0);
+            let huber = if error.abs() < 1.0 { 0.5 * error * error } else { error.abs() - 0.5 };
+            part.loss += f64::from(share * huber);
+            part.value += f64::from(share * value);
+        }
+        part.gradients.push(self.network.network.gradients(&trace, by_output));
+        part
+    }
+}
+
+impl Method for Dqn {
+    fn algorithm(&self) -> Algorithm {
+        Algorithm::Dqn
+    }
+
+    fn measures(&self) -> &'static [&'static str] {
+        &MEASURES
+    }
+
+    fn width(&self) -> usize {
+        1
+    }
+
+    fn act_randomly(&self, exploration: Exploration, out: &mut [f32]) {
+        for (world, choice) in out.iter_mut().enumerate() {
+            *choice = exploration.random(world).random_range(0..self.choices) as f32;
+        }
+    }
+
+    fn explore(&self, observations: DMatrix<f32>, exploration: Exploration, out: &mut [f32]) {
+        let epsilon = self.epsilon.value(exploration.steps, exploration.total);
+        let trace = self.network.network.forward(observations);
+        for (world, choice) in out.iter_mut().enumerate() {
+            let mut random = exploration.random(world);
+            let is_random = random.random::<f64>() < epsilon;
+            let column = trace.output().column(world);
+            let index =
+                if is_random { random.random_range(0..self.choices) } else { best(column.iter().copied()) };
+            *choice = index as f32;
+        }
+    }
+
+    fn command(&self, stored: &[f32], action: &mut [f32]) {
+        action.copy_from_slice(&self.table[stored[0] as usize * self.actions..][..self.actions]);
+    }
+
+    fn learn(&mut self, batch: &Batch, gradient: Gradient<'_>) -> Result<Vec<f64>, LearnerError> {
+        let parts = map_chunks(gradient.threads, &batch.chunks(), |range| self.part(batch, range));
+        let loss = parts.iter().map(|part| part.loss).sum();
+        let value = parts.iter().map(|part| part.value).sum();
+        check_finite(gradient.update, "loss of the values", loss)?;
+        let gradients = parts.into_iter().flat_map(|part| part.gradients);
+        self.network.step(&sum(gradients), gradient.settings.rate);
+        track(&mut self.target, &self.network.network, gradient.settings.polyak as f32);
+        Ok(vec![loss, value])
+    }
+
+    fn policy(&self) -> TrainedNetwork {
+        TrainedNetwork {
+            layers: self.network.network.rows(),
+            head: Head::Choice { table: self.table.clone() },
+        }
+    }
+
+    fn parameters(&self) -> Vec<Vec<f32>> {
+        vec![self.network.network.to_vec(), self.target.to_vec()]
+    }
+
+    fn write(&self, writer: &mut CheckpointWriter) -> Result<(), CheckpointError> {
+        self.network.write("values", writer)?;
+        writer.numbers("values.target", self.target.to_vec());
+        Ok(())
+    }
+
+    fn read(&mut self, reader: &mut CheckpointReader) -> Result<(), CheckpointError> {
+        self.network.read("values", reader)?;
+        reader.network("values.target", &mut self.target)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_all_combinations_of_moving_joints() {
+        assert_eq!(grid(&[true, false], 3), Some(vec![-1.0, 0.0, 0.0, 0.0, 1.0, 0.0]));
+        let two = grid(&[true, true], 2).expect("four choices");
+        assert_eq!(two, [-1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0]);
+        assert_eq!(grid(&[true; 6], 3), None);
+        assert_eq!(best([1.0, 3.0, 3.0, 2.0]), 1);
+    }
+}

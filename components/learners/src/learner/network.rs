@@ -1,0 +1,76 @@
+//! The network of a trained policy.
+
+use motorium_models::inference::Unary;
+use motorium_models::onnx;
+
+/// The last part of a policy's network, from the outputs of its layers to an action.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Head {
+    /// The outputs are the action.
+    Linear,
+    /// The action is `offset + scale tanh(output)`.
+    Squashed {
+        /// Half of the range of each number of the action.
+        scale: Vec<f32>,
+        /// Middle of the range of each number.
+        offset: Vec<f32>,
+    },
+    /// The action is the row of a table whose number has the largest output.
+    Choice {
+        /// Actions, one row for each output.
+        table: Vec<f32>,
+    },
+}
+
+/// A policy without exploration: layers with `tanh` between them, then a [`Head`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainedNetwork {
+    /// Weights (outputs x inputs, row by row) and bias of each layer.
+    pub layers: Vec<(Vec<f32>, Vec<f32>)>,
+    /// From the outputs of the last layer to an action.
+    pub head: Head,
+}
+
+impl TrainedNetwork {
+    /// Bytes of its ONNX file, which `policy.network` runs.
+    ///
+    /// # Panics
+    ///
+    /// If there is no layer.
+    pub fn to_onnx(&self, metadata: &[(&str, &str)]) -> Vec<u8> {
+        let inputs = self.layers[0].0.len() / self.layers[0].1.len();
+        match &self.head {
+            Head::Linear => onnx::write_mlp(inputs, &self.layers, Unary::Tanh, metadata),
+            Head::Squashed { scale, offset } => {
+                // the activation between the last layer and a diagonal one squashes
+                let width = scale.len();
+                let mut diagonal = vec![0.0; width * width];
+                scale.iter().enumerate().for_each(|(k, scale)| diagonal[k * width + k] = *scale);
+                let mut layers = self.layers.clone();
+                layers.push((diagonal, offset.clone()));
+                onnx::write_mlp(inputs, &layers, Unary::Tanh, metadata)
+            }
+            Head::Choice { table } => onnx::write_choice(inputs, &self.layers, Unary::Tanh, table, metadata),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squashed_actions_are_part_of_the_file() {
+        let network = TrainedNetwork {
+            layers: vec![(vec![2.0, 0.0, -1.0, 0.5], vec![0.1, -0.2])],
+            head: Head::Squashed { scale: vec![3.0, 0.0], offset: vec![1.0, 0.5] },
+        };
+        let model = onnx::Model::read(&network.to_onnx(&[])).expect("a file");
+        let mut program = model.program(1).expect("operators");
+        program.input_mut(0).copy_from_slice(&[0.3, -0.7]);
+        program.run();
+        let expected = 1.0 + 3.0 * 0.7_f32.tanh();
+        assert!((program.output(0)[0] - expected).abs() < 1e-6, "{:?}", program.output(0));
+        assert_eq!(program.output(0)[1], 0.5);
+    }
+}

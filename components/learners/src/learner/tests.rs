@@ -1,0 +1,281 @@
+//! All algorithms on the cart-pole and the pendulum.
+
+use std::path::Path;
+
+use motorium_models::onnx::Model;
+use motorium_models::policy::PolicyFolder;
+use rand::RngExt as _;
+
+use super::*;
+use crate::environment::{Environment, Scene};
+use crate::evaluation::evaluate;
+use crate::random::{Counter, Purpose};
+use crate::task::{Task, TaskError};
+
+const CART_POLE: &str = include_str!("../../../../tasks/cart-pole.toml");
+const PENDULUM: &str = include_str!("../../../../tasks/pendulum.toml");
+
+/// The task in a text with these settings of its algorithms.
+fn task(text: &str, algorithms: &str) -> Task {
+    let mut task = Task::parse(text).expect("a task");
+    task.algorithms = algorithms.parse().expect("tables");
+    task
+}
+
+fn scene(task: &Task) -> Scene {
+    Scene::load(task, Path::new(".")).expect("a robot of the catalogue")
+}
+
+fn start(algorithm: Algorithm, task: &Task, run: (u64, usize)) -> Result<Box<dyn Learner>, EnvironmentError> {
+    algorithm.learner(task, &scene(task), None, run)
+}
+
+fn finish(learner: &mut dyn Learner) -> String {
+    while !learner.is_finished() {
+        learner.advance().expect("an update");
+    }
+    learner.weights_sha256()
+}
+
+/// Mean return of ten episodes.
+fn mean_return(task: &Task, mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
+    let simulation = scene(task).simulation().expect("a simulation");
+    let mut world = Environment::new(task, simulation, 1000, 0).expect("a world");
+    let mut total = 0.0;
+    for _ in 0..10 {
+        world.reset().expect("an episode");
+        loop {
+            let step = world.step(&act(world.observation()));
+            total += step.reward;
+            if step.end.is_some() {
+                break;
+            }
+        }
+    }
+    total / 10.0
+}
+
+/// Mean returns of random actions and of the exported policy of a finished run.
+fn returns(algorithm: Algorithm, text: &str, algorithms: &str) -> [f64; 2] {
+    let task = task(text, algorithms);
+    let mut learner = start(algorithm, &task, (1, 2)).expect("a run");
+    finish(&mut *learner);
+    let mut program = Model::read(&learner.policy().to_onnx(&[]))
+        .and_then(|model| model.program(1))
+        .expect("the operators of a policy");
+    let trained = mean_return(&task, |observation| {
+        program.input_mut(0).copy_from_slice(observation);
+        program.run();
+        program.output(0).to_vec()
+    });
+    let mut random = Counter::default().stream(Purpose::Action);
+    let width = program.output(0).len();
+    let untrained = mean_return(&task, |_| (0..width).map(|_| random.random::<f32>() * 2.0 - 1.0).collect());
+    [untrained, trained]
+}
+
+/// Random actions balance for about 23 steps.
+fn assert_balances(random: f64, trained: f64) {
+    assert!(random < 30.0 && trained > 3.0 * random, "{random} of random actions, {trained}");
+    assert!(trained > 75.0, "{trained}");
+}
+
+/// Settings of short off-policy runs.
+const SHORT: &str = "
+worlds = 4
+horizon = 100
+warmup = 500
+buffer = 20000
+minibatch = 64
+rate = 1e-3
+hidden = [32, 32]
+";
+
+#[test]
+fn sac_learns_to_balance() {
+    let settings = format!("[sac]\nsteps = 6000\ngradients = 2\n{SHORT}");
+    let [random, trained] = returns(Algorithm::Sac, CART_POLE, &settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn td3_learns_to_balance() {
+    let settings = format!("[td3]\nsteps = 6000\ngradients = 2\n{SHORT}");
+    let [random, trained] = returns(Algorithm::Td3, CART_POLE, &settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn ddpg_learns_to_balance() {
+    let settings = format!("[ddpg]\nsteps = 6000\ngradients = 2\n{SHORT}");
+    let [random, trained] = returns(Algorithm::Ddpg, CART_POLE, &settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn dqn_learns_to_balance() {
+    let settings = format!("[dqn]\nsteps = 8000\ngradients = 2\nbins = 2\n{SHORT}");
+    let [random, trained] = returns(Algorithm::Dqn, CART_POLE, &settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn a2c_learns_to_balance() {
+    let settings = "[a2c]\nsteps = 40000\nworlds = 16\nhorizon = 8\nrate = 3e-3\nhidden = [16, 16]";
+    let [random, trained] = returns(Algorithm::A2c, CART_POLE, settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn reinforce_learns_to_balance() {
+    let settings = "[reinforce]\nsteps = 40000\nworlds = 8\nrate = 1e-2\nhidden = [16, 16]";
+    let [random, trained] = returns(Algorithm::Reinforce, CART_POLE, settings);
+    assert_balances(random, trained);
+}
+
+#[test]
+fn sac_learns_to_swing_a_pendulum() {
+    let settings = format!("[sac]\nsteps = 8000\ngradients = 2\nn_step = 3\n{SHORT}");
+    let [random, trained] = returns(Algorithm::Sac, PENDULUM, &settings);
+    // a step gives at most 0 to a hanging pendulum, and 1 to an upright one
+    assert!(random < 6.0 && trained > 3.0 * random, "{random} of random actions, {trained}");
+}
+
+/// Tiny runs of all algorithms.
+fn tiny(algorithm: Algorithm) -> String {
+    let name = algorithm.name();
+    match algorithm {
+        Algorithm::Ppo => format!("[{name}]\nsteps = 512\nworlds = 4\nhorizon = 32\nhidden = [8]"),
+        Algorithm::A2c => format!("[{name}]\nsteps = 300\nworlds = 5\nhorizon = 20\nhidden = [8]"),
+        Algorithm::Reinforce => format!("[{name}]\nsteps = 300\nworlds = 3\nhidden = [8]"),
+        Algorithm::Sac | Algorithm::Td3 | Algorithm::Ddpg | Algorithm::Dqn => format!(
+            "[{name}]\nsteps = 240\nworlds = 3\nhorizon = 20\nwarmup = 30\ngradients = 2\nbuffer = 150\n\
+             minibatch = 100\nn_step = 2\nhidden = [8]"
+        ),
+    }
+}
+
+#[test]
+fn all_algorithms_repeat_on_any_number_of_threads() {
+    for algorithm in Algorithm::ALL {
+        let task = task(CART_POLE, &tiny(algorithm));
+        let run = |seed, threads| finish(&mut *start(algorithm, &task, (seed, threads)).expect("a run"));
+        let first = run(1, 1);
+        assert_eq!(run(1, 1), first, "{algorithm:?}");
+        assert_eq!(run(1, 2), first, "{algorithm:?}");
+        assert_eq!(run(1, 3), first, "{algorithm:?}");
+        assert_ne!(run(2, 1), first, "{algorithm:?}");
+    }
+}
+
+#[test]
+fn all_algorithms_resume_bit_for_bit() {
+    for algorithm in Algorithm::ALL {
+        let task = task(CART_POLE, &tiny(algorithm));
+        let straight = finish(&mut *start(algorithm, &task, (1, 1)).expect("a run"));
+        let mut half = start(algorithm, &task, (1, 2)).expect("a run");
+        half.advance().expect("an update");
+        half.advance().expect("an update");
+        assert!(!half.is_finished(), "{algorithm:?}");
+        let checkpoint = half.checkpoint().expect("a checkpoint");
+        let mut resumed = start(algorithm, &task, (77, 1)).expect("a run");
+        resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+        assert_eq!(resumed.weights_sha256(), half.weights_sha256(), "{algorithm:?}");
+        assert_eq!(resumed.checkpoint().expect("a checkpoint"), checkpoint, "{algorithm:?}");
+        assert_eq!(finish(&mut *resumed), straight, "{algorithm:?}");
+        assert_eq!(finish(&mut *half), straight, "{algorithm:?}");
+    }
+}
+
+#[test]
+fn runs_write_policies_that_load() {
+    let base = std::env::temp_dir().join(format!("motorium-learners-{}", std::process::id()));
+    std::fs::create_dir_all(&base).expect("a folder");
+    for algorithm in Algorithm::ALL {
+        let (file, folder) = (base.join(format!("{}.toml", algorithm.name())), base.join(algorithm.name()));
+        let settings = tiny(algorithm).replace('[', "[algorithms.").replace("= [algorithms.", "= [");
+        let text = CART_POLE.split("[algorithms").next().expect("the task before its settings");
+        std::fs::write(&file, format!("{text}\n{settings}\n")).expect("a file");
+        let mut run = Run::create(algorithm, &file, &folder, (1, 2), None).expect("a run");
+        while run.advance().expect("an update").is_some() {}
+        let trained = run.summary();
+        assert_eq!(trained.algorithm, algorithm);
+        // a finished run has nothing left to do
+        let mut resumed = Run::resume(&folder, 1).expect("the run");
+        assert_eq!(resumed.advance().expect("no update"), None);
+        assert_eq!(resumed.summary().weights_sha256, trained.weights_sha256, "{algorithm:?}");
+        let mut network = PolicyFolder::read(&folder).expect("a policy").network().expect("its network");
+        network.observation_mut().copy_from_slice(&[0.1, 0.02, -0.3, 0.4]);
+        assert!(network.run().iter().all(|number| number.is_finite()), "{algorithm:?}");
+        let found = evaluate(&folder, &file, 2, 1).expect("returns");
+        assert!((1.0..=500.0).contains(&found.mean), "{algorithm:?}: {}", found.mean);
+        let progress = std::fs::read_to_string(folder.join("progress.csv")).expect("lines");
+        let columns = |line: &str| line.split(',').count();
+        assert!(progress.lines().all(|line| columns(line) == 5 + run_measures(algorithm)), "{progress}");
+        assert_eq!(progress.lines().count() as u64, 1 + trained.updates, "{algorithm:?}");
+    }
+    std::fs::remove_dir_all(&base).expect("the folder");
+}
+
+/// Values of an update.
+fn run_measures(algorithm: Algorithm) -> usize {
+    let task = task(CART_POLE, &tiny(algorithm));
+    start(algorithm, &task, (1, 1)).expect("a run").measures().len()
+}
+
+#[test]
+fn checkpoints_of_other_algorithms_are_refused() {
+    let task = task(CART_POLE, &[Algorithm::Td3, Algorithm::Ddpg].map(tiny).join("\n"));
+    let checkpoint = start(Algorithm::Td3, &task, (1, 1)).expect("a run").checkpoint().expect("a checkpoint");
+    let mut other = start(Algorithm::Ddpg, &task, (1, 1)).expect("a run");
+    let error = other.restore(&checkpoint).expect_err("another algorithm");
+    assert!(matches!(&error, CheckpointError::Mismatch { what, .. } if what == "algorithm"), "{error}");
+}
+
+#[test]
+fn losses_that_are_not_finite_name_their_term() {
+    for algorithm in Algorithm::ALL {
+        let mut settings = tiny(algorithm);
+        settings.push_str("\nrate = 1e38");
+        let task = task(CART_POLE, &settings);
+        let mut learner = start(algorithm, &task, (1, 2)).expect("a run");
+        let failure =
+            core::iter::from_fn(|| (!learner.is_finished()).then(|| learner.advance())).find_map(Result::err);
+        let Some(LearnerError::NotFinite { term, value, .. }) = failure else {
+            panic!("{algorithm:?}: {failure:?}")
+        };
+        assert!(!value.is_finite() && !term.is_empty(), "{algorithm:?}");
+    }
+}
+
+#[test]
+fn settings_of_all_algorithms_are_checked() {
+    let key = |algorithm: Algorithm, text: &str| match start(algorithm, &task(CART_POLE, text), (1, 1)).err()
+    {
+        Some(EnvironmentError::Task(TaskError::Value { key, .. })) => key,
+        other => panic!("{algorithm:?}: {other:?}"),
+    };
+    assert_eq!(key(Algorithm::Sac, "[sac]\ntemperature = 0"), "algorithms.sac.temperature");
+    assert_eq!(key(Algorithm::Sac, "[sac]\npolyak = 1.5"), "algorithms.sac.polyak");
+    assert_eq!(key(Algorithm::Td3, "[td3]\ndelay = 0"), "algorithms.td3.delay");
+    assert_eq!(key(Algorithm::Ddpg, "[ddpg]\nnoise = -0.1"), "algorithms.ddpg.noise");
+    assert_eq!(key(Algorithm::Dqn, "[dqn]\nbins = 1"), "algorithms.dqn.bins");
+    assert_eq!(key(Algorithm::Dqn, "[dqn]\nbins = 300"), "algorithms.dqn.bins");
+    assert_eq!(key(Algorithm::A2c, "[a2c]\nlambda = 2"), "algorithms.a2c.lambda");
+    assert_eq!(key(Algorithm::Reinforce, "[reinforce]\nhidden = []"), "algorithms.reinforce.hidden");
+    let unknown = start(Algorithm::Sac, &task(CART_POLE, "[sac]\ntemperatures = 1"), (1, 1)).err();
+    assert!(matches!(&unknown, Some(EnvironmentError::Task(TaskError::Parse(_)))), "{unknown:?}");
+    let mut unbounded = task(CART_POLE, "");
+    unbounded.action.remove("clip");
+    let error = start(Algorithm::Td3, &unbounded, (1, 1)).err();
+    let Some(EnvironmentError::Task(TaskError::Value { key, .. })) = error else { panic!("{error:?}") };
+    assert_eq!(key, "action.clip");
+}
+
+#[test]
+fn names_of_algorithms_are_read_back() {
+    for algorithm in Algorithm::ALL {
+        assert_eq!(algorithm.name().parse(), Ok(algorithm));
+    }
+    assert_eq!("a3c".parse::<Algorithm>(), Err(UnknownAlgorithm { found: "a3c".to_owned() }));
+}

@@ -1,0 +1,393 @@
+//! Off-policy learning: steps of all worlds go into a ring, gradients use random samples of it.
+//!
+//! [`OffPolicy`] steps the worlds, fills the [`ReplayBuffer`] and samples it; a method such as
+//! [soft actor-critic](crate::sac) explores and learns from the samples. The first steps are random. All
+//! observations are normalised by their running mean and deviation, which change between updates only.
+//! Samples and noise depend on the seed and the number of the gradient alone.
+
+mod bounds;
+mod buffer;
+mod settings;
+mod trained;
+
+use core::ops::Range;
+
+use motorium_physics::{BuildError, Engine, Simulation};
+use nalgebra::DMatrix;
+use rand::RngExt as _;
+use rand_distr::{Distribution as _, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+pub(crate) use bounds::Bounds;
+pub use buffer::{NStep, ReplayBuffer};
+pub use settings::ReplaySettings;
+pub(crate) use trained::{CriticPart, Critics, Trained, stack, sum, track};
+
+use crate::environment::{EnvironmentError, VectorEnvironment};
+use crate::learner::{
+    Algorithm, CHUNK, CheckpointError, CheckpointReader, CheckpointWriter, Episodes, Learner, LearnerError,
+    Normaliser, Progress, TrainedNetwork, numbers_sha256,
+};
+use crate::random::{Counter, Purpose};
+use crate::task::{Task, TaskError, Terms};
+
+/// Samples of a gradient, one a column.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// Normalised observations.
+    pub observations: DMatrix<f32>,
+    /// Actions as they are in the buffer.
+    pub actions: DMatrix<f32>,
+    /// Rewards of up to `n_step` steps.
+    pub rewards: Vec<f32>,
+    /// Factors of the value of the next observation.
+    pub discounts: Vec<f32>,
+    /// Normalised observations after the last of these steps.
+    pub next: DMatrix<f32>,
+}
+
+impl Batch {
+    /// Number of samples.
+    pub fn count(&self) -> usize {
+        self.rewards.len()
+    }
+
+    /// Ranges of samples whose gradients are summed apart, whatever the number of threads.
+    pub fn chunks(&self) -> Vec<Range<usize>> {
+        let count = self.count();
+        (0..count).step_by(CHUNK).map(|first| first..count.min(first + CHUNK)).collect()
+    }
+
+    /// The targets `reward + discount value` of some samples.
+    pub fn targets(&self, range: &Range<usize>, values: impl IntoIterator<Item = f32>) -> Vec<f32> {
+        let samples = self.rewards[range.clone()].iter().zip(&self.discounts[range.clone()]);
+        // a terminated episode has no value, whatever the network computes
+        let target = |((reward, discount), value): ((&f32, &f32), f32)| {
+            if *discount == 0.0 { *reward } else { reward + discount * value }
+        };
+        samples.zip(values).map(target).collect()
+    }
+}
+
+/// Columns of a matrix.
+pub(crate) fn columns(matrix: &DMatrix<f32>, range: &Range<usize>) -> DMatrix<f32> {
+    matrix.columns(range.start, range.len()).into_owned()
+}
+
+/// Number, threads and settings of a gradient.
+#[derive(Clone, Copy, Debug)]
+pub struct Gradient<'a> {
+    /// Seed of the run.
+    pub seed: u64,
+    /// Gradients before this one.
+    pub number: u64,
+    /// Number of the update, for errors.
+    pub update: u64,
+    /// Threads; they do not change the result.
+    pub threads: usize,
+    /// Settings of the run.
+    pub settings: &'a ReplaySettings,
+}
+
+impl Gradient<'_> {
+    /// Numbers of a standard normal distribution, one sample a column.
+    pub fn noise(&self, rows: usize, columns: usize) -> DMatrix<f32> {
+        let counter = Counter { seed: self.seed, step: self.number, ..Counter::default() };
+        let mut random = counter.stream(Purpose::Noise);
+        DMatrix::from_fn(rows, columns, |_, _| StandardNormal.sample(&mut random))
+    }
+}
+
+/// Time of a step, and the seed of its exploration.
+#[derive(Clone, Copy, Debug)]
+pub struct Exploration {
+    /// Seed of the run.
+    pub seed: u64,
+    /// Steps of all worlds before this one.
+    pub steps: u64,
+    /// Steps of all worlds in the whole run.
+    pub total: u64,
+}
+
+impl Exploration {
+    /// Random numbers of a world.
+    pub fn random(&self, world: usize) -> rand_pcg::Pcg64 {
+        let counter = Counter { seed: self.seed, world: world as u64, episode: 0, step: self.steps };
+        counter.stream(Purpose::Action)
+    }
+}
+
+/// The part of an off-policy algorithm that explores and learns.
+pub trait Method {
+    /// The algorithm.
+    fn algorithm(&self) -> Algorithm;
+
+    /// Names of the values that [`learn`](Self::learn) returns.
+    fn measures(&self) -> &'static [&'static str];
+
+    /// Numbers of an action in the buffer.
+    fn width(&self) -> usize;
+
+    /// Writes random actions, one world after the other.
+    fn act_randomly(&self, exploration: Exploration, out: &mut [f32]);
+
+    /// Writes actions with exploration for normalised observations, one world a column.
+    fn explore(&self, observations: DMatrix<f32>, exploration: Exploration, out: &mut [f32]);
+
+    /// Maps an action in the buffer to the action of the task.
+    fn command(&self, stored: &[f32], action: &mut [f32]);
+
+    /// A step of all optimisers.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnerError::NotFinite`].
+    fn learn(&mut self, batch: &Batch, gradient: Gradient<'_>) -> Result<Vec<f64>, LearnerError>;
+
+    /// The policy without exploration on normalised observations.
+    fn policy(&self) -> TrainedNetwork;
+
+    /// All parameters, including the targets'.
+    fn parameters(&self) -> Vec<Vec<f32>>;
+
+    /// Adds networks and optimisers to a checkpoint.
+    ///
+    /// # Errors
+    ///
+    /// [`CheckpointError`].
+    fn write(&self, writer: &mut CheckpointWriter) -> Result<(), CheckpointError>;
+
+    /// Restores networks and optimisers.
+    ///
+    /// # Errors
+    ///
+    /// [`CheckpointError`].
+    fn read(&mut self, reader: &mut CheckpointReader) -> Result<(), CheckpointError>;
+}
+
+/// Numbers of a training run besides its networks, buffer and worlds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct State {
+    seed: u64,
+    updates: u64,
+    steps: u64,
+    gradients: u64,
+    observations: Normaliser,
+    episodes: Episodes,
+}
+
+/// A training run of an off-policy algorithm.
+pub struct OffPolicy<E, M> {
+    settings: ReplaySettings,
+    threads: usize,
+    method: M,
+    worlds: VectorEnvironment<E>,
+    buffer: ReplayBuffer,
+    state: State,
+}
+
+impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
+    /// A run before its first step. `method` makes the learning part for the terms of the task, `build` the
+    /// simulation of a world.
+    ///
+    /// # Errors
+    ///
+    /// [`EnvironmentError`].
+    ///
+    /// # Panics
+    ///
+    /// If a count of the settings is 0.
+    pub fn new(
+        task: &Task,
+        settings: ReplaySettings,
+        (seed, threads): (u64, usize),
+        method: impl FnOnce(&Terms) -> Result<M, TaskError>,
+        build: impl FnMut() -> Result<Simulation<E>, BuildError>,
+    ) -> Result<Self, EnvironmentError> {
+        let worlds = VectorEnvironment::new(task, (settings.worlds, threads), seed, build)?;
+        let method = method(worlds.terms())?;
+        let inputs = worlds.terms().inputs();
+        let buffer = ReplayBuffer::new(
+            settings.buffer.div_ceil(settings.worlds),
+            settings.worlds,
+            (inputs, method.width()),
+        );
+        let state = State {
+            seed,
+            updates: 0,
+            steps: 0,
+            gradients: 0,
+            observations: Normaliser::new(inputs),
+            episodes: Episodes::new(settings.worlds),
+        };
+        Ok(Self { settings, threads: threads.max(1), method, worlds, buffer, state })
+    }
+
+    /// The latest steps.
+    pub fn buffer(&self) -> &ReplayBuffer {
+        &self.buffer
+    }
+
+    /// Steps all worlds once. `raw` receives the observations before the step.
+    fn step(&mut self, raw: &mut Vec<f32>) -> Result<(), EnvironmentError> {
+        let worlds = self.settings.worlds;
+        let (inputs, actions) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
+        let width = self.method.width();
+        let before = raw.len();
+        raw.extend_from_slice(self.worlds.observations());
+        let State { seed, steps, .. } = self.state;
+        let exploration = Exploration { seed, steps, total: self.settings.steps };
+        let mut stored = vec![0.0; worlds * width];
+        if steps < self.settings.warmup {
+            self.method.act_randomly(exploration, &mut stored);
+        } else {
+            let mut normal = DMatrix::<f32>::zeros(inputs, worlds);
+            self.state.observations.apply(&raw[before..], normal.as_mut_slice());
+            self.method.explore(normal, exploration, &mut stored);
+        }
+        let mut commands = vec![0.0; worlds * actions];
+        for (stored, command) in stored.chunks_exact(width).zip(commands.chunks_exact_mut(actions)) {
+            self.method.command(stored, command);
+        }
+        self.worlds.step(&commands)?;
+        let following = |world: usize| {
+            let next = &self.worlds.observations()[world * inputs..][..inputs];
+            self.worlds.final_observation(world).unwrap_or(next)
+        };
+        self.buffer.push(&raw[before..], &stored, self.worlds.steps(), following);
+        for (world, step) in self.worlds.steps().iter().enumerate() {
+            self.state.episodes.record(world, step);
+        }
+        self.state.steps += worlds as u64;
+        Ok(())
+    }
+
+    /// Samples a batch: a draw for each sample, equally likely among all steps in the buffer.
+    fn sample(&self) -> Batch {
+        let (count, inputs, width) =
+            (self.settings.minibatch, self.worlds.terms().inputs(), self.method.width());
+        let counter = Counter { seed: self.state.seed, step: self.state.gradients, ..Counter::default() };
+        let mut random = counter.stream(Purpose::Replay);
+        let mut batch = Batch {
+            observations: DMatrix::zeros(inputs, count),
+            actions: DMatrix::zeros(width, count),
+            rewards: Vec::with_capacity(count),
+            discounts: Vec::with_capacity(count),
+            next: DMatrix::zeros(inputs, count),
+        };
+        for column in 0..count {
+            let sample = random.random_range(0..self.buffer.samples());
+            let found = self.buffer.n_step(sample, self.settings.n_step, self.settings.discount as f32);
+            batch.rewards.push(found.reward);
+            batch.discounts.push(found.discount);
+            batch.actions.column_mut(column).copy_from_slice(self.buffer.action(sample));
+            for (matrix, row) in [
+                (&mut batch.observations, self.buffer.observation(sample)),
+                (&mut batch.next, self.buffer.next_observation(found.last)),
+            ] {
+                self.state.observations.apply(row, matrix.column_mut(column).as_mut_slice());
+            }
+        }
+        batch
+    }
+}
+
+impl<E: Engine + Send, M: Method> Learner for OffPolicy<E, M> {
+    fn algorithm(&self) -> Algorithm {
+        self.method.algorithm()
+    }
+
+    fn measures(&self) -> &'static [&'static str] {
+        self.method.measures()
+    }
+
+    fn steps(&self) -> u64 {
+        self.state.steps
+    }
+
+    fn total_steps(&self) -> u64 {
+        self.settings.steps
+    }
+
+    fn updates(&self) -> u64 {
+        self.state.updates
+    }
+
+    fn checkpoint_interval(&self) -> u64 {
+        self.settings.checkpoint
+    }
+
+    fn advance(&mut self) -> Result<Progress, LearnerError> {
+        let mut raw = Vec::new();
+        let mut sums = vec![0.0; self.method.measures().len()];
+        let mut count = 0.0;
+        for _ in 0..self.settings.horizon {
+            if self.is_finished() {
+                break;
+            }
+            self.step(&mut raw)?;
+            if self.state.steps < self.settings.warmup {
+                continue;
+            }
+            for _ in 0..self.settings.gradients {
+                let batch = self.sample();
+                let gradient = Gradient {
+                    seed: self.state.seed,
+                    number: self.state.gradients,
+                    update: self.state.updates,
+                    threads: self.threads,
+                    settings: &self.settings,
+                };
+                let values = self.method.learn(&batch, gradient)?;
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+                count += 1.0;
+                self.state.gradients += 1;
+            }
+        }
+        self.state.observations.update(&raw);
+        self.state.updates += 1;
+        let State { updates, steps, episodes, .. } = &self.state;
+        Ok(Progress {
+            update: *updates,
+            steps: *steps,
+            episodes: episodes.ended,
+            mean_return: episodes.mean_return(),
+            mean_length: episodes.mean_length(),
+            values: sums.into_iter().map(|sum| sum / count).collect(),
+        })
+    }
+
+    fn checkpoint(&self) -> Result<Vec<u8>, CheckpointError> {
+        let mut writer = CheckpointWriter::new(self.algorithm());
+        self.method.write(&mut writer)?;
+        self.buffer.write(&mut writer)?;
+        writer.worlds(&self.worlds)?;
+        writer.value("state", &self.state)?;
+        writer.finish()
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError> {
+        let mut reader = CheckpointReader::new(bytes, self.algorithm())?;
+        self.method.read(&mut reader)?;
+        self.buffer.read(&mut reader)?;
+        let state: State = reader.value("state")?;
+        reader.worlds(state.seed, &mut self.worlds)?;
+        let (found, expected) = (state.episodes.worlds(), self.settings.worlds);
+        if found != expected {
+            return Err(CheckpointError::mismatch("worlds", format!("{found} worlds"), expected.to_string()));
+        }
+        self.state = state;
+        Ok(())
+    }
+
+    fn policy(&self) -> TrainedNetwork {
+        let mut policy = self.method.policy();
+        self.state.observations.fold(&mut policy.layers[0]);
+        policy
+    }
+
+    fn weights_sha256(&self) -> String {
+        let parameters = self.method.parameters();
+        numbers_sha256(parameters.iter().map(Vec::as_slice))
+    }
+}
