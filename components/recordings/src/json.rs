@@ -248,13 +248,14 @@ fn agree(rate: f64, samples: usize, duration: f64) -> bool {
     (rate * duration - (samples - 1) as f64).abs() <= 1.0 + 0.01 * samples as f64
 }
 
-/// True for `vx`, `v1`, `vq1` and `v_x`; words such as `voltage` are no velocities.
+/// True for `vx`, `v1`, `v_x` and `vjoint1`. Words without a number, such as `voltage`, are not velocities.
 fn is_velocity(name: &str) -> bool {
     let Some(channel) = name.strip_prefix('v') else { return false };
     let channel = channel.strip_prefix('_').unwrap_or(channel);
     let number = channel.trim_start_matches(|letter: char| letter.is_ascii_alphabetic());
     let letters = channel.len() - number.len();
-    !channel.is_empty() && letters <= 1 && number.bytes().all(|digit| digit.is_ascii_digit())
+    let is_numbered = !number.is_empty() && number.bytes().all(|digit| digit.is_ascii_digit());
+    is_numbered || (letters == 1 && number.is_empty())
 }
 
 /// Sums a velocity `vNAME` up to the position `NAME`: each sample adds its velocity times the time since the
