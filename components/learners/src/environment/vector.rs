@@ -19,7 +19,7 @@ struct Data {
 }
 
 /// Many worlds of a task on several threads. An episode that ends is followed by the next in the same step:
-/// its final observation is kept beside the first of the next.
+/// its final observation is kept next to the first of the next.
 pub struct VectorEnvironment<E> {
     batch: Batch<E, Data>,
     terms: Arc<Terms>,
