@@ -39,6 +39,10 @@ pub enum Purpose {
     Start = 8,
     /// Resamples of statistics.
     Resample = 9,
+    /// Commands of a task.
+    Command = 10,
+    /// Choice between an expert and its imitator.
+    Mixture = 11,
 }
 
 /// Place of a random number in a training run.

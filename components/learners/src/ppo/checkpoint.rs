@@ -5,7 +5,7 @@ use motorium_models::safetensors::{self, SafetensorsError, Tensor, Tensors};
 use motorium_physics::Engine;
 
 use super::{Ppo, State};
-use crate::environment::EnvironmentError;
+use crate::environment::{self, EnvironmentError};
 
 /// A checkpoint that does not fit.
 #[derive(Debug, thiserror::Error)]
@@ -48,13 +48,18 @@ impl<E: Engine + Send> Ppo<E> {
             insert(format!("{name}.first_moment"), first.clone());
             insert(format!("{name}.second_moment"), second.clone());
         }
-        let mut episodes = Vec::new();
-        for (world, (number, actions)) in self.worlds.progress().into_iter().enumerate() {
-            insert(format!("world.{world}.actions"), actions);
-            episodes.push(number);
+        let (mut episodes, mut levels) = (Vec::new(), Vec::new());
+        for (world, running) in self.worlds.progress().into_iter().enumerate() {
+            insert(format!("world.{world}.actions"), running.actions);
+            episodes.push(running.number);
+            levels.push(running.level);
         }
-        let state =
-            serde_json::json!({ "state": self.state, "adam_steps": self.adam.steps(), "episodes": episodes });
+        let state = serde_json::json!({
+            "state": self.state,
+            "adam_steps": self.adam.steps(),
+            "episodes": episodes,
+            "levels": levels,
+        });
         file.metadata.insert("algorithm".to_owned(), "ppo".to_owned());
         file.metadata.insert("state".to_owned(), state.to_string());
         Ok(safetensors::write(&file)?)
@@ -71,6 +76,7 @@ impl<E: Engine + Send> Ppo<E> {
             state: State,
             adam_steps: i32,
             episodes: Vec<u64>,
+            levels: Vec<f64>,
         }
         let mismatch = |what: &str, found: String, expected: String| CheckpointError::Mismatch {
             what: what.to_owned(),
@@ -103,13 +109,15 @@ impl<E: Engine + Send> Ppo<E> {
             second.push(take(format!("{name}.second_moment"), Some(length))?);
         }
         let worlds = self.worlds.worlds();
-        if numbers.episodes.len() != worlds || numbers.state.running.len() != worlds {
+        let counts = [numbers.episodes.len(), numbers.levels.len(), numbers.state.running.len()];
+        if counts != [worlds; 3] {
             let found = format!("{} worlds", numbers.episodes.len());
             return Err(mismatch("worlds", found, worlds.to_string()));
         }
         let mut progress = Vec::new();
-        for (world, number) in numbers.episodes.iter().enumerate() {
-            progress.push((*number, take(format!("world.{world}.actions"), None)?));
+        for (world, (number, level)) in numbers.episodes.iter().zip(&numbers.levels).enumerate() {
+            let actions = take(format!("world.{world}.actions"), None)?;
+            progress.push(environment::Progress { number: *number, level: *level, actions });
         }
         let adam = Adam::from_moments([first, second], numbers.adam_steps);
         let adam =
