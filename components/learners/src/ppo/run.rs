@@ -11,20 +11,16 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use motorium_models::inference::Unary;
-use motorium_models::onnx;
 use motorium_physics::Articulated;
 use serde::{Deserialize, Serialize};
 
 use super::{CheckpointError, Ppo, PpoError, PpoSettings, Progress};
 use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
-use crate::task::{NETWORK, Task, TaskError};
+use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
+use crate::task::{Task, TaskError};
 
-const TASK: &str = "task.toml";
-const RUN: &str = "run.json";
 const CHECKPOINT: &str = "checkpoint.safetensors";
-const PROGRESS: &str = "progress.csv";
 const HEADER: &str =
     "update,steps,episodes,mean_return,mean_length,policy_loss,value_loss,entropy,divergence,rate\n";
 
@@ -34,24 +30,9 @@ pub enum RunError {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The task is invalid.
-    #[error("{}: {source}", file.display())]
-    Task {
-        /// File of the task.
-        file: PathBuf,
-        /// Defect.
-        source: TaskError,
-    },
-    /// The folder holds a run already.
-    #[error(
-        "{} holds a training run, expected a folder without one\n\
-         help: continue it with `motorium learn resume {}`, or choose another folder",
-        folder.display(), folder.display()
-    )]
-    Exists {
-        /// The folder.
-        folder: PathBuf,
-    },
+    /// The folder or the task is invalid.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     /// The description of the run does not parse.
     #[error("{}: {message}", file.display())]
     Description {
@@ -108,34 +89,24 @@ pub struct Run {
     last: Option<Progress>,
 }
 
-/// Reads a task file; returns its text, too.
-fn read_task(file: &Path) -> Result<(Task, String), RunError> {
-    let text = files::read_text(file)?;
-    let task = Task::parse(&text).map_err(|source| RunError::Task { file: file.to_path_buf(), source })?;
-    Ok((task, text))
-}
-
 impl Run {
     /// Starts a run of the task in a file, with its settings in `[algorithms.ppo]`; `steps` replaces theirs.
     ///
     /// # Errors
     ///
-    /// [`RunError`]; [`RunError::Exists`] where the folder holds a run.
+    /// [`RunError`]; [`FolderError::Exists`] where the folder holds a run.
     pub fn create(
         file: &Path,
         folder: &Path,
         (seed, threads): (u64, usize),
         steps: Option<u64>,
     ) -> Result<Self, RunError> {
-        let (task, text) = read_task(file)?;
-        if folder.join(RUN).exists() {
-            return Err(RunError::Exists { folder: folder.to_path_buf() });
-        }
-        let invalid = |source| RunError::Task { file: file.to_path_buf(), source };
+        let (task, text) = folder::read_task(file)?;
+        folder::check_empty(folder)?;
+        let invalid = |source: TaskError| FolderError::Task { file: file.to_path_buf(), source };
         let mut settings = PpoSettings::from_table(&task.algorithms).map_err(invalid)?;
         settings.steps = steps.unwrap_or(settings.steps);
-        let base = file.parent().unwrap_or(Path::new(""));
-        let base = std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf());
+        let base = folder::base(file);
         let description = Description { algorithm: "ppo".into(), seed, steps: settings.steps, base };
         let run = Self::build(folder, task, settings, &description, threads)?;
         files::create_folder(folder)?;
@@ -161,8 +132,8 @@ impl Run {
             let message = format!("`algorithm`: found \"{}\", expected \"ppo\"", description.algorithm);
             return Err(RunError::Description { file, message });
         }
-        let (task, _) = read_task(&folder.join(TASK))?;
-        let invalid = |source| RunError::Task { file: folder.join(TASK), source };
+        let (task, _) = folder::read_task(&folder.join(TASK))?;
+        let invalid = |source: TaskError| FolderError::Task { file: folder.join(TASK), source };
         let mut settings = PpoSettings::from_table(&task.algorithms).map_err(invalid)?;
         settings.steps = description.steps;
         let mut run = Self::build(folder, task, settings, &description, threads)?;
@@ -244,16 +215,7 @@ impl Run {
             .ppo
             .checkpoint()
             .map_err(|source| RunError::Checkpoint { file: file.clone(), source: Box::new(source) })?;
-        let text = self
-            .task
-            .policy_text()
-            .map_err(|source| RunError::Task { file: self.folder.join(TASK), source })?;
-        let layers = self.ppo.policy_layers();
-        let metadata = [("task", &self.task.title[..]), ("algorithm", "ppo")];
-        let inputs = layers[0].0.len() / layers[0].1.len();
-        let network = onnx::write_mlp(inputs, &layers, Unary::Tanh, &metadata);
-        files::write(&self.folder.join("policy.toml"), text.as_bytes())?;
-        files::write(&self.folder.join(NETWORK), &network)?;
+        folder::write_policy(&self.folder, &self.task, &self.ppo.policy_layers(), "ppo")?;
         files::write(&file, &bytes)?;
         Ok(())
     }

@@ -51,7 +51,7 @@ impl List {
             };
             outln!(
                 "{}",
-                json!({ "tasks": tasks.iter().map(one).collect::<Vec<_>>(), "algorithms": ["ppo"] })
+                json!({ "tasks": tasks.iter().map(one).collect::<Vec<_>>(), "algorithms": ["ppo", "clone", "dagger"] })
             );
             return Ok(ExitCode::SUCCESS);
         }

@@ -1,9 +1,11 @@
 //! `motorium learn train` and `resume`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use anyhow::ensure;
+use motorium_learners::imitation;
 use motorium_learners::ppo::{Progress, Run};
 use serde_json::json;
 
@@ -12,10 +14,14 @@ use crate::out::outln;
 /// Time between two lines of progress.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Algorithm {
     /// Proximal policy optimisation
     Ppo,
+    /// Behaviour cloning of an expert
+    Clone,
+    /// Imitation of an expert in the states that the policy reaches
+    Dagger,
 }
 
 /// Train a policy on a task.
@@ -31,6 +37,13 @@ pub(super) struct Train {
     /// Algorithm
     #[arg(long, default_value = "ppo")]
     algorithm: Algorithm,
+    /// Folder of the policy that `clone` and `dagger` imitate
+    #[arg(
+        long,
+        value_name = "FOLDER",
+        required_if_eq_any([("algorithm", "clone"), ("algorithm", "dagger")])
+    )]
+    expert: Option<PathBuf>,
     /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -79,11 +92,53 @@ fn threads(given: Option<u32>) -> usize {
 
 impl Train {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let Algorithm::Ppo = self.algorithm;
+        ensure!(
+            self.expert.is_none() || self.algorithm != Algorithm::Ppo,
+            "--expert with --algorithm ppo, expected `clone` or `dagger`"
+        );
+        if let Some(expert) = &self.expert {
+            return self.imitate(expert);
+        }
         let run = Run::create(&self.task, &self.output, (self.seed, threads(self.threads)), self.steps)?;
         let [low, high] = run.task().reward_range()?;
         anstream::eprintln!("{}: reward of a step {low} to {high}", run.task().title);
         finish(run, self.json)
+    }
+}
+
+impl Train {
+    /// Imitates the policy in a folder.
+    fn imitate(&self, expert: &Path) -> anyhow::Result<ExitCode> {
+        let began = Instant::now();
+        let extent = (self.algorithm == Algorithm::Clone, self.steps);
+        let seed = (self.seed, threads(self.threads));
+        let mut run = imitation::Run::create((&self.task, expert), &self.output, seed, extent)?;
+        while let Some(progress) = run.advance()? {
+            let imitation::Progress { iteration, labels, beta, mean_return, loss, .. } = progress;
+            let mean =
+                mean_return.map_or_else(|| "no return".to_owned(), |mean| format!("mean return {mean:.1}"));
+            anstream::eprintln!(
+                "iteration {iteration}: {labels} labels, expert {beta:.3}, {mean}, loss {loss:.2e}"
+            );
+        }
+        let (summary, seconds) = (run.summary(), began.elapsed().as_secs_f64());
+        let last = summary.last;
+        if self.json {
+            outln!(
+                "{}",
+                json!({
+                    "iterations": last.map(|last| last.iteration),
+                    "labels": last.map(|last| last.labels),
+                    "loss": last.map(|last| last.loss),
+                    "seconds": seconds,
+                    "weights_sha256": summary.weights_sha256,
+                })
+            );
+            return Ok(ExitCode::SUCCESS);
+        }
+        outln!("{} labels in {seconds:.1} s", last.map_or(0, |last| last.labels));
+        outln!("weights {}", summary.weights_sha256);
+        Ok(ExitCode::SUCCESS)
     }
 }
 
