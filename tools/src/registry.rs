@@ -47,6 +47,7 @@ fn kinds() -> Vec<Kind> {
     kinds.extend(motorium_sensors::kinds());
     kinds.extend(motorium_control::kinds());
     kinds.extend(motorium_policies::kinds());
+    kinds.extend(motorium_learners::kinds());
     kinds.extend(motorium_bridges::kinds());
     kinds.extend(motorium_can::kinds());
     kinds.extend(motorium_interfaces::kinds());

@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use motorium_models::onnx::{self, OnnxError};
-use motorium_models::policy::{Policy, PolicyError};
 use rand::RngExt as _;
 use serde::Serialize;
 
@@ -11,6 +9,7 @@ use crate::environment::{End, Environment, EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError};
+use crate::trained::{self, TrainedPolicyError};
 
 /// Number of resamples of a bootstrap interval.
 const RESAMPLES: usize = 2000;
@@ -44,14 +43,6 @@ pub enum EvaluationError {
     /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The policy is invalid.
-    #[error("{}: {source}", file.display())]
-    Policy {
-        /// Path of the file.
-        file: PathBuf,
-        /// The reason.
-        source: PolicyError,
-    },
     /// The task is invalid.
     #[error("{}: {source}", file.display())]
     Task {
@@ -60,35 +51,9 @@ pub enum EvaluationError {
         /// The reason.
         source: TaskError,
     },
-    /// The network is invalid.
-    #[error("{}: {source}", file.display())]
-    Network {
-        /// Path of the file.
-        file: PathBuf,
-        /// The reason.
-        source: OnnxError,
-    },
-    /// The policy was trained for other terms.
-    #[error(
-        "the {what} of the policy differ from the task's\n\
-         help: evaluate it on the task that it was trained for"
-    )]
-    Terms {
-        /// The differing terms.
-        what: &'static str,
-    },
-    /// The network has a different number of inputs or outputs.
-    #[error("{}: {found} {what}, expected {expected}", file.display())]
-    Width {
-        /// Path of the file.
-        file: PathBuf,
-        /// The counted quantity.
-        what: &'static str,
-        /// Number found.
-        found: usize,
-        /// Number required by the task.
-        expected: usize,
-    },
+    /// The policy does not run on the task.
+    #[error(transparent)]
+    Policy(#[from] TrainedPolicyError),
     /// The robot cannot be loaded.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -108,44 +73,20 @@ pub fn evaluate(
     episodes: usize,
     seed: u64,
 ) -> Result<Evaluation, EvaluationError> {
-    let policy_file = folder.join("policy.toml");
-    let policy = Policy::parse(&files::read_text(&policy_file)?)
-        .map_err(|source| EvaluationError::Policy { file: policy_file, source })?;
     let invalid = |source| EvaluationError::Task { file: task_file.to_path_buf(), source };
     let task = Task::parse(&files::read_text(task_file)?).map_err(invalid)?;
-    let expected = task.policy().map_err(invalid)?;
-    for (what, differ) in [
-        ("observations", policy.observations != expected.observations),
-        ("actions", policy.action != expected.action),
-        ("rates", policy.rate != expected.rate),
-    ] {
-        if differ {
-            return Err(EvaluationError::Terms { what });
-        }
-    }
-    let file = folder.join(&policy.network);
-    let wrong = |source| EvaluationError::Network { file: file.clone(), source };
-    let model = onnx::Model::read(&files::read(&file)?).map_err(wrong)?;
-    let mut program = model.program(1).map_err(wrong)?;
+    let mut network = trained::load(folder, &task)?;
     let base = task_file.parent().unwrap_or(Path::new(""));
     let simulation = Scene::load(&task, base)?.simulation().map_err(EnvironmentError::from)?;
     let mut environment = Environment::new(&task, simulation, seed, 0)?;
-    let (inputs, actions) = (environment.terms().inputs(), environment.terms().actions());
-    for (what, found, expected) in
-        [("inputs", program.input_mut(0).len(), inputs), ("outputs", program.output(0).len(), actions)]
-    {
-        if found != expected {
-            return Err(EvaluationError::Width { file, what, found, expected });
-        }
-    }
     let (mut returns, mut steps, mut failures, mut successes) = (vec![], 0_usize, 0, 0);
     for _ in 0..episodes {
         environment.reset()?;
+        network.reset();
         let mut total = 0.0;
         let end = loop {
-            program.input_mut(0).copy_from_slice(environment.observation());
-            program.run();
-            let step = environment.step(program.output(0));
+            network.observation_mut().copy_from_slice(environment.observation());
+            let step = environment.step(network.run());
             total += step.reward;
             steps += 1;
             if let Some(end) = step.end {

@@ -39,6 +39,10 @@ pub enum Purpose {
     Start = 8,
     /// Resamples of statistics.
     Resample = 9,
+    /// Commands of a task.
+    Command = 10,
+    /// Choice between an expert and its imitator.
+    Mixture = 11,
     /// Samples of a replay buffer.
     Replay = 12,
     /// Noise of the actions in a gradient.

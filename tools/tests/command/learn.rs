@@ -44,6 +44,14 @@ fn training_repeats_on_threads_and_makes_a_policy() {
     assert_eq!(evaluated["returns"].as_array().map(Vec::len), Some(5));
     assert!(evaluated["mean"].as_f64() > Some(5.0), "{evaluated}");
 
+    let imitate = ["learn", "train", TASK, "--algorithm", "dagger", "--steps", "400", "--json", "--output"];
+    let imitated = json(&[&imitate[..], &[&file("c"), "--expert", &first]].concat());
+    assert_eq!((&imitated["iterations"], &imitated["labels"]), (&10.into(), &400.into()));
+    let checked = json(&["model", "check", &file("c"), "--json"]);
+    assert_eq!(checked["inputs"], 4);
+    let refused = run(&[&imitate[..], &[&file("d")]].concat());
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--expert"), "an expert is missing");
+
     let refused = run(&["learn", "train", TASK, "--output", &first]);
     let errors = String::from_utf8_lossy(&refused.stderr);
     assert!(!refused.status.success() && errors.contains("motorium learn resume"), "{errors}");

@@ -2,39 +2,12 @@
 
 use std::sync::Arc;
 
-use motorium_physics::{Engine, ResetError, Simulation, Simulator as _};
-use rand::RngExt as _;
+use motorium_physics::{Engine, Simulation, Simulator as _};
 
 use super::EnvironmentError;
+use super::stage::Stage;
 use crate::random::{Counter, Purpose};
-use crate::task::{Task, Terms, Verdict};
-
-/// End of an episode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// A termination with the verdict failure, or a physics step that failed.
-    Failure,
-    /// A termination with the verdict success.
-    Success,
-    /// The longest duration: the episode is truncated, and the state after it still has a value.
-    Truncated,
-}
-
-impl End {
-    /// True if nothing follows the final state; false for a truncated episode.
-    pub fn is_terminal(self) -> bool {
-        self != Self::Truncated
-    }
-}
-
-/// Result of a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Step {
-    /// Reward of the state after the step.
-    pub reward: f64,
-    /// End of the episode in this step.
-    pub end: Option<End>,
-}
+use crate::task::{Step, Task, Terms, Trial};
 
 /// The running episode of a world, without its simulation.
 #[derive(Clone, Debug)]
@@ -43,99 +16,67 @@ pub(super) struct Episode {
     world: u64,
     /// Number of the episode.
     pub(super) number: u64,
-    /// Steps of the policy so far.
-    pub(super) step: usize,
+    /// Level of the curriculum at its start, 0 to 1.
+    pub(super) level: f64,
+    trial: Trial,
     /// Observation with its histories.
     pub(super) observation: Vec<f32>,
     /// All actions of the episode, from which it can be replayed.
     pub(super) actions: Vec<f32>,
-    newest: Vec<f32>,
-    before: Vec<f32>,
-    /// Memory of commands.
-    values: Vec<f64>,
-    joints: Vec<f64>,
+    /// Factors of the gain and of the strength of each drive.
+    drives: Vec<[f64; 2]>,
+    /// Memory for the force on each link whose contacts are measured.
+    forces: Vec<f64>,
 }
 
 impl Episode {
     pub(super) fn new(terms: &Terms, seed: u64, world: u64, drives: usize) -> Self {
-        let actions = terms.actions();
         Self {
             seed,
             world,
             number: 0,
-            step: 0,
+            level: 1.0,
+            trial: Trial::new(terms),
             observation: vec![0.0; terms.inputs()],
-            actions: Vec::with_capacity(actions * terms.steps()),
-            newest: vec![0.0; actions],
-            before: vec![0.0; actions],
-            values: vec![0.0; actions],
-            joints: vec![0.0; drives],
+            actions: Vec::with_capacity(terms.actions() * terms.steps()),
+            drives: vec![[1.0; 2]; drives],
+            forces: vec![0.0; terms.links().len()],
         }
     }
 
-    /// Starts episode `number`.
+    /// Starts episode `number` at a level of the curriculum. `seed` samples its physical properties and its
+    /// start; if not given, it depends on the seed of the run, the world and the number.
     pub(super) fn begin<E: Engine>(
         &mut self,
-        terms: &Terms,
+        stage: &Stage,
         simulation: &mut Simulation<E>,
-        number: u64,
+        (number, level, seed): (u64, f64, Option<u64>),
     ) -> Result<(), EnvironmentError> {
-        self.number = number;
-        self.step = 0;
+        (self.number, self.level) = (number, level);
         self.actions.clear();
-        self.newest.fill(0.0);
-        self.before.fill(0.0);
         let counter = Counter { seed: self.seed, world: self.world, episode: number, step: 0 };
-        let (position, velocity, spread) = terms.start();
-        let mut random = counter.stream(Purpose::Start);
-        let velocity: Vec<f64> = velocity
-            .iter()
-            .map(|v| {
-                let share: f64 = random.random();
-                v + spread * (2.0 * share - 1.0)
-            })
-            .collect();
-        let started = match terms.draws() {
-            None => simulation.reset(position, &velocity),
-            Some(draws) => {
-                let start = draws.draw(counter.number(Purpose::Start), 0);
-                simulation.reset_with(&start.properties, &start.q, &velocity)
-            }
-        };
-        started.map_err(|source: ResetError| EnvironmentError::Reset {
-            world: self.world,
-            episode: number,
-            source,
-        })?;
-        terms.observe(simulation, &self.newest, true, &mut self.observation);
+        let seed = seed.unwrap_or_else(|| counter.number(Purpose::Start));
+        stage.begin(simulation, (counter, seed), &mut self.drives)?;
+        let state = stage.state(simulation, &mut self.forces);
+        self.trial.begin(&stage.terms, (counter, level), &state);
+        self.trial.write(&mut self.observation);
         Ok(())
     }
 
     /// Applies an action for one step of the policy.
     pub(super) fn advance<E: Engine>(
         &mut self,
-        terms: &Terms,
+        stage: &Stage,
         simulation: &mut Simulation<E>,
         action: &[f32],
     ) -> Step {
-        self.before.copy_from_slice(&self.newest);
-        self.newest.copy_from_slice(action);
         self.actions.extend_from_slice(action);
-        terms.command(simulation, action, (&mut self.values, &mut self.joints));
-        let (count, dt) = terms.physics_steps();
-        let is_stepped = (0..count).all(|_| simulation.step(dt).is_ok());
-        self.step += 1;
-        let actions = crate::task::Actions { newest: &self.newest, before: &self.before };
-        let outcome = terms.evaluate(simulation, actions);
-        terms.observe(simulation, &self.newest, false, &mut self.observation);
-        let verdict = if is_stepped { outcome.end } else { Some(Verdict::Failure) };
-        let end = match verdict {
-            Some(Verdict::Failure) => Some(End::Failure),
-            Some(Verdict::Success) => Some(End::Success),
-            None if self.step >= terms.steps() => Some(End::Truncated),
-            None => None,
-        };
-        Step { reward: outcome.reward, end }
+        self.trial.act(&stage.terms, action.iter().map(|number| f64::from(*number)));
+        let is_stepped = stage.advance(simulation, action, &self.drives);
+        let state = stage.state(simulation, &mut self.forces);
+        let step = self.trial.judge(&stage.terms, &state, is_stepped);
+        self.trial.write(&mut self.observation);
+        step
     }
 }
 
@@ -170,7 +111,7 @@ impl Episode {
 /// ```
 pub struct Environment<E> {
     simulation: Simulation<E>,
-    terms: Arc<Terms>,
+    stage: Arc<Stage>,
     episode: Episode,
     /// Number of the next episode.
     next: u64,
@@ -188,16 +129,16 @@ impl<E: Engine> Environment<E> {
         seed: u64,
         world: u64,
     ) -> Result<Self, EnvironmentError> {
-        let terms = Arc::new(Terms::new(task, &mut simulation)?);
-        let episode = Episode::new(&terms, seed, world, simulation.joint_names().len());
-        let mut made = Self { simulation, terms, episode, next: 0 };
-        made.episode.begin(&made.terms, &mut made.simulation, 0)?;
+        let stage = Arc::new(Stage::new(task, &mut simulation)?);
+        let episode = Episode::new(&stage.terms, seed, world, simulation.joint_names().len());
+        let mut made = Self { simulation, stage, episode, next: 0 };
+        made.episode.begin(&made.stage, &mut made.simulation, (0, 1.0, None))?;
         Ok(made)
     }
 
     /// The terms of the task.
     pub fn terms(&self) -> &Terms {
-        &self.terms
+        &self.stage.terms
     }
 
     /// The simulation.
@@ -209,11 +150,25 @@ impl<E: Engine> Environment<E> {
     ///
     /// # Errors
     ///
-    /// [`EnvironmentError::Reset`].
+    /// [`EnvironmentError`].
     pub fn reset(&mut self) -> Result<&[f32], EnvironmentError> {
+        self.start(None)
+    }
+
+    /// Starts the next episode with the physical properties and the start that a physics component of a graph
+    /// samples from this seed, and returns its first observation.
+    ///
+    /// # Errors
+    ///
+    /// [`EnvironmentError`].
+    pub fn reset_from(&mut self, seed: u64) -> Result<&[f32], EnvironmentError> {
+        self.start(Some(seed))
+    }
+
+    fn start(&mut self, seed: Option<u64>) -> Result<&[f32], EnvironmentError> {
         let number = self.next;
         self.next += 1;
-        self.episode.begin(&self.terms, &mut self.simulation, number)?;
+        self.episode.begin(&self.stage, &mut self.simulation, (number, 1.0, seed))?;
         Ok(&self.episode.observation)
     }
 
@@ -222,12 +177,17 @@ impl<E: Engine> Environment<E> {
         &self.episode.observation
     }
 
+    /// The command in force: forward, left \[m/s\], turn \[rad/s\].
+    pub fn command(&self) -> [f64; 3] {
+        self.episode.trial.command()
+    }
+
     /// Applies an action for one step of the policy. After an end, [`reset`](Self::reset) follows.
     ///
     /// # Panics
     ///
     /// If the action has another number of entries than the task.
     pub fn step(&mut self, action: &[f32]) -> Step {
-        self.episode.advance(&self.terms, &mut self.simulation, action)
+        self.episode.advance(&self.stage, &mut self.simulation, action)
     }
 }

@@ -6,15 +6,17 @@
 
 mod episode;
 mod scene;
+mod stage;
 mod vector;
 
-pub use episode::{End, Environment, Step};
+pub use episode::Environment;
 pub use scene::{Scene, SceneError};
-pub use vector::VectorEnvironment;
+pub use vector::{Progress, VectorEnvironment};
 
-use motorium_physics::{BuildError, ResetError};
+use motorium_physics::{BuildError, ResetError, StepError};
 
 use crate::task::TaskError;
+pub use crate::task::{End, Step};
 
 /// The errors of environments.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +36,16 @@ pub enum EnvironmentError {
         episode: u64,
         /// Reason.
         source: ResetError,
+    },
+    /// Physics cannot make a step before the first observation.
+    #[error("world {world}, episode {episode}, before the first observation: {source}")]
+    FreeStep {
+        /// Index of the world.
+        world: u64,
+        /// Number of the episode.
+        episode: u64,
+        /// Reason.
+        source: StepError,
     },
 }
 

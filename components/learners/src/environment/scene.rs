@@ -2,25 +2,36 @@
 
 use std::path::Path;
 
-use motorium_physics::{ArticulatedSimulator, BuildError, Options, World};
-use motorium_robots::{LoadError, Model, load};
+use motorium_physics::{ArticulatedSimulator, BuildError, Options, RobotSetup, World};
+use motorium_robots::{LoadError, UnknownFrame, load};
 
 use crate::task::Task;
 
 /// A robot that cannot be loaded.
 #[derive(Debug, thiserror::Error)]
-#[error("`robot`: \"{robot}\": {source}")]
-pub struct SceneError {
-    /// The robot of the task.
-    pub robot: String,
-    /// Reason.
-    pub source: Box<LoadError>,
+pub enum SceneError {
+    /// Its file or its profile is invalid.
+    #[error("`robot`: \"{robot}\": {source}")]
+    Load {
+        /// The robot of the task.
+        robot: String,
+        /// Reason.
+        source: Box<LoadError>,
+    },
+    /// Its profile names a frame that it does not have.
+    #[error("`robot`: \"{robot}\": {source}")]
+    Frame {
+        /// The robot of the task.
+        robot: String,
+        /// Reason.
+        source: UnknownFrame,
+    },
 }
 
 /// The robot of a task on the ground of an empty world.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    model: Model,
+    robot: RobotSetup,
     start: Vec<f64>,
 }
 
@@ -31,9 +42,11 @@ impl Scene {
     ///
     /// [`SceneError`].
     pub fn load(task: &Task, base: &Path) -> Result<Self, SceneError> {
+        let robot = || task.robot.clone();
         let loaded = load(&task.robot, base)
-            .map_err(|source| SceneError { robot: task.robot.clone(), source: Box::new(source) })?;
-        Ok(Self { model: loaded.model, start: task.start.position.clone() })
+            .map_err(|source| SceneError::Load { robot: robot(), source: Box::new(source) })?;
+        let setup = RobotSetup::of(&loaded).map_err(|source| SceneError::Frame { robot: robot(), source })?;
+        Ok(Self { robot: setup, start: task.start.position.clone() })
     }
 
     /// Builds a simulation of the robot.
@@ -42,6 +55,6 @@ impl Scene {
     ///
     /// [`BuildError`].
     pub fn simulation(&self) -> Result<ArticulatedSimulator, BuildError> {
-        ArticulatedSimulator::new(self.model.clone(), World::default(), &self.start, Options::default())
+        ArticulatedSimulator::new(self.robot.clone(), World::default(), &self.start, Options::default())
     }
 }

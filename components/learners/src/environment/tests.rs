@@ -170,3 +170,65 @@ fn terms_that_need_other_components_are_refused() {
     let error = found.err().expect("no base").to_string();
     assert!(error.starts_with("`observations[2].term`: found base_angular_velocity, expected"), "{error}");
 }
+
+/// A quadruped with a new command after every fifth step.
+fn quadruped(seed: u64) -> Environment<motorium_physics::Articulated> {
+    let text = include_str!("../../../../tasks/quadruped-velocity.toml");
+    assert!(text.contains("interval = 5.0") && text.contains("standing = 0.1"));
+    let text = text.replace("interval = 5.0", "interval = 0.1").replace("standing = 0.1", "standing = 0.0");
+    let task = Task::parse(&text).expect("a task");
+    let simulation = Scene::load(&task, Path::new(".")).expect("a robot").simulation().expect("a simulation");
+    Environment::new(&task, simulation, seed, 0).expect("an environment")
+}
+
+#[test]
+fn a_standing_quadruped_is_observed_and_commanded() {
+    let mut world = quadruped(1);
+    assert_eq!(world.reset().expect("an episode").len(), 48);
+    let mut commands = vec![world.command()];
+    for step in 1..=50 {
+        let found = world.step(&[0.0; 12]);
+        assert_eq!(found.end, None, "step {step}");
+        let observation = world.observation();
+        // gravity points down, and the command is scaled
+        assert!(observation[8] < -0.99, "{observation:?}");
+        let command = world.command();
+        for (index, scale) in [2.0, 2.0, 0.25].into_iter().enumerate() {
+            assert_eq!(observation[9 + index], (scale * command[index]) as f32, "step {step}");
+        }
+        let is_new = command != commands[commands.len() - 1];
+        assert_eq!(is_new, step % 5 == 0, "step {step}");
+        commands.push(command);
+    }
+    // another episode has other commands, an equal environment the same
+    world.reset().expect("an episode");
+    assert_ne!(world.command(), commands[0]);
+    let mut equal = quadruped(1);
+    equal.reset().expect("an episode");
+    assert_eq!(equal.command(), commands[0]);
+}
+
+#[test]
+fn a_quadruped_that_falls_ends_its_episode() {
+    let mut world = quadruped(2);
+    world.reset().expect("an episode");
+    // both left legs are drawn up
+    let action: Vec<f32> = (0..12).map(|joint| if matches!(joint / 3, 0 | 2) { 4.0 } else { 0.0 }).collect();
+    let end = (0..200).find_map(|_| world.step(&action).end);
+    assert_eq!(end, Some(End::Failure));
+}
+
+#[test]
+fn free_steps_precede_the_first_observation() {
+    let run = |text: &str| {
+        let task = Task::parse(text).expect("a task");
+        let mut world = Environment::new(&task, simulation().expect("a simulation"), 1, 0).expect("a world");
+        world.reset_from(9).expect("an episode");
+        world.simulation().configuration().to_vec()
+    };
+    let free = TEXT.replace("[start]", "[start]\nfree_steps = 1").replace("velocity_spread = 0.05", "");
+    let [without, with] = [TEXT.replace("velocity_spread = 0.05", ""), free].map(|text| run(&text));
+    // the pole falls by a fraction of g dt^2
+    let moved = (with[1] - without[1]).abs();
+    assert!(moved > 1e-7 && moved < 1e-3, "{moved}");
+}

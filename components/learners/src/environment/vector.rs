@@ -5,6 +5,7 @@ use std::sync::Arc;
 use motorium_physics::{Batch, BuildError, Engine, Simulation, Simulator as _};
 
 use super::episode::Episode;
+use super::stage::Stage;
 use super::{EnvironmentError, Step};
 use crate::task::{Task, Terms};
 
@@ -18,11 +19,24 @@ struct Data {
     failure: Option<EnvironmentError>,
 }
 
+/// Progress of the running episode of a world, from which it can be replayed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Number of the episode.
+    pub number: u64,
+    /// Level of the curriculum at its start, 0 to 1.
+    pub level: f64,
+    /// Its actions so far.
+    pub actions: Vec<f32>,
+}
+
 /// Many worlds of a task on several threads. An episode that ends is followed by the next in the same step:
 /// its final observation is kept next to the first of the next.
 pub struct VectorEnvironment<E> {
     batch: Batch<E, Data>,
-    terms: Arc<Terms>,
+    stage: Arc<Stage>,
+    /// Level of the curriculum of the next episodes.
+    level: f64,
     observations: Vec<f32>,
     last: Vec<f32>,
     steps: Vec<Step>,
@@ -42,30 +56,33 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         mut build: impl FnMut() -> Result<Simulation<E>, BuildError>,
     ) -> Result<Self, EnvironmentError> {
         let mut first = build()?;
-        let terms = Arc::new(Terms::new(task, &mut first)?);
+        let stage = Arc::new(Stage::new(task, &mut first)?);
+        let terms = &stage.terms;
         let drives = first.joint_names().len();
         let batch = Batch::new(worlds.max(1), threads, |_| build())?.with_data(|world| Data {
-            episode: Episode::new(&terms, seed, world as u64, drives),
+            episode: Episode::new(terms, seed, world as u64, drives),
             action: vec![0.0; terms.actions()],
             step: Step::default(),
             last: vec![0.0; terms.inputs()],
             failure: None,
         });
         let count = batch.count();
+        let level = terms.level(0);
         let mut made = Self {
             batch,
+            level,
             observations: vec![0.0; count * terms.inputs()],
             last: vec![0.0; count * terms.inputs()],
             steps: vec![Step::default(); count],
-            terms,
+            stage,
         };
-        made.resume(seed, &vec![(0, vec![]); count])?;
+        made.resume(seed, &vec![Progress { level, ..Progress::default() }; count])?;
         Ok(made)
     }
 
     /// The terms of the task.
     pub fn terms(&self) -> &Terms {
-        &self.terms
+        &self.stage.terms
     }
 
     /// Number of worlds.
@@ -81,7 +98,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
     /// The observation at the end of an episode that ended in the last step, or `None` where the episode
     /// continues.
     pub fn final_observation(&self, world: usize) -> Option<&[f32]> {
-        let inputs = self.terms.inputs();
+        let inputs = self.terms().inputs();
         self.steps[world].end.map(|_| &self.last[world * inputs..][..inputs])
     }
 
@@ -90,10 +107,20 @@ impl<E: Engine + Send> VectorEnvironment<E> {
         &self.steps
     }
 
-    /// Number of the running episode of each world, and its actions so far: all that [`resume`](Self::resume)
-    /// needs.
-    pub fn progress(&self) -> Vec<(u64, Vec<f32>)> {
-        self.batch.data().iter().map(|data| (data.episode.number, data.episode.actions.clone())).collect()
+    /// Sets the level of the curriculum, 0 to 1, for the episodes that start from now on.
+    pub fn set_level(&mut self, level: f64) {
+        self.level = level;
+    }
+
+    /// The running episode of each world: all that [`resume`](Self::resume) needs.
+    pub fn progress(&self) -> Vec<Progress> {
+        let episodes = self.batch.data().iter().map(|data| &data.episode);
+        let progress = |episode: &Episode| Progress {
+            number: episode.number,
+            level: episode.level,
+            actions: episode.actions.clone(),
+        };
+        episodes.map(progress).collect()
     }
 
     /// Starts the given episode of each world of a run with a seed and replays its actions: the worlds are
@@ -106,16 +133,16 @@ impl<E: Engine + Send> VectorEnvironment<E> {
     /// # Panics
     ///
     /// If there are fewer entries than worlds.
-    pub fn resume(&mut self, seed: u64, progress: &[(u64, Vec<f32>)]) -> Result<(), EnvironmentError> {
+    pub fn resume(&mut self, seed: u64, progress: &[Progress]) -> Result<(), EnvironmentError> {
         assert!(progress.len() >= self.worlds(), "an episode for each world");
-        let terms = &self.terms;
+        let stage = &self.stage;
         self.batch.each(|world, simulation, data| {
-            let (number, actions) = &progress[world];
+            let Progress { number, level, actions } = &progress[world];
             data.step = Step::default();
             data.episode.seed = seed;
-            data.failure = data.episode.begin(terms, simulation, *number).err();
-            for action in actions.chunks_exact(terms.actions()) {
-                data.episode.advance(terms, simulation, action);
+            data.failure = data.episode.begin(stage, simulation, (*number, *level, None)).err();
+            for action in actions.chunks_exact(stage.terms.actions()) {
+                data.episode.advance(stage, simulation, action);
             }
         });
         self.collect()
@@ -127,10 +154,11 @@ impl<E: Engine + Send> VectorEnvironment<E> {
     ///
     /// [`EnvironmentError::Reset`].
     pub fn restart(&mut self) -> Result<(), EnvironmentError> {
-        let terms = &self.terms;
+        let (stage, level) = (&self.stage, self.level);
         self.batch.each(|_, simulation, data| {
             data.step = Step::default();
-            data.failure = data.episode.begin(terms, simulation, data.episode.number + 1).err();
+            data.failure =
+                data.episode.begin(stage, simulation, (data.episode.number + 1, level, None)).err();
         });
         self.collect()
     }
@@ -145,17 +173,17 @@ impl<E: Engine + Send> VectorEnvironment<E> {
     ///
     /// If there are fewer actions than worlds need.
     pub fn step(&mut self, actions: &[f32]) -> Result<&[Step], EnvironmentError> {
-        let terms = &self.terms;
-        let width = terms.actions();
+        let (stage, level) = (&self.stage, self.level);
+        let width = stage.terms.actions();
         for (data, action) in self.batch.data_mut().iter_mut().zip(actions.chunks_exact(width)) {
             data.action.copy_from_slice(action);
         }
         self.batch.each(|_, simulation, data| {
             let Data { episode, action, step, last, failure } = data;
-            *step = episode.advance(terms, simulation, action);
+            *step = episode.advance(stage, simulation, action);
             if step.end.is_some() {
                 last.copy_from_slice(&episode.observation);
-                *failure = episode.begin(terms, simulation, episode.number + 1).err();
+                *failure = episode.begin(stage, simulation, (episode.number + 1, level, None)).err();
             }
         });
         self.collect()?;
@@ -164,7 +192,7 @@ impl<E: Engine + Send> VectorEnvironment<E> {
 
     /// Copies results of all worlds into contiguous memory.
     fn collect(&mut self) -> Result<(), EnvironmentError> {
-        let inputs = self.terms.inputs();
+        let inputs = self.terms().inputs();
         for (world, data) in self.batch.data_mut().iter_mut().enumerate() {
             if let Some(failure) = data.failure.take() {
                 return Err(failure);

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::Algorithm;
-use crate::environment::{EnvironmentError, VectorEnvironment};
+use crate::environment::{EnvironmentError, Progress, VectorEnvironment};
 
 /// A checkpoint that does not fit.
 #[derive(Debug, thiserror::Error)]
@@ -74,9 +74,9 @@ impl CheckpointWriter {
     /// [`CheckpointError`].
     pub fn worlds<E: Engine + Send>(&mut self, worlds: &VectorEnvironment<E>) -> Result<(), CheckpointError> {
         let mut episodes = Vec::new();
-        for (world, (number, actions)) in worlds.progress().into_iter().enumerate() {
+        for (world, Progress { number, level, actions }) in worlds.progress().into_iter().enumerate() {
             self.numbers(format!("world.{world}.actions"), actions);
-            episodes.push(number);
+            episodes.push((number, level));
         }
         self.value("episodes", &episodes)
     }
@@ -182,14 +182,15 @@ impl CheckpointReader {
         seed: u64,
         worlds: &mut VectorEnvironment<E>,
     ) -> Result<(), CheckpointError> {
-        let episodes: Vec<u64> = self.value("episodes")?;
+        let episodes: Vec<(u64, f64)> = self.value("episodes")?;
         if episodes.len() != worlds.worlds() {
             let found = format!("{} worlds", episodes.len());
             return Err(CheckpointError::mismatch("worlds", found, worlds.worlds().to_string()));
         }
         let mut progress = Vec::new();
-        for (world, number) in episodes.into_iter().enumerate() {
-            progress.push((number, self.any_numbers(&format!("world.{world}.actions"))?));
+        for (world, (number, level)) in episodes.into_iter().enumerate() {
+            let actions = self.any_numbers(&format!("world.{world}.actions"))?;
+            progress.push(Progress { number, level, actions });
         }
         Ok(worlds.resume(seed, &progress)?)
     }

@@ -16,12 +16,10 @@ use serde::{Deserialize, Serialize};
 use super::{Algorithm, CheckpointError, Learner, LearnerError, Progress};
 use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
-use crate::task::{NETWORK, Task, TaskError};
+use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
+use crate::task::Task;
 
-const TASK: &str = "task.toml";
-const RUN: &str = "run.json";
 const CHECKPOINT: &str = "checkpoint.safetensors";
-const PROGRESS: &str = "progress.csv";
 const HEADER: &str = "update,steps,episodes,mean_return,mean_length";
 
 /// The errors of a run.
@@ -30,24 +28,9 @@ pub enum RunError {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The task is invalid.
-    #[error("{}: {source}", file.display())]
-    Task {
-        /// File of the task.
-        file: PathBuf,
-        /// Defect.
-        source: TaskError,
-    },
-    /// The folder holds a run already.
-    #[error(
-        "{} holds a training run, expected a folder without one\n\
-         help: continue it with `motorium learn resume {}`, or choose another folder",
-        folder.display(), folder.display()
-    )]
-    Exists {
-        /// The folder.
-        folder: PathBuf,
-    },
+    /// The folder or the task is invalid.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     /// The description of the run does not parse.
     #[error("{}: {message}", file.display())]
     Description {
@@ -106,13 +89,6 @@ pub struct Run {
     last: Option<Progress>,
 }
 
-/// Reads a task file; returns its text, too.
-fn read_task(file: &Path) -> Result<(Task, String), RunError> {
-    let text = files::read_text(file)?;
-    let task = Task::parse(&text).map_err(|source| RunError::Task { file: file.to_path_buf(), source })?;
-    Ok((task, text))
-}
-
 /// A learner of the task in a file, whose robot is relative to `base`.
 fn build(
     algorithm: Algorithm,
@@ -123,7 +99,7 @@ fn build(
 ) -> Result<Box<dyn Learner>, RunError> {
     let scene = Scene::load(task, base)?;
     algorithm.learner(task, &scene, steps, run).map_err(|error| match error {
-        EnvironmentError::Task(source) => RunError::Task { file: file.to_path_buf(), source },
+        EnvironmentError::Task(source) => FolderError::Task { file: file.to_path_buf(), source }.into(),
         other => RunError::Environment(other),
     })
 }
@@ -134,7 +110,7 @@ impl Run {
     ///
     /// # Errors
     ///
-    /// [`RunError`]; [`RunError::Exists`] where the folder holds a run.
+    /// [`RunError`]; [`FolderError::Exists`] where the folder holds a run.
     pub fn create(
         algorithm: Algorithm,
         file: &Path,
@@ -142,12 +118,9 @@ impl Run {
         (seed, threads): (u64, usize),
         steps: Option<u64>,
     ) -> Result<Self, RunError> {
-        let (task, text) = read_task(file)?;
-        if folder.join(RUN).exists() {
-            return Err(RunError::Exists { folder: folder.to_path_buf() });
-        }
-        let base = file.parent().unwrap_or(Path::new(""));
-        let base = std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf());
+        let (task, text) = folder::read_task(file)?;
+        folder::check_empty(folder)?;
+        let base = folder::base(file);
         let learner = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
         let description = Description { algorithm, seed, steps: learner.total_steps(), base };
         let run = Self { folder: folder.to_path_buf(), task, learner, last: None };
@@ -175,7 +148,7 @@ impl Run {
         let bytes = files::read(&file)?;
         let description: Description = serde_json::from_slice(&bytes)
             .map_err(|error| RunError::Description { file: file.clone(), message: error.to_string() })?;
-        let (task, _) = read_task(&folder.join(TASK))?;
+        let (task, _) = folder::read_task(&folder.join(TASK))?;
         let Description { algorithm, seed, steps, base } = description;
         let mut learner = build(algorithm, (&task, &folder.join(TASK)), &base, Some(steps), (seed, threads))?;
         let file = folder.join(CHECKPOINT);
@@ -247,13 +220,8 @@ impl Run {
             .learner
             .checkpoint()
             .map_err(|source| RunError::Checkpoint { file: file.clone(), source: Box::new(source) })?;
-        let text = self
-            .task
-            .policy_text()
-            .map_err(|source| RunError::Task { file: self.folder.join(TASK), source })?;
-        let metadata = [("task", &self.task.title[..]), ("algorithm", self.learner.algorithm().name())];
-        files::write(&self.folder.join("policy.toml"), text.as_bytes())?;
-        files::write(&self.folder.join(NETWORK), &self.learner.policy().to_onnx(&metadata))?;
+        let algorithm = self.learner.algorithm().name();
+        folder::write_policy(&self.folder, &self.task, &self.learner.policy(), algorithm)?;
         files::write(&file, &bytes)?;
         Ok(())
     }

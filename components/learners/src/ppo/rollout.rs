@@ -91,6 +91,7 @@ impl<E: Engine + Send> Ppo<E> {
         let (worlds, horizon) = (self.settings.worlds, self.settings.horizon);
         let (inputs, width) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
         let discount = self.settings.discount;
+        self.worlds.set_level(self.worlds.terms().level(self.state.steps));
         // the statistics that normalise stay the same for a whole horizon; raw observations join them
         // afterwards
         let normaliser = self.state.observations.clone();

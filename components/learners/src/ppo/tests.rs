@@ -22,7 +22,11 @@ fn settings() -> PpoSettings {
 }
 
 fn run(seed: u64, threads: usize, settings: PpoSettings) -> Ppo<Articulated> {
-    let task = Task::parse(TASK).expect("a task");
+    run_task(TASK, seed, threads, settings)
+}
+
+fn run_task(text: &str, seed: u64, threads: usize, settings: PpoSettings) -> Ppo<Articulated> {
+    let task = Task::parse(text).expect("a task");
     let scene = Scene::load(&task, Path::new(".")).expect("a robot of the catalogue");
     Ppo::new(&task, settings, (seed, threads), || scene.simulation()).expect("a run")
 }
@@ -59,6 +63,23 @@ fn a_resumed_run_has_the_weights_of_a_straight_one() {
     assert_eq!(resumed.checkpoint().expect("a checkpoint"), checkpoint);
     assert_eq!(finish(resumed), straight);
     assert_eq!(finish(half), straight);
+}
+
+#[test]
+fn a_quadruped_learns_equal_weights_on_any_threads() {
+    // contacts, commands, their curriculum and falls are among the steps
+    let text = include_str!("../../../../tasks/quadruped-velocity.toml");
+    assert!(text.contains("steps = 5_000_000"));
+    let text = text.replace("steps = 5_000_000", "steps = 400");
+    let settings = || PpoSettings { steps: 768, worlds: 6, horizon: 64, ..settings() };
+    let first = finish(run_task(&text, 1, 1, settings()));
+    assert_eq!(finish(run_task(&text, 1, 2, settings())), first);
+    let mut half = run_task(&text, 1, 2, settings());
+    half.advance().expect("an update");
+    let mut resumed = run_task(&text, 5, 1, settings());
+    resumed.restore(&half.checkpoint().expect("a checkpoint")).expect("an equal run");
+    assert_eq!(finish(resumed), first);
+    assert_ne!(finish(run_task(&text, 2, 1, settings())), first);
 }
 
 #[test]

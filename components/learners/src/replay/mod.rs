@@ -236,6 +236,7 @@ impl<E: Engine + Send, M: Method> OffPolicy<E, M> {
         let before = raw.len();
         raw.extend_from_slice(self.worlds.observations());
         let State { seed, steps, .. } = self.state;
+        self.worlds.set_level(self.worlds.terms().level(steps));
         let exploration = Exploration { seed, steps, total: self.settings.steps };
         let mut stored = vec![0.0; worlds * width];
         if steps < self.settings.warmup {

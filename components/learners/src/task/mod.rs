@@ -32,16 +32,19 @@
 //! # Ok::<(), motorium_learners::task::TaskError>(())
 //! ```
 
+mod command;
 mod quantity;
 mod terms;
+mod trial;
 
 use motorium_models::policy::{Policy, PolicyError};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
 use serde::Deserialize;
 
+pub use command::{CommandRanges, Curriculum};
 pub use quantity::{Quantity, Reward, Shape, Termination, Verdict};
-pub(crate) use terms::Actions;
-pub use terms::{Outcome, Terms};
+pub use terms::{Outcome, RobotState, Terms};
+pub use trial::{End, Step, Trial};
 
 /// File of the network in a policy folder.
 pub const NETWORK: &str = "policy.onnx";
@@ -71,6 +74,8 @@ pub struct Task {
     /// Conditions that end an episode.
     #[serde(default)]
     pub terminations: Vec<Termination>,
+    /// Desired velocities of the base. Default: the task has no commands.
+    pub command: Option<CommandRanges>,
     /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
@@ -91,6 +96,10 @@ pub struct StartState {
     /// 0.
     #[serde(default)]
     pub velocity_spread: f64,
+    /// Physics steps without commands before the first observation. In a graph it is 1: the first state is
+    /// published after the first step, before a command can arrive. Default: 0.
+    #[serde(default)]
+    pub free_steps: usize,
 }
 
 /// A task that cannot be learned.
@@ -131,7 +140,11 @@ pub enum TaskError {
 }
 
 impl TaskError {
-    fn value(key: impl Into<String>, found: impl core::fmt::Display, expected: impl Into<String>) -> Self {
+    pub(crate) fn value(
+        key: impl Into<String>,
+        found: impl core::fmt::Display,
+        expected: impl Into<String>,
+    ) -> Self {
         Self::Value { key: key.into(), found: found.to_string(), expected: expected.into() }
     }
 }
@@ -164,6 +177,9 @@ impl Task {
             return Err(TaskError::value("rewards", "none", "at least one term"));
         }
         task.policy()?;
+        if let Some(command) = &task.command {
+            command.check()?;
+        }
         task.reward_range()?;
         for (index, termination) in task.terminations.iter().enumerate() {
             termination.check(index)?;

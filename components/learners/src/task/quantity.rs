@@ -1,5 +1,7 @@
 //! Quantities of a robot that rewards and terminations measure.
 
+use core::f64::consts::PI;
+
 use serde::Deserialize;
 
 use super::TaskError;
@@ -22,6 +24,24 @@ pub enum Quantity {
     Action,
     /// Root mean square of the change of the action since the last step, clipped as it is applied.
     ActionChange,
+    /// Root mean square of the efforts of the action's joints in the last physics step \[Nm or N\].
+    Effort,
+    /// Root mean square of the distances of the action's joints from the default pose \[rad or m\].
+    PoseError,
+    /// Norm of the difference of the horizontal velocity of the base from the command \[m/s\].
+    VelocityError,
+    /// Difference of the rate of turn of the base from the command, without its sign \[rad/s\].
+    TurnError,
+    /// Velocity of the base along its vertical axis \[m/s\].
+    VerticalVelocity,
+    /// Norm of the angular velocity of the base about its horizontal axes \[rad/s\].
+    RollPitchRate,
+    /// Angle between the vertical axis of the base and the world's, 0 to pi \[rad\].
+    Tilt,
+    /// Height of the base in the world \[m\].
+    BaseHeight,
+    /// Sum of the forces of contacts on `links` in the last physics step \[N\].
+    ContactForce,
 }
 
 /// Function that maps a quantity to a reward.
@@ -49,6 +69,8 @@ pub struct Reward {
     pub joint: Option<String>,
     /// Joints of `joint_cosine`.
     pub joints: Option<Vec<String>>,
+    /// Links of `contact_force`.
+    pub links: Option<Vec<String>>,
     /// Subtracted from the quantity. Default: 0.
     #[serde(default)]
     pub target: f64,
@@ -85,6 +107,8 @@ pub struct Termination {
     pub joint: Option<String>,
     /// Joints of `joint_cosine`.
     pub joints: Option<Vec<String>>,
+    /// Links of `contact_force`.
+    pub links: Option<Vec<String>>,
     /// Ends the episode while the quantity is outside of this range.
     pub outside: Option<[f64; 2]>,
     /// Ends the episode while the quantity is inside this range.
@@ -98,30 +122,48 @@ fn one() -> f64 {
     1.0
 }
 
-/// Checks that the joints of a term fit its quantity.
-fn check_joints(
-    key: &str,
-    term: Quantity,
-    joint: Option<&String>,
-    joints: Option<&Vec<String>>,
-) -> Result<(), TaskError> {
-    let takes_one = matches!(term, Quantity::JointPosition | Quantity::JointVelocity | Quantity::JointEffort);
-    let takes_many = term == Quantity::JointCosine;
-    match (joint, joints) {
-        (None, _) if takes_one => Err(TaskError::value(format!("{key}.joint"), "none", "a joint")),
-        (Some(name), _) if !takes_one => {
-            Err(TaskError::value(format!("{key}.joint"), name, "no joint for this term"))
+/// A quantity and the parts of the robot that it measures.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Subject<'a> {
+    pub(super) term: Quantity,
+    pub(super) joint: Option<&'a String>,
+    pub(super) joints: Option<&'a Vec<String>>,
+    pub(super) links: Option<&'a Vec<String>>,
+}
+
+impl Subject<'_> {
+    /// Checks that the parts fit the quantity. Keys in errors begin with `key`.
+    fn check(self, key: &str) -> Result<(), TaskError> {
+        let Self { term, joint, joints, links } = self;
+        let takes_one =
+            matches!(term, Quantity::JointPosition | Quantity::JointVelocity | Quantity::JointEffort);
+        match joint {
+            None if takes_one => return Err(TaskError::value(format!("{key}.joint"), "none", "a joint")),
+            Some(name) if !takes_one => {
+                return Err(TaskError::value(format!("{key}.joint"), name, "no joint for this term"));
+            }
+            _ => {}
         }
-        (_, None) if takes_many => {
-            Err(TaskError::value(format!("{key}.joints"), "none", "at least one joint"))
+        for (names, part, takes) in [
+            (joints, "joint", term == Quantity::JointCosine),
+            (links, "link", term == Quantity::ContactForce),
+        ] {
+            let key = || format!("{key}.{part}s");
+            match names {
+                Some(names) if !takes => {
+                    let expected = format!("no {part}s for this term");
+                    return Err(TaskError::value(key(), names.join(", "), expected));
+                }
+                None if takes => {
+                    return Err(TaskError::value(key(), "none", format!("at least one {part}")));
+                }
+                Some(names) if names.is_empty() => {
+                    return Err(TaskError::value(key(), "none", format!("at least one {part}")));
+                }
+                _ => {}
+            }
         }
-        (_, Some(names)) if takes_many && names.is_empty() => {
-            Err(TaskError::value(format!("{key}.joints"), "none", "at least one joint"))
-        }
-        (_, Some(names)) if !takes_many => {
-            Err(TaskError::value(format!("{key}.joints"), names.join(", "), "no joints for this term"))
-        }
-        _ => Ok(()),
+        Ok(())
     }
 }
 
@@ -136,20 +178,75 @@ impl Quantity {
         match self {
             Self::Alive => [1.0, 1.0],
             Self::JointCosine => [-1.0, 1.0],
-            Self::JointPosition | Self::JointVelocity | Self::JointEffort => {
-                [f64::NEG_INFINITY, f64::INFINITY]
-            }
+            Self::JointPosition
+            | Self::JointVelocity
+            | Self::JointEffort
+            | Self::VerticalVelocity
+            | Self::BaseHeight => [f64::NEG_INFINITY, f64::INFINITY],
             Self::Action => [0.0, largest],
             Self::ActionChange => [0.0, clip.map_or(f64::INFINITY, |[low, high]| high - low)],
+            Self::Tilt => [0.0, PI],
+            Self::Effort
+            | Self::PoseError
+            | Self::VelocityError
+            | Self::TurnError
+            | Self::RollPitchRate
+            | Self::ContactForce => [0.0, f64::INFINITY],
         }
+    }
+
+    /// Name of the quantity in a task.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Alive => "alive",
+            Self::JointPosition => "joint_position",
+            Self::JointVelocity => "joint_velocity",
+            Self::JointCosine => "joint_cosine",
+            Self::JointEffort => "joint_effort",
+            Self::Action => "action",
+            Self::ActionChange => "action_change",
+            Self::Effort => "effort",
+            Self::PoseError => "pose_error",
+            Self::VelocityError => "velocity_error",
+            Self::TurnError => "turn_error",
+            Self::VerticalVelocity => "vertical_velocity",
+            Self::RollPitchRate => "roll_pitch_rate",
+            Self::Tilt => "tilt",
+            Self::BaseHeight => "base_height",
+            Self::ContactForce => "contact_force",
+        }
+    }
+
+    /// True if the quantity is the motion or the pose of a floating base.
+    pub(super) fn needs_base(self) -> bool {
+        matches!(
+            self,
+            Self::VelocityError
+                | Self::TurnError
+                | Self::VerticalVelocity
+                | Self::RollPitchRate
+                | Self::Tilt
+                | Self::BaseHeight
+        )
+    }
+
+    /// True if the quantity depends on the command.
+    pub(super) fn needs_command(self) -> bool {
+        matches!(self, Self::VelocityError | Self::TurnError)
     }
 }
 
 impl Reward {
+    /// The quantity and its parts.
+    pub(super) fn subject(&self) -> Subject<'_> {
+        let Self { term, joint, joints, links, .. } = self;
+        Subject { term: *term, joint: joint.as_ref(), joints: joints.as_ref(), links: links.as_ref() }
+    }
+
     /// Checks the term and derives its range, weight included.
     pub(super) fn range(&self, index: usize, clip: Option<[f64; 2]>) -> Result<[f64; 2], TaskError> {
         let key = format!("rewards[{index}]");
-        check_joints(&key, self.term, self.joint.as_ref(), self.joints.as_ref())?;
+        self.subject().check(&key)?;
         for (name, value) in [("target", self.target), ("weight", self.weight)] {
             if !value.is_finite() {
                 return Err(TaskError::value(format!("{key}.{name}"), value, "a finite number"));
@@ -207,9 +304,15 @@ impl Reward {
 }
 
 impl Termination {
+    /// The quantity and its parts.
+    pub(super) fn subject(&self) -> Subject<'_> {
+        let Self { term, joint, joints, links, .. } = self;
+        Subject { term: *term, joint: joint.as_ref(), joints: joints.as_ref(), links: links.as_ref() }
+    }
+
     pub(super) fn check(&self, index: usize) -> Result<(), TaskError> {
         let key = format!("terminations[{index}]");
-        check_joints(&key, self.term, self.joint.as_ref(), self.joints.as_ref())?;
+        self.subject().check(&key)?;
         let count = usize::from(self.outside.is_some()) + usize::from(self.inside.is_some());
         if count != 1 {
             let found = if count == 0 { "none" } else { "both" };

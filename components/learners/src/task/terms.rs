@@ -1,10 +1,13 @@
-//! The terms of a task at the joints of a simulation.
+//! The terms of a task at the joints and links of a robot.
 
-use motorium_models::policy::{ActionKind, JointTargets, Numbers, Policy, Term};
-use motorium_physics::randomise::{Draws, RandomiseConfig};
-use motorium_physics::{Engine, JointCommand, Simulation, Simulator as _};
+use motorium_models::policy::{
+    ActionKind, BaseMotion, JointTargets, Measurements, Numbers, Observer, Policy, Term,
+};
+use motorium_robots::Model;
 
-use super::{Quantity, Reward, Task, TaskError, Termination, Verdict};
+use super::quantity::Subject;
+use super::{CommandRanges, Quantity, Reward, Task, TaskError, Termination, Verdict};
+use crate::random::Counter;
 
 /// Reward and end of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -15,149 +18,138 @@ pub struct Outcome {
     pub end: Option<Verdict>,
 }
 
-/// The terms of a task with their joints resolved: what an environment evaluates in every step, without
-/// allocation.
+/// Measured state of a robot by which a task is judged.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RobotState<'a> {
+    /// Positions of the joints in the order of the robot \[rad or m\].
+    pub positions: &'a [f64],
+    /// Velocities of the joints \[rad/s or m/s\].
+    pub velocities: &'a [f64],
+    /// Efforts of the drives \[Nm or N\].
+    pub efforts: &'a [f64],
+    /// Motion of the base.
+    pub base: BaseMotion,
+    /// Height of the base in the world \[m\].
+    pub height: f64,
+    /// Sum of the forces of contacts on each of [`Terms::links`] \[N\].
+    pub forces: &'a [f64],
+}
+
+/// The terms of a task with their joints and links resolved, for one robot. They need no simulation: an
+/// environment and a component of a graph evaluate the same ones. Evaluation does not allocate.
 #[derive(Debug)]
 pub struct Terms {
     policy: Policy,
+    observer: Observer,
     targets: JointTargets,
-    /// Index of each joint of the action in the simulation, and its default position.
-    joints: Vec<(usize, f64)>,
-    kind: ActionKind,
     /// Gains of each joint of the action.
     gains: Vec<[f64; 2]>,
-    clip: [f64; 2],
-    observations: Vec<ObservationTerm>,
     inputs: usize,
     rewards: Vec<(Measured, Reward)>,
     terminations: Vec<(Measured, Termination)>,
-    draws: Option<Draws>,
-    start: [Vec<f64>; 2],
-    velocity_spread: f64,
-    step: f64,
-    decimation: usize,
+    /// Links whose contacts are measured.
+    links: Vec<String>,
+    commands: Option<CommandRanges>,
+    /// Steps of the policy after which a command is replaced.
+    command_steps: usize,
     steps: usize,
 }
 
-/// An observation term: its first number in the observation, the numbers of a step, and the steps.
-#[derive(Clone, Debug)]
-struct ObservationTerm {
-    term: Term,
-    first: usize,
-    width: usize,
-    history: usize,
-    scale: Vec<f32>,
-    clip: Option<[f32; 2]>,
-}
-
-/// A quantity and the joints that it measures.
+/// A quantity and the indices of the joints or links that it measures.
 #[derive(Clone, Debug)]
 struct Measured {
     quantity: Quantity,
-    joints: Vec<usize>,
+    parts: Vec<usize>,
 }
 
-/// Actions of an episode.
+/// Actions of an episode within their bounds, and the command of the step.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Actions<'a> {
-    pub(crate) newest: &'a [f32],
-    pub(crate) before: &'a [f32],
+pub(super) struct Actions<'a> {
+    pub(super) newest: &'a [f64],
+    pub(super) before: &'a [f64],
+    pub(super) command: [f64; 3],
 }
 
 impl Terms {
-    /// Resolves the terms of a task at the joints of a simulation, which stands as episodes start without
-    /// randomisation.
+    /// Resolves the terms of a task at the joints and links of a robot.
     ///
     /// # Errors
     ///
-    /// [`TaskError`] where the robot lacks a joint, or a term is unavailable in a simulation without a graph.
-    pub fn new<E: Engine>(task: &Task, simulation: &mut Simulation<E>) -> Result<Self, TaskError> {
+    /// [`TaskError`] where the robot lacks a joint, a link or a floating base, or a term is unavailable.
+    pub fn new(task: &Task, robot: &Model) -> Result<Self, TaskError> {
         let policy = task.policy()?;
-        let names = simulation.joint_names().to_vec();
-        let targets = policy.joint_targets(&names)?;
-        let index = |key: &str, name: &str| {
-            names.iter().position(|joint| joint == name).ok_or_else(|| {
-                TaskError::value(key, format!("\"{name}\""), format!("a joint of {}", names.join(", ")))
-            })
-        };
-        let action = &policy.action;
-        let joints = action.joints.iter().zip(&action.default_pose);
-        let joints = joints
-            .map(|(name, default)| Ok((index("action.joints", name)?, *default)))
-            .collect::<Result<Vec<_>, TaskError>>()?;
-        let gains = gains(&policy)?;
-        let inputs = policy.inputs()?;
-        let mut observations = Vec::new();
-        let mut first = 0;
+        let names = robot.joint_names();
+        let has_base = robot.base().floating;
         for (number, observation) in policy.observations.iter().enumerate() {
-            let width = policy.width(observation);
-            if !matches!(observation.term, Term::JointPositions | Term::JointVelocities | Term::LastAction) {
-                let expected =
-                    "joint_positions, joint_velocities or last_action, which need no other component";
-                let key = format!("observations[{number}].term");
-                return Err(TaskError::value(key, observation.term.name(), expected));
-            }
-            observations.push(ObservationTerm {
-                term: observation.term,
-                first,
-                width,
-                history: observation.history,
-                scale: each(&observation.scale, width),
-                clip: observation.clip.map(|clip| clip.map(|bound| bound as f32)),
-            });
-            first += width * observation.history;
+            let (key, found) = (format!("observations[{number}].term"), observation.term.name());
+            let expected = match observation.term {
+                Term::BaseLinearVelocity | Term::BaseAngularVelocity | Term::ProjectedGravity
+                    if !has_base =>
+                {
+                    "a term that a robot with a fixed base has"
+                }
+                Term::Command if task.command.is_none() => "a term that the task has, or a table `[command]`",
+                Term::HeightScan => "a term that needs no other component",
+                _ => continue,
+            };
+            return Err(TaskError::value(key, found, expected));
         }
-        let measured = |key: String, term, joint: Option<&String>, many: Option<&Vec<String>>| {
-            let names = joint.into_iter().chain(many.into_iter().flatten());
-            let joints = names.map(|name| index(&key, name)).collect::<Result<Vec<_>, _>>()?;
-            Ok::<_, TaskError>(Measured { quantity: term, joints })
+        let mut links: Vec<String> = Vec::new();
+        let mut resolve = |key: String, subject: Subject<'_>| {
+            if subject.term.needs_base() && !has_base {
+                let expected = "a quantity that a robot with a fixed base has";
+                return Err(TaskError::value(key + ".term", subject.term.name(), expected));
+            }
+            if subject.term.needs_command() && task.command.is_none() {
+                let expected = "a quantity that the task has, or a table `[command]`";
+                return Err(TaskError::value(key + ".term", subject.term.name(), expected));
+            }
+            let joint = |name: &String| {
+                robot.joint_index(name).ok_or_else(|| {
+                    let expected = format!("a joint of {}", names.join(", "));
+                    TaskError::value(format!("{key}.joint"), format!("\"{name}\""), expected)
+                })
+            };
+            let link = |name: &String| {
+                if robot.frame(name).is_err() {
+                    let frames: Vec<&str> = robot.frames().iter().map(|frame| frame.name.as_str()).collect();
+                    let expected = format!("a link of {}", frames.join(", "));
+                    return Err(TaskError::value(format!("{key}.links"), format!("\"{name}\""), expected));
+                }
+                let known = links.iter().position(|known| known == name);
+                Ok(known.unwrap_or_else(|| {
+                    links.push(name.clone());
+                    links.len() - 1
+                }))
+            };
+            let joints = subject.joints.into_iter().flatten();
+            let mut parts =
+                subject.joint.into_iter().chain(joints).map(joint).collect::<Result<Vec<_>, _>>()?;
+            for part in subject.links.into_iter().flatten().map(link) {
+                parts.push(part?);
+            }
+            Ok(Measured { quantity: subject.term, parts })
         };
-        let mut rewards = Vec::new();
-        for (k, reward) in task.rewards.iter().enumerate() {
-            let key = format!("rewards[{k}].joint");
-            let found = measured(key, reward.term, reward.joint.as_ref(), reward.joints.as_ref())?;
-            rewards.push((found, reward.clone()));
-        }
-        let mut terminations = Vec::new();
-        for (k, termination) in task.terminations.iter().enumerate() {
-            let key = format!("terminations[{k}].joint");
-            let found =
-                measured(key, termination.term, termination.joint.as_ref(), termination.joints.as_ref())?;
-            terminations.push((found, termination.clone()));
-        }
-        let (nq, nv) = (simulation.configuration().len(), simulation.velocity().len());
-        let position = task.start.position.clone();
-        let velocity = task.start.velocity.clone().unwrap_or_else(|| vec![0.0; nv]);
-        for (key, found, expected) in
-            [("start.position", position.len(), nq), ("start.velocity", velocity.len(), nv)]
-        {
-            if found != expected {
-                return Err(TaskError::value(key, format!("{found} numbers"), expected.to_string()));
-            }
-        }
-        simulation
-            .reset(&position, &velocity)
-            .map_err(|error| TaskError::value("start", error, "a state of the robot"))?;
-        let draws = (task.randomise != RandomiseConfig::default())
-            .then(|| Draws::for_one_robot(&task.randomise, simulation))
-            .transpose()
-            .map_err(TaskError::Range)?;
-        let clip = action.clip.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let rewards = task.rewards.iter().enumerate().map(|(index, reward)| {
+            Ok((resolve(format!("rewards[{index}]"), reward.subject())?, reward.clone()))
+        });
+        let rewards = rewards.collect::<Result<Vec<_>, TaskError>>()?;
+        let terminations = task.terminations.iter().enumerate().map(|(index, termination)| {
+            let key = format!("terminations[{index}]");
+            Ok((resolve(key, termination.subject())?, termination.clone()))
+        });
+        let terminations = terminations.collect::<Result<Vec<_>, TaskError>>()?;
+        let command_steps = task.command.as_ref().map_or(0.0, |ranges| ranges.interval * task.rate());
         Ok(Self {
-            targets,
-            joints,
-            kind: action.kind,
-            gains,
-            clip,
-            observations,
-            inputs,
+            observer: Observer::new(&policy, names)?,
+            targets: policy.joint_targets(names)?,
+            gains: gains(&policy)?,
+            inputs: policy.inputs()?,
             rewards,
             terminations,
-            draws,
-            start: [position, velocity],
-            velocity_spread: task.start.velocity_spread,
-            step: task.step,
-            decimation: task.decimation,
+            links,
+            commands: task.command.clone(),
+            command_steps: (command_steps.round() as usize).max(1),
             steps: task.steps(),
             policy,
         })
@@ -175,7 +167,7 @@ impl Terms {
 
     /// Numbers of an action.
     pub fn actions(&self) -> usize {
-        self.joints.len()
+        self.targets.targets().len()
     }
 
     /// For each number of an action, true if it moves a joint: its scale is not 0.
@@ -188,116 +180,115 @@ impl Terms {
         self.steps
     }
 
-    pub(crate) fn draws(&self) -> Option<&Draws> {
-        self.draws.as_ref()
+    /// Links whose contacts are measured.
+    pub fn links(&self) -> &[String] {
+        &self.links
     }
 
-    /// Configuration, velocity and spread of the velocity at the start of an episode.
-    pub(crate) fn start(&self) -> (&[f64], &[f64], f64) {
-        (&self.start[0], &self.start[1], self.velocity_spread)
+    /// True if a term needs the motion or the pose of the base.
+    pub fn needs_base(&self) -> bool {
+        let observes = |term| {
+            matches!(term, Term::BaseLinearVelocity | Term::BaseAngularVelocity | Term::ProjectedGravity)
+        };
+        self.policy.observations.iter().any(|observation| observes(observation.term))
+            || self.rewards.iter().any(|(measured, _)| measured.quantity.needs_base())
+            || self.terminations.iter().any(|(measured, _)| measured.quantity.needs_base())
     }
 
-    /// Physics steps in a step of the policy, and their duration \[s\].
-    pub(crate) fn physics_steps(&self) -> (usize, f64) {
-        (self.decimation, self.step)
+    /// True if the task has commands.
+    pub fn has_commands(&self) -> bool {
+        self.commands.is_some()
     }
 
-    /// Sets the commands of the drives from an action. `values` is memory for the numbers of the action,
-    /// `joints` for the drives.
-    pub(crate) fn command<E: Engine>(
+    /// Targets of the joints.
+    pub fn targets(&self) -> &JointTargets {
+        &self.targets
+    }
+
+    /// Quantity that the action commands, and the stiffness and damping of each of its joints.
+    pub fn drives(&self) -> (ActionKind, &[[f64; 2]]) {
+        (self.policy.action.kind, &self.gains)
+    }
+
+    pub(super) fn observer(&self) -> Observer {
+        self.observer.clone()
+    }
+
+    /// Factor of the ranges of commands after some steps of a training run.
+    pub(crate) fn level(&self, steps: u64) -> f64 {
+        self.commands.as_ref().map_or(1.0, |ranges| ranges.level(steps))
+    }
+
+    /// The command of a step if it begins there: at the start of an episode, and after each interval. The
+    /// counter is the episode's.
+    pub(super) fn new_command(&self, counter: Counter, level: f64, step: usize) -> Option<[f64; 3]> {
+        let ranges = self.commands.as_ref().filter(|_| step.is_multiple_of(self.command_steps))?;
+        let number = (step / self.command_steps) as u64;
+        Some(ranges.sample(Counter { step: number, ..counter }, level))
+    }
+
+    /// Measurements of an observation at a step of an episode.
+    pub(super) fn measurements<'a>(
         &self,
-        simulation: &mut Simulation<E>,
-        action: &[f32],
-        (values, joints): (&mut [f64], &mut [f64]),
-    ) {
-        values.iter_mut().zip(action).for_each(|(value, action)| *value = f64::from(*action));
-        self.targets.apply(values, joints);
-        let commands = simulation.commands_mut();
-        for ((joint, _), [kp, kd]) in self.joints.iter().zip(&self.gains) {
-            let value = joints[*joint];
-            commands[*joint] = match self.kind {
-                ActionKind::Effort => JointCommand::effort(value),
-                ActionKind::Velocity => JointCommand { velocity: value, kd: *kd, ..JointCommand::default() },
-                ActionKind::Position => JointCommand::hold(value, *kp, *kd),
-            };
+        state: &RobotState<'a>,
+        actions: Actions<'a>,
+        step: usize,
+    ) -> Measurements<'a> {
+        Measurements {
+            positions: state.positions,
+            velocities: state.velocities,
+            base: state.base,
+            command: actions.command,
+            last_action: actions.newest,
+            heights: &[],
+            time: step as f64 / self.policy.rate,
         }
     }
 
-    /// Moves the histories by one step and writes the newest numbers, the newest last. At the start of an
-    /// episode all steps of a history are the first.
-    pub(crate) fn observe<E: Engine>(
-        &self,
-        simulation: &Simulation<E>,
-        action: &[f32],
-        is_first: bool,
-        out: &mut [f32],
-    ) {
-        for term in &self.observations {
-            let all = &mut out[term.first..][..term.width * term.history];
-            let newest = term.width * (term.history - 1);
-            all.copy_within(term.width.., 0);
-            for (k, out) in all[newest..].iter_mut().enumerate() {
-                let (joint, default) = self.joints[k];
-                let value = match term.term {
-                    Term::JointPositions => (simulation.positions()[joint] - default) as f32,
-                    Term::JointVelocities => simulation.velocities()[joint] as f32,
-                    _ => action[k],
-                };
-                let value = term.clip.map_or(value, |[low, high]| value.clamp(low, high));
-                *out = value * term.scale[k];
-            }
-            if is_first {
-                for step in 0..term.history - 1 {
-                    all.copy_within(newest.., step * term.width);
-                }
-            }
-        }
-    }
-
-    fn measure<E: Engine>(
-        &self,
-        measured: &Measured,
-        simulation: &Simulation<E>,
-        actions: Actions<'_>,
-    ) -> f64 {
-        let [low, high] = self.clip;
-        let clipped = |value: &f32| f64::from(*value).clamp(low, high);
-        let mean = |sum: f64| (sum / self.joints.len() as f64).sqrt();
+    fn measure(&self, measured: &Measured, state: &RobotState<'_>, actions: Actions<'_>) -> f64 {
+        let parts = &measured.parts;
+        let joints = self.targets.targets().iter().map(|target| target.joint);
+        let root_mean = |sum: f64| (sum / self.actions() as f64).sqrt();
+        let [forward, left, turn] = actions.command;
+        let BaseMotion { linear_velocity: [vx, vy, vz], angular_velocity: [wx, wy, wz], gravity } =
+            state.base;
         match measured.quantity {
             Quantity::Alive => 1.0,
-            Quantity::JointPosition => simulation.positions()[measured.joints[0]],
-            Quantity::JointVelocity => simulation.velocities()[measured.joints[0]],
-            Quantity::JointEffort => simulation.efforts()[measured.joints[0]],
-            Quantity::JointCosine => {
-                measured.joints.iter().map(|joint| simulation.positions()[*joint]).sum::<f64>().cos()
-            }
-            Quantity::Action => mean(actions.newest.iter().map(|a| clipped(a).powi(2)).sum()),
+            Quantity::JointPosition => state.positions[parts[0]],
+            Quantity::JointVelocity => state.velocities[parts[0]],
+            Quantity::JointEffort => state.efforts[parts[0]],
+            Quantity::JointCosine => parts.iter().map(|joint| state.positions[*joint]).sum::<f64>().cos(),
+            Quantity::Action => root_mean(actions.newest.iter().map(|a| a.powi(2)).sum()),
             Quantity::ActionChange => {
                 let pairs = actions.newest.iter().zip(actions.before);
-                mean(pairs.map(|(a, b)| (clipped(a) - clipped(b)).powi(2)).sum())
+                root_mean(pairs.map(|(a, b)| (a - b).powi(2)).sum())
             }
+            Quantity::Effort => root_mean(joints.map(|joint| state.efforts[joint].powi(2)).sum()),
+            Quantity::PoseError => {
+                let pairs = joints.zip(&self.policy.action.default_pose);
+                root_mean(pairs.map(|(joint, pose)| (state.positions[joint] - pose).powi(2)).sum())
+            }
+            Quantity::VelocityError => ((vx - forward).powi(2) + (vy - left).powi(2)).sqrt(),
+            Quantity::TurnError => (wz - turn).abs(),
+            Quantity::VerticalVelocity => vz,
+            Quantity::RollPitchRate => (wx.powi(2) + wy.powi(2)).sqrt(),
+            Quantity::Tilt => (-gravity[2]).clamp(-1.0, 1.0).acos(),
+            Quantity::BaseHeight => state.height,
+            Quantity::ContactForce => parts.iter().map(|link| state.forces[*link]).sum(),
         }
     }
 
     /// Reward and end in the state after a step.
-    pub(crate) fn evaluate<E: Engine>(&self, simulation: &Simulation<E>, actions: Actions<'_>) -> Outcome {
+    pub(super) fn evaluate(&self, state: &RobotState<'_>, actions: Actions<'_>) -> Outcome {
         let mut outcome = Outcome::default();
         for (measured, reward) in &self.rewards {
-            outcome.reward += reward.evaluate(self.measure(measured, simulation, actions));
+            outcome.reward += reward.evaluate(self.measure(measured, state, actions));
         }
         let mut terminations = self.terminations.iter();
         let met = terminations
-            .find(|(measured, termination)| termination.is_met(self.measure(measured, simulation, actions)));
+            .find(|(measured, termination)| termination.is_met(self.measure(measured, state, actions)));
         outcome.end = met.map(|(_, termination)| termination.verdict);
         outcome
-    }
-}
-
-/// One number for each of `count`.
-fn each(numbers: &Numbers, count: usize) -> Vec<f32> {
-    match numbers {
-        Numbers::All(value) => vec![*value as f32; count],
-        Numbers::Each(values) => values.iter().map(|value| *value as f32).collect(),
     }
 }
 
@@ -306,12 +297,11 @@ fn gains(policy: &Policy) -> Result<Vec<[f64; 2]>, TaskError> {
     let action = &policy.action;
     let count = action.joints.len();
     let numbers = |key: &str, numbers: Option<&Numbers>, is_used: bool| match numbers {
-        Some(Numbers::All(value)) => Ok(vec![*value; count]),
-        Some(Numbers::Each(values)) => Ok(values.clone()),
+        Some(numbers) => Ok((0..count).map(|index| numbers.get(index)).collect()),
         None if is_used => Err(TaskError::value(key, "none", "gains of the drives")),
         None => Ok(vec![0.0; count]),
     };
-    let kp = numbers("action.kp", action.kp.as_ref(), action.kind == ActionKind::Position)?;
-    let kd = numbers("action.kd", action.kd.as_ref(), action.kind != ActionKind::Effort)?;
+    let kp: Vec<f64> = numbers("action.kp", action.kp.as_ref(), action.kind == ActionKind::Position)?;
+    let kd: Vec<f64> = numbers("action.kd", action.kd.as_ref(), action.kind != ActionKind::Effort)?;
     Ok(kp.into_iter().zip(kd).map(|(kp, kd)| [kp, kd]).collect())
 }

@@ -85,3 +85,100 @@ fn terminations_are_met_inside_or_outside() {
     let inside = Termination { outside: None, inside: Some([0.0, 1.0]), ..outside.clone() };
     assert!(inside.is_met(0.5) && !inside.is_met(1.5));
 }
+
+const QUADRUPED: &str = include_str!("../../../../tasks/quadruped-velocity.toml");
+
+/// The reward of a step of the quadruped task with one term, bounded by 100, in a state.
+fn reward(term: &str, state: &RobotState<'_>) -> f64 {
+    let mut table: toml::Table = QUADRUPED.parse().expect("a table");
+    let rewards = format!("rewards = [{{ {term}, clip = [-100.0, 100.0] }}]");
+    table.extend(rewards.parse::<toml::Table>().expect("a reward"));
+    table["command"] = toml::Value::Table(toml::Table::new());
+    table.remove("terminations");
+    let task = Task::parse(&toml::to_string(&table).expect("a file")).expect("a task");
+    let robot = motorium_robots::load("quadruped", std::path::Path::new(".")).expect("a robot").model;
+    let terms = Terms::new(&task, &robot).expect("terms of the quadruped");
+    let mut trial = Trial::new(&terms);
+    trial.begin(&terms, (crate::random::Counter::default(), 1.0), state);
+    trial.act(&terms, [0.0; 12]);
+    trial.judge(&terms, state, true).reward
+}
+
+#[test]
+fn quantities_of_a_base_match_their_definitions() {
+    let standing = [0.0, 0.8, -1.6, 0.0, 0.8, -1.6, 0.0, -0.8, 1.6, 0.0, -0.8, 1.6];
+    let mut positions = standing;
+    positions[3] += 0.6;
+    let mut efforts = [0.0; 12];
+    (efforts[0], efforts[5]) = (-3.0, 3.0_f64.sqrt());
+    let base = motorium_models::policy::BaseMotion {
+        linear_velocity: [0.3, -0.4, 0.1],
+        angular_velocity: [3.0, -4.0, -0.7],
+        gravity: [0.0, -1.0, 0.0],
+    };
+    let state = RobotState {
+        positions: &positions,
+        velocities: &[0.0; 12],
+        efforts: &efforts,
+        base,
+        height: 0.25,
+        forces: &[2.0, 3.5],
+    };
+    for (term, expected) in [
+        ("term = \"velocity_error\"", 0.5),
+        ("term = \"turn_error\"", 0.7),
+        ("term = \"vertical_velocity\"", 0.1),
+        ("term = \"roll_pitch_rate\"", 5.0),
+        ("term = \"tilt\"", core::f64::consts::FRAC_PI_2),
+        ("term = \"base_height\", target = 0.2", 0.05),
+        ("term = \"effort\"", 1.0),
+        ("term = \"pose_error\"", (0.36_f64 / 12.0).sqrt()),
+        ("term = \"contact_force\", links = [\"base\", \"front_left_shank\"]", 5.5),
+    ] {
+        let found = reward(term, &state);
+        assert!((found - expected).abs() < 1e-12, "{term}: {found}, expected {expected}");
+    }
+}
+
+#[test]
+fn terms_that_a_robot_lacks_are_refused() {
+    let robot = motorium_robots::load("quadruped", std::path::Path::new(".")).expect("a robot").model;
+    for (from, to, message) in [
+        ("\"hind_right_thigh\",", "\"tail\",", "`terminations[2].links`: found \"tail\", expected a link of"),
+        (
+            "{ term = \"command\", scale = [2.0, 2.0, 0.25] },",
+            "{ term = \"height_scan\", rays = 9 },",
+            "`obs",
+        ),
+        ("\"hind_right_hip_pitch\", \"", "\"hip\", \"", "the robot has no joint \"hip\""),
+    ] {
+        assert!(QUADRUPED.contains(from), "{from}");
+        let task = Task::parse(&QUADRUPED.replace(from, to)).expect("a task");
+        let error = Terms::new(&task, &robot).expect_err(to).to_string();
+        assert!(error.starts_with(message), "{error}");
+    }
+    let cart = motorium_robots::load("cart-pole", std::path::Path::new(".")).expect("a robot").model;
+    let text = TEXT.replace("{ term = \"alive\", weight = 2.0 }", "{ term = \"tilt\" }");
+    let error = Terms::new(&Task::parse(&text).expect("a task"), &cart).expect_err("no base").to_string();
+    assert!(error.starts_with("`rewards[0].term`: found tilt, expected"), "{error}");
+}
+
+#[test]
+fn commands_stay_within_their_ranges() {
+    let task = Task::parse(QUADRUPED).expect("a task");
+    let ranges = task.command.expect("commands");
+    let counter = |step| crate::random::Counter { seed: 3, step, ..crate::random::Counter::default() };
+    let commands: Vec<[f64; 3]> = (0..2000).map(|step| ranges.sample(counter(step), 0.5)).collect();
+    let standing = commands.iter().filter(|command| **command == [0.0; 3]).count();
+    // five standard deviations around a tenth
+    assert!((133..=267).contains(&standing), "{standing} of 2000");
+    for (axis, [low, high]) in [ranges.forward, ranges.left, ranges.turn].into_iter().enumerate() {
+        let values = || commands.iter().map(|command| command[axis]);
+        let (least, most) = (values().fold(0.0, f64::min), values().fold(0.0, f64::max));
+        assert!(0.5 * low <= least && least < 0.48 * low, "{axis}: {least}");
+        assert!(0.48 * high < most && most <= 0.5 * high, "{axis}: {most}");
+    }
+    assert_eq!(ranges.sample(counter(7), 1.0), ranges.sample(counter(7), 1.0));
+    assert_eq!([0, 5_000_000, 9_000_000].map(|steps| ranges.level(steps)), [0.3, 1.0, 1.0]);
+    assert!((ranges.level(2_500_000) - 0.65).abs() < 1e-12);
+}

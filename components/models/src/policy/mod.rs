@@ -31,6 +31,7 @@ mod chunk;
 mod folder;
 mod import;
 mod numbers;
+mod observer;
 mod targets;
 
 use serde::{Deserialize, Serialize};
@@ -42,6 +43,7 @@ pub use folder::{NetworkMismatch, PolicyFolder, PolicyFolderError, PolicyNetwork
 pub use import::{ImportError, ImportOptions, import_mjlab, import_weights};
 pub use numbers::Numbers;
 use numbers::one;
+pub use observer::{BaseMotion, Measurements, Observer, projected_gravity};
 pub use targets::{JointTarget, JointTargets};
 
 /// A policy as described by `policy.toml`.

@@ -4,7 +4,6 @@ mod config;
 
 pub use config::{AttitudeSource, BaseVelocitySource, NetworkPolicyConfig};
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
 use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
@@ -14,9 +13,10 @@ use motorium::state::{
 };
 use motorium::transport::{Input, Output, ParameterArray, Reading};
 use motorium_models::policy::{
-    Assembly, JointTargets, Policy, PolicyError, PolicyFolder, PolicyFolderError, PolicyNetwork, Term,
+    BaseMotion, JointTargets, Measurements, Observer, Policy, PolicyError, PolicyFolder, PolicyFolderError,
+    PolicyNetwork, Term, projected_gravity,
 };
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::joint_command::required;
 
@@ -29,7 +29,7 @@ use crate::joint_command::required;
 #[derive(Debug)]
 pub struct NetworkPolicy {
     network: PolicyNetwork,
-    assembly: Assembly,
+    observer: Observer,
     policy: Policy,
     targets: JointTargets,
     inputs: Inputs,
@@ -37,8 +37,6 @@ pub struct NetworkPolicy {
     default_command: ParameterArray,
     config: NetworkPolicyConfig,
     imu_rotation: UnitQuaternion<f64>,
-    /// Values of one term.
-    scratch: Vec<f64>,
     last_action: Vec<f64>,
     episode: u64,
     /// Steps with an action in this episode.
@@ -98,6 +96,7 @@ struct Loaded {
     policy: Policy,
     network: PolicyNetwork,
     targets: JointTargets,
+    observer: Observer,
 }
 
 pub(crate) fn refused(key: &str, error: &PolicyFolderError) -> ConfigError {
@@ -142,12 +141,14 @@ fn load(
         return Err(ConfigError::key("policy", message));
     }
     let model = crate::robot::load(robot)?.model;
-    let targets = policy.joint_targets(model.joint_names()).map_err(|error| match error {
+    let invalid = |error: PolicyError| match error {
         PolicyError::Joints { message } => ConfigError::key("policy", message)
             .advise("rename the joints in `action.joints`, in the order of the network's outputs"),
         other => ConfigError::key("policy", other.to_string()),
-    })?;
-    Ok(Loaded { policy, network, targets })
+    };
+    let targets = policy.joint_targets(model.joint_names()).map_err(invalid)?;
+    let observer = Observer::new(&policy, model.joint_names()).map_err(invalid)?;
+    Ok(Loaded { policy, network, targets, observer })
 }
 
 impl Component for NetworkPolicy {
@@ -197,9 +198,7 @@ impl Component for NetworkPolicy {
 
     fn configure(config: NetworkPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let Loaded { policy, network, targets } = load(&config, setup.folder(), Some(&robot))?;
-        let assembly = Assembly::new(&policy);
-        let widest = (0..policy.observations.len()).map(|term| assembly.width(term)).max().unwrap_or(0);
+        let Loaded { policy, network, targets, observer } = load(&config, setup.folder(), Some(&robot))?;
         let needs = |port| config.needs(&policy, port);
         let inputs = Inputs {
             joints: needs(Port::Joints).then(|| setup.input("joint_state")).transpose()?,
@@ -215,13 +214,12 @@ impl Component for NetworkPolicy {
             output: setup.output("action")?,
             default_command: setup.parameter_array("command")?,
             imu_rotation: UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-            scratch: vec![0.0; widest],
             last_action: vec![0.0; policy.action.joints.len()],
             episode: 0,
             steps: 0,
             waiting: 0,
             network,
-            assembly,
+            observer,
             policy,
             targets,
             config,
@@ -236,7 +234,7 @@ impl Component for NetworkPolicy {
             self.waiting += 1;
             return Ok(());
         }
-        self.assembly.write(self.network.observation_mut());
+        self.observer.write(self.network.observation_mut());
         let outputs = self.network.run();
         for (last, output) in self.last_action.iter_mut().zip(outputs) {
             *last = self.targets.clipped(f64::from(*output));
@@ -262,7 +260,7 @@ impl Component for NetworkPolicy {
 impl NetworkPolicy {
     fn begin(&mut self, episode: u64) {
         self.network.reset();
-        self.assembly.reset();
+        self.observer.reset();
         self.last_action.fill(0.0);
         (self.episode, self.steps, self.waiting) = (episode, 0, 0);
     }
@@ -270,7 +268,7 @@ impl NetworkPolicy {
     /// Reads all terms into the assembly. Returns `false` and leaves the assembly unchanged while a
     /// measurement is missing or too old.
     fn observe(&mut self) -> Result<bool, StepError> {
-        let Self { inputs, policy, config, assembly, targets, scratch, .. } = self;
+        let Self { inputs, policy, config, observer, .. } = self;
         let longest = config.state_timeout.ns;
         let is_ready = is_fresh(&mut inputs.joints, longest)
             && is_fresh(&mut inputs.base_state, longest)
@@ -292,52 +290,29 @@ impl NetworkPolicy {
                 command
             }
         };
-        let base = base_velocity(inputs, config.base_velocity);
-        let (omega, gravity) = attitude(inputs, config.attitude, &self.imu_rotation)?;
-        let joints = current(&inputs.joints);
-        let heights = current(&inputs.heights);
-        let time = self.steps as f64 / policy.rate;
-        for (index, observation) in policy.observations.iter().enumerate() {
-            let values = &mut scratch[..assembly.width(index)];
-            match observation.term {
-                Term::BaseLinearVelocity => values.copy_from_slice(&base),
-                Term::BaseAngularVelocity => values.copy_from_slice(&omega),
-                Term::ProjectedGravity => values.copy_from_slice(&gravity),
-                Term::Command => values.copy_from_slice(&command),
-                Term::LastAction => values.copy_from_slice(&self.last_action),
-                Term::Phase => {
-                    let (sin, cos) = (TAU * time / observation.period.unwrap_or(1.0)).sin_cos();
-                    values.copy_from_slice(&[sin, cos]);
-                }
-                Term::JointPositions | Term::JointVelocities => {
-                    let Some(state) = &joints else { return Ok(false) };
-                    let is_position = observation.term == Term::JointPositions;
-                    let measured = if is_position { state.position() } else { state.velocity() };
-                    let defaults = &policy.action.default_pose;
-                    for ((value, target), default) in values.iter_mut().zip(targets.targets()).zip(defaults) {
-                        let Some(measured) = measured.get(target.joint) else {
-                            return Err(StepError::failed(
-                                "the joint state has another number of joints than the robot's model",
-                            ));
-                        };
-                        *value = if is_position { measured - default } else { *measured };
-                    }
-                }
-                Term::HeightScan => {
-                    let Some(scan) = &heights else { return Ok(false) };
-                    if scan.count() != values.len() {
-                        return Err(StepError::failed(
-                            "the height scan has another number of heights than the policy has rays",
-                        ));
-                    }
-                    values
-                        .iter_mut()
-                        .zip(scan.height())
-                        .for_each(|(value, height)| *value = f64::from(*height));
-                }
-            }
-            assembly.push(index, values);
+        let linear_velocity = base_velocity(inputs, config.base_velocity);
+        let (angular_velocity, gravity) = attitude(inputs, config.attitude, &self.imu_rotation)?;
+        let (joints, heights) = (current(&inputs.joints), current(&inputs.heights));
+        if joints.as_ref().is_some_and(|state| state.count() < observer.joints()) {
+            return Err(StepError::failed(
+                "the joint state has another number of joints than the robot's model",
+            ));
         }
+        let heights = heights.as_ref().map_or(&[][..], |scan| scan.height());
+        if observer.heights().is_some_and(|count| count != heights.len()) {
+            return Err(StepError::failed(
+                "the height scan has another number of heights than the policy has rays",
+            ));
+        }
+        observer.observe(&Measurements {
+            positions: joints.as_ref().map_or(&[][..], |state| state.position()),
+            velocities: joints.as_ref().map_or(&[][..], |state| state.velocity()),
+            base: BaseMotion { linear_velocity, angular_velocity, gravity },
+            command,
+            last_action: &self.last_action,
+            heights,
+            time: self.steps as f64 / policy.rate,
+        });
         Ok(true)
     }
 }
@@ -380,13 +355,10 @@ fn attitude(
         AttitudeSource::BaseEstimate => current(&inputs.base_estimate)
             .map(|estimate| (estimate.angular_velocity, estimate.orientation, level)),
     };
-    let Some((omega, [x, y, z, w], sensor)) = found else { return Ok(([0.0; 3], [0.0; 3])) };
-    let quaternion = Quaternion::new(w, x, y, z);
-    if quaternion.norm() < 0.5 {
-        return Err(StepError::failed("the orientation of the base is no unit quaternion"));
-    }
-    let orientation = UnitQuaternion::from_quaternion(quaternion);
-    let gravity = sensor * orientation.inverse_transform_vector(&-Vector3::z());
-    let omega = sensor * Vector3::from(omega);
+    let Some((omega, orientation, sensor)) = found else { return Ok(([0.0; 3], [0.0; 3])) };
+    let Some(gravity) = projected_gravity(orientation) else {
+        return Err(StepError::failed("the orientation of the base is not a unit quaternion"));
+    };
+    let (omega, gravity) = (sensor * Vector3::from(omega), sensor * Vector3::from(gravity));
     Ok((omega.into(), gravity.into()))
 }

@@ -13,6 +13,7 @@ mod library_policy;
 mod live_weights;
 mod network;
 mod pictures;
+mod roads;
 mod support;
 mod trajectory;
 mod waypoints;

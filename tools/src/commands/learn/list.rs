@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use motorium_learners::imitation;
 use motorium_learners::learner::Algorithm;
 use motorium_learners::task::Task;
 use serde_json::json;
@@ -55,6 +56,7 @@ impl List {
                 json!({
                     "tasks": tasks.iter().map(one).collect::<Vec<_>>(),
                     "algorithms": Algorithm::ALL.map(Algorithm::name),
+                    "imitation": imitation::Algorithm::ALL.map(imitation::Algorithm::name),
                 })
             );
             return Ok(ExitCode::SUCCESS);

@@ -1,11 +1,13 @@
 //! `motorium learn train` and `resume`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use motorium_learners::learner::{self, Progress, Run};
+use anyhow::bail;
+use motorium_learners::learner::{Progress, Run};
 use motorium_learners::tuning::Tuning;
+use motorium_learners::{imitation, learner};
 use serde_json::json;
 
 use super::tune;
@@ -14,7 +16,7 @@ use crate::out::outln;
 /// Time between two lines of progress.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Algorithm {
     /// Proximal policy optimisation
     Ppo,
@@ -30,18 +32,30 @@ enum Algorithm {
     Ddpg,
     /// Q-network on a grid of actions
     Dqn,
+    /// Behaviour cloning of an expert
+    Clone,
+    /// Imitation of an expert in the states that the policy reaches
+    Dagger,
+}
+
+/// An algorithm that trains from rewards or from an expert.
+enum Kind {
+    Rewards(learner::Algorithm),
+    Expert(imitation::Algorithm),
 }
 
 impl Algorithm {
-    fn learner(self) -> learner::Algorithm {
+    fn kind(self) -> Kind {
         match self {
-            Self::Ppo => learner::Algorithm::Ppo,
-            Self::A2c => learner::Algorithm::A2c,
-            Self::Reinforce => learner::Algorithm::Reinforce,
-            Self::Sac => learner::Algorithm::Sac,
-            Self::Td3 => learner::Algorithm::Td3,
-            Self::Ddpg => learner::Algorithm::Ddpg,
-            Self::Dqn => learner::Algorithm::Dqn,
+            Self::Ppo => Kind::Rewards(learner::Algorithm::Ppo),
+            Self::A2c => Kind::Rewards(learner::Algorithm::A2c),
+            Self::Reinforce => Kind::Rewards(learner::Algorithm::Reinforce),
+            Self::Sac => Kind::Rewards(learner::Algorithm::Sac),
+            Self::Td3 => Kind::Rewards(learner::Algorithm::Td3),
+            Self::Ddpg => Kind::Rewards(learner::Algorithm::Ddpg),
+            Self::Dqn => Kind::Rewards(learner::Algorithm::Dqn),
+            Self::Clone => Kind::Expert(imitation::Algorithm::Clone),
+            Self::Dagger => Kind::Expert(imitation::Algorithm::Dagger),
         }
     }
 }
@@ -59,6 +73,9 @@ pub(super) struct Train {
     /// Algorithm
     #[arg(long, default_value = "ppo")]
     algorithm: Algorithm,
+    /// Folder of the policy that `clone` and `dagger` imitate
+    #[arg(long, value_name = "FOLDER")]
+    expert: Option<PathBuf>,
     /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -108,11 +125,62 @@ pub(super) fn threads(given: Option<u32>) -> usize {
 
 impl Train {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let (algorithm, seed) = (self.algorithm.learner(), (self.seed, threads(self.threads)));
-        let run = Run::create(algorithm, &self.task, &self.output, seed, self.steps)?;
+        let seed = (self.seed, threads(self.threads));
+        let run = match (self.algorithm.kind(), &self.expert) {
+            (Kind::Expert(algorithm), Some(expert)) => return self.imitate(algorithm, expert, seed),
+            (Kind::Expert(algorithm), None) => {
+                bail!("--algorithm {}: no --expert, expected the folder of a policy", algorithm.name())
+            }
+            (Kind::Rewards(algorithm), Some(_)) => {
+                bail!("--expert with --algorithm {}, expected `clone` or `dagger`", algorithm.name())
+            }
+            (Kind::Rewards(algorithm), None) => {
+                Run::create(algorithm, &self.task, &self.output, seed, self.steps)?
+            }
+        };
         let [low, high] = run.task().reward_range()?;
         anstream::eprintln!("{}: reward of a step {low} to {high}", run.task().title);
         finish(run, self.json)
+    }
+}
+
+impl Train {
+    /// Imitates the policy in a folder.
+    fn imitate(
+        &self,
+        algorithm: imitation::Algorithm,
+        expert: &Path,
+        seed: (u64, usize),
+    ) -> anyhow::Result<ExitCode> {
+        let began = Instant::now();
+        let extent = (algorithm, self.steps);
+        let mut run = imitation::Run::create((&self.task, expert), &self.output, seed, extent)?;
+        while let Some(progress) = run.advance()? {
+            let imitation::Progress { iteration, labels, beta, mean_return, loss, .. } = progress;
+            let mean =
+                mean_return.map_or_else(|| "no return".to_owned(), |mean| format!("mean return {mean:.1}"));
+            anstream::eprintln!(
+                "iteration {iteration}: {labels} labels, expert {beta:.3}, {mean}, loss {loss:.2e}"
+            );
+        }
+        let (summary, seconds) = (run.summary(), began.elapsed().as_secs_f64());
+        let last = summary.last;
+        if self.json {
+            outln!(
+                "{}",
+                json!({
+                    "iterations": last.map(|last| last.iteration),
+                    "labels": last.map(|last| last.labels),
+                    "loss": last.map(|last| last.loss),
+                    "seconds": seconds,
+                    "weights_sha256": summary.weights_sha256,
+                })
+            );
+            return Ok(ExitCode::SUCCESS);
+        }
+        outln!("{} labels in {seconds:.1} s", last.map_or(0, |last| last.labels));
+        outln!("weights {}", summary.weights_sha256);
+        Ok(ExitCode::SUCCESS)
     }
 }
 

@@ -1,0 +1,25 @@
+//! The `config` table of `learner.task`.
+
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Configuration of `learner.task`.
+///
+/// ```toml
+/// task = "tasks/cart-pole.toml"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LearnerTaskConfig {
+    /// File of the task, relative to the graph file.
+    #[schemars(extend("format" = "path"))]
+    pub task: String,
+    /// Age from which a measurement is too old to be judged, at least 1 ms. Default "100 ms".
+    #[serde(default = "hundred_ms")]
+    pub state_timeout: TimeSpan,
+}
+
+fn hundred_ms() -> TimeSpan {
+    TimeSpan { ns: 100_000_000 }
+}

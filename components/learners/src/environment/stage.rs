@@ -1,0 +1,165 @@
+//! A task at the simulation of a robot: its terms, the start of its episodes, and its steps of physics.
+
+use motorium_models::policy::{ActionKind, BaseMotion, projected_gravity};
+use motorium_physics::randomise::{Draws, RandomiseConfig, Start};
+use motorium_physics::{Engine, JointCommand, Simulation, Simulator as _};
+use rand::RngExt as _;
+
+use super::EnvironmentError;
+use crate::random::{Counter, Purpose};
+use crate::task::{RobotState, Task, TaskError, Terms};
+
+/// All that the worlds of a task share.
+#[derive(Debug)]
+pub(super) struct Stage {
+    pub(super) terms: Terms,
+    draws: Option<Draws>,
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+    velocity_spread: f64,
+    free_steps: usize,
+    /// Physics steps in a step of the policy, and their duration \[s\].
+    decimation: usize,
+    step: f64,
+}
+
+impl Stage {
+    /// A task at a simulation, which is left at the start of an episode without randomisation.
+    pub(super) fn new<E: Engine>(task: &Task, simulation: &mut Simulation<E>) -> Result<Self, TaskError> {
+        let terms = Terms::new(task, simulation.model())?;
+        let (nq, nv) = (simulation.configuration().len(), simulation.velocity().len());
+        let position = task.start.position.clone();
+        let velocity = task.start.velocity.clone().unwrap_or_else(|| vec![0.0; nv]);
+        for (key, found, expected) in
+            [("start.position", position.len(), nq), ("start.velocity", velocity.len(), nv)]
+        {
+            if found != expected {
+                return Err(TaskError::value(key, format!("{found} numbers"), expected.to_string()));
+            }
+        }
+        simulation
+            .reset(&position, &velocity)
+            .map_err(|error| TaskError::value("start", error, "a state of the robot"))?;
+        if let Some(every) = task.randomise.every {
+            let expected = "none: properties are sampled at the start of an episode";
+            return Err(TaskError::value("randomise.every", every, expected));
+        }
+        let draws = (task.randomise != RandomiseConfig::default())
+            .then(|| Draws::for_one_robot(&task.randomise, simulation))
+            .transpose()
+            .map_err(TaskError::Range)?;
+        Ok(Self {
+            terms,
+            draws,
+            position,
+            velocity,
+            velocity_spread: task.start.velocity_spread,
+            free_steps: task.start.free_steps,
+            decimation: task.decimation,
+            step: task.step,
+        })
+    }
+
+    /// Puts a simulation at the start of an episode. `seed` samples the physical properties and the start, as
+    /// a physics component of a graph does with it. `drives` receives the factors of the gain and of the
+    /// strength of each drive.
+    pub(super) fn begin<E: Engine>(
+        &self,
+        simulation: &mut Simulation<E>,
+        (counter, seed): (Counter, u64),
+        drives: &mut [[f64; 2]],
+    ) -> Result<(), EnvironmentError> {
+        let mut random = counter.stream(Purpose::Start);
+        let velocity = self.velocity.iter().map(|v| {
+            let share: f64 = random.random();
+            v + self.velocity_spread * (2.0 * share - 1.0)
+        });
+        let velocity: Vec<f64> = velocity.collect();
+        let (world, episode) = (counter.world, counter.episode);
+        let started = match &self.draws {
+            None => simulation.reset(&self.position, &velocity),
+            Some(draws) => {
+                let Start { properties, q, lifts, drives: factors, .. } = draws.draw(seed, 0);
+                for (drive, factors) in drives.iter_mut().zip(&factors[0]) {
+                    *drive = *factors;
+                }
+                let placed = simulation.reset_with(&properties, &q, &velocity);
+                if simulation.model().base().floating && lifts[0] != 0.0 {
+                    let mut q = simulation.configuration().to_vec();
+                    q[2] += lifts[0];
+                    placed.and_then(|()| simulation.reset(&q, &velocity))
+                } else {
+                    placed
+                }
+            }
+        };
+        started.map_err(|source| EnvironmentError::Reset { world, episode, source })?;
+        for _ in 0..self.free_steps {
+            let stepped = simulation.step(self.step);
+            stepped.map_err(|source| EnvironmentError::FreeStep { world, episode, source })?;
+        }
+        Ok(())
+    }
+
+    /// Applies an action for one step of the policy; false where physics could not make it. `drives` are the
+    /// factors of the gain and of the strength of each drive.
+    pub(super) fn advance<E: Engine>(
+        &self,
+        simulation: &mut Simulation<E>,
+        action: &[f32],
+        drives: &[[f64; 2]],
+    ) -> bool {
+        let targets = self.terms.targets();
+        let (kind, gains) = self.terms.drives();
+        let commands = simulation.commands_mut();
+        for (index, ((target, action), [kp, kd])) in
+            targets.targets().iter().zip(action).zip(gains).enumerate()
+        {
+            let value = targets.target(index, f64::from(*action));
+            let [gain, strength] = drives[target.joint];
+            let (kp, kd) = (kp * gain * strength, kd * gain * strength);
+            commands[target.joint] = match kind {
+                ActionKind::Effort => JointCommand::effort(value * strength),
+                ActionKind::Velocity => JointCommand { velocity: value, kd, ..JointCommand::default() },
+                ActionKind::Position => JointCommand::hold(value, kp, kd),
+            };
+        }
+        (0..self.decimation).all(|_| simulation.step(self.step).is_ok())
+    }
+
+    /// The state of the robot. `forces` is memory for a number of each link whose contacts are measured.
+    pub(super) fn state<'a, E: Engine>(
+        &self,
+        simulation: &'a Simulation<E>,
+        forces: &'a mut [f64],
+    ) -> RobotState<'a> {
+        let links = self.terms.links();
+        if !links.is_empty() {
+            forces.fill(0.0);
+            simulation.visit_contacts(&mut |contact| {
+                let force = (contact.normal * contact.force + contact.friction).norm();
+                for (sum, link) in forces.iter_mut().zip(links) {
+                    if link == contact.first || link == contact.second {
+                        *sum += force;
+                    }
+                }
+            });
+        }
+        let (mut base, mut height) = (BaseMotion::default(), 0.0);
+        if simulation.model().base().floating {
+            let (q, v) = (simulation.configuration(), simulation.velocity());
+            height = q[2];
+            base.linear_velocity.copy_from_slice(&v[..3]);
+            base.angular_velocity.copy_from_slice(&v[3..6]);
+            base.gravity = projected_gravity([q[3], q[4], q[5], q[6]]).unwrap_or_default();
+        }
+        RobotState {
+            positions: simulation.positions(),
+            velocities: simulation.velocities(),
+            efforts: simulation.efforts(),
+            base,
+            height,
+            forces,
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The folder of a training run.
+
+use std::path::{Path, PathBuf};
+
+use crate::files::{self, FileError};
+use crate::learner::TrainedNetwork;
+use crate::task::{NETWORK, Task, TaskError};
+
+/// File of the task in the folder of a run.
+pub(crate) const TASK: &str = "task.toml";
+/// File that describes a run.
+pub(crate) const RUN: &str = "run.json";
+/// File with a line for each update or iteration.
+pub(crate) const PROGRESS: &str = "progress.csv";
+
+/// A task or a policy that cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The task is invalid.
+    #[error("{}: {source}", file.display())]
+    Task {
+        /// File of the task.
+        file: PathBuf,
+        /// Defect.
+        source: TaskError,
+    },
+    /// The folder holds a run already.
+    #[error(
+        "{} holds a training run, expected a folder without one\n\
+         help: continue it with `motorium learn resume {}`, or choose another folder",
+        folder.display(), folder.display()
+    )]
+    Exists {
+        /// The folder.
+        folder: PathBuf,
+    },
+}
+
+/// Reads a task file; returns its text, too.
+pub(crate) fn read_task(file: &Path) -> Result<(Task, String), FolderError> {
+    let text = files::read_text(file)?;
+    let task = Task::parse(&text).map_err(|source| FolderError::Task { file: file.to_path_buf(), source })?;
+    Ok((task, text))
+}
+
+/// Checks that a folder holds no run.
+pub(crate) fn check_empty(folder: &Path) -> Result<(), FolderError> {
+    if folder.join(RUN).exists() {
+        return Err(FolderError::Exists { folder: folder.to_path_buf() });
+    }
+    Ok(())
+}
+
+/// The folder to which the robot of a task in a file is relative.
+pub(crate) fn base(file: &Path) -> PathBuf {
+    let base = file.parent().unwrap_or(Path::new(""));
+    std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf())
+}
+
+/// Writes the policy of a run.
+pub(crate) fn write_policy(
+    folder: &Path,
+    task: &Task,
+    policy: &TrainedNetwork,
+    algorithm: &str,
+) -> Result<(), FolderError> {
+    let text = task.policy_text().map_err(|source| FolderError::Task { file: folder.join(TASK), source })?;
+    let metadata = [("task", &task.title[..]), ("algorithm", algorithm)];
+    files::write(&folder.join("policy.toml"), text.as_bytes())?;
+    files::write(&folder.join(NETWORK), &policy.to_onnx(&metadata))?;
+    Ok(())
+}

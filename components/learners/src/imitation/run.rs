@@ -1,0 +1,124 @@
+//! Imitation in a folder: `task.toml`, `run.json`, `progress.csv`, and the policy after every iteration.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use motorium_physics::Articulated;
+use serde::Serialize;
+
+use super::{Algorithm, Imitation, ImitationError, ImitationSettings, Progress};
+use crate::environment::{EnvironmentError, Scene, SceneError};
+use crate::files::{self, FileError};
+use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
+use crate::task::Task;
+use crate::trained::{self, TrainedPolicyError};
+
+/// The errors of a run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The folder or the task is invalid.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The expert does not run on the task.
+    #[error("the expert: {0}")]
+    Expert(#[from] TrainedPolicyError),
+    /// The robot cannot be loaded.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The environment failed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// Training failed.
+    #[error(transparent)]
+    Training(#[from] ImitationError),
+}
+
+/// Result of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Progress of the last iteration.
+    pub last: Option<Progress>,
+    /// SHA-256 of all weights.
+    pub weights_sha256: String,
+}
+
+/// A run of imitation in a folder.
+pub struct Run {
+    folder: PathBuf,
+    algorithm: Algorithm,
+    task: Task,
+    imitation: Imitation<Articulated>,
+    progress: String,
+    last: Option<Progress>,
+}
+
+impl Run {
+    /// Starts a run on the task in a file with the policy in another folder as the expert. Its settings are
+    /// in `[algorithms.dagger]`; behaviour cloning makes one iteration, in which the expert alone acts.
+    /// `steps` counts the steps of all iterations, in place of the task's.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`].
+    pub fn create(
+        (file, expert): (&Path, &Path),
+        folder: &Path,
+        (seed, threads): (u64, usize),
+        (algorithm, steps): (Algorithm, Option<u64>),
+    ) -> Result<Self, RunError> {
+        let (task, text) = folder::read_task(file)?;
+        folder::check_empty(folder)?;
+        let invalid = |source| FolderError::Task { file: file.to_path_buf(), source };
+        let mut settings = ImitationSettings::from_table(&task.algorithms).map_err(invalid)?;
+        if algorithm == Algorithm::Clone {
+            // as many labels as all iterations make
+            settings.steps *= settings.iterations;
+            (settings.iterations, settings.beta) = (1, 1.0);
+        }
+        if let Some(steps) = steps {
+            settings.steps = steps.div_ceil(settings.iterations);
+        }
+        let expert = trained::load(expert, &task)?;
+        let scene = Scene::load(&task, &folder::base(file))?;
+        let imitation = Imitation::new(&task, settings, &expert, (seed, threads), || scene.simulation())?;
+        files::create_folder(folder)?;
+        files::write(&folder.join(TASK), text.as_bytes())?;
+        let description = serde_json::json!({ "algorithm": algorithm.name(), "seed": seed });
+        files::write(&folder.join(RUN), description.to_string().as_bytes())?;
+        let progress = "iteration,labels,beta,episodes,mean_return,loss\n".to_owned();
+        let folder = folder.to_path_buf();
+        Ok(Self { folder, algorithm, task, imitation, progress, last: None })
+    }
+
+    /// The task.
+    pub fn task(&self) -> &Task {
+        &self.task
+    }
+
+    /// Makes one iteration and writes the policy. Returns `None` once all iterations are made.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`].
+    pub fn advance(&mut self) -> Result<Option<Progress>, RunError> {
+        if self.imitation.is_finished() {
+            return Ok(None);
+        }
+        let found = self.imitation.advance()?;
+        let Progress { iteration, labels, beta, episodes, mean_return, loss } = found;
+        let mean = mean_return.map_or_else(String::new, |mean| mean.to_string());
+        let _ = writeln!(self.progress, "{iteration},{labels},{beta},{episodes},{mean},{loss}");
+        files::write(&self.folder.join(PROGRESS), self.progress.as_bytes())?;
+        folder::write_policy(&self.folder, &self.task, &self.imitation.policy(), self.algorithm.name())?;
+        self.last = Some(found);
+        Ok(self.last)
+    }
+
+    /// Summary of the run so far.
+    pub fn summary(&self) -> Summary {
+        Summary { last: self.last, weights_sha256: self.imitation.weights_sha256() }
+    }
+}

@@ -1,0 +1,99 @@
+//! Settings of imitation.
+
+use serde::{Deserialize, Serialize};
+
+use crate::task::TaskError;
+
+/// Settings of [`Imitation`](super::Imitation): the table `[algorithms.dagger]` of a task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImitationSettings {
+    /// Iterations, from 1. Default 10. Behaviour cloning makes 1.
+    pub iterations: u64,
+    /// Steps of all worlds together in an iteration, from 1. Default 2000.
+    pub steps: u64,
+    /// Worlds, from 1. Default 8.
+    pub worlds: usize,
+    /// Probability that the expert acts in the first iteration, 0 to 1. Default 1.
+    pub beta: f64,
+    /// Factor of that probability from one iteration to the next, 0 to 1. Default 0.5 (Ross and others).
+    pub decay: f64,
+    /// Passes over all labels after an iteration, from 1. Default 50.
+    pub epochs: usize,
+    /// Labels in a gradient, from 1. Default 128.
+    pub minibatch: usize,
+    /// Learning rate of Adam, above 0. Default 1e-3.
+    pub rate: f64,
+    /// Hidden units of each layer. Default 64 and 64.
+    pub hidden: Vec<usize>,
+}
+
+impl Default for ImitationSettings {
+    fn default() -> Self {
+        Self {
+            iterations: 10,
+            steps: 2000,
+            worlds: 8,
+            beta: 1.0,
+            decay: 0.5,
+            epochs: 50,
+            minibatch: 128,
+            rate: 1e-3,
+            hidden: vec![64, 64],
+        }
+    }
+}
+
+impl ImitationSettings {
+    /// Reads the table of a task; defaults where it is missing.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`] with the key.
+    pub fn from_table(algorithms: &toml::Table) -> Result<Self, TaskError> {
+        let settings: Self = match algorithms.get("dagger") {
+            None => Self::default(),
+            Some(table) => table.clone().try_into().map_err(|error: toml::de::Error| {
+                TaskError::Parse(format!("`algorithms.dagger`: {error}"))
+            })?,
+        };
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Checks all settings.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Value`].
+    pub fn check(&self) -> Result<(), TaskError> {
+        let value = |key: &str, found: f64, expected: &str| TaskError::Value {
+            key: format!("algorithms.dagger.{key}"),
+            found: found.to_string(),
+            expected: expected.to_owned(),
+        };
+        for (key, count) in [
+            ("iterations", self.iterations as usize),
+            ("steps", self.steps as usize),
+            ("worlds", self.worlds),
+            ("epochs", self.epochs),
+            ("minibatch", self.minibatch),
+        ] {
+            if count == 0 {
+                return Err(value(key, 0.0, "at least 1"));
+            }
+        }
+        for (key, share) in [("beta", self.beta), ("decay", self.decay)] {
+            if !(0.0..=1.0).contains(&share) {
+                return Err(value(key, share, "0 to 1"));
+            }
+        }
+        if !(self.rate > 0.0 && self.rate.is_finite()) {
+            return Err(value("rate", self.rate, "above 0"));
+        }
+        if self.hidden.is_empty() || self.hidden.contains(&0) {
+            return Err(value("hidden", 0.0, "at least one layer of at least one unit"));
+        }
+        Ok(())
+    }
+}

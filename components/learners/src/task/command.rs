@@ -1,0 +1,93 @@
+//! Commands of a task: desired velocities of a base, sampled in time.
+
+use rand::RngExt as _;
+use serde::Deserialize;
+
+use super::TaskError;
+use crate::random::{Counter, Purpose};
+
+/// Ranges of the desired velocity of a base, sampled uniformly at the start of an episode and after every
+/// interval.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommandRanges {
+    /// Velocity forwards \[m/s\]. Default: 0.
+    #[serde(default)]
+    pub forward: [f64; 2],
+    /// Velocity to the left \[m/s\]. Default: 0.
+    #[serde(default)]
+    pub left: [f64; 2],
+    /// Rate of turn to the left \[rad/s\]. Default: 0.
+    #[serde(default)]
+    pub turn: [f64; 2],
+    /// Time after which a command is replaced by the next \[s\], above 0. Default: 5.
+    #[serde(default = "five")]
+    pub interval: f64,
+    /// Probability of a command to stand still, 0 to 1. Default: 0.
+    #[serde(default)]
+    pub standing: f64,
+    /// Growth of the ranges in training. Default: the full ranges from the start.
+    pub curriculum: Option<Curriculum>,
+}
+
+/// Ranges that grow linearly with the steps of a training run.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Curriculum {
+    /// Factor of the ranges at the start, 0 to 1.
+    pub start: f64,
+    /// Steps of all worlds together after which the ranges are full, from 1.
+    pub steps: u64,
+}
+
+fn five() -> f64 {
+    5.0
+}
+
+impl CommandRanges {
+    /// Checks all numbers.
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        for (key, range) in [("forward", self.forward), ("left", self.left), ("turn", self.turn)] {
+            let [low, high] = range;
+            if !(low <= high && low.is_finite() && high.is_finite()) {
+                let expected = "a lower and a higher velocity";
+                return Err(TaskError::value(format!("command.{key}"), format!("{range:?}"), expected));
+            }
+        }
+        if !(self.interval > 0.0 && self.interval.is_finite()) {
+            return Err(TaskError::value("command.interval", self.interval, "a time above 0 s"));
+        }
+        if !(0.0..=1.0).contains(&self.standing) {
+            return Err(TaskError::value("command.standing", self.standing, "0 to 1"));
+        }
+        let Some(Curriculum { start, steps }) = self.curriculum else { return Ok(()) };
+        if !(0.0..=1.0).contains(&start) {
+            return Err(TaskError::value("command.curriculum.start", start, "0 to 1"));
+        }
+        if steps == 0 {
+            return Err(TaskError::value("command.curriculum.steps", steps, "at least 1"));
+        }
+        Ok(())
+    }
+
+    /// Factor of the ranges after some steps of a training run, 0 to 1.
+    pub(super) fn level(&self, steps: u64) -> f64 {
+        self.curriculum.map_or(1.0, |curriculum| {
+            let share = (steps as f64 / curriculum.steps as f64).min(1.0);
+            curriculum.start + (1.0 - curriculum.start) * share
+        })
+    }
+
+    /// The command whose number in its episode is the step of the counter: forward, left \[m/s\], turn
+    /// \[rad/s\]. All ranges are multiplied by `level`.
+    pub(super) fn sample(&self, counter: Counter, level: f64) -> [f64; 3] {
+        let mut random = counter.stream(Purpose::Command);
+        if random.random::<f64>() < self.standing {
+            return [0.0; 3];
+        }
+        [self.forward, self.left, self.turn].map(|[low, high]| {
+            let share: f64 = random.random();
+            level * (low + share * (high - low))
+        })
+    }
+}

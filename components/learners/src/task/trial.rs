@@ -1,0 +1,143 @@
+//! One attempt at a task: actions and measured states in, observations and rewards out.
+
+use motorium_models::policy::Observer;
+
+use super::terms::Actions;
+use super::{RobotState, Terms, Verdict};
+use crate::random::Counter;
+
+/// End of an episode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// A termination with the verdict failure, or a physics step that failed.
+    Failure,
+    /// A termination with the verdict success.
+    Success,
+    /// The longest duration: the episode is truncated, and the state after it still has a value.
+    Truncated,
+}
+
+impl End {
+    /// True if nothing follows the final state; false for a truncated episode.
+    pub fn is_terminal(self) -> bool {
+        self != Self::Truncated
+    }
+}
+
+/// Result of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Step {
+    /// Reward of the state after the step.
+    pub reward: f64,
+    /// End of the episode in this step.
+    pub end: Option<End>,
+}
+
+/// One attempt at a task, without the world in which it is made: an environment and the component
+/// `learner.task` judge by it. Only [`new`](Self::new) allocates.
+///
+/// [`begin`](Self::begin) with the first state; then, for each step of the policy, [`act`](Self::act) and
+/// [`judge`](Self::judge).
+#[derive(Clone, Debug)]
+pub struct Trial {
+    observer: Observer,
+    /// Actions within their bounds.
+    newest: Vec<f64>,
+    before: Vec<f64>,
+    command: [f64; 3],
+    counter: Counter,
+    level: f64,
+    step: usize,
+    total: f64,
+}
+
+impl Trial {
+    /// A trial before its start.
+    pub fn new(terms: &Terms) -> Self {
+        let zeros = vec![0.0; terms.actions()];
+        Self {
+            observer: terms.observer(),
+            newest: zeros.clone(),
+            before: zeros,
+            command: [0.0; 3],
+            counter: Counter::default(),
+            level: 1.0,
+            step: 0,
+            total: 0.0,
+        }
+    }
+
+    /// Starts in a state. The counter and the level of the curriculum, 0 to 1, determine the commands.
+    pub fn begin(&mut self, terms: &Terms, (counter, level): (Counter, f64), state: &RobotState<'_>) {
+        (self.counter, self.level) = (counter, level);
+        (self.step, self.total) = (0, 0.0);
+        self.newest.fill(0.0);
+        self.before.fill(0.0);
+        self.command = terms.new_command(counter, level, 0).unwrap_or_default();
+        self.observer.reset();
+        self.observe(terms, state);
+    }
+
+    /// Takes over the action of a step, which is bounded as the task says.
+    ///
+    /// # Panics
+    ///
+    /// If it has fewer numbers than the task's.
+    pub fn act(&mut self, terms: &Terms, action: impl IntoIterator<Item = f64>) {
+        core::mem::swap(&mut self.before, &mut self.newest);
+        let mut action = action.into_iter();
+        for slot in &mut self.newest {
+            *slot = terms.targets().clipped(action.next().expect("a number for each joint"));
+        }
+    }
+
+    /// Judges the state after the step. A step that physics could not make (`is_stepped` false) is a failure.
+    pub fn judge(&mut self, terms: &Terms, state: &RobotState<'_>, is_stepped: bool) -> Step {
+        self.step += 1;
+        let outcome = terms.evaluate(state, self.actions());
+        self.total += outcome.reward;
+        self.command = terms.new_command(self.counter, self.level, self.step).unwrap_or(self.command);
+        self.observe(terms, state);
+        let verdict = if is_stepped { outcome.end } else { Some(Verdict::Failure) };
+        let end = match verdict {
+            Some(Verdict::Failure) => Some(End::Failure),
+            Some(Verdict::Success) => Some(End::Success),
+            None if self.step >= terms.steps() => Some(End::Truncated),
+            None => None,
+        };
+        Step { reward: outcome.reward, end }
+    }
+
+    /// Writes the observation after the last step.
+    ///
+    /// # Panics
+    ///
+    /// If `observation` has another length than [`Terms::inputs`].
+    pub fn write(&self, observation: &mut [f32]) {
+        self.observer.write(observation);
+    }
+
+    /// Steps so far.
+    pub fn step(&self) -> usize {
+        self.step
+    }
+
+    /// Sum of the rewards so far.
+    pub fn total(&self) -> f64 {
+        self.total
+    }
+
+    /// The command in force: forward, left \[m/s\], turn \[rad/s\].
+    pub fn command(&self) -> [f64; 3] {
+        self.command
+    }
+
+    fn actions(&self) -> Actions<'_> {
+        Actions { newest: &self.newest, before: &self.before, command: self.command }
+    }
+
+    fn observe(&mut self, terms: &Terms, state: &RobotState<'_>) {
+        let actions = Actions { newest: &self.newest, before: &self.before, command: self.command };
+        self.observer.observe(&terms.measurements(state, actions, self.step));
+    }
+}

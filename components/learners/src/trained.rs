@@ -1,0 +1,47 @@
+//! Trained policies on disk, for a task.
+
+use std::path::Path;
+
+use motorium_models::policy::{PolicyFolder, PolicyFolderError, PolicyNetwork};
+
+use crate::task::{Task, TaskError};
+
+/// A policy that does not run on a task.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainedPolicyError {
+    /// The folder cannot be read.
+    #[error(transparent)]
+    Folder(#[from] PolicyFolderError),
+    /// The policy was trained for other terms.
+    #[error(
+        "the {what} of the policy differ from the task's\n\
+         help: use it on the task that it was trained for"
+    )]
+    Terms {
+        /// Terms that differ.
+        what: &'static str,
+    },
+    /// The task is invalid.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+}
+
+/// The network of the policy in a folder, checked for a task.
+///
+/// # Errors
+///
+/// [`TrainedPolicyError`].
+pub(crate) fn load(folder: &Path, task: &Task) -> Result<PolicyNetwork, TrainedPolicyError> {
+    let folder = PolicyFolder::read(folder)?;
+    let (policy, expected) = (&folder.policy, task.policy()?);
+    for (what, differ) in [
+        ("observations", policy.observations != expected.observations),
+        ("actions", policy.action != expected.action),
+        ("rates", policy.rate != expected.rate),
+    ] {
+        if differ {
+            return Err(TrainedPolicyError::Terms { what });
+        }
+    }
+    Ok(folder.network()?)
+}

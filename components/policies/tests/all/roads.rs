@@ -1,0 +1,288 @@
+//! One task on two roads: an environment of a learner and a graph make the same observations and rewards.
+
+use std::path::Path;
+use std::time::Duration;
+
+use motorium::graph::{self, Machine};
+use motorium::launcher::Options;
+use motorium::session::Session;
+use motorium::state::{Observation, Randomisation, Reward, TwistTarget};
+use motorium::worker::{Registry, RobotSource};
+use motorium_learners::environment::{Environment, Scene};
+use motorium_learners::task::{End, Task};
+use motorium_models::policy::PolicyFolder;
+use motorium_models::{inference::Unary, onnx};
+
+/// Numbers of an episode as bits.
+#[derive(Debug, Default, PartialEq)]
+struct Record {
+    observations: Vec<Vec<u64>>,
+    rewards: Vec<u64>,
+    /// True for a terminal end, false for a truncated one.
+    end: Option<bool>,
+}
+
+fn bits(numbers: &[f64]) -> Vec<u64> {
+    numbers.iter().map(|number| number.to_bits()).collect()
+}
+
+/// Writes a policy with two layers of random weights, at most `largest`, for a task.
+fn write_policy(task: &Task, folder: &Path, largest: f32) {
+    let policy = task.policy().unwrap();
+    let (inputs, outputs) = (policy.inputs().unwrap(), policy.action.joints.len());
+    let mut state = 7_u64;
+    let mut random = |count: usize| -> Vec<f32> {
+        (0..count)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                largest * ((state >> 40) as f32 / (1_u32 << 24) as f32 * 2.0 - 1.0)
+            })
+            .collect()
+    };
+    let layers = [(random(16 * inputs), random(16)), (random(outputs * 16), random(outputs))];
+    std::fs::create_dir(folder).unwrap();
+    std::fs::write(folder.join("policy.toml"), task.policy_text().unwrap()).unwrap();
+    let network = onnx::write_mlp(inputs, &layers, Unary::Tanh, &[]);
+    std::fs::write(folder.join(&policy.network), network).unwrap();
+}
+
+/// A graph of a task. Without `plant` a command gate is between the policy and the drives.
+fn graph_text(task: &toml::Table, plant: bool) -> String {
+    let number = |key: &str| task[key].as_float().unwrap();
+    let decimation = task["decimation"].as_integer().unwrap();
+    let physics_hz = (1.0 / number("step")).round();
+    let policy_hz = physics_hz / decimation as f64;
+    let (robot, position) = (&task["robot"], &task["start"]["position"]);
+    let randomise = toml::to_string(&task["randomise"]).unwrap();
+    format!(
+        r#"
+name = "roads"
+clock = "lockstep"
+duration = "60 s"
+seed = 5
+
+[robot.one]
+urdf = {robot}
+
+[component.physics]
+kind = "physics.articulated"
+robot = "one"
+rate = "{physics_hz} Hz"
+subscribe = {{ joint_command = "command" }}
+publish = {{ joint_state = "state", randomisation = "randomisation" }}
+
+[component.physics.config]
+plant = {plant}
+position = {position}
+
+[component.physics.config.randomise]
+{randomise}
+
+[component.task]
+kind = "learner.task"
+robot = "one"
+rate = "{policy_hz} Hz"
+ends_episode = true
+subscribe = {{ joint_state = "state", action = "action" }}
+publish = {{ observation = "observation", reward = "reward" }}
+config = {{ task = "task.toml" }}
+
+[component.policy]
+kind = "policy.network"
+robot = "one"
+rate = "{policy_hz} Hz"
+subscribe = {{ joint_state = "state" }}
+publish = {{ action = "action" }}
+config = {{ policy = "policy" }}
+
+[component.drives]
+kind = "policy.joint_targets"
+robot = "one"
+trigger = "state"
+subscribe = {{ joint_state = "state", action = "action" }}
+publish = {{ joint_command = "command" }}
+config = {{ policy = "policy" }}
+
+[safety]
+stale_after = "1 s"
+safe_state = "hold"
+"#
+    )
+}
+
+/// The kinds of these graphs.
+fn registry() -> Registry {
+    let kinds = motorium_physics::kinds().into_iter().chain(motorium_learners::kinds());
+    Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds.chain(motorium_policies::kinds()))
+}
+
+/// A session of a graph whose components are steps of this thread.
+fn launch(folder: &Path, text: String) -> Session<'static> {
+    let registry = registry();
+    let checked = graph::check(&folder.join("graph.toml"), text, &[], &registry, &Machine::detect())
+        .unwrap_or_else(|error| panic!("{}", error.render(false)));
+    Session::launch(checked.plan, &registry, &Options::inline()).unwrap()
+}
+
+/// The episodes of a graph with these seeds, each with the seed of its physics.
+fn graph_episodes(folder: &Path, text: String, seeds: &[u64]) -> Vec<(u64, Record)> {
+    let mut session = launch(folder, text);
+    // streams are read from the first call on
+    session.read::<Reward>("reward").unwrap();
+    session.read::<Observation>("observation").unwrap();
+    let mut episodes = Vec::new();
+    for seed in seeds {
+        session.reset(*seed).unwrap();
+        let mut record = Record::default();
+        let mut seen = [0; 2];
+        while !session.is_episode_over() {
+            session.step().unwrap();
+            if let Some(reward) = session.read::<Reward>("reward").unwrap()
+                && reward.stamp.sequence != std::mem::replace(&mut seen[0], reward.stamp.sequence)
+            {
+                assert_eq!(reward.value.step as usize, record.rewards.len());
+                record.rewards.push(reward.value.reward.to_bits());
+                record.end = reward.value.is_last().then_some(reward.value.terminal == 1);
+            }
+            if let Some(found) = session.read::<Observation>("observation").unwrap()
+                && found.stamp.sequence != std::mem::replace(&mut seen[1], found.stamp.sequence)
+            {
+                assert_eq!(found.value.step as usize, record.observations.len());
+                record.observations.push(bits(found.value.value()));
+            }
+            assert!(session.time().as_secs() < 60, "the episode has no end");
+        }
+        let drawn = session.read::<Randomisation>("randomisation").unwrap().unwrap();
+        episodes.push((drawn.value.seed, record));
+    }
+    let report = session.stop();
+    assert_eq!(report.results["task"]["episodes"], seeds.len(), "{}", report.results["task"]);
+    episodes
+}
+
+/// An episode of an environment whose physical properties are sampled from this seed.
+fn environment_episode(task: &Task, folder: &Path, seed: u64) -> Record {
+    let simulation = Scene::load(task, folder).unwrap().simulation().unwrap();
+    let mut environment = Environment::new(task, simulation, 1, 0).unwrap();
+    let mut network = PolicyFolder::read(&folder.join("policy")).unwrap().network().unwrap();
+    let numbers = |observation: &[f32]| bits(&observation.iter().map(|x| f64::from(*x)).collect::<Vec<_>>());
+    environment.reset_from(seed).unwrap();
+    let mut record = Record { observations: vec![numbers(environment.observation())], ..Record::default() };
+    while record.end.is_none() {
+        network.observation_mut().copy_from_slice(environment.observation());
+        let step = environment.step(network.run());
+        record.rewards.push(step.reward.to_bits());
+        record.observations.push(numbers(environment.observation()));
+        record.end = step.end.map(End::is_terminal);
+    }
+    record
+}
+
+/// A task of the project in a folder, with a random policy, without the spread of velocities that physics in
+/// a graph does not have.
+fn prepare(name: &str, folder: &Path) -> (Task, toml::Table) {
+    let file = format!("{}/../../tasks/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let mut table: toml::Table = std::fs::read_to_string(file).unwrap().parse().unwrap();
+    table["start"].as_table_mut().unwrap().remove("velocity_spread");
+    let text = toml::to_string(&table).unwrap();
+    std::fs::write(folder.join("task.toml"), &text).unwrap();
+    let task = Task::parse(&text).unwrap();
+    write_policy(&task, &folder.join("policy"), 1.0);
+    (task, table)
+}
+
+#[test]
+fn graphs_and_environments_agree_to_the_bit() {
+    for (name, ends) in [("cart-pole", true), ("pendulum", false), ("acrobot", false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (task, table) = prepare(name, folder.path());
+        let episodes = graph_episodes(folder.path(), graph_text(&table, true), &[11, 12, 11]);
+        assert_eq!(episodes[0], episodes[2], "{name}: equal seeds");
+        assert_ne!(episodes[0].1.observations[0], episodes[1].1.observations[0], "{name}: other starts");
+        for (seed, found) in episodes {
+            let expected = environment_episode(&task, folder.path(), seed);
+            assert_eq!(found.end, Some(ends), "{name}");
+            assert!(found.rewards.len() > 5, "{name}: {} steps", found.rewards.len());
+            assert_eq!(found.observations.len(), found.rewards.len() + 1, "{name}");
+            let differs = found.observations.iter().zip(&expected.observations).position(|(a, b)| a != b);
+            assert_eq!(differs, None, "{name}: first observation that differs");
+            assert_eq!(found, expected, "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_quadruped_is_judged_over_its_topics() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks/quadruped-velocity.toml");
+    let text = std::fs::read_to_string(file).unwrap();
+    // a policy whose actions are zero holds the default pose
+    let task = Task::parse(&text).unwrap();
+    std::fs::write(folder.path().join("task.toml"), text).unwrap();
+    write_policy(&task, &folder.path().join("policy"), 0.0);
+    let graph = r#"
+name = "stand"
+clock = "lockstep"
+duration = "60 s"
+
+[robot.one]
+urdf = "quadruped"
+
+[component.physics]
+kind = "physics.articulated"
+robot = "one"
+rate = "200 Hz"
+subscribe = { joint_command = "command" }
+publish = { joint_state = "state", base_state = "base", contacts = "contacts" }
+config = { plant = true }
+
+[component.task]
+kind = "learner.task"
+robot = "one"
+rate = "50 Hz"
+ends_episode = true
+subscribe = { joint_state = "state", base_state = "base", contacts = "contacts", action = "action" }
+publish = { observation = "observation", reward = "reward", command = "desired" }
+config = { task = "task.toml" }
+
+[component.policy]
+kind = "policy.network"
+robot = "one"
+rate = "50 Hz"
+subscribe = { joint_state = "state", base_state = "base", command = "desired" }
+publish = { action = "action" }
+config = { policy = "policy", attitude = "base_state" }
+
+[component.drives]
+kind = "policy.joint_targets"
+robot = "one"
+trigger = "state"
+subscribe = { joint_state = "state", action = "action" }
+publish = { joint_command = "command" }
+config = { policy = "policy" }
+"#;
+    let mut session = launch(folder.path(), graph.to_owned());
+    session.read::<Reward>("reward").unwrap();
+    session.read::<Observation>("observation").unwrap();
+    session.step_until(Duration::from_millis(990)).unwrap();
+    let reward = session.read::<Reward>("reward").unwrap().unwrap().value;
+    assert_eq!((reward.step, reward.is_last()), (48, false), "it stands");
+    let [low, high] = task.reward_range().unwrap();
+    assert!(low < reward.reward && reward.reward < high && reward.total > 0.0, "{reward:?}");
+    let seen = session.read::<Observation>("observation").unwrap().unwrap().value;
+    assert_eq!((seen.step, seen.count()), (49, 48));
+    assert!(seen.value()[8] < -0.999, "gravity points down: {:?}", seen.value());
+    let desired = session.read::<TwistTarget>("desired").unwrap().unwrap().value;
+    let command = [desired.linear[0], desired.linear[1], desired.angular[2]];
+    let ranges = task.command.as_ref().unwrap();
+    for (index, [low, high]) in [ranges.forward, ranges.left, ranges.turn].into_iter().enumerate() {
+        let scale = [2.0, 2.0, 0.25][index];
+        assert!((low..=high).contains(&command[index]), "{command:?}");
+        assert_eq!(seen.value()[9 + index], f64::from((scale * command[index]) as f32));
+    }
+    // other episodes have other commands
+    session.reset(7).unwrap();
+    session.step_until(Duration::from_millis(100)).unwrap();
+    let next = session.read::<TwistTarget>("desired").unwrap().unwrap().value;
+    assert_ne!(next, desired);
+}
