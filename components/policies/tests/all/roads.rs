@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use motorium::graph::{self, Machine};
 use motorium::launcher::Options;
-use motorium::session::Session;
+use motorium::session::{self, Session};
 use motorium::state::{Observation, Randomisation, Reward, TwistTarget};
 use motorium::worker::{Registry, RobotSource};
 use motorium_learners::environment::{Environment, Scene};
@@ -285,4 +285,29 @@ config = { policy = "policy" }
     session.step_until(Duration::from_millis(100)).unwrap();
     let next = session.read::<TwistTarget>("desired").unwrap().unwrap().value;
     assert_ne!(next, desired);
+}
+
+#[test]
+fn the_trained_cart_pole_balances_on_every_engine() {
+    let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../graphs/cart-pole-policy.toml"));
+    let text = std::fs::read_to_string(file).unwrap();
+    let episodes = "[episodes]\ncount = 5\nvary_seed = true\n\n[robot.cart]";
+    assert!(text.contains("physics.articulated") && text.contains("[robot.cart]"));
+    let text = text.replace("[robot.cart]", episodes);
+    for engine in ["articulated", "rapier", "mujoco"] {
+        let text = text.replace("physics.articulated", &format!("physics.{engine}"));
+        let checked = graph::check(file, text, &[], &registry(), &Machine::detect());
+        let plan = match checked {
+            Ok(checked) => checked.plan,
+            Err(error) if engine == "mujoco" && error.render(false).contains("pip install mujoco") => {
+                eprintln!("skipped: MuJoCo's library is missing");
+                continue;
+            }
+            Err(error) => panic!("{}", error.render(false)),
+        };
+        let report = session::run(plan, &registry(), &Options::inline(), &mut |_| {}).unwrap();
+        let task = &report.results["task"];
+        assert_eq!((&task["episodes"], &task["truncations"]), (&5.into(), &5.into()), "{engine}: {task}");
+        assert_eq!(task["mean_return"], 500.0, "{engine}: {task}");
+    }
 }
