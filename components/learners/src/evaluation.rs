@@ -81,21 +81,15 @@ pub fn evaluate(
     let mut environment = Environment::new(&task, simulation, seed, 0)?;
     let (mut returns, mut steps, mut failures, mut successes) = (vec![], 0_usize, 0, 0);
     for _ in 0..episodes {
-        environment.reset()?;
         network.reset();
-        let mut total = 0.0;
-        let end = loop {
-            network.observation_mut().copy_from_slice(environment.observation());
-            let step = environment.step(network.run());
-            total += step.reward;
-            steps += 1;
-            if let Some(end) = step.end {
-                break end;
-            }
-        };
-        returns.push(total);
-        failures += usize::from(end == End::Failure);
-        successes += usize::from(end == End::Success);
+        let episode = environment.run_episode(|observation, action| {
+            network.observation_mut().copy_from_slice(observation);
+            action.copy_from_slice(network.run());
+        })?;
+        returns.push(episode.total);
+        steps += episode.steps;
+        failures += usize::from(episode.end == End::Failure);
+        successes += usize::from(episode.end == End::Success);
     }
     let count = episodes.max(1) as f64;
     Ok(Evaluation {

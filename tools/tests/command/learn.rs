@@ -195,3 +195,28 @@ fn walking_by_bayesian_optimisation_is_reproduced() {
     let travel = run["results"]["physics"]["base_travel_x_m"].as_f64().expect("a number");
     assert!((travel / 0.4 - speed).abs() < 1e-12, "{travel} {speed}");
 }
+
+#[test]
+fn cart_poles_by_imitation_are_reproduced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let reproduce = |threads: &str, output: &str| {
+        let mut arguments = vec!["reproduce", "cartpole", "--seeds", "2", "--rollouts", "20"];
+        arguments.extend(["--demonstration", "400", "--steps", "1100", "--threads", threads]);
+        arguments.extend(["--output", output, "--json"]);
+        json(&arguments)
+    };
+    let (first, second) = (file("a"), file("b"));
+    let report = reproduce("2", &first);
+    assert_eq!(report["claims"].as_array().map(Vec::len), Some(6), "{report}");
+    assert_eq!(report["files"].as_array().map(Vec::len), Some(7), "{report}");
+    reproduce("1", &second);
+    let read = |folder: &str, name: &str| {
+        std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for name in ["cartpole-returns.csv", "cartpole-power.csv", "cartpole-ppo.csv", "claims.json"] {
+        assert_eq!(read(&first, name), read(&second, name), "{name}");
+    }
+    // PoWER after 0, 10 and 20 episodes, PPO after 0 and all updates; with and without imitation, two seeds
+    assert_eq!(read(&first, "cartpole-returns.csv").lines().count(), 1 + 2 * 2 * (3 + 2));
+}

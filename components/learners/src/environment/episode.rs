@@ -7,7 +7,7 @@ use motorium_physics::{Engine, Simulation, Simulator as _};
 use super::EnvironmentError;
 use super::stage::Stage;
 use crate::random::{Counter, Purpose};
-use crate::task::{Step, Task, Terms, Trial};
+use crate::task::{End, Step, Task, Terms, Trial};
 
 /// The running episode of a world, without its simulation.
 #[derive(Clone, Debug)]
@@ -78,6 +78,17 @@ impl Episode {
         self.trial.write(&mut self.observation);
         step
     }
+}
+
+/// A finished episode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EpisodeSummary {
+    /// Return: the sum of its rewards.
+    pub total: f64,
+    /// Number of steps.
+    pub steps: usize,
+    /// How it ended.
+    pub end: End,
 }
 
 /// One world of a task.
@@ -170,6 +181,29 @@ impl<E: Engine> Environment<E> {
         self.next += 1;
         self.episode.begin(&self.stage, &mut self.simulation, (number, 1.0, seed))?;
         Ok(&self.episode.observation)
+    }
+
+    /// Runs the next episode to its end. `act` writes the action for an observation.
+    ///
+    /// # Errors
+    ///
+    /// [`EnvironmentError`].
+    pub fn run_episode(
+        &mut self,
+        mut act: impl FnMut(&[f32], &mut [f32]),
+    ) -> Result<EpisodeSummary, EnvironmentError> {
+        self.reset()?;
+        let mut action = vec![0.0; self.terms().actions()];
+        let (mut total, mut steps) = (0.0, 0);
+        loop {
+            act(self.observation(), &mut action);
+            let step = self.step(&action);
+            total += step.reward;
+            steps += 1;
+            if let Some(end) = step.end {
+                return Ok(EpisodeSummary { total, steps, end });
+            }
+        }
     }
 
     /// The observation after the last step or reset.

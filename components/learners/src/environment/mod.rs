@@ -9,7 +9,7 @@ mod scene;
 mod stage;
 mod vector;
 
-pub use episode::Environment;
+pub use episode::{Environment, EpisodeSummary};
 pub use scene::{Scene, SceneError};
 pub use vector::{Progress, VectorEnvironment};
 

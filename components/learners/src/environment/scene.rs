@@ -45,7 +45,8 @@ impl Scene {
         let robot = || task.robot.clone();
         let loaded = load(&task.robot, base)
             .map_err(|source| SceneError::Load { robot: robot(), source: Box::new(source) })?;
-        let setup = RobotSetup::from_loaded(&loaded).map_err(|source| SceneError::Frame { robot: robot(), source })?;
+        let setup = RobotSetup::from_loaded(&loaded)
+            .map_err(|source| SceneError::Frame { robot: robot(), source })?;
         Ok(Self { robot: setup, start: task.start.position.clone() })
     }
 

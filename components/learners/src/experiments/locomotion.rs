@@ -7,11 +7,10 @@
 //! kernel, expected improvement, 5 initial points. Robot, parameters and their ranges are not stated there.
 
 use std::f64::consts::PI;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
-use motorium_library::statistics::mean_and_error;
 use serde::Serialize;
 
+use super::trials::{over_seeds, run_jobs};
 use crate::search::{
     BayesianOptimisation, BayesianSettings, Evaluation, RandomSearch, Search, Smoothness, StartError,
     TellError,
@@ -236,33 +235,9 @@ impl Study {
             }
             Ok(Done::Search(Trial { searcher, seed, gaits }))
         };
-        let (next, has_failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-        let (next, has_failed, jobs, work, build) = (&next, &has_failed, &jobs, &work, &build);
-        let parts: Vec<Result<Vec<(usize, Done)>, E>> = std::thread::scope(|scope| {
-            let run = |thread: usize| -> Result<Vec<(usize, Done)>, E> {
-                let mut worker = build(thread)?;
-                let mut done = Vec::new();
-                while !has_failed.load(Relaxed) {
-                    let index = next.fetch_add(1, Relaxed);
-                    let Some(job) = jobs.get(index) else { break };
-                    done.push((index, work(&mut worker, job)?));
-                }
-                Ok(done)
-            };
-            let threads = (0..threads.max(1)).map(|thread| {
-                scope.spawn(move || run(thread).inspect_err(|_| has_failed.store(true, Relaxed)))
-            });
-            let threads: Vec<_> = threads.collect();
-            let joined = threads.into_iter().map(|thread| thread.join());
-            joined.map(|part| part.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
-        });
-        let mut done: Vec<(usize, Done)> = Vec::new();
-        for part in parts {
-            done.extend(part?);
-        }
-        done.sort_by_key(|(index, _)| *index);
+        let done = run_jobs(threads, &jobs, build, work)?;
         let (mut trials, mut hand_set) = (Vec::new(), Vec::new());
-        for (_, done) in done {
+        for done in done {
             match done {
                 Done::Search(trial) => trials.push(trial),
                 Done::HandSet(speed) => hand_set.push(speed),
@@ -308,30 +283,9 @@ impl Study {
     }
 }
 
-/// Mean and standard error of every column; columns are counted from `first`.
-fn over_seeds(rows: &[Vec<f64>], first: usize) -> Vec<[f64; 3]> {
-    let columns = rows.iter().map(Vec::len).min().unwrap_or(0);
-    let column = |k: usize| {
-        let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
-        let (mean, error) = mean_and_error(&values);
-        [(k + first) as f64, mean, error]
-    };
-    (0..columns).map(column).collect()
-}
-
-/// Median of numbers; NaN of none.
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    match sorted.len() {
-        0 => f64::NAN,
-        n if n % 2 == 1 => sorted[n / 2],
-        n => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::trials::median;
     use super::*;
     use crate::search::Outcome;
 
@@ -414,12 +368,5 @@ mod tests {
         let evaluate = |(): &mut (), _: &[f64; DIMENSIONS], _| Err(Failure::Evaluation);
         let ended = Study::run::<(), _>(&settings, 2, |_| Ok(()), evaluate, || {});
         assert_eq!(ended.err(), Some(Failure::Evaluation));
-    }
-
-    #[test]
-    fn medians_of_even_and_odd_counts() {
-        assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
-        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), 2.5);
-        assert!(median(&[]).is_nan());
     }
 }

@@ -4,9 +4,12 @@
 //! - [`search`]: policy search on weights of a library and of radial kernels.
 //! - [`body`]: libraries of a full body and of its parts, and composed movements.
 //! - [`locomotion`]: Bayesian optimisation of the gait of a quadruped.
+//! - [`cartpole`]: a cart-pole balanced by imitation and by reinforcement.
 //! - [`perception`]: letters written from their pictures, against the nearest picture known.
 
 pub mod body;
+pub mod cartpole;
 pub mod locomotion;
 pub mod perception;
 pub mod search;
+pub mod trials;

@@ -172,6 +172,11 @@ impl<E: Engine + Send> Imitation<E> {
         TrainedNetwork { layers, head: Head::Linear }
     }
 
+    /// The network and the normalisation of its observations.
+    pub fn network(&self) -> (&Perceptron, &Normaliser) {
+        (&self.network, &self.normaliser)
+    }
+
     /// SHA-256 of all weights, in hexadecimal.
     pub fn weights_sha256(&self) -> String {
         let layers = self.policy().layers;

@@ -24,7 +24,7 @@ pub struct ImitationSettings {
     pub minibatch: usize,
     /// Learning rate of Adam, above 0. Default 1e-3.
     pub rate: f64,
-    /// Hidden units of each layer. Default 64 and 64.
+    /// Hidden units of each layer; none for a linear policy. Default 64 and 64.
     pub hidden: Vec<usize>,
 }
 
@@ -91,8 +91,8 @@ impl ImitationSettings {
         if !(self.rate > 0.0 && self.rate.is_finite()) {
             return Err(value("rate", self.rate, "above 0"));
         }
-        if self.hidden.is_empty() || self.hidden.contains(&0) {
-            return Err(value("hidden", 0.0, "at least one layer of at least one unit"));
+        if self.hidden.contains(&0) {
+            return Err(value("hidden", 0.0, "at least one unit in each layer"));
         }
         Ok(())
     }

@@ -150,6 +150,17 @@ impl<E: Engine + Send> Ppo<E> {
         })
     }
 
+    /// Starts from a trained policy, such as an [imitator](crate::imitation::Imitation): a network on
+    /// observations that are normalised as given.
+    ///
+    /// # Panics
+    ///
+    /// If the network has other layers than the settings.
+    pub fn start_from(&mut self, policy: &Perceptron, observations: &Normaliser) {
+        self.policy.set(&policy.to_vec());
+        self.state.observations = observations.clone();
+    }
+
     /// The settings.
     pub fn settings(&self) -> &PpoSettings {
         &self.settings

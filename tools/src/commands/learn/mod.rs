@@ -7,6 +7,8 @@ mod tune;
 
 use std::process::ExitCode;
 
+pub(crate) use train::threads;
+
 /// Policies that learn a task: train one, continue a training run, evaluate it, list tasks; tune a graph.
 ///
 /// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole

@@ -118,7 +118,7 @@ fn steps(text: &str) -> Result<u64, String> {
 }
 
 /// Threads of a run: all cores if not given.
-pub(super) fn threads(given: Option<u32>) -> usize {
+pub(crate) fn threads(given: Option<u32>) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     given.map_or_else(cores, |threads| threads as usize)
 }

@@ -7,9 +7,10 @@ use std::time::Instant;
 use anyhow::{Context as _, ensure};
 use motorium::graph::Machine;
 use motorium_learners::experiments::locomotion::{
-    DIMENSIONS, PARAMETERS, Searcher, Study, StudySettings, Trial, keys, median,
+    DIMENSIONS, PARAMETERS, Searcher, Study, StudySettings, Trial, keys,
 };
 use motorium_learners::experiments::search::is_clearly_larger;
+use motorium_learners::experiments::trials::median;
 use motorium_learners::search::{Evaluation, Outcome};
 use motorium_library::statistics::{mean_and_error, with_error};
 use serde_json::json;

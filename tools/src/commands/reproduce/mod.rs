@@ -1,6 +1,7 @@
 //! `motorium reproduce`: recomputation of published figures.
 
 mod body;
+mod cartpole;
 mod chapter3;
 mod chapter4;
 mod letters;
@@ -27,6 +28,7 @@ enum Command {
     Chapter4(chapter4::Chapter4),
     Qp(qp::Qp),
     Locomotion(locomotion::Locomotion),
+    Cartpole(cartpole::Cartpole),
 }
 
 impl Reproduce {
@@ -36,6 +38,7 @@ impl Reproduce {
             Command::Chapter4(command) => command.run(),
             Command::Qp(command) => command.run(),
             Command::Locomotion(command) => command.run(),
+            Command::Cartpole(command) => command.run(),
         }
     }
 }

@@ -1,0 +1,452 @@
+//! A cart-pole balanced by imitation and by reinforcement, each alone and one after the other.
+//!
+//! The demonstrator holds the pole upright and ignores the cart, which runs off its track. A policy learns from
+//! a short demonstration and then from rewards, or from rewards alone: a linear policy by [`Power`], a network
+//! by [`Ppo`].
+//!
+//! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The demonstration and the settings are not
+//! stated there.
+
+use std::path::Path;
+
+use motorium_models::inference::Unary;
+use motorium_models::onnx::{self, Model, OnnxError};
+use motorium_models::policy::PolicyNetwork;
+use motorium_physics::Articulated;
+use serde::Serialize;
+
+use super::trials::run_jobs;
+use crate::environment::{Environment, EnvironmentError, Scene, SceneError};
+use crate::imitation::{Imitation, ImitationError, ImitationSettings};
+use crate::learner::{Learner as _, LearnerError};
+use crate::ppo::{Ppo, PpoSettings};
+use crate::search::{Power, PowerSettings, Search as _, Start, StartError, TellError};
+use crate::task::Task;
+
+/// Weights of the demonstrator for the observations of the task: positions of cart and pole relative to the
+/// default pose \[m, rad\], then their velocities. The action is a share of the largest force.
+pub const DEMONSTRATOR: [f32; 4] = [0.0, 2.0, 0.0, 0.3];
+/// Standard deviation of the exploration of PoWER for these weights and for the bias.
+const EXPLORATION: [f64; 5] = [0.3, 1.0, 0.3, 0.3, 0.02];
+/// Episodes of an evaluation.
+const EPISODES: u64 = 10;
+/// Rollouts of PoWER between two evaluations of its mean.
+const ROLLOUTS: u64 = 10;
+/// Updates of PPO between two evaluations of its policy.
+const UPDATES: u64 = 4;
+/// World of the evaluations; training uses those from 0.
+const EVALUATION_WORLD: u64 = 1_000;
+
+/// A method that learns from rewards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// A linear policy by PoWER.
+    Power,
+    /// A network by PPO.
+    Ppo,
+}
+
+impl Method {
+    /// All methods.
+    pub const ALL: [Self; 2] = [Self::Power, Self::Ppo];
+
+    /// Name in figures.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Power => "PoWER",
+            Self::Ppo => "PPO",
+        }
+    }
+}
+
+/// The policy from which a method starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Beginning {
+    /// A clone of the demonstrator.
+    Imitation,
+    /// Weights of zero, or random weights of a network.
+    Scratch,
+}
+
+impl Beginning {
+    /// All beginnings.
+    pub const ALL: [Self; 2] = [Self::Imitation, Self::Scratch];
+
+    /// Name in figures.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Imitation => "after imitation",
+            Self::Scratch => "from scratch",
+        }
+    }
+}
+
+/// Settings of a study.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StudySettings {
+    /// First seed.
+    pub first_seed: u64,
+    /// Number of seeds, from 1.
+    pub seeds: u64,
+    /// Steps of a demonstration, from 1.
+    pub demonstration: u64,
+    /// Episodes from which PoWER learns, from 1.
+    pub rollouts: u64,
+    /// Steps from which PPO learns, from 1.
+    pub steps: u64,
+}
+
+/// The errors of a study.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The robot cannot be loaded.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// An environment failed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// Imitation failed.
+    #[error(transparent)]
+    Imitation(#[from] ImitationError),
+    /// PPO failed.
+    #[error(transparent)]
+    Learner(#[from] LearnerError),
+    /// PoWER refused its start.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// PoWER refused a reward.
+    #[error(transparent)]
+    Tell(#[from] TellError),
+    /// A network cannot be evaluated.
+    #[error(transparent)]
+    Network(#[from] OnnxError),
+    /// The task has other observations or actions than a cart-pole.
+    #[error("the task has {inputs} observations and {actions} actions, expected 4 and 2, as of a cart-pole")]
+    Task {
+        /// Numbers of an observation.
+        inputs: usize,
+        /// Numbers of an action.
+        actions: usize,
+    },
+}
+
+/// Mean return after some experience.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// Episodes of PoWER, or steps of PPO; 0 is the start.
+    pub experience: u64,
+    /// Mean return of the policy without exploration.
+    pub mean_return: f64,
+}
+
+/// The course of one method with one seed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// Method.
+    pub method: Method,
+    /// Beginning.
+    pub beginning: Beginning,
+    /// Seed.
+    pub seed: u64,
+    /// Mean returns in the order of the experience.
+    pub curve: Vec<Point>,
+}
+
+impl Trial {
+    /// Experience after which the mean return is at least `level`, or `None` where it never is.
+    pub fn experience_to(&self, level: f64) -> Option<u64> {
+        self.curve.iter().find(|point| point.mean_return >= level).map(|point| point.experience)
+    }
+}
+
+/// Trials of all methods and beginnings with several seeds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Study {
+    /// Mean return of the demonstrator, one a seed.
+    pub demonstrator: Vec<f64>,
+    /// Every trial: method by method, beginning by beginning, seed by seed.
+    pub trials: Vec<Trial>,
+}
+
+/// A job of a study.
+enum Job {
+    Demonstrator(u64),
+    Trial(Method, Beginning, u64),
+}
+
+/// Result of a job.
+enum Done {
+    Demonstrator(f64),
+    Trial(Trial),
+}
+
+impl Study {
+    /// Runs a study of the cart-pole task, whose robot is relative to `base`, on several threads. `observe` is
+    /// called after each trial and each demonstrator. The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    ///
+    /// [`StudyError`].
+    pub fn run(
+        task: &Task,
+        base: &Path,
+        settings: &StudySettings,
+        threads: usize,
+        observe: impl Fn() + Sync,
+    ) -> Result<Self, StudyError> {
+        let scene = Scene::load(task, base)?;
+        let bench = Bench { task, scene: &scene, settings };
+        let (inputs, actions) = bench.size()?;
+        if (inputs, actions) != (DEMONSTRATOR.len(), 2) {
+            return Err(StudyError::Task { inputs, actions });
+        }
+        let seeds = settings.first_seed..settings.first_seed.saturating_add(settings.seeds);
+        let mut jobs: Vec<Job> = seeds.clone().map(Job::Demonstrator).collect();
+        for method in Method::ALL {
+            for beginning in Beginning::ALL {
+                jobs.extend(seeds.clone().map(|seed| Job::Trial(method, beginning, seed)));
+            }
+        }
+        let work = |(): &mut (), job: &Job| {
+            let done = match *job {
+                Job::Demonstrator(seed) => Done::Demonstrator(bench.linear_return(&demonstrator(), seed)?),
+                Job::Trial(method, beginning, seed) => {
+                    let curve = match method {
+                        Method::Power => bench.power(beginning, seed)?,
+                        Method::Ppo => bench.ppo(beginning, seed)?,
+                    };
+                    Done::Trial(Trial { method, beginning, seed, curve })
+                }
+            };
+            observe();
+            Ok::<Done, StudyError>(done)
+        };
+        let mut study = Self { demonstrator: Vec::new(), trials: Vec::new() };
+        for done in run_jobs(threads, &jobs, |_| Ok(()), work)? {
+            match done {
+                Done::Demonstrator(found) => study.demonstrator.push(found),
+                Done::Trial(trial) => study.trials.push(trial),
+            }
+        }
+        Ok(study)
+    }
+
+    /// The trials of a method with a beginning.
+    pub fn trials(&self, method: Method, beginning: Beginning) -> impl Iterator<Item = &Trial> {
+        self.trials.iter().filter(move |trial| (trial.method, trial.beginning) == (method, beginning))
+    }
+
+    /// Mean returns at the start of the trials, one a seed.
+    pub fn starts(&self, method: Method, beginning: Beginning) -> Vec<f64> {
+        self.trials(method, beginning).filter_map(|trial| Some(trial.curve.first()?.mean_return)).collect()
+    }
+
+    /// Mean returns at the end of the trials, one a seed.
+    pub fn ends(&self, method: Method, beginning: Beginning) -> Vec<f64> {
+        self.trials(method, beginning).filter_map(|trial| Some(trial.curve.last()?.mean_return)).collect()
+    }
+
+    /// Experience after which each trial has a mean return of `level`; infinite where it never has.
+    pub fn experience_to(&self, level: f64, method: Method, beginning: Beginning) -> Vec<f64> {
+        let found = |trial: &Trial| trial.experience_to(level).map_or(f64::INFINITY, |found| found as f64);
+        self.trials(method, beginning).map(found).collect()
+    }
+}
+
+/// Weights and bias of the demonstrator.
+fn demonstrator() -> [f64; 5] {
+    let [cart, pole, cart_rate, pole_rate] = DEMONSTRATOR.map(f64::from);
+    [cart, pole, cart_rate, pole_rate, 0.0]
+}
+
+/// The task and the settings of all trials.
+#[derive(Clone, Copy)]
+struct Bench<'a> {
+    task: &'a Task,
+    scene: &'a Scene,
+    settings: &'a StudySettings,
+}
+
+impl Bench<'_> {
+    fn environment(&self, seed: u64, world: u64) -> Result<Environment<Articulated>, EnvironmentError> {
+        Environment::new(self.task, self.scene.simulation()?, seed, world)
+    }
+
+    /// Numbers of an observation and of an action.
+    fn size(&self) -> Result<(usize, usize), EnvironmentError> {
+        let environment = self.environment(0, 0)?;
+        Ok((environment.terms().inputs(), environment.terms().actions()))
+    }
+
+    /// Mean return over the episodes of an evaluation, which are the same for all policies of a seed.
+    fn mean_return(
+        &self,
+        seed: u64,
+        mut act: impl FnMut(&[f32], &mut [f32]),
+    ) -> Result<f64, EnvironmentError> {
+        let mut environment = self.environment(seed, EVALUATION_WORLD)?;
+        let mut total = 0.0;
+        for _ in 0..EPISODES {
+            total += environment.run_episode(&mut act)?.total;
+        }
+        Ok(total / EPISODES as f64)
+    }
+
+    /// Mean return of a linear policy.
+    fn linear_return(&self, weights: &[f64], seed: u64) -> Result<f64, EnvironmentError> {
+        self.mean_return(seed, |observation, action| act_linearly(weights, observation, action))
+    }
+
+    /// Clones the demonstrator from a demonstration.
+    fn imitation(&self, hidden: &[usize], seed: u64) -> Result<Imitation<Articulated>, StudyError> {
+        let weights: Vec<f32> = DEMONSTRATOR.into_iter().chain([0.0; 4]).collect();
+        let bytes = onnx::write_mlp(4, &[(weights, vec![0.0; 2])], Unary::Tanh, &[]);
+        let policy = self.task.policy().map_err(EnvironmentError::from)?;
+        let expert = PolicyNetwork::new(&policy, Model::read(&bytes)?.program(1)?)
+            .expect("a network of 4 observations and 2 actions");
+        let settings = ImitationSettings {
+            iterations: 1,
+            steps: self.settings.demonstration,
+            worlds: 1,
+            epochs: 100,
+            rate: if hidden.is_empty() { 1e-2 } else { 3e-3 },
+            hidden: hidden.to_vec(),
+            ..ImitationSettings::default()
+        };
+        let mut imitation =
+            Imitation::new(self.task, settings, &expert, (seed, 1), || self.scene.simulation())?;
+        imitation.advance()?;
+        Ok(imitation)
+    }
+
+    fn power(&self, beginning: Beginning, seed: u64) -> Result<Vec<Point>, StudyError> {
+        let mut weights = vec![0.0; EXPLORATION.len()];
+        if beginning == Beginning::Imitation {
+            let layers = self.imitation(&[], seed)?.policy().layers;
+            let (rows, bias) = &layers[0];
+            let row = rows[..DEMONSTRATOR.len()].iter().chain(&bias[..1]);
+            weights = row.map(|weight| f64::from(*weight)).collect();
+        }
+        let start = Start::new(weights, EXPLORATION.to_vec(), seed);
+        let mut search = Power::new(start, PowerSettings::default())?;
+        let mut environment = self.environment(seed, 0)?;
+        let mut curve = Vec::new();
+        for rollout in 0..=self.settings.rollouts {
+            if rollout.is_multiple_of(ROLLOUTS) || rollout == self.settings.rollouts {
+                let mean_return = self.linear_return(&search.mean(), seed)?;
+                curve.push(Point { experience: rollout, mean_return });
+            }
+            if rollout == self.settings.rollouts {
+                break;
+            }
+            for candidate in search.ask(1) {
+                let episode = environment.run_episode(|observation, action| {
+                    act_linearly(&candidate.parameters, observation, action);
+                })?;
+                search.tell(&[(candidate.id, episode.total)])?;
+            }
+        }
+        Ok(curve)
+    }
+
+    fn ppo(&self, beginning: Beginning, seed: u64) -> Result<Vec<Point>, StudyError> {
+        let mut settings = PpoSettings::from_table(&self.task.algorithms).map_err(EnvironmentError::from)?;
+        settings.steps = self.settings.steps;
+        let hidden = settings.hidden.clone();
+        let mut ppo = Ppo::new(self.task, settings, (seed, 1), || self.scene.simulation())?;
+        if beginning == Beginning::Imitation {
+            let imitation = self.imitation(&hidden, seed)?;
+            let (network, normaliser) = imitation.network();
+            ppo.start_from(network, normaliser);
+        }
+        let mut curve = vec![Point { experience: 0, mean_return: self.network_return(&ppo, seed)? }];
+        while !ppo.is_finished() {
+            ppo.advance()?;
+            if ppo.updates().is_multiple_of(UPDATES) || ppo.is_finished() {
+                let mean_return = self.network_return(&ppo, seed)?;
+                curve.push(Point { experience: ppo.steps(), mean_return });
+            }
+        }
+        Ok(curve)
+    }
+
+    /// Mean return of the policy of a run without exploration.
+    fn network_return(&self, ppo: &Ppo<Articulated>, seed: u64) -> Result<f64, StudyError> {
+        let mut program = Model::read(&ppo.policy().to_onnx(&[]))?.program(1)?;
+        let found = self.mean_return(seed, |observation, action| {
+            program.input_mut(0).copy_from_slice(observation);
+            program.run();
+            action.copy_from_slice(program.output(0));
+        });
+        Ok(found?)
+    }
+}
+
+/// Writes the action of a linear policy: four weights and a bias. The hinge has no drive.
+fn act_linearly(weights: &[f64], observation: &[f32], action: &mut [f32]) {
+    let terms = weights.iter().zip(observation).map(|(weight, number)| weight * f64::from(*number));
+    let bias = weights.last().copied().unwrap_or(0.0);
+    action.copy_from_slice(&[(terms.sum::<f64>() + bias) as f32, 0.0]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TASK: &str = include_str!("../../../../tasks/cart-pole.toml");
+
+    fn study(threads: usize, settings: &StudySettings) -> Study {
+        let task = Task::parse(TASK).expect("a task");
+        Study::run(&task, Path::new("."), settings, threads, || {}).expect("a study")
+    }
+
+    #[test]
+    fn imitation_saves_rollouts_of_power() {
+        let settings = StudySettings { first_seed: 1, seeds: 3, demonstration: 600, rollouts: 60, steps: 1 };
+        let found = study(2, &settings);
+        assert_eq!(found, study(1, &settings), "threads change no bit");
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let demonstrator = mean(&found.demonstrator);
+        // the cart runs off its track, but not at once
+        assert!((60.0..475.0).contains(&demonstrator), "{demonstrator}");
+        let cloned = mean(&found.starts(Method::Power, Beginning::Imitation));
+        assert!((cloned / demonstrator - 1.0).abs() < 0.25, "{cloned} of {demonstrator}");
+        let improved = mean(&found.ends(Method::Power, Beginning::Imitation));
+        assert!(improved > demonstrator, "{improved} of {demonstrator}");
+        let scratch = mean(&found.starts(Method::Power, Beginning::Scratch));
+        assert!(scratch < 0.6 * demonstrator, "{scratch} of {demonstrator}");
+        for trial in &found.trials {
+            let experience: Vec<u64> = trial.curve.iter().map(|point| point.experience).collect();
+            assert!(experience.is_sorted() && experience[0] == 0, "{trial:?}");
+        }
+    }
+
+    #[test]
+    fn ppo_starts_from_the_cloned_network() {
+        let settings = StudySettings { first_seed: 4, seeds: 1, demonstration: 1000, rollouts: 1, steps: 1 };
+        let found = study(1, &settings);
+        let [cloned] = found.starts(Method::Ppo, Beginning::Imitation)[..] else { panic!("one seed") };
+        let [random] = found.starts(Method::Ppo, Beginning::Scratch)[..] else { panic!("one seed") };
+        assert!(cloned > 2.0 * random && cloned > 0.6 * found.demonstrator[0], "{cloned} {random}");
+    }
+
+    #[test]
+    fn experience_counts_to_the_first_return_at_a_level() {
+        let point = |experience, mean_return| Point { experience, mean_return };
+        let curve = vec![point(0, 20.0), point(10, 480.0), point(20, 400.0), point(30, 490.0)];
+        let trial = Trial { method: Method::Power, beginning: Beginning::Scratch, seed: 1, curve };
+        assert_eq!(trial.experience_to(475.0), Some(10));
+        assert_eq!(trial.experience_to(485.0), Some(30));
+        assert_eq!(trial.experience_to(499.0), None);
+    }
+
+    #[test]
+    fn tasks_of_other_robots_are_refused() {
+        let task = Task::parse(include_str!("../../../../tasks/pendulum.toml")).expect("a task");
+        let settings = StudySettings { first_seed: 1, seeds: 1, demonstration: 1, rollouts: 1, steps: 1 };
+        let refused = Study::run(&task, Path::new("."), &settings, 1, || {});
+        assert!(matches!(refused, Err(StudyError::Task { actions: 1, .. })));
+    }
+}
