@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::environment::{End, Environment, EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
+use crate::folder;
 use crate::random::{Counter, Purpose};
 use crate::task::{Task, TaskError};
 use crate::trained::{self, TrainedPolicyError};
@@ -76,8 +77,8 @@ pub fn evaluate(
     let invalid = |source| EvaluationError::Task { file: task_file.to_path_buf(), source };
     let task = Task::parse(&files::read_text(task_file)?).map_err(invalid)?;
     let mut network = trained::load(folder, &task)?;
-    let base = task_file.parent().unwrap_or(Path::new(""));
-    let simulation = Scene::load(&task, base)?.simulation().map_err(EnvironmentError::from)?;
+    let simulation =
+        Scene::load(&task, &folder::base(task_file))?.simulation().map_err(EnvironmentError::from)?;
     let mut environment = Environment::new(&task, simulation, seed, 0)?;
     let (mut returns, mut steps, mut failures, mut successes) = (vec![], 0_usize, 0, 0);
     for _ in 0..episodes {
@@ -97,12 +98,48 @@ pub fn evaluate(
         mean: returns.iter().sum::<f64>() / count,
         median: quantile(&returns, 0.5),
         iqm: interquartile_mean(&returns),
-        iqm_interval: bootstrap(&returns, seed),
+        iqm_interval: bootstrap(&returns, seed, interquartile_mean),
         mean_length: steps as f64 / count,
         failures,
         successes,
         returns,
     })
+}
+
+/// A policy beside a baseline on equal episodes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Mean of the return minus the baseline's in the same episode.
+    pub difference: f64,
+    /// Bootstrap interval of the difference, 95 %.
+    pub difference_interval: [f64; 2],
+    /// Share of the episodes with a larger return than the baseline's; equal returns count half.
+    pub improved: f64,
+}
+
+/// Compares the returns of a policy with a baseline's, episode by episode: both were evaluated on the same
+/// task, with the same seed. Returns `None` where the numbers of episodes differ or are 0.
+pub fn compare(baseline: &Evaluation, other: &Evaluation, seed: u64) -> Option<Comparison> {
+    if baseline.returns.len() != other.returns.len() || baseline.returns.is_empty() {
+        return None;
+    }
+    let pairs = || other.returns.iter().zip(&baseline.returns);
+    let differences: Vec<f64> = pairs().map(|(other, baseline)| other - baseline).collect();
+    let improved = pairs().map(|(other, baseline)| match other.total_cmp(baseline) {
+        core::cmp::Ordering::Greater => 1.0,
+        core::cmp::Ordering::Equal => 0.5,
+        core::cmp::Ordering::Less => 0.0,
+    });
+    Some(Comparison {
+        difference: mean(&differences),
+        difference_interval: bootstrap(&differences, seed, mean),
+        improved: improved.sum::<f64>() / differences.len() as f64,
+    })
+}
+
+/// Returns the mean of at least one value.
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 fn sorted(values: &[f64]) -> Vec<f64> {
@@ -128,15 +165,15 @@ fn interquartile_mean(values: &[f64]) -> f64 {
     middle.iter().sum::<f64>() / middle.len() as f64
 }
 
-/// Returns the interval that contains 95 % of the resampled interquartile means.
-fn bootstrap(values: &[f64], seed: u64) -> [f64; 2] {
+/// Returns the interval that contains 95 % of a statistic of resamples.
+fn bootstrap(values: &[f64], seed: u64, statistic: impl Fn(&[f64]) -> f64) -> [f64; 2] {
     let mut random = Counter { seed, ..Counter::default() }.stream(Purpose::Resample);
-    let mut means = Vec::with_capacity(RESAMPLES);
+    let mut found = Vec::with_capacity(RESAMPLES);
     for _ in 0..RESAMPLES {
         let sample: Vec<f64> = values.iter().map(|_| values[random.random_range(0..values.len())]).collect();
-        means.push(interquartile_mean(&sample));
+        found.push(statistic(&sample));
     }
-    [quantile(&means, 0.025), quantile(&means, 0.975)]
+    [quantile(&found, 0.025), quantile(&found, 0.975)]
 }
 
 #[cfg(test)]
@@ -157,8 +194,35 @@ mod tests {
         // 400 values spread evenly over [-1, 3]
         let values: Vec<f64> =
             (0..400).map(|k| 1.0 + (f64::from(k) * 0.618_033_988_75).fract() * 4.0 - 2.0).collect();
-        let [low, high] = bootstrap(&values, 1);
+        let [low, high] = bootstrap(&values, 1, interquartile_mean);
         assert!(low < 1.0 && 1.0 < high && high - low < 0.6, "{low} {high}");
-        assert_eq!(bootstrap(&values, 1), [low, high]);
+        assert_eq!(bootstrap(&values, 1, interquartile_mean), [low, high]);
+    }
+
+    fn evaluation(returns: Vec<f64>) -> Evaluation {
+        Evaluation {
+            episodes: returns.len(),
+            mean: mean(&returns),
+            median: quantile(&returns, 0.5),
+            iqm: interquartile_mean(&returns),
+            iqm_interval: bootstrap(&returns, 1, interquartile_mean),
+            mean_length: 1.0,
+            failures: 0,
+            successes: 0,
+            returns,
+        }
+    }
+
+    #[test]
+    fn comparisons_pair_equal_episodes() {
+        // episodes differ by far more than the policies
+        let hard: Vec<f64> = (0..50).map(|k| f64::from(k * k)).collect();
+        let better: Vec<f64> = hard.iter().map(|value| value + 2.0).collect();
+        let found = compare(&evaluation(hard.clone()), &evaluation(better), 1).expect("equal episodes");
+        assert!((found.difference - 2.0).abs() < 1e-12 && found.improved == 1.0, "{found:?}");
+        assert!(found.difference_interval.iter().all(|bound| (bound - 2.0).abs() < 1e-9), "{found:?}");
+        let same = compare(&evaluation(hard.clone()), &evaluation(hard.clone()), 1).expect("equal episodes");
+        assert_eq!((same.difference, same.improved), (0.0, 0.5));
+        assert_eq!(compare(&evaluation(hard), &evaluation(vec![1.0]), 1), None);
     }
 }

@@ -54,8 +54,17 @@ pub(crate) fn check_empty(folder: &Path) -> Result<(), FolderError> {
     Ok(())
 }
 
-/// The folder to which the robot of a task in a file is relative.
+/// The folder to which the robot of a task in a file is relative: the file's, or for the copy in the folder of a
+/// run the first file's.
 pub(crate) fn base(file: &Path) -> PathBuf {
+    #[derive(serde::Deserialize)]
+    struct Description {
+        base: PathBuf,
+    }
+    let description = files::read(&file.with_file_name(RUN)).ok().filter(|_| file.ends_with(TASK));
+    if let Some(found) = description.and_then(|bytes| serde_json::from_slice::<Description>(&bytes).ok()) {
+        return found.base;
+    }
     let base = file.parent().unwrap_or(Path::new(""));
     std::path::absolute(base).unwrap_or_else(|_| base.to_path_buf())
 }

@@ -58,6 +58,26 @@ fn training_repeats_on_threads_and_makes_a_policy() {
 }
 
 #[test]
+fn policies_are_compared_on_equal_episodes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let (short, long, curves) = (file("short"), file("long"), file("curves.svg"));
+    for (output, steps) in [(&short, "2048"), (&long, "8192")] {
+        json(&["learn", "train", TASK, "--steps", steps, "--json", "--output", output]);
+    }
+    let compare = ["learn", "compare", &short, &long, &short, "--episodes", "20", "--json"];
+    let found = json(&[&compare[..], &["--curves", &curves]].concat());
+    let policies = found["policies"].as_array().expect("policies");
+    let difference = |index: usize| policies[index]["comparison"]["difference"].as_f64().expect("a number");
+    assert!(difference(1) > 0.0, "{found}");
+    assert_eq!((difference(0), difference(2)), (0.0, 0.0));
+    let evaluated = json(&["learn", "evaluate", &long, "--episodes", "20", "--json"]);
+    assert_eq!(policies[1]["evaluation"]["returns"], evaluated["returns"]);
+    let drawn = std::fs::read_to_string(&curves).expect("a chart");
+    assert!(drawn.starts_with("<svg") && drawn.contains("mean return of 100 episodes"));
+}
+
+#[test]
 fn every_listed_algorithm_trains() {
     let folder = tempfile::tempdir().expect("a folder");
     let tasks = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks");

@@ -82,11 +82,12 @@ impl Run {
             settings.steps = steps.div_ceil(settings.iterations);
         }
         let expert = trained::load(expert, &task)?;
-        let scene = Scene::load(&task, &folder::base(file))?;
+        let base = folder::base(file);
+        let scene = Scene::load(&task, &base)?;
         let imitation = Imitation::new(&task, settings, &expert, (seed, threads), || scene.simulation())?;
         files::create_folder(folder)?;
         files::write(&folder.join(TASK), text.as_bytes())?;
-        let description = serde_json::json!({ "algorithm": algorithm.name(), "seed": seed });
+        let description = serde_json::json!({ "algorithm": algorithm.name(), "seed": seed, "base": base });
         files::write(&folder.join(RUN), description.to_string().as_bytes())?;
         let progress = "iteration,labels,beta,episodes,mean_return,loss\n".to_owned();
         let folder = folder.to_path_buf();

@@ -1,5 +1,6 @@
 //! `motorium learn`: training of policies, and tuning of graphs.
 
+mod compare;
 mod evaluate;
 mod list;
 mod train;
@@ -9,7 +10,7 @@ use std::process::ExitCode;
 
 pub(crate) use train::threads;
 
-/// Policies that learn a task: train one, continue a training run, evaluate it, list tasks; tune a graph.
+/// Policies that learn a task: train one, continue a training run, evaluate and compare policies, list tasks; tune a graph.
 ///
 /// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
 #[derive(Debug, clap::Args)]
@@ -23,6 +24,7 @@ enum Command {
     Train(train::Train),
     Resume(train::Resume),
     Evaluate(evaluate::Evaluate),
+    Compare(compare::Compare),
     Tune(tune::Tune),
     List(list::List),
 }
@@ -33,6 +35,7 @@ impl Learn {
             Command::Train(command) => command.run(),
             Command::Resume(command) => command.run(),
             Command::Evaluate(command) => command.run(),
+            Command::Compare(command) => command.run(),
             Command::Tune(command) => command.run(),
             Command::List(command) => command.run(),
         }
