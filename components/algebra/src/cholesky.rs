@@ -319,25 +319,4 @@ mod tests {
         assert!(factor.append(&[4.0], 4.0).is_err());
         assert_eq!(factor.row(0), [2.0]);
     }
-
-    /// Prints the time of a factor and inverse; run alone and optimised.
-    #[test]
-    #[ignore = "a measurement"]
-    fn time_of_factor_and_inverse() {
-        let matrix = positive(200);
-        let mut factor = Cholesky::with_capacity(200);
-        let mut inverse = vec![0.0; factor.stride() * factor.stride()];
-        let mut times: Vec<f64> = (0..200)
-            .map(|_| {
-                let start = std::time::Instant::now();
-                factor
-                    .factorise(200, |i, out| out.copy_from_slice(&matrix.column(i).as_slice()[i..]))
-                    .expect("positive");
-                factor.inverse(&mut inverse);
-                start.elapsed().as_secs_f64() * 1e3
-            })
-            .collect();
-        times.sort_by(f64::total_cmp);
-        println!("factor and inverse of 200 rows: median {:.3} ms, fastest {:.3} ms", times[100], times[0]);
-    }
 }

@@ -7,4 +7,3 @@ mod latent;
 mod markov;
 mod onnx;
 mod processes;
-mod timing;
