@@ -1,5 +1,6 @@
 //! Networks with their optimisers and targets.
 
+use motorium_models::networks::differentiable::Function;
 use motorium_models::networks::{Adam, Perceptron};
 use nalgebra::DMatrix;
 
@@ -85,9 +86,14 @@ pub(crate) struct CriticPart {
 }
 
 impl Critics {
-    /// Critics with random weights. Their networks have the numbers from 1.
+    /// Critics with random weights and ReLU between their layers: values are much larger than 1, where `tanh`
+    /// saturates. Their networks have the numbers from 1.
     pub(crate) fn new(count: usize, sizes: &[usize], seed: u64) -> Self {
-        let critics: Vec<Trained> = (1..=count as u64).map(|k| Trained::new(sizes, 1.0, seed, k)).collect();
+        let critic = |number: u64| {
+            let Trained { network, adam } = Trained::new(sizes, 1.0, seed, number);
+            Trained { network: network.with_function(Function::Relu), adam }
+        };
+        let critics: Vec<Trained> = (1..=count as u64).map(critic).collect();
         let targets = critics.iter().map(|critic| critic.network.clone()).collect();
         Self { critics, targets }
     }

@@ -45,7 +45,8 @@ use squashed::squash;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SacSettings {
     /// Steps, replay and networks. Own defaults: 100,000 steps of 4 worlds with 4 gradients after each step
-    /// of all, 1000 random steps, `tanh` layers of 64 and 64 units in place of 256 and 256 with ReLU.
+    /// of all, 1000 random steps, layers of 64 and 64 units in place of 256 and 256, the policy's with `tanh`
+    /// in place of ReLU.
     #[serde(flatten)]
     pub replay: ReplaySettings,
     /// Target entropy for each moving joint, in units of an action between -1 and 1. Default -1.

@@ -4,10 +4,10 @@ use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution as _, StandardNormal};
 use rand_pcg::Pcg64;
 
+use super::differentiable::Function;
 use super::layers::{Gradients, Linear};
-use crate::arithmetic::Real;
 
-/// A multilayer perceptron with `tanh` between its layers.
+/// A multilayer perceptron with `tanh` between its layers, unless another [`Function`] is chosen.
 ///
 /// A batch is a matrix with one sample per column. The order of sums depends only on the size of the batch.
 ///
@@ -31,6 +31,7 @@ use crate::arithmetic::Real;
 #[derive(Clone, Debug)]
 pub struct Perceptron {
     layers: Vec<Linear>,
+    function: Function,
 }
 
 /// Inputs of all layers of a forward pass, then its output.
@@ -60,7 +61,13 @@ impl Perceptron {
             let (outputs, inputs) = (pair[1], pair[0]);
             Linear { weights: orthogonal(outputs, inputs, random) * gain, bias: DVector::zeros(outputs) }
         };
-        Self { layers: sizes.windows(2).enumerate().map(layer).collect() }
+        let layers = sizes.windows(2).enumerate().map(layer).collect();
+        Self { layers, function: Function::Tanh }
+    }
+
+    /// Replaces the function between the layers.
+    pub fn with_function(self, function: Function) -> Self {
+        Self { function, ..self }
     }
 
     /// Number of parameters.
@@ -106,7 +113,7 @@ impl Perceptron {
         for (index, layer) in self.layers.iter().enumerate() {
             let mut output = layer.forward(&values[index]);
             if index + 1 < self.layers.len() {
-                output.iter_mut().for_each(|value| *value = Real::tanh(*value));
+                output.iter_mut().for_each(|value| *value = self.function.value(*value));
             }
             values.push(output);
         }
@@ -122,7 +129,7 @@ impl Perceptron {
             let input = &trace.0[index];
             found.push(layer.gradients(input, &gradient));
             if index > 0 {
-                gradient = Self::backward(layer, input, &gradient);
+                gradient = self.backward(layer, input, &gradient);
             }
         }
         let slices = found.iter().rev().flat_map(|g| [g.weights.as_slice(), g.bias.as_slice()]);
@@ -133,16 +140,15 @@ impl Perceptron {
     pub fn input_gradients(&self, trace: &PerceptronTrace, output: DMatrix<f32>) -> DMatrix<f32> {
         let mut gradient = output;
         for (index, layer) in self.layers.iter().enumerate().skip(1).rev() {
-            gradient = Self::backward(layer, &trace.0[index], &gradient);
+            gradient = self.backward(layer, &trace.0[index], &gradient);
         }
         self.layers[0].backward(&gradient)
     }
 
-    /// The gradient before the `tanh` that made the input of a layer, from the gradient by its output.
-    fn backward(layer: &Linear, input: &DMatrix<f32>, output: &DMatrix<f32>) -> DMatrix<f32> {
+    /// The gradient before the activation that made the input of a layer, from the gradient by its output.
+    fn backward(&self, layer: &Linear, input: &DMatrix<f32>, output: &DMatrix<f32>) -> DMatrix<f32> {
         let mut gradient = layer.backward(output);
-        // the slope of tanh is 1 - tanh^2
-        gradient.iter_mut().zip(input.iter()).for_each(|(g, y)| *g *= 1.0 - y * y);
+        gradient.iter_mut().zip(input.iter()).for_each(|(g, y)| *g *= self.function.slope_at_value(*y));
         gradient
     }
 }
@@ -168,7 +174,13 @@ mod tests {
 
     #[test]
     fn gradients_match_finite_differences() {
-        let mut network = Perceptron::random(&[3, 5, 4, 2], 1.0, &mut Pcg64::seed_from_u64(3));
+        for function in [Function::Tanh, Function::Relu, Function::Softplus, Function::Softsign] {
+            let network = Perceptron::random(&[3, 5, 4, 2], 1.0, &mut Pcg64::seed_from_u64(3));
+            assert_gradients(network.with_function(function));
+        }
+    }
+
+    fn assert_gradients(mut network: Perceptron) {
         let input = DMatrix::from_fn(3, 4, |i, k| (1.7 * (i + 3 * k) as f32).sin());
         let target = DMatrix::from_fn(2, 4, |i, k| 0.3 * (i as f32 - k as f32));
         let trace = network.forward(input.clone());

@@ -23,7 +23,8 @@ pub enum Function {
 }
 
 impl Function {
-    fn value<T: Real>(self, x: T) -> T {
+    /// Returns the value at `x`.
+    pub(crate) fn value<T: Real>(self, x: T) -> T {
         let (zero, one) = (T::default(), T::from_f64(1.0));
         match self {
             Self::Relu => x.larger(zero),
@@ -45,6 +46,20 @@ impl Function {
             Self::Sigmoid => x.sigmoid(),
             Self::Softplus => x.larger(zero) + (-x.magnitude()).exp().ln_1p(),
             Self::Softsign => x / (one + x.magnitude()),
+        }
+    }
+
+    /// Returns the derivative where the value is `y`, which determines it.
+    pub(crate) fn slope_at_value<T: Real>(self, y: T) -> T {
+        let one = T::from_f64(1.0);
+        match self {
+            // the slope depends on the value, or on the sign of `x`, which the value has
+            Self::Relu | Self::Elu(_) | Self::LeakyRelu(_) | Self::Tanh | Self::Sigmoid => self.slope(y, y),
+            Self::Softplus => one - (-y).exp(),
+            Self::Softsign => {
+                let root = one - y.magnitude();
+                root * root
+            }
         }
     }
 
