@@ -8,6 +8,7 @@ mod exit;
 mod failure;
 mod gate;
 mod input;
+mod interrupt;
 mod metrics;
 mod out;
 mod overheads;

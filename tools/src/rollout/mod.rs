@@ -5,6 +5,8 @@ mod overlay;
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use motorium::graph::{self, GraphError, Machine, Override};
 use motorium::launcher::{Exit, LaunchError, Options};
@@ -107,6 +109,9 @@ pub(crate) struct Rollout {
     /// Terms of the reward.
     pub(crate) rewards: Vec<Reward>,
     pub(crate) machine: Machine,
+    /// Set by a signal. A session ends at the signals that come while it runs; this flag remembers those in
+    /// between.
+    pub(crate) interrupted: Arc<AtomicBool>,
 }
 
 impl Rollout {
@@ -140,6 +145,9 @@ impl Rollout {
         registry: &Registry,
         core: usize,
     ) -> Result<Evaluation, RolloutError> {
+        if self.interrupted.load(Relaxed) {
+            return Err(RolloutError::Interrupted);
+        }
         let options = Options::inline().on_core(core);
         let mut session = match Session::launch(plan, registry, &options) {
             Ok(session) => session,

@@ -7,7 +7,8 @@ use std::time::Duration;
 use anyhow::Context as _;
 use motorium_can::Attached;
 
-use super::{interrupted, refused};
+use super::refused;
+use crate::interrupt::interrupted;
 use crate::out::outln;
 
 /// Make an slcan adapter on a serial line a kernel interface, until Ctrl-C.

@@ -11,9 +11,10 @@ use anyhow::Context as _;
 use motorium::units::TimeSpan;
 use motorium_can::{Listener, Record};
 
+use super::refused;
 use super::words::{Interpreter, Words};
-use super::{interrupted, refused};
 use crate::exit;
+use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
 
 /// Print the frames of CAN buses, in the format of `candump -L`, or write them to a file.

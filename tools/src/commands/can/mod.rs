@@ -12,10 +12,7 @@ mod traffic;
 mod words;
 
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
-use anyhow::Context as _;
 use motorium_can::OpenError;
 
 /// Scan and monitor CAN buses, send frames, write logs, and check the bus load.
@@ -56,13 +53,4 @@ impl Can {
 /// An interface that cannot be opened, with the next step.
 fn refused(error: OpenError) -> anyhow::Error {
     anyhow::anyhow!("{error}\n  {}", error.advice())
-}
-
-/// A flag that Ctrl-C and a request to end set.
-fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register(signal, flag.clone()).context("catching signals")?;
-    }
-    Ok(flag)
 }

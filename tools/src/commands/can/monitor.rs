@@ -8,9 +8,10 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use motorium::units::TimeSpan;
 use motorium_can::{Interface, Listener, Rates};
 
+use super::refused;
 use super::traffic::{BusRow, Traffic};
 use super::words::Words;
-use super::{interrupted, refused};
+use crate::interrupt::interrupted;
 use crate::out::{out, outln};
 use crate::report::table;
 use crate::screen::is_drawable;

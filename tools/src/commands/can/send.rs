@@ -12,6 +12,7 @@ use motorium_can::{Record, RecordError, Sender};
 
 use super::refused;
 use crate::exit;
+use crate::interrupt::interrupted;
 use crate::out::errln;
 
 /// Send frames onto a CAN bus, or play a log.
@@ -54,7 +55,7 @@ impl Send {
             }
         };
         let mut sender = Sender::open(&self.interface).map_err(refused)?;
-        let interrupted = super::interrupted()?;
+        let interrupted = interrupted()?;
         let is_over = || interrupted.load(std::sync::atomic::Ordering::Relaxed);
         let began = Instant::now();
         let first_us = records.first().map_or(0, Record::time_us);

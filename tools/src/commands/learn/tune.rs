@@ -3,6 +3,8 @@
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail, ensure};
@@ -19,6 +21,7 @@ use super::train::threads;
 use crate::commands::loading::graph_file;
 use crate::complete;
 use crate::failure::Failure;
+use crate::interrupt::interrupted;
 use crate::out::{errln, outln};
 use crate::registry::registry;
 use crate::rollout::{Reward, Rollout, RolloutError, allowed_cores, overlay};
@@ -122,7 +125,7 @@ struct Description {
 }
 
 impl Description {
-    fn rollout(&self) -> anyhow::Result<Rollout> {
+    fn rollout(&self, interrupted: Arc<AtomicBool>) -> anyhow::Result<Rollout> {
         Ok(Rollout {
             graph: self.graph.clone(),
             text: crate::input::text(&self.graph)?,
@@ -132,6 +135,7 @@ impl Description {
             no_expect: self.no_expect,
             rewards: self.rewards.clone(),
             machine: Machine::detect(),
+            interrupted,
         })
     }
 }
@@ -234,7 +238,7 @@ impl Tune {
             evaluations: self.evaluations,
             together: usize::from(self.together),
         };
-        let graph = match Graph::check(description.rollout()?, &settings)? {
+        let graph = match Graph::check(description.rollout(interrupted()?)?, &settings)? {
             Ok(graph) => graph,
             Err(error) => return Ok(refuse(&error)),
         };
@@ -249,7 +253,7 @@ pub(super) fn resume(folder: &Path, threads: usize, json: bool) -> anyhow::Resul
     let (tuning, description) = Tuning::resume(folder)?;
     let description: Description = serde_json::from_value(description)
         .with_context(|| format!("{}: the description of the graph", folder.display()))?;
-    let graph = match Graph::check(description.rollout()?, tuning.settings())? {
+    let graph = match Graph::check(description.rollout(interrupted()?)?, tuning.settings())? {
         Ok(graph) => graph,
         Err(error) => return Ok(refuse(&error)),
     };
@@ -372,7 +376,8 @@ mod tests {
         let parameters = parameters.map(|text| text.parse().expect("a parameter")).into();
         let method = tuning::Method::Bayesian;
         let settings = Settings { parameters, method, seed: 2, evaluations: 7, together: 2 };
-        let checked = Graph::check(description.rollout().expect("a graph"), &settings).expect("a plan");
+        let checked =
+            Graph::check(description.rollout(Arc::default()).expect("a graph"), &settings).expect("a plan");
         (checked.unwrap_or_else(|error| panic!("{}", error.render(false))), settings)
     }
 

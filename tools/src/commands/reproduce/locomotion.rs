@@ -18,6 +18,7 @@ use serde_json::json;
 use super::writer::FigureWriter;
 use crate::chart::{Chart, Series};
 use crate::commands::examples;
+use crate::interrupt::interrupted;
 use crate::registry::registry;
 use crate::report::decimal;
 use crate::rollout::{Rollout, allowed_cores, overlay};
@@ -72,6 +73,7 @@ impl Locomotion {
             no_expect: true,
             rewards: vec![format!("{:?}*physics.base_travel_x_m", 1.0 / self.seconds).parse()?],
             machine: Machine::detect(),
+            interrupted: interrupted()?,
         })
     }
 

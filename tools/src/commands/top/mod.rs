@@ -12,13 +12,13 @@ mod view;
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use motorium::units::TimeSpan;
 
+use crate::interrupt::interrupted;
 use crate::metrics::{Address, Sample, Server};
 use crate::out::{errln, out, outln};
 use crate::runs::{LivingRun, newest};
@@ -90,10 +90,7 @@ impl Top {
             server.serve(open(Some(run.folder.id()))?).context("starting the thread that serves metrics")?;
         }
         run.stand_aside();
-        let interrupted = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register(signal, interrupted.clone()).context("catching signals")?;
-        }
+        let interrupted = interrupted()?;
         let span = if self.last { Span::Interval } else { Span::Run };
         let view = View { order: self.sort, reversed: false, span };
         if self.once {

@@ -4,12 +4,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use motorium::plan::TopicPlan;
 use motorium::region::Phase;
 use motorium::session::TopicReader;
 use motorium::transport::Tap;
 
+use crate::interrupt::interrupted;
 use crate::out::errln;
 use crate::runs::LivingRun;
 
@@ -55,10 +55,7 @@ impl<'a> Watch<'a> {
     /// good order, so that the place of its reader becomes free again.
     pub(super) fn open(run: &'a LivingRun, topic: &'a TopicPlan) -> anyhow::Result<Self> {
         run.stand_aside();
-        let interrupted = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register(signal, interrupted.clone()).context("catching signals")?;
-        }
+        let interrupted = interrupted()?;
         Ok(Self { run, topic, interrupted })
     }
 

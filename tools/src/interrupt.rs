@@ -1,0 +1,20 @@
+//! Ctrl-C and requests to end.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Context as _;
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+/// A flag that Ctrl-C and a request to end set from now on.
+///
+/// # Errors
+///
+/// The signals cannot be caught.
+pub(crate) fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, flag.clone()).context("catching signals")?;
+    }
+    Ok(flag)
+}
