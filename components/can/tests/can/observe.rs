@@ -72,7 +72,7 @@ config    = {{ drives = "drives.toml", observe = true, {more} }}
 "#
     );
     Graph::from_toml(text)
-        .at(&folder.0.join("graph.toml"))
+        .at_path(&folder.0.join("graph.toml"))
         .kind::<ArticulatedPhysics>()
         .kind::<DriveSimulation>()
         .kind::<CanAdapter>()
@@ -89,10 +89,10 @@ fn drives_of_every_protocol_are_measured_while_they_are_off() {
         assert!(!component.actuator, "{name}");
         assert!(component.inputs.iter().all(|input| input.port != "joint_command"), "{name}");
 
-        let measured = Probe::<JointState>::of("arm/state");
-        let truth = Probe::<JointState>::of("arm/true_state").rate("4 kHz");
-        let efforts = Probe::<JointCommand>::of("arm/efforts").rate("4 kHz");
-        let health = Probe::<JointHealth>::of("arm/health");
+        let measured = Probe::<JointState>::for_topic("arm/state");
+        let truth = Probe::<JointState>::for_topic("arm/true_state").rate("4 kHz");
+        let efforts = Probe::<JointCommand>::for_topic("arm/efforts").rate("4 kHz");
+        let health = Probe::<JointHealth>::for_topic("arm/health");
         let graph = graph.with(&measured).with(&truth).with(&efforts).with(&health);
         let report = graph.run("400 ms").unwrap();
         let result = adapter(&report);
@@ -135,7 +135,7 @@ fn a_silent_drive_is_measured_again_when_it_answers() {
         let name = protocol.0;
         let folder = Folder::new(&format!("observed-silent-{name}"), &table(protocol));
         let silent = r#"faults = [{ at = "200 ms", lasts = "50 ms", kind = "silent", joint = "joint2" }]"#;
-        let measured = Probe::<JointState>::of("arm/state");
+        let measured = Probe::<JointState>::for_topic("arm/state");
         let report = graph(&folder, protocol.4, "", silent).with(&measured).run("600 ms").unwrap();
         let result = adapter(&report);
         assert_eq!(
