@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use motorium_physics::{ArticulatedSimulator, BuildError, Options, RobotSetup, World};
-use motorium_robots::{LoadError, UnknownFrame, load};
+use motorium_physics::{ArticulatedSimulator, BuildError, Options, RobotSetup};
+use motorium_robots::{LoadError, ModelWarning, UnknownFrame, World, WorldError, load};
 
 use crate::task::Task;
 
@@ -26,12 +26,17 @@ pub enum SceneError {
         /// Reason.
         source: UnknownFrame,
     },
+    /// Its world is invalid.
+    #[error("`world`: {0}")]
+    World(#[from] WorldError),
 }
 
-/// The robot of a task on the ground of an empty world.
+/// The robot of a task in its world.
 #[derive(Clone, Debug)]
 pub struct Scene {
     robot: RobotSetup,
+    world: World,
+    warnings: Vec<ModelWarning>,
     start: Vec<f64>,
 }
 
@@ -47,7 +52,14 @@ impl Scene {
             .map_err(|source| SceneError::Load { robot: robot(), source: Box::new(source) })?;
         let setup = RobotSetup::from_loaded(&loaded)
             .map_err(|source| SceneError::Frame { robot: robot(), source })?;
-        Ok(Self { robot: setup, start: task.start.position.clone() })
+        let mut world = task.world.clone();
+        let warnings = world.locate(base)?;
+        Ok(Self { robot: setup, world, warnings, start: task.start.position.clone() })
+    }
+
+    /// Warnings of elements of the world's file that are left out.
+    pub fn warnings(&self) -> &[ModelWarning] {
+        &self.warnings
     }
 
     /// Builds a simulation of the robot.
@@ -56,6 +68,6 @@ impl Scene {
     ///
     /// [`BuildError`].
     pub fn simulation(&self) -> Result<ArticulatedSimulator, BuildError> {
-        ArticulatedSimulator::new(self.robot.clone(), World::default(), &self.start, Options::default())
+        ArticulatedSimulator::new(self.robot.clone(), self.world.clone(), &self.start, Options::default())
     }
 }

@@ -11,6 +11,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use motorium_robots::ModelWarning;
 use serde::{Deserialize, Serialize};
 
 use super::{Algorithm, CheckpointError, Learner, LearnerError, Progress};
@@ -85,23 +86,25 @@ pub struct Summary {
 pub struct Run {
     folder: PathBuf,
     task: Task,
+    warnings: Vec<ModelWarning>,
     learner: Box<dyn Learner>,
     last: Option<Progress>,
 }
 
-/// A learner of the task in a file, whose robot is relative to `base`.
+/// A learner of the task in a file, whose robot is relative to `base`, and the warnings of its world.
 fn build(
     algorithm: Algorithm,
     (task, file): (&Task, &Path),
     base: &Path,
     steps: Option<u64>,
     run: (u64, usize),
-) -> Result<Box<dyn Learner>, RunError> {
+) -> Result<(Box<dyn Learner>, Vec<ModelWarning>), RunError> {
     let scene = Scene::load(task, base)?;
-    algorithm.learner(task, &scene, steps, run).map_err(|error| match error {
+    let learner = algorithm.learner(task, &scene, steps, run).map_err(|error| match error {
         EnvironmentError::Task(source) => FolderError::Task { file: file.to_path_buf(), source }.into(),
         other => RunError::Environment(other),
-    })
+    })?;
+    Ok((learner, scene.warnings().to_vec()))
 }
 
 impl Run {
@@ -121,9 +124,9 @@ impl Run {
         let (task, text) = folder::read_task(file)?;
         folder::check_empty(folder)?;
         let base = folder::base(file);
-        let learner = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
+        let (learner, warnings) = build(algorithm, (&task, file), &base, steps, (seed, threads))?;
         let description = Description { algorithm, seed, steps: learner.total_steps(), base };
-        let run = Self { folder: folder.to_path_buf(), task, learner, last: None };
+        let run = Self { folder: folder.to_path_buf(), task, warnings, learner, last: None };
         files::create_folder(folder)?;
         files::write(&folder.join(TASK), text.as_bytes())?;
         let mut header = HEADER.to_owned();
@@ -150,7 +153,8 @@ impl Run {
             .map_err(|error| RunError::Description { file: file.clone(), message: error.to_string() })?;
         let (task, _) = folder::read_task(&folder.join(TASK))?;
         let Description { algorithm, seed, steps, base } = description;
-        let mut learner = build(algorithm, (&task, &folder.join(TASK)), &base, Some(steps), (seed, threads))?;
+        let (mut learner, warnings) =
+            build(algorithm, (&task, &folder.join(TASK)), &base, Some(steps), (seed, threads))?;
         let file = folder.join(CHECKPOINT);
         let bytes = files::read(&file)?;
         learner.restore(&bytes).map_err(|source| RunError::Checkpoint { file, source: Box::new(source) })?;
@@ -162,12 +166,17 @@ impl Run {
         };
         let kept: String = progress.lines().filter(is_kept).flat_map(|line| [line, "\n"]).collect();
         files::write(&folder.join(PROGRESS), kept.as_bytes())?;
-        Ok(Self { folder: folder.to_path_buf(), task, learner, last: None })
+        Ok(Self { folder: folder.to_path_buf(), task, warnings, learner, last: None })
     }
 
     /// The task.
     pub fn task(&self) -> &Task {
         &self.task
+    }
+
+    /// Warnings of elements of the world's file that are left out.
+    pub fn warnings(&self) -> &[ModelWarning] {
+        &self.warnings
     }
 
     /// Steps so far, and the steps of the whole run.

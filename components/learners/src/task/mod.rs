@@ -39,6 +39,7 @@ mod trial;
 
 use motorium_models::policy::{Policy, PolicyError};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
+use motorium_robots::World;
 use serde::Deserialize;
 
 pub use command::{CommandRanges, Curriculum};
@@ -63,6 +64,10 @@ pub struct Task {
     pub decimation: usize,
     /// Longest episode \[s\]. An episode that reaches it is truncated, not terminated.
     pub duration: f64,
+    /// Gravity, ground and objects around the robot, as in a graph; files are relative to the task. Default:
+    /// Earth's gravity and no ground.
+    #[serde(default)]
+    pub world: World,
     /// Start of an episode.
     pub start: StartState,
     /// Observation terms, as in `policy.toml`.

@@ -234,7 +234,7 @@ robot = "one"
 rate = "200 Hz"
 subscribe = { joint_command = "command" }
 publish = { joint_state = "state", base_state = "base", contacts = "contacts" }
-config = { plant = true }
+config = { plant = true, world = { ground = {} } }
 
 [component.task]
 kind = "learner.task"

@@ -11,7 +11,7 @@ use motorium_learners::{imitation, learner};
 use serde_json::json;
 
 use super::tune;
-use crate::out::outln;
+use crate::out::{errln, outln};
 
 /// Time between two lines of progress.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -197,6 +197,9 @@ impl Resume {
 
 /// Trains to the end, with a line of progress a second on standard error.
 fn finish(mut run: Run, json: bool) -> anyhow::Result<ExitCode> {
+    for warning in run.warnings() {
+        errln!("warning: world: {warning}");
+    }
     let (first, began) = (run.steps().0, Instant::now());
     let mut printed = began;
     while let Some(progress) = run.advance()? {
