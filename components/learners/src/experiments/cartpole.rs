@@ -1,8 +1,8 @@
 //! A cart-pole balanced by imitation and by reinforcement, each alone and one after the other.
 //!
-//! The demonstrator holds the pole upright and ignores the cart, which runs off its track. A policy learns from
-//! a short demonstration and then from rewards, or from rewards alone: a linear policy by [`Power`], a network
-//! by [`Ppo`].
+//! The demonstrator holds the pole upright, but pushes a little to one side and ignores the cart, which runs off
+//! its track. A policy learns from a short demonstration and then from rewards, or from rewards alone: a linear
+//! policy by [`Power`], a network by [`Ppo`].
 //!
 //! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The demonstration and the settings are not
 //! stated there.
@@ -24,8 +24,10 @@ use crate::search::{Power, PowerSettings, Search as _, Start, StartError, TellEr
 use crate::task::Task;
 
 /// Weights of the demonstrator for the observations of the task: positions of cart and pole relative to the
-/// default pose \[m, rad\], then their velocities. The action is a share of the largest force.
-pub const DEMONSTRATOR: [f32; 4] = [0.0, 2.0, 0.0, 0.3];
+/// default pose \[m, rad\], then their velocities; then its bias. The action is a share of the largest force.
+pub const DEMONSTRATOR: [f32; 5] = [0.0, 2.0, 0.0, 0.3, 0.03];
+/// Numbers of an observation.
+const INPUTS: usize = DEMONSTRATOR.len() - 1;
 /// Standard deviation of the exploration of PoWER for these weights and for the bias.
 const EXPLORATION: [f64; 5] = [0.3, 1.0, 0.3, 0.3, 0.02];
 /// Episodes of an evaluation.
@@ -199,7 +201,7 @@ impl Study {
         let scene = Scene::load(task, base)?;
         let bench = Bench { task, scene: &scene, settings };
         let (inputs, actions) = bench.size()?;
-        if (inputs, actions) != (DEMONSTRATOR.len(), 2) {
+        if (inputs, actions) != (INPUTS, 2) {
             return Err(StudyError::Task { inputs, actions });
         }
         let seeds = settings.first_seed..settings.first_seed.saturating_add(settings.seeds);
@@ -211,7 +213,9 @@ impl Study {
         }
         let work = |(): &mut (), job: &Job| {
             let done = match *job {
-                Job::Demonstrator(seed) => Done::Demonstrator(bench.linear_return(&demonstrator(), seed)?),
+                Job::Demonstrator(seed) => {
+                    Done::Demonstrator(bench.linear_return(&DEMONSTRATOR.map(f64::from), seed)?)
+                }
                 Job::Trial(method, beginning, seed) => {
                     let curve = match method {
                         Method::Power => bench.power(beginning, seed)?,
@@ -255,12 +259,6 @@ impl Study {
     }
 }
 
-/// Weights and bias of the demonstrator.
-fn demonstrator() -> [f64; 5] {
-    let [cart, pole, cart_rate, pole_rate] = DEMONSTRATOR.map(f64::from);
-    [cart, pole, cart_rate, pole_rate, 0.0]
-}
-
 /// The task and the settings of all trials.
 #[derive(Clone, Copy)]
 struct Bench<'a> {
@@ -301,8 +299,9 @@ impl Bench<'_> {
 
     /// Clones the demonstrator from a demonstration.
     fn imitation(&self, hidden: &[usize], seed: u64) -> Result<Imitation<Articulated>, StudyError> {
-        let weights: Vec<f32> = DEMONSTRATOR.into_iter().chain([0.0; 4]).collect();
-        let bytes = onnx::write_mlp(4, &[(weights, vec![0.0; 2])], Unary::Tanh, &[]);
+        let (weights, bias) = DEMONSTRATOR.split_at(INPUTS);
+        let layer = ([weights, &[0.0; INPUTS]].concat(), vec![bias[0], 0.0]);
+        let bytes = onnx::write_mlp(INPUTS, &[layer], Unary::Tanh, &[]);
         let policy = self.task.policy().map_err(EnvironmentError::from)?;
         let expert = PolicyNetwork::new(&policy, Model::read(&bytes)?.program(1)?)
             .expect("a network of 4 observations and 2 actions");
@@ -326,7 +325,7 @@ impl Bench<'_> {
         if beginning == Beginning::Imitation {
             let layers = self.imitation(&[], seed)?.policy().layers;
             let (rows, bias) = &layers[0];
-            let row = rows[..DEMONSTRATOR.len()].iter().chain(&bias[..1]);
+            let row = rows[..INPUTS].iter().chain(&bias[..1]);
             weights = row.map(|weight| f64::from(*weight)).collect();
         }
         let start = Start::new(weights, EXPLORATION.to_vec(), seed);

@@ -93,7 +93,7 @@ fn the_network_balances_as_its_expert_does() {
     while !imitation.is_finished() {
         losses.push(imitation.advance().expect("an iteration").loss);
     }
-    let layers = imitation.policy_layers();
+    let layers = imitation.policy().layers;
     let program =
         Model::read(&onnx::write_mlp(4, &layers, Unary::Tanh, &[])).and_then(|model| model.program(1));
     let mut program = program.expect("a network");

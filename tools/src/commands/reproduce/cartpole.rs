@@ -21,8 +21,8 @@ const SOLVED: f64 = 475.0;
 
 /// Balancing a cart-pole by imitation and reinforcement, Delhaisse's thesis (2019), figure 2.32.
 ///
-/// A linear policy learns by PoWER and a network by PPO, each after imitating a demonstrator that ignores the
-/// cart, and from scratch. Writes the returns as CSV and SVG (bars: standard errors over seeds), and reports
+/// A linear policy learns by PoWER and a network by PPO, each after imitating a demonstrator that lets the
+/// cart run off its track, and from scratch. Writes the returns as CSV and SVG (bars: standard errors over seeds), and reports
 /// which claims hold.
 ///
 /// Example: motorium reproduce cartpole --output out/
