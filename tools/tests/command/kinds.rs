@@ -19,7 +19,7 @@ fn lacks_its_library(sheet: &Value) -> bool {
 
 /// Kinds whose configuration names files that only users have, and the file that their refusal names.
 const NEEDS_A_FILE: [(&str, &str); 3] = [
-    ("learner.task", "tasks/cart-pole.toml: No such file"),
+    ("learner.task", "balance.toml: No such file"),
     ("policy.latent", "arms.latent: No such file"),
     ("policy.network", "policies/quadruped-trot/policy.toml"),
 ];

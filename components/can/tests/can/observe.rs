@@ -36,7 +36,7 @@ fn table((protocol, bus, drive, first, _): (&str, &str, &str, u8, u32)) -> Strin
     text
 }
 
-/// The arm falls while the adapter listens.
+/// The arm has no brakes and is pushed while the adapter listens.
 fn graph(folder: &Folder, rate: u32, more: &str, simulation: &str) -> Graph {
     let text = format!(
         r#"
@@ -60,7 +60,7 @@ robot     = "arm"
 trigger   = "arm/true_state"
 subscribe = {{ joint_state = "arm/true_state", frames_sent = "can/sent" }}
 publish   = {{ joint_command = "arm/efforts", frames_received = "can/received" }}
-config    = {{ drives = "drives.toml", {simulation} }}
+config    = {{ drives = "drives.toml", brakes = false, {simulation} }}
 
 [component.adapter]
 kind      = "can.adapter"
@@ -125,7 +125,8 @@ fn drives_of_every_protocol_are_measured_while_they_are_off() {
         }
         let start = truth[0].value;
         let way = |joint: usize| (last.value.position()[joint] - start.position()[joint]).abs();
-        assert!((0..3).map(way).sum::<f64>() > 0.1, "{name}: it was moved");
+        let moved = [0, 1, 2].map(way);
+        assert!(moved.iter().sum::<f64>() > 0.1, "{name}: it was moved by {moved:?} rad");
     }
 }
 
@@ -148,7 +149,7 @@ fn a_silent_drive_is_measured_again_when_it_answers() {
             !times.iter().any(|ms| (240..250).contains(ms)),
             "{name}: its joint was published while unknown"
         );
-        assert!(times.last().is_some_and(|ms| *ms > 590), "{name}: {times:?}");
+        assert!(times.last().is_some_and(|ms| *ms >= 590), "{name}: {times:?}");
     }
 }
 

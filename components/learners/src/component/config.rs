@@ -7,7 +7,7 @@ use serde::Deserialize;
 /// Configuration of `learner.task`.
 ///
 /// ```toml
-/// task = "tasks/cart-pole.toml"
+/// task = "balance.toml"
 /// ```
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
