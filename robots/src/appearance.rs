@@ -5,17 +5,9 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::nearest::nearest;
-use crate::world::{World, WorldError, check};
-use crate::{Object, urdf};
-
 /// Red, green and blue, 0 to 1 each.
 pub type Colour = [f64; 3];
 
-/// Colour of fixed objects.
-const FIXED: Colour = [0.55, 0.58, 0.62];
-/// Colour of objects that move.
-const FREE: Colour = [0.85, 0.55, 0.2];
 /// Colour of the ground.
 const EARTH: Colour = [0.8, 0.82, 0.84];
 /// Colours of links without a stated colour: the base, then alternating links.
@@ -89,45 +81,10 @@ impl Default for Light {
 }
 
 impl Appearance {
-    /// The colour of an object.
-    pub fn object(&self, object: &Object) -> Colour {
-        let plain = if object.is_dynamic() { FREE } else { FIXED };
-        self.colours.get(&object.name).copied().unwrap_or(plain)
-    }
-
     /// The colour of the ground, plane or terrain.
     pub fn ground(&self) -> Colour {
         let stated = self.colours.get("ground").or_else(|| self.colours.get("terrain"));
         stated.copied().unwrap_or(EARTH)
-    }
-
-    /// Checks every value, and that coloured objects exist.
-    pub(crate) fn check(&self, world: &World) -> Result<(), WorldError> {
-        let share = |field: &'static str, value: f64| {
-            check("appearance", field, value, (0.0..=1.0).contains(&value), "a number from 0 to 1")
-        };
-        let ground = world.ground.map(|_| "ground");
-        let terrain = world.terrain.as_ref().map(|_| "terrain");
-        let objects = world.objects.iter().map(|object| object.name.as_str());
-        let names: Vec<&str> = objects.chain(ground).chain(terrain).collect();
-        for (name, colour) in &self.colours {
-            if !names.contains(&name.as_str()) {
-                let nearest = nearest(name, names.iter().copied()).map(str::to_owned);
-                return Err(WorldError::NothingToColour { name: name.clone(), nearest });
-            }
-            colour.iter().try_for_each(|value| share("colours", *value))?;
-        }
-        self.sky.iter().try_for_each(|value| share("sky", *value))?;
-        if let Some(Checker { side, colour }) = self.checker {
-            let good = side.is_finite() && side > 0.0;
-            check("appearance", "checker.side", side, good, "a positive number")?;
-            colour.iter().try_for_each(|value| share("checker.colour", *value))?;
-        }
-        let Light { direction, ambient, .. } = self.light;
-        share("light.ambient", ambient)?;
-        let length = direction.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let good = length.is_finite() && length > 1e-9;
-        check("appearance", "light.direction", length, good, "a direction, of a length above 0")
     }
 }
 
@@ -149,11 +106,6 @@ impl Appearance {
 pub struct LinkColours(BTreeMap<String, Vec<Option<Colour>>>);
 
 impl LinkColours {
-    /// Reads the colours in the text of a URDF file; empty for another text.
-    pub fn of_urdf(text: &str) -> Self {
-        Self(urdf::visual_colours(text))
-    }
-
     /// The colours of the shapes of each link, in their order.
     pub(crate) fn of_shapes(links: BTreeMap<String, Vec<Option<Colour>>>) -> Self {
         Self(links)

@@ -164,3 +164,11 @@ pub(crate) fn write_pose(pose: &Isometry3<f64>, q: &mut [f64]) {
     let rotation = UnitQuaternion::new_normalize(*pose.rotation.quaternion());
     q[3..7].copy_from_slice(rotation.coords.as_slice());
 }
+
+/// The configuration with the base at its pose in the file and the joints at these positions.
+pub(crate) fn with_joints(model: &Model, joints: &[f64]) -> Vec<f64> {
+    let mut q = model.neutral();
+    let first = q.len() - joints.len();
+    q[first..].copy_from_slice(joints);
+    q
+}

@@ -129,3 +129,28 @@ impl Loaded {
         self.model.end_effector(self.profile.as_ref(), frame)
     }
 }
+
+/// Joints that move the tip, starting at the base, and the joints beyond it (its fingers).
+pub(crate) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
+    let body = model.frames()[tip.index()].body;
+    let parents = |mut body: Option<usize>| {
+        let mut chain = Vec::new();
+        while let Some(index) = body {
+            chain.push(index);
+            body = model.bodies()[index].parent;
+        }
+        chain
+    };
+    let chain = parents(body);
+    let of = |test: &dyn Fn(usize) -> bool| -> Vec<String> {
+        let joints = 0..model.joint_count();
+        joints
+            .filter(|&index| test(model.joint_body(index)))
+            .map(|index| model.joint_names()[index].clone())
+            .collect()
+    };
+    let moves = of(&|joint| chain.contains(&joint));
+    let beyond =
+        of(&|joint| !chain.contains(&joint) && body.is_some_and(|body| parents(Some(joint)).contains(&body)));
+    (moves, beyond)
+}

@@ -4,8 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::nearest::nearest;
-use crate::settings::SettingError;
-use crate::{Loaded, Model, Profile};
+use crate::{Loaded, Model, Profile, SettingError};
 
 /// The joints of a robot moved by a graph, and the positions of the others.
 #[derive(Debug, Default)]

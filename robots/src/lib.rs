@@ -34,12 +34,29 @@
 //! kinematics.update(model, home.as_slice());
 //! assert!(kinematics.pose(model, tool).translation.z > 0.4);
 //! ```
+//!
+//! # Modules
+//!
+//! The modules form layers. Each uses only modules above it or in its own row, and no two import each other,
+//! which a test checks.
+//!
+//! | modules | contents |
+//! |---|---|
+//! | `algebra`, [`lie`], `mesh`, `surface`, `terrain` | spatial algebra, triangle meshes, frictions, height fields |
+//! | `model` | links, joints, inertias, shapes |
+//! | `configuration`, `kinematics`, `dynamics`, `per_joint`, `srdf` | algorithms on a model; collision rules |
+//! | `geometry` | distances between links |
+//! | `profile`, `options` | poses, gains, end effectors; options of loading |
+//! | `urdf`, `mjcf`, `world` | readers of files |
+//! | `load`, `catalogue`, `settings`, `draft`, `drawn`, `rays` | robots ready to use, and what is derived from them |
 
 mod actuator;
 mod algebra;
 mod appearance;
 mod catalogue;
 mod configuration;
+mod draft;
+mod drawn;
 mod dynamics;
 mod end_effector;
 mod file;
@@ -52,16 +69,22 @@ mod kinematics;
 pub mod lie;
 mod lines;
 mod load;
+mod mesh;
 mod mjcf;
 mod model;
 mod nearest;
+mod options;
+mod packages;
 mod per_joint;
 mod postures;
 mod profile;
+mod rays;
 pub mod safetensors;
+mod setting_error;
 mod settings;
 mod source;
 mod srdf;
+mod surface;
 mod terrain;
 mod twist;
 mod urdf;
@@ -75,6 +98,7 @@ pub use actuator::{
 };
 pub use appearance::{Appearance, Checker, Colour, Light, LinkColours};
 pub use catalogue::{Entry, catalogue};
+pub use draft::draft_profile;
 pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,
     PARAMETERS, SingularMassMatrix, Wrench,
@@ -82,38 +106,43 @@ pub use dynamics::{
 pub use end_effector::EndEffectorError;
 pub use format::FileFormat;
 pub use geometry::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
-    MeshMode, MeshProblem, Proximity, Ray, RayHit, RayScene, RayShape, SolidKind, SolidProblem, SurfaceEdge,
-    SurfaceTriangle, TriangleMesh, TriangleSurface, VolumeProperties, convex_corners, fit_capsule,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshMode,
+    Proximity, SolidKind, SolidProblem, SurfaceEdge, SurfaceTriangle, TriangleSurface, convex_corners,
+    fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
-pub use load::{BaseMode, LoadError, LoadOptions, Loaded, ProfileChoice, ShapeSource, load, load_with};
-pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, MjcfWorld, parse_mjcf, parse_mjcf_world};
+pub use lines::Position;
+pub use load::{LoadError, Loaded, load, load_with};
+pub use mesh::{MeshError, MeshProblem, TriangleMesh, VolumeProperties};
+pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
     AttachError, Base, Body, BodyFactors, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint,
     JointDynamics, JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape,
     SpringError, UnknownFrame,
 };
 pub use nearest::nearest;
+pub use options::{BaseMode, LoadOptions, MimicMode, ProfileChoice, ShapeSource};
+pub use packages::PackagePath;
 pub use per_joint::{PerJoint, PerJointError};
 pub use postures::Posture;
 pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
-    draft_profile,
 };
-pub use settings::SettingError;
+pub use rays::{Ray, RayHit, RayScene, RayShape};
+pub use setting_error::SettingError;
 pub use source::{RobotSource, RobotSourceError};
 pub use srdf::{Srdf, SrdfError};
+pub use surface::{FrictionCombine, Grain, Softness};
 pub use terrain::{HeightField, NearTriangle, Terrain, TerrainError, TerrainLayer};
 pub use twist::{Reference, Twist};
 pub use urdf::{
-    DrawnRobot, MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot,
-    draw_as_urdf, parse_urdf, parse_urdf_with, pinocchio_joint_order,
+    DrawnRobot, ModelWarning, UrdfError, UrdfProblem, UrdfRobot, draw_as_urdf, parse_urdf, parse_urdf_with,
+    pinocchio_joint_order,
 };
 pub use world::{
-    CompoundPart, Connection, ConnectionKind, Conveyor, Copies, FrictionCombine, Grain, Ground, MeshBody,
-    MeshCollision, MeshShape, Object, ObjectMass, ObjectShape, Softness, World, WorldError, WorldFileError,
-    gravity_of_file,
+    CompoundPart, Connection, ConnectionKind, Conveyor, Copies, Ground, MeshBody, MeshCollision, MeshShape,
+    MjcfWorld, Object, ObjectMass, ObjectShape, World, WorldError, WorldFileError, gravity_of_file,
+    parse_mjcf_world,
 };

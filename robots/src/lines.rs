@@ -1,6 +1,13 @@
 //! Lines and columns of the places in a text.
 
-use crate::Position;
+/// A place in a text file, both counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Position {
+    /// Line.
+    pub line: u32,
+    /// Column, in characters.
+    pub column: u32,
+}
 
 /// The starts of the lines of a text: a position is found by bisection, not by reading the text from its
 /// beginning.

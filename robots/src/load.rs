@@ -8,8 +8,9 @@ use crate::format::{FileFormat, is_mjcf};
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
-    BaseKind, Entry, MimicMode, MjcfError, MjcfRobot, Model, ModelWarning, PackagePath, Position, Posture,
-    Profile, ProfileError, Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
+    BaseKind, BaseMode, Entry, LoadOptions, MimicMode, MjcfError, MjcfRobot, Model, ModelWarning,
+    PackagePath, Position, Posture, Profile, ProfileChoice, ProfileError, Srdf, UrdfError, UrdfRobot,
+    catalogue, parse_mjcf, parse_urdf_with,
 };
 
 /// Longest file of a robot or its profile, bytes. Robots of a hundred joints take a tenth of a megabyte.
@@ -57,58 +58,6 @@ impl Loaded {
             (None, None) => Ok(None),
         }
     }
-}
-
-/// Treatment of the root link: fixed to the world, or free.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BaseMode {
-    /// As in the robot's files: the root link is floating if the profile specifies it; otherwise it is fixed
-    /// to the world, unless the only joint that moves it is `floating`.
-    #[default]
-    AsFile,
-    /// The root link moves freely.
-    Floating,
-    /// The root link is fixed to the world, regardless of the profile.
-    Fixed,
-}
-
-/// Options of loading a robot.
-#[derive(Clone, Debug, Default)]
-pub struct LoadOptions {
-    /// Treatment of the root link.
-    pub base: BaseMode,
-    /// Treatment of mimic joints.
-    pub mimic: MimicMode,
-    /// Folders searched for packages before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
-    pub packages: PackagePath,
-    /// Source of the profile.
-    pub profile: ProfileChoice,
-    /// The shapes that the model gets.
-    pub shapes: ShapeSource,
-    /// The format that its file must have.
-    pub format: FileFormat,
-}
-
-/// The shapes of a file that are used in its [`Model`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ShapeSource {
-    /// Those that collide.
-    #[default]
-    Collision,
-    /// Those that are seen, for pictures: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
-    Visual,
-}
-
-/// Source of a robot's profile.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum ProfileChoice {
-    /// The catalogue's profile, or the `.toml` of the same name next to the file, if it exists.
-    #[default]
-    Own,
-    /// A file.
-    File(PathBuf),
-    /// None.
-    Without,
 }
 
 /// A robot that cannot be loaded.

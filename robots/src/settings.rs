@@ -6,25 +6,10 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use crate::end_effector::tip_joints;
 use crate::joint_subset::JointSubset;
-use crate::profile::{GainArrays, tip_joints};
-use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile};
-
-/// A robot setting in a graph file does not match the robot.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{key}`: {message}")]
-pub struct SettingError {
-    /// The key: `joints`, `fixed`, `frame`, `start` or `gains`.
-    pub key: &'static str,
-    /// The reason for which its value is refused.
-    pub message: String,
-}
-
-impl SettingError {
-    pub(crate) fn new(key: &'static str, message: impl ToString) -> Self {
-        Self { key, message: message.to_string() }
-    }
-}
+use crate::profile::GainArrays;
+use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile, SettingError};
 
 /// Settings of a robot in a graph file.
 pub(crate) struct Settings {

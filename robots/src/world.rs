@@ -1,14 +1,17 @@
 //! The world around the robot, as described by a file.
 
-mod combine;
-mod compound;
+mod checks;
+mod colours;
 mod connection;
 mod copies;
 mod file;
 mod gravity;
 mod mesh;
+mod mjcf;
 mod numbers;
+mod reading;
 mod sdf;
+mod shape;
 mod surface;
 mod table;
 mod things;
@@ -20,18 +23,14 @@ use serde::Serialize;
 
 use crate::nearest::suggestion;
 use crate::{Appearance, HeightField, MeshError, ModelWarning, Terrain, TerrainError};
-pub use combine::FrictionCombine;
-pub use compound::CompoundPart;
+use checks::{finite, from_zero};
 pub use connection::{Connection, ConnectionKind};
-pub use copies::Copies;
-pub use file::WorldFileError;
-pub(crate) use file::unique;
 pub use gravity::gravity_of_file;
 pub use mesh::{MeshBody, MeshCollision, MeshShape};
-pub(crate) use numbers::check;
-use numbers::{finite, from_zero, positive};
-pub use surface::{Grain, Softness};
-pub use things::{Conveyor, Ground, Object, ObjectMass, ObjectShape};
+pub use mjcf::{MjcfWorld, parse_mjcf_world};
+pub use reading::WorldFileError;
+pub use shape::{CompoundPart, ObjectMass, ObjectShape};
+pub use things::{Conveyor, Copies, Ground, Object};
 
 /// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in
 /// kilograms; poses in the world, which is the base frame of the robot, z up.

@@ -258,6 +258,17 @@ fn a_hung_configuration_can_be_interrupted() {
 }
 
 #[test]
+fn failed_restart_stops_a_lockstep_run() {
+    let _machine = machine();
+    let restart = "restart = { when = \"failure\", at_most = 1 }";
+    let (_folder, graph) = faulty("{ fault = \"exit_again\", at = 200 }", restart);
+    let ended = run(&graph, &["--for", "1 s", "--clock", "lockstep"]);
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let Exit::SafeStop { reason } = &ended.report().exit else { panic!("{:?}", ended.report().exit) };
+    assert!(reason.contains("`faulty`") && reason.contains("exit code 8"), "{reason}");
+}
+
+#[test]
 fn a_hung_reconfiguration_is_killed_by_policy() {
     let _machine = machine();
     let restart = "restart = { when = \"failure\", at_most = 2, within = \"400 ms\" }";

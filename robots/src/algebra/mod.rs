@@ -2,12 +2,14 @@
 //! vectors as plain numbers, so that a whole recursion compiles into straight-line code.
 
 mod axial;
+mod parry;
 mod spatial;
 mod three;
 mod trigonometry;
 mod wide;
 
 pub(crate) use axial::Turn;
+pub(crate) use parry::{v3, vector};
 pub(crate) use spatial::{ArticulatedInertia, RigidInertia, Spatial};
 pub(crate) use three::{M3, S3, V3};
 pub(crate) use trigonometry::{LANES, sin_cos, sin_cos_abreast};

@@ -2,7 +2,8 @@
 
 use super::Dynamics;
 use crate::algebra::{M3, RigidInertia, Spatial, V3};
-use crate::model::flat::{FlatModel, Node};
+use crate::model::flat::FlatModel;
+use crate::model::node::Node;
 
 /// A body in base coordinates.
 #[derive(Clone, Debug)]

@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 
 use super::{Dynamics, Wrench, external};
 use crate::algebra::{M3, Spatial, V3, Work, widest};
-use crate::model::flat::{FlatModel, Node};
+use crate::model::flat::FlatModel;
+use crate::model::node::Node;
 use crate::{FrameId, Model};
 
 /// State of the recursion for one body, in its node frame.

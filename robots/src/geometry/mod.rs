@@ -4,8 +4,6 @@
 //! capsules or stay surfaces, and pairs that cannot or may not collide are excluded. [`Collisions`] is the
 //! workspace of its queries: distances with their witness points, and their Jacobians.
 //!
-//! A [`RayScene`] finds the first surface along a line: for sensors and simulators.
-//!
 //! Distances are signed: positive is the gap \[m\], negative the penetration depth. Points and normals are in
 //! world axes; normals point from the first solid of a pair to the second.
 
@@ -13,10 +11,8 @@ mod capsule;
 mod depth;
 mod distance;
 mod jacobian;
-mod mesh;
 mod pairs;
 mod polygon;
-mod rays;
 mod robots;
 mod search;
 mod shape;
@@ -24,14 +20,14 @@ mod solid;
 mod support;
 mod tree;
 mod triangles;
+mod witness_room;
 mod witnesses;
 
 pub use capsule::fit_capsule;
 pub use distance::{Collisions, Proximity};
-pub use mesh::{MeshError, MeshProblem, TriangleMesh, VolumeProperties};
 pub use pairs::{Attachment, CollisionError, CollisionModel, CollisionOptions};
 pub use polygon::convex_corners;
-pub use rays::{Ray, RayHit, RayScene, RayShape};
 pub use shape::ConvexShape;
+pub(crate) use shape::planes;
 pub use solid::{MeshMode, SolidKind, SolidProblem};
 pub use triangles::{SurfaceEdge, SurfaceTriangle, TriangleSurface};

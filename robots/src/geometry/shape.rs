@@ -1,6 +1,12 @@
 //! Convex shapes for physics engines.
 
 use nalgebra::Vector3;
+use parry3d_f64::transformation::try_convex_hull;
+
+use crate::algebra::{V3, v3, vector};
+
+/// Tolerance of equal plane normals.
+const SAME: f64 = 1e-9;
 
 /// A convex shape about the origin of its frame. Lengths in metres, axes of revolution along z.
 ///
@@ -70,9 +76,33 @@ impl ConvexShape {
     /// without volume.
     pub fn faces(&self) -> Vec<(Vector3<f64>, f64)> {
         let Self::Hull { points } = self else { return Vec::new() };
-        let planes = super::rays::planes(points).unwrap_or_default();
+        let planes = planes(points).unwrap_or_default();
         planes.into_iter().map(|(normal, height)| (normal.into(), height)).collect()
     }
+}
+
+/// The planes of the faces of a convex hull, each once; `None` without volume.
+pub(crate) fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
+    let points: Vec<_> = points.iter().map(|&point| vector(point.into())).collect();
+    let (corners, triangles) = try_convex_hull(&points).ok()?;
+    let corners: Vec<V3> = corners.into_iter().map(v3).collect();
+    let mut planes: Vec<(V3, f64)> = Vec::new();
+    for [a, b, c] in triangles {
+        let [a, b, c] = [a, b, c].map(|index| corners[index as usize]);
+        let normal = (b - a).cross(c - a);
+        let length = normal.dot(normal).sqrt();
+        if length < 1e-18 {
+            continue;
+        }
+        let normal = normal * (1.0 / length);
+        // the outermost corner, so that rounding leaves no corner outside
+        let height = corners.iter().map(|corner| normal.dot(*corner)).fold(f64::NEG_INFINITY, f64::max);
+        let known = |(other, at): &(V3, f64)| 1.0 - normal.dot(*other) < SAME && (height - at).abs() < SAME;
+        if !planes.iter().any(known) {
+            planes.push((normal, height));
+        }
+    }
+    (planes.len() > 3).then_some(planes)
 }
 
 /// The points that are outermost towards the faces, edges and corners of a cube: at most 26.

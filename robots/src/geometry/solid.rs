@@ -7,11 +7,10 @@ use parry3d_f64::shape::{SharedShape, TriMesh};
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::capsule::fit_capsule;
-use super::mesh::{MeshError, TriangleMesh};
 use super::shape::{ConvexShape, outermost};
-use super::support::{Cloud, Core, v3, vector};
-use crate::algebra::{M3, V3};
-use crate::{Geometry, Shape};
+use super::support::{Cloud, Core};
+use crate::algebra::{M3, V3, v3, vector};
+use crate::{Geometry, MeshError, Shape, TriangleMesh};
 
 /// The collision shape that replaces a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

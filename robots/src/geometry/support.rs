@@ -7,7 +7,7 @@
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::shape::SupportMap;
 
-use crate::algebra::{M3, V3};
+use crate::algebra::{M3, V3, vector};
 
 /// A convex set about the origin of its frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -191,14 +191,4 @@ impl SupportMap for Placed<'_> {
     fn support_point(&self, _: &Pose, direction: Vector) -> Vector {
         self.local_support_point(direction)
     }
-}
-
-#[inline(always)]
-pub(super) fn vector(v: V3) -> Vector {
-    Vector::new(v.x, v.y, v.z)
-}
-
-#[inline(always)]
-pub(super) fn v3(v: Vector) -> V3 {
-    V3::new(v.x, v.y, v.z)
 }

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::mesh::TriangleMesh;
 use super::tree::{Bounds, BoxTree, is_met, least, most, overlap};
+use crate::TriangleMesh;
 use crate::algebra::V3;
 use crate::terrain::nearest_on_triangle;
 
@@ -188,7 +188,7 @@ impl TriangleSurface {
 
     /// Distance along a ray to the first triangle within `range`, and its normal, turned towards the origin
     /// of the ray.
-    pub(super) fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
+    pub(crate) fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
         let inverse = V3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
         let nearest = core::cell::Cell::new(range);
         let mut normal = None;

@@ -1,7 +1,5 @@
 //! Candidate nearest points of two solids that rotate.
 
-use std::f64::consts::FRAC_1_SQRT_2;
-
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::distance::{Collisions, Proximity};
@@ -9,55 +7,14 @@ use super::pairs::CollisionModel;
 use super::polygon::{clip, convex_corners};
 use super::solid::Solid;
 use super::support::{Core, Placed};
+use super::witness_room::{Seen, TURNS, WitnessRoom};
 use crate::algebra::{M3, V3};
 
 /// Rotation after which another point may be the nearest \[rad\].
 const TILT: f64 = 0.05;
-/// Directions of turns.
-const TURNS: [(f64, f64); 8] = [
-    (1.0, 0.0),
-    (FRAC_1_SQRT_2, FRAC_1_SQRT_2),
-    (0.0, 1.0),
-    (-FRAC_1_SQRT_2, FRAC_1_SQRT_2),
-    (-1.0, 0.0),
-    (-FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
-    (0.0, -1.0),
-    (FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
-];
 /// Areas \[m2\] below rounding, and lengths \[m\] within which points coincide.
 const NO_AREA: f64 = 1e-13;
 const SAME: f64 = 1e-6;
-
-/// A point of a solid, and its place square to the normal of a pair, from the nearest point \[m\].
-#[derive(Clone, Copy, Debug)]
-struct Seen {
-    place: Vector2<f64>,
-    point: V3,
-}
-
-/// Room for the witnesses of a pair.
-#[derive(Debug)]
-pub(super) struct WitnessRoom {
-    points: Vec<Seen>,
-    /// Corners of the part of each solid that is near.
-    corners: [Vec<Seen>; 2],
-    /// Corners of the region in which these parts are opposite each other.
-    overlap: Vec<Vector2<f64>>,
-    clipped: Vec<Vector2<f64>>,
-}
-
-impl WitnessRoom {
-    pub(super) fn new() -> Self {
-        let corners = || Vec::with_capacity(2 * TURNS.len() + 4);
-        let overlap = || Vec::with_capacity(4 * TURNS.len() + 8);
-        Self {
-            points: Vec::with_capacity(TURNS.len() + 1),
-            corners: [corners(), corners()],
-            overlap: overlap(),
-            clipped: overlap(),
-        }
-    }
-}
 
 /// One solid of a pair, seen along the normal.
 struct View<'a> {

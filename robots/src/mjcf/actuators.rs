@@ -12,7 +12,7 @@ use super::schema::{ACTUATOR, ACTUATORS, TENDON};
 use crate::Body;
 
 /// Adds the effects of a section's actuators to the driven joints, and the gains of position actuators.
-pub(super) fn read_actuators<'a, 'i>(
+pub(crate) fn read_actuators<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
     bodies: &mut [Body],
@@ -108,7 +108,7 @@ fn is_free(section: Node<'_, '_>, name: Option<&str>) -> bool {
 }
 
 /// Checks the tendons of a section.
-pub(super) fn check_tendons<'a, 'i>(
+pub(crate) fn check_tendons<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
 ) -> Result<(), MjcfError> {

@@ -12,7 +12,7 @@ use crate::nearest::nearest;
 use crate::{ModelWarning, Position};
 
 /// Class of elements without an explicit one.
-pub(super) const MAIN: &str = "main";
+pub(crate) const MAIN: &str = "main";
 
 /// The key of the elements of a class, in place of an attribute: an element without attributes counts, too.
 const ELEMENT: &str = "";
@@ -29,14 +29,14 @@ struct Given<'a, 'i> {
 type Values<'a, 'i> = HashMap<&'a str, Vec<Given<'a, 'i>>>;
 
 /// The lines of the text, its `<default>` classes (values by kind of element) and the warnings so far.
-pub(super) struct Attributes<'a, 'i> {
+pub(crate) struct Attributes<'a, 'i> {
     lines: Lines<'a>,
     classes: HashMap<&'a str, HashMap<&'static str, Values<'a, 'i>>>,
     warnings: RefCell<Vec<ModelWarning>>,
 }
 
 impl<'a, 'i> Attributes<'a, 'i> {
-    pub(super) fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
+    pub(crate) fn new(document: &'a Document<'i>) -> Result<Self, MjcfError> {
         let classes = HashMap::from([(MAIN, HashMap::new())]);
         let lines = Lines::new(document.input_text());
         let mut attributes = Self { lines, classes, warnings: RefCell::default() };
@@ -96,7 +96,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         }
     }
 
-    pub(super) fn refuse_unknown(
+    pub(crate) fn refuse_unknown(
         &self,
         node: Node<'_, '_>,
         known: impl Fn(&str) -> bool,
@@ -113,7 +113,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.known_class(node, class).map(|()| class)
     }
 
-    pub(super) fn known_class(&self, node: Node<'_, '_>, class: &str) -> Result<(), MjcfError> {
+    pub(crate) fn known_class(&self, node: Node<'_, '_>, class: &str) -> Result<(), MjcfError> {
         if self.classes.contains_key(class) {
             return Ok(());
         }
@@ -124,7 +124,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     /// An element with its defaults, its attributes not yet looked at.
-    pub(super) fn unchecked<'b>(
+    pub(crate) fn unchecked<'b>(
         &'b self,
         node: Node<'a, 'i>,
         around: &'a str,
@@ -136,7 +136,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     /// Returns an element with its defaults, after checking all attributes against `schema`.
-    pub(super) fn element<'b>(
+    pub(crate) fn element<'b>(
         &'b self,
         node: Node<'a, 'i>,
         around: &'a str,
@@ -146,7 +146,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     /// Warns that something is ignored; once per kind, with a count.
-    pub(super) fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
+    pub(crate) fn ignored(&self, node: Node<'_, '_>, what: String, reason: &'static str) {
         let mut warnings = self.warnings.borrow_mut();
         for warning in warnings.iter_mut() {
             if let ModelWarning::Ignored { what: known, count, .. } = warning
@@ -159,11 +159,11 @@ impl<'a, 'i> Attributes<'a, 'i> {
         warnings.push(ModelWarning::Ignored { what, at: self.position(node), count: 1, reason });
     }
 
-    pub(super) fn warnings(&self) -> Vec<ModelWarning> {
+    pub(crate) fn warnings(&self) -> Vec<ModelWarning> {
         self.warnings.take()
     }
 
-    pub(super) fn refused(
+    pub(crate) fn refused(
         &self,
         node: Node<'_, '_>,
         name: &str,
@@ -174,11 +174,11 @@ impl<'a, 'i> Attributes<'a, 'i> {
         self.error(node, MjcfProblem::Attribute { element: named(node), attribute, value, reason })
     }
 
-    pub(super) fn missing(&self, node: Node<'_, '_>, attribute: &'static str) -> MjcfError {
+    pub(crate) fn missing(&self, node: Node<'_, '_>, attribute: &'static str) -> MjcfError {
         self.error(node, MjcfProblem::Missing { element: named(node), attribute })
     }
 
-    pub(super) fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
+    pub(crate) fn error(&self, node: Node<'_, '_>, problem: MjcfProblem) -> MjcfError {
         MjcfError { file: None, at: self.position(node), problem: Box::new(problem) }
     }
 
@@ -187,7 +187,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
     }
 
     /// Parses numbers separated by spaces, with the given count.
-    pub(super) fn parse(
+    pub(crate) fn parse(
         &self,
         node: Node<'_, '_>,
         name: &str,
@@ -215,15 +215,15 @@ impl<'a, 'i> Attributes<'a, 'i> {
 
 /// An element of the file with the defaults of its class.
 #[derive(Clone, Copy)]
-pub(super) struct Element<'b, 'a, 'i> {
-    pub(super) attributes: &'b Attributes<'a, 'i>,
-    pub(super) node: Node<'a, 'i>,
+pub(crate) struct Element<'b, 'a, 'i> {
+    pub(crate) attributes: &'b Attributes<'a, 'i>,
+    pub(crate) node: Node<'a, 'i>,
     defaults: Option<&'b Values<'a, 'i>>,
     schema: &'static Schema,
 }
 
 impl<'a, 'i> Element<'_, 'a, 'i> {
-    pub(super) fn checked(self) -> Result<Self, MjcfError> {
+    pub(crate) fn checked(self) -> Result<Self, MjcfError> {
         self.attributes.refuse_unknown(self.node, |name| self.schema.contains(name))?;
         for (treatment, name) in self.schema.exceptions() {
             match (self.explicit(name).filter(|given| !is_off(given.value)), treatment) {
@@ -244,7 +244,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 
     /// Warns that an attribute is ignored.
-    pub(super) fn ignore(&self, name: &str, reason: &'static str) {
+    pub(crate) fn ignore(&self, name: &str, reason: &'static str) {
         let node = self.explicit(name).map_or(self.node, |given| given.node);
         self.ignored(node, name, reason);
     }
@@ -255,13 +255,13 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 
     /// Returns the value from the element or its class.
-    pub(super) fn get(&self, name: &str) -> Option<&'a str> {
+    pub(crate) fn get(&self, name: &str) -> Option<&'a str> {
         self.explicit(name).map(|given| given.value)
     }
 
     /// Returns the one orientation attribute, its value and its element; the element's own takes precedence
     /// over its class.
-    pub(super) fn orientation(&self) -> Result<Option<(&'static str, &'a str, Node<'a, 'i>)>, MjcfError> {
+    pub(crate) fn orientation(&self) -> Result<Option<(&'static str, &'a str, Node<'a, 'i>)>, MjcfError> {
         let found = match self.attributes.orientation(self.node)? {
             Some(own) => Some(own),
             None => POSE[1..].iter().find_map(|way| Some((*way, self.explicit(way)?))),
@@ -269,7 +269,7 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
         Ok(found.map(|(way, given)| (way, given.value, given.node)))
     }
 
-    pub(super) fn flag(&self, name: &str, default: bool) -> Result<bool, MjcfError> {
+    pub(crate) fn flag(&self, name: &str, default: bool) -> Result<bool, MjcfError> {
         match self.get(name) {
             None => Ok(default),
             Some("true") => Ok(true),
@@ -279,18 +279,18 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 
     /// Exactly `N` numbers.
-    pub(super) fn numbers<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, MjcfError> {
+    pub(crate) fn numbers<const N: usize>(&self, name: &str) -> Result<Option<[f64; N]>, MjcfError> {
         let Some(given) = self.explicit(name) else { return Ok(None) };
         let numbers = self.attributes.parse(given.node, name, given.value, N..=N)?;
         Ok(Some(std::array::from_fn(|index| numbers[index])))
     }
 
-    pub(super) fn number(&self, name: &str, default: f64) -> Result<f64, MjcfError> {
+    pub(crate) fn number(&self, name: &str, default: f64) -> Result<f64, MjcfError> {
         Ok(self.numbers::<1>(name)?.map_or(default, |[x]| x))
     }
 
     /// Returns `N` numbers, the first ones from the element, then from its class, its parents, and `default`.
-    pub(super) fn first_numbers<const N: usize>(
+    pub(crate) fn first_numbers<const N: usize>(
         &self,
         name: &str,
         default: [f64; N],
@@ -307,14 +307,14 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
 
     /// Elements that set the attributes: the defaults of the class and of its parents, in order, then the
     /// element itself.
-    pub(super) fn elements(&self) -> impl Iterator<Item = Node<'a, 'i>> {
+    pub(crate) fn elements(&self) -> impl Iterator<Item = Node<'a, 'i>> {
         let class = self.defaults.and_then(|defaults| defaults.get(ELEMENT)).map_or(&[][..], Vec::as_slice);
         class.iter().map(|given| given.node).chain([self.node])
     }
 
     /// Returns the numbers set by one of the [`elements`](Self::elements), at most `most`; empty without the
     /// attribute.
-    pub(super) fn own_numbers(
+    pub(crate) fn own_numbers(
         &self,
         node: Node<'_, '_>,
         name: &str,
@@ -325,27 +325,27 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
     }
 
     /// Rejects an attribute set by the element or its class.
-    pub(super) fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
+    pub(crate) fn refused(&self, name: &str, reason: &'static str) -> MjcfError {
         let given = self.explicit(name).unwrap_or(Given { value: "", node: self.node });
         self.attributes.refused(given.node, name, given.value, reason)
     }
 
-    pub(super) fn missing(&self, name: &'static str) -> MjcfError {
+    pub(crate) fn missing(&self, name: &'static str) -> MjcfError {
         self.attributes.missing(self.node, name)
     }
 
-    pub(super) fn error(&self, problem: MjcfProblem) -> MjcfError {
+    pub(crate) fn error(&self, problem: MjcfProblem) -> MjcfError {
         self.attributes.error(self.node, problem)
     }
 
     /// An error with a custom message.
-    pub(super) fn fault(&self, problem: impl Into<String>) -> MjcfError {
+    pub(crate) fn fault(&self, problem: impl Into<String>) -> MjcfError {
         self.error(MjcfProblem::Other(problem.into()))
     }
 }
 
 /// The element with its name, if it has one: `joint name="knee"`.
-pub(super) fn named(node: Node<'_, '_>) -> String {
+pub(crate) fn named(node: Node<'_, '_>) -> String {
     let element = node.tag_name().name();
     node.attribute("name").map_or_else(|| element.to_owned(), |name| format!("{element} name=\"{name}\""))
 }

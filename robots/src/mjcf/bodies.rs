@@ -9,51 +9,60 @@ use super::attributes::{Attributes, Element, MAIN, named};
 use super::compiler::FromGeoms;
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::Geoms;
-use super::joints::SpringDamper;
 use super::masks::Masks;
 use super::pose::{between, pose};
 use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
 use crate::{Base, Body, Colour, Frame, Inertia, Shape, Srdf};
 
 /// Largest depth of bodies and frames: the reader recurses, and half the stack of a thread must do.
-pub(super) const DEEPEST: usize = 150;
+pub(crate) const DEEPEST: usize = 150;
 
 /// The context of an element.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(crate) struct Place<'a> {
     /// Carrying body; `None` for the world or a floating base.
-    pub(super) carrier: Option<usize>,
+    pub(crate) carrier: Option<usize>,
     /// The element belongs to the world.
-    pub(super) world: bool,
+    pub(crate) world: bool,
     /// Frame of the surrounding element in that body.
-    pub(super) within: Isometry3<f64>,
+    pub(crate) within: Isometry3<f64>,
     /// The default class.
-    pub(super) class: &'a str,
+    pub(crate) class: &'a str,
     /// The element is in the world itself, not in one of its bodies.
-    pub(super) top: bool,
+    pub(crate) top: bool,
     /// The frame of the body around them, by its index; 0 for the world.
-    pub(super) frame: usize,
+    pub(crate) frame: usize,
 }
 
-pub(super) struct Tree<'b, 'a, 'i> {
-    pub(super) geoms: &'b Geoms<'b, 'a, 'i>,
-    pub(super) base: Base,
-    pub(super) bodies: Vec<Body>,
-    pub(super) frames: Vec<Frame>,
+/// A joint whose spring and damping follow from a time constant and a damping ratio.
+pub(crate) struct SpringDamper<'a, 'i> {
+    /// The body it moves.
+    pub(crate) body: usize,
+    /// \[s\]
+    pub(crate) time_constant: f64,
+    pub(crate) ratio: f64,
+    pub(crate) node: Node<'a, 'i>,
+}
+
+pub(crate) struct Tree<'b, 'a, 'i> {
+    pub(crate) geoms: &'b Geoms<'b, 'a, 'i>,
+    pub(crate) base: Base,
+    pub(crate) bodies: Vec<Body>,
+    pub(crate) frames: Vec<Frame>,
     /// Position of each body's joint in the pose of the file.
-    pub(super) references: Vec<f64>,
-    pub(super) spring_dampers: Vec<SpringDamper<'a, 'i>>,
-    pub(super) masks: Masks,
+    pub(crate) references: Vec<f64>,
+    pub(crate) spring_dampers: Vec<SpringDamper<'a, 'i>>,
+    pub(crate) masks: Masks,
     /// Colours of the shapes of each link, in their order.
-    pub(super) colours: BTreeMap<String, Vec<Option<Colour>>>,
+    pub(crate) colours: BTreeMap<String, Vec<Option<Colour>>>,
     /// Mass of immovable bodies, required by `settotalmass` \[kg\].
-    pub(super) static_mass: f64,
+    pub(crate) static_mass: f64,
     /// Sites, which become frames if no body has their name.
     sites: Vec<(Node<'a, 'i>, Frame)>,
 }
 
 impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
-    pub(super) fn new(geoms: &'b Geoms<'b, 'a, 'i>) -> Self {
+    pub(crate) fn new(geoms: &'b Geoms<'b, 'a, 'i>) -> Self {
         let base = Base {
             floating: false,
             neutral: Isometry3::identity(),
@@ -83,13 +92,13 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         }
     }
 
-    pub(super) fn attributes(&self) -> &'b Attributes<'a, 'i> {
+    pub(crate) fn attributes(&self) -> &'b Attributes<'a, 'i> {
         self.geoms.attributes
     }
 
     /// Reads the contents of a body, a frame or the world; returns the inertia of its geoms in the carrier's
     /// frame.
-    pub(super) fn contents(
+    pub(crate) fn contents(
         &mut self,
         node: Node<'a, 'i>,
         place: &Place<'a>,
@@ -279,7 +288,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
     }
 
     /// Duplicate names of bodies, joints or sites are errors; a site with the name of a body is skipped.
-    pub(super) fn check_names(
+    pub(crate) fn check_names(
         &mut self,
         attributes: &Attributes<'a, 'i>,
         root: Node<'a, 'i>,
@@ -309,7 +318,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
         Ok(())
     }
 
-    pub(super) fn check_exclusions(
+    pub(crate) fn check_exclusions(
         &self,
         attributes: &Attributes<'a, 'i>,
         root: Node<'a, 'i>,
@@ -334,7 +343,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
 }
 
 /// Name of a body; a nameless one is called by its number in the file.
-pub(super) fn body_name(node: Node<'_, '_>) -> String {
+pub(crate) fn body_name(node: Node<'_, '_>) -> String {
     node.attribute("name").map_or_else(
         || {
             let before = node.document().descendants().take_while(|other| *other != node);

@@ -6,22 +6,21 @@ use nalgebra::{DMatrix, Isometry3};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::attributes::{Attributes, MAIN};
-use super::bodies::{Place, Tree};
+use super::bodies::{Place, SpringDamper, Tree};
 use super::compiler::Compiler;
 use super::drives::{self, Drives};
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::Geoms;
-use super::joints::SpringDamper;
 use super::sections::{check_options, read_assets, read_exclusions};
 use super::{MjcfRobot, actuators, equality, keyframes};
-use crate::load::{BaseMode, LoadOptions};
+use crate::options::{BaseMode, LoadOptions};
 use crate::{Base, Body, Coordinate, Dynamics, Frame, LinkColours, Model, Position, Srdf};
 
 /// Sections without effect on a model.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
 /// Parses a document, or returns the XML error.
-pub(super) fn parsed<'i>(
+pub(crate) fn parsed<'i>(
     document: Result<Document<'i>, roxmltree::Error>,
 ) -> Result<Document<'i>, MjcfError> {
     document.map_err(|error| {
@@ -32,7 +31,7 @@ pub(super) fn parsed<'i>(
     })
 }
 
-pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
+pub(crate) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
     let options_of_xml = ParsingOptions { allow_dtd: true, ..Default::default() };
     let document = parsed(Document::parse_with_options(text, options_of_xml))?;
     let attributes = Attributes::new(&document)?;

@@ -10,33 +10,33 @@ use super::error::{MjcfError, MjcfProblem};
 
 /// Bodies whose inertia is computed from their geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum FromGeoms {
+pub(crate) enum FromGeoms {
     Never,
     Missing,
     Always,
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Compiler {
+pub(crate) struct Compiler {
     /// Radians per unit of angle.
-    pub(super) angle: f64,
+    pub(crate) angle: f64,
     /// Axes of `euler`; upper case for world axes.
-    pub(super) sequence: [char; 3],
-    pub(super) auto_limits: bool,
-    pub(super) from_geoms: FromGeoms,
+    pub(crate) sequence: [char; 3],
+    pub(crate) auto_limits: bool,
+    pub(crate) from_geoms: FromGeoms,
     /// Groups of the geoms used for inertias.
-    pub(super) groups: RangeInclusive<f64>,
+    pub(crate) groups: RangeInclusive<f64>,
     /// Base frames of free bodies without children move to their centre of mass.
-    pub(super) align_free: bool,
-    pub(super) mesh_folder: PathBuf,
+    pub(crate) align_free: bool,
+    pub(crate) mesh_folder: PathBuf,
     /// Mesh files are named without their folder.
-    pub(super) strip_path: bool,
+    pub(crate) strip_path: bool,
     /// Total mass of all bodies, including static ones, if set by the file \[kg\].
-    pub(super) total_mass: Option<f64>,
+    pub(crate) total_mass: Option<f64>,
 }
 
 impl Compiler {
-    pub(super) fn read(root: Node<'_, '_>, attributes: &Attributes<'_, '_>) -> Result<Self, MjcfError> {
+    pub(crate) fn read(root: Node<'_, '_>, attributes: &Attributes<'_, '_>) -> Result<Self, MjcfError> {
         let mut compiler = Self {
             angle: std::f64::consts::PI / 180.0,
             sequence: ['x', 'y', 'z'],

@@ -10,24 +10,24 @@ use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, PerJoint, Profile};
 
 /// The drive of a joint, as the joint feels it: `tau = kp (q_des - q) + kd (v_des - v)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct PositionDrive {
-    pub(super) kp: f64,
-    pub(super) kd: f64,
+pub(crate) struct PositionDrive {
+    pub(crate) kp: f64,
+    pub(crate) kd: f64,
     /// Alternative to `kd`: the damping ratio, for the inertia of the joint in the pose of the file.
-    pub(super) damping_ratio: f64,
+    pub(crate) damping_ratio: f64,
 }
 
 /// The drives of a file, by the body that the joint moves.
 #[derive(Default)]
-pub(super) struct Drives {
+pub(crate) struct Drives {
     /// `None` for an actuator that is not a position drive, such as a motor or a muscle.
-    pub(super) by_body: BTreeMap<usize, Option<PositionDrive>>,
+    pub(crate) by_body: BTreeMap<usize, Option<PositionDrive>>,
     /// `true` if unidentified joints are driven, by tendons or sites.
-    pub(super) others: bool,
+    pub(crate) others: bool,
 }
 
 /// Returns the profile of a file; `None` without a pose or a position drive.
-pub(super) fn profile(
+pub(crate) fn profile(
     model: &Model,
     references: &[f64],
     keyframes: Vec<Keyframe>,

@@ -9,7 +9,7 @@ use crate::nearest::nearest;
 use crate::{Body, Coordinate, MimicMode};
 
 /// Converts first-order couplings to mimic joints. `of` is a body index until joints are numbered.
-pub(super) fn couple<'a, 'i>(
+pub(crate) fn couple<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
     bodies: &mut [Body],
@@ -51,7 +51,7 @@ pub(super) fn couple<'a, 'i>(
 }
 
 /// The body whose joint an attribute names.
-pub(super) fn joint_named(
+pub(crate) fn joint_named(
     bodies: &[Body],
     attributes: &Attributes<'_, '_>,
     node: Node<'_, '_>,

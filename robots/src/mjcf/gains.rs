@@ -11,15 +11,15 @@ use super::error::MjcfError;
 /// MuJoCo has one actuator default per class. Each element of `<default>`, and then the actuator itself, sets
 /// its values there in the form of a general actuator.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Gains {
-    pub(super) gain: f64,
-    pub(super) bias: [f64; 3],
-    pub(super) is_fixed: bool,
-    pub(super) is_affine: bool,
+pub(crate) struct Gains {
+    pub(crate) gain: f64,
+    pub(crate) bias: [f64; 3],
+    pub(crate) is_fixed: bool,
+    pub(crate) is_affine: bool,
 }
 
 impl Gains {
-    pub(super) fn read(actuator: &Element<'_, '_, '_>) -> Result<Self, MjcfError> {
+    pub(crate) fn read(actuator: &Element<'_, '_, '_>) -> Result<Self, MjcfError> {
         let mut gains = Self { gain: 1.0, bias: [0.0; 3], is_fixed: true, is_affine: false };
         for node in actuator.elements() {
             let numbers = |name, most| actuator.own_numbers(node, name, most);

@@ -20,7 +20,7 @@ use crate::{Colour, Geometry, Inertia, ModelWarning, Shape, ShapeSource, Triangl
 const PLANE: [f64; 2] = [100.0, 1.0];
 
 /// Default density \[kg/m3\].
-pub(super) const WATER: f64 = 1000.0;
+pub(crate) const WATER: f64 = 1000.0;
 
 /// The last group that MuJoCo's viewer shows unasked.
 const LAST_SEEN: f64 = 2.0;
@@ -32,46 +32,46 @@ const GREY: [f64; 4] = [0.5, 0.5, 0.5, 1.0];
 const SHELL: &str = "shells are not read; give the body an <inertial>";
 
 /// A mesh of `<asset>`.
-pub(super) struct MeshAsset {
-    pub(super) uri: String,
-    pub(super) path: Option<PathBuf>,
+pub(crate) struct MeshAsset {
+    pub(crate) uri: String,
+    pub(crate) path: Option<PathBuf>,
     /// Folder searched for its file.
-    pub(super) folder: PathBuf,
+    pub(crate) folder: PathBuf,
     /// A mesh that the file itself has.
-    pub(super) inline: Option<Arc<TriangleMesh>>,
-    pub(super) scale: Vector3<f64>,
+    pub(crate) inline: Option<Arc<TriangleMesh>>,
+    pub(crate) scale: Vector3<f64>,
     /// Deferred error of an unsupported `inertia` attribute, reported if needed.
-    pub(super) not_solid: Option<MjcfError>,
+    pub(crate) not_solid: Option<MjcfError>,
 }
 
 /// A `<geom>`.
-pub(super) struct Geom {
-    pub(super) placement: Isometry3<f64>,
-    pub(super) geometry: Geometry,
+pub(crate) struct Geom {
+    pub(crate) placement: Isometry3<f64>,
+    pub(crate) geometry: Geometry,
     /// `contype` and `conaffinity`.
-    pub(super) masks: [i32; 2],
+    pub(crate) masks: [i32; 2],
     /// `true` if it is among the shapes of the model.
-    pub(super) kept: bool,
+    pub(crate) kept: bool,
     /// Colour stated by it or its material.
-    pub(super) colour: Option<Colour>,
+    pub(crate) colour: Option<Colour>,
     /// MuJoCo's viewer shows it unasked.
-    pub(super) is_seen: bool,
+    pub(crate) is_seen: bool,
     /// Inertia in the frame of the geom, or a deferred error.
-    pub(super) inertia: Result<Inertia, MjcfError>,
+    pub(crate) inertia: Result<Inertia, MjcfError>,
 }
 
-pub(super) struct Geoms<'b, 'a, 'i> {
-    pub(super) attributes: &'b Attributes<'a, 'i>,
-    pub(super) compiler: &'b Compiler,
-    pub(super) shapes: ShapeSource,
-    pub(super) meshes: HashMap<&'a str, MeshAsset>,
+pub(crate) struct Geoms<'b, 'a, 'i> {
+    pub(crate) attributes: &'b Attributes<'a, 'i>,
+    pub(crate) compiler: &'b Compiler,
+    pub(crate) shapes: ShapeSource,
+    pub(crate) meshes: HashMap<&'a str, MeshAsset>,
     /// Red, green, blue and opacity of the materials; `None` for texture-only materials.
-    pub(super) materials: HashMap<&'a str, Option<[f64; 4]>>,
+    pub(crate) materials: HashMap<&'a str, Option<[f64; 4]>>,
 }
 
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
     /// Reads a geom; `in_world` when its body does not move.
-    pub(super) fn read(
+    pub(crate) fn read(
         &self,
         node: Node<'a, 'i>,
         around: &'a str,
@@ -143,7 +143,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     }
 
     /// Returns the colour of a geom or its material, and whether MuJoCo's viewer shows it by default.
-    pub(super) fn look(&self, geom: &Element<'_, 'a, 'i>) -> Result<(Option<Colour>, bool), MjcfError> {
+    pub(crate) fn look(&self, geom: &Element<'_, 'a, 'i>) -> Result<(Option<Colour>, bool), MjcfError> {
         let rgba = self.rgba(geom)?;
         let is_opaque = rgba.is_none_or(|[_, _, _, opacity]| opacity > 0.0);
         let is_seen = is_opaque && geom.number("group", 0.0)? <= LAST_SEEN;
@@ -200,7 +200,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     }
 
     /// Adds a warning for each mesh among these shapes whose file is nowhere.
-    pub(super) fn warn_of_missing_meshes<'s>(
+    pub(crate) fn warn_of_missing_meshes<'s>(
         &self,
         shapes: impl Iterator<Item = &'s Shape>,
         warnings: &mut Vec<ModelWarning>,
@@ -217,7 +217,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     }
 
     /// Rejects a geom with another inertia than a solid's.
-    pub(super) fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
+    pub(crate) fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
         if geom.flag("shellinertia", false)? {
             return Err(geom.refused("shellinertia", SHELL));
         }

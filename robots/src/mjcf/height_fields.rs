@@ -21,7 +21,7 @@ const MOST: usize = 250_000;
 ///
 /// Heights are scaled so that the lowest is 0 and the highest the third number of `size`, as in MuJoCo; the
 /// cell of four heights is cut along the same diagonal.
-pub(super) fn read<'a, 'i>(
+pub(crate) fn read<'a, 'i>(
     root: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
     compiler: &Compiler,

@@ -13,8 +13,8 @@ use crate::{ModelWarning, Position};
 const LONGEST: u64 = 16 * 1024 * 1024;
 
 /// A text with its included files, and the origin of each part.
-pub(super) struct Expanded {
-    pub(super) text: String,
+pub(crate) struct Expanded {
+    pub(crate) text: String,
     /// The main file and its included files, in order.
     files: Vec<(Option<PathBuf>, String)>,
     /// Start in `text`, file, start in that.
@@ -23,7 +23,7 @@ pub(super) struct Expanded {
 
 /// Puts the content of the root element of each included file in the place of its `<include>`. Paths are
 /// relative to the folder of the main file, and no file is included twice, as in MuJoCo.
-pub(super) fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
+pub(crate) fn expand(text: &str, file: Option<&Path>) -> Result<Expanded, MjcfError> {
     let mut expanded = Expanded {
         text: String::with_capacity(text.len()),
         files: vec![(file.map(Path::to_owned), text.to_owned())],
@@ -114,7 +114,7 @@ impl Expanded {
     }
 
     /// Returns the error with its position in the file where it occurred.
-    pub(super) fn located(&self, error: MjcfError) -> MjcfError {
+    pub(crate) fn located(&self, error: MjcfError) -> MjcfError {
         if error.file.is_some() {
             return error;
         }
@@ -123,7 +123,7 @@ impl Expanded {
     }
 
     /// Returns the warning with its position in its file, which is named unless it is the main file.
-    pub(super) fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
+    pub(crate) fn located_warning(&self, warning: ModelWarning) -> ModelWarning {
         let ModelWarning::Ignored { what, at, count, reason } = warning else { return warning };
         let (file, at) = self.origin(at);
         let included = file.filter(|file| Some(*file) != self.files[0].0.as_deref());

@@ -4,27 +4,17 @@ use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Unit, Vector3};
 use roxmltree::Node;
 
 use super::attributes::{Element, MAIN};
-use super::bodies::Tree;
+use super::bodies::{SpringDamper, Tree};
 use super::error::MjcfError;
 use super::pose::pose;
 use super::schema::{INERTIAL, is_off};
 use crate::{Coordinate, Drive, Inertia, Joint, JointDynamics, JointKind, Limits};
 
-/// A joint whose spring and damping follow from a time constant and a damping ratio.
-pub(super) struct SpringDamper<'a, 'i> {
-    /// The body it moves.
-    pub(super) body: usize,
-    /// \[s\]
-    pub(super) time_constant: f64,
-    pub(super) ratio: f64,
-    pub(super) node: Node<'a, 'i>,
-}
-
 const SPRINGS: &str = "a free base has no spring here";
 
 impl<'a, 'i> Tree<'_, 'a, 'i> {
     /// Reads a hinge or slide joint whose anchor is at `placement` in the frame of the parent body.
-    pub(super) fn joint(
+    pub(crate) fn joint(
         &mut self,
         joint: &Element<'_, 'a, 'i>,
         placement: Isometry3<f64>,
@@ -134,7 +124,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
 
     /// Rejects attributes that a floating base cannot have. Limits, axis and anchor of a free joint have no
     /// effect in MuJoCo.
-    pub(super) fn check_free(
+    pub(crate) fn check_free(
         &self,
         body: Node<'a, 'i>,
         joint: &Element<'_, 'a, 'i>,
@@ -161,7 +151,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         }
     }
 
-    pub(super) fn inertial(&self, node: Node<'a, 'i>) -> Result<Inertia, MjcfError> {
+    pub(crate) fn inertial(&self, node: Node<'a, 'i>) -> Result<Inertia, MjcfError> {
         let inertial = self.attributes().element(node, MAIN, &INERTIAL)?;
         let pose = pose(&inertial, self.geoms.compiler)?;
         for name in ["pos", "mass"] {

@@ -8,14 +8,14 @@ use super::error::{MjcfError, MjcfProblem};
 use crate::{Base, Body};
 
 /// A pose of a file: one position for each body's joint \[rad or m\].
-pub(super) struct Keyframe {
-    pub(super) name: String,
-    pub(super) base: Option<Isometry3<f64>>,
-    pub(super) positions: Vec<f64>,
+pub(crate) struct Keyframe {
+    pub(crate) name: String,
+    pub(crate) base: Option<Isometry3<f64>>,
+    pub(crate) positions: Vec<f64>,
 }
 
 /// Reads the poses of a section; velocities, times, controls and activations are not part of a pose.
-pub(super) fn read_keyframes<'a, 'i>(
+pub(crate) fn read_keyframes<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
     (base, bodies): (&Base, &[Body]),

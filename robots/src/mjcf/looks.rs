@@ -8,7 +8,7 @@ use crate::Colour;
 
 /// The colours that the geoms of a world state.
 #[derive(Default)]
-pub(super) struct Looks(Vec<Stated>);
+pub(crate) struct Looks(Vec<Stated>);
 
 /// A geom and its colour.
 struct Stated {
@@ -24,7 +24,7 @@ struct Stated {
 
 impl Looks {
     /// Records a geom: its object, its colour, and whether viewers show it.
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
         node: Node<'_, '_>,
         object: Option<&str>,
@@ -36,12 +36,12 @@ impl Looks {
     }
 
     /// Number of geoms so far.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.0.len()
     }
 
     /// Assigns the object name to shapes among the geoms from index `first`.
-    pub(super) fn rename(&mut self, first: usize, object: &str) {
+    pub(crate) fn rename(&mut self, first: usize, object: &str) {
         for stated in self.0.iter_mut().skip(first).filter(|stated| stated.object.is_some()) {
             stated.object = Some(object.to_owned());
         }
@@ -49,7 +49,7 @@ impl Looks {
 
     /// Returns the colours of objects: of the first visible shape, else of the first visible non-colliding
     /// geom of the same bodies, else of a hidden shape. Objects without a stated colour have none.
-    pub(super) fn colours<'n>(&self, objects: impl Iterator<Item = &'n str>) -> BTreeMap<String, Colour> {
+    pub(crate) fn colours<'n>(&self, objects: impl Iterator<Item = &'n str>) -> BTreeMap<String, Colour> {
         let of = |name: &str| {
             let own = || self.0.iter().filter(|stated| stated.object.as_deref() == Some(name));
             let beside = || {

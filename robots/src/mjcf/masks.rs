@@ -9,12 +9,12 @@ use crate::Srdf;
 
 /// The masks of the shapes of each body, by its name.
 #[derive(Default)]
-pub(super) struct Masks {
+pub(crate) struct Masks {
     by_body: BTreeMap<String, Vec<[i32; 2]>>,
 }
 
 impl Masks {
-    pub(super) fn add(&mut self, body: &str, masks: [i32; 2]) {
+    pub(crate) fn add(&mut self, body: &str, masks: [i32; 2]) {
         let known = self.by_body.entry(body.to_owned()).or_default();
         if !known.contains(&masks) {
             known.push(masks);
@@ -22,7 +22,7 @@ impl Masks {
     }
 
     /// Excludes pairs of bodies whose shapes cannot collide.
-    pub(super) fn exclude(&self, attributes: &Attributes<'_, '_>, root: Node<'_, '_>, exclusions: &mut Srdf) {
+    pub(crate) fn exclude(&self, attributes: &Attributes<'_, '_>, root: Node<'_, '_>, exclusions: &mut Srdf) {
         let bodies: Vec<_> = self.by_body.iter().collect();
         for (index, (second, theirs)) in bodies.iter().enumerate() {
             for (first, ours) in &bodies[..index] {

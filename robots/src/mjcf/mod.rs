@@ -8,33 +8,28 @@
 //! Not read: replicas and attachments. MuJoCo itself writes a file without them (`mj_saveLastXML`).
 
 mod actuators;
-mod attributes;
-mod bodies;
-mod build;
-mod compiler;
-mod contacts;
+pub(crate) mod attributes;
+pub(crate) mod bodies;
+pub(crate) mod build;
+pub(crate) mod compiler;
 mod drives;
 mod equality;
-mod error;
-mod free_bodies;
+pub(crate) mod error;
 mod gains;
-mod geoms;
-mod height_fields;
-mod held;
-mod include;
+pub(crate) mod geoms;
+pub(crate) mod height_fields;
+pub(crate) mod include;
 mod joints;
 mod keyframes;
-mod looks;
-mod masks;
-mod pose;
-mod schema;
-mod sections;
-mod world;
+pub(crate) mod looks;
+pub(crate) mod masks;
+pub(crate) mod pose;
+pub(crate) mod schema;
+pub(crate) mod sections;
 
 use std::path::Path;
 
 pub use error::{MjcfError, MjcfProblem};
-pub use world::{MjcfWorld, parse_mjcf_world};
 
 use crate::{LinkColours, LoadOptions, Model, ModelWarning, Profile, Srdf};
 

@@ -8,7 +8,7 @@ use super::error::{MjcfError, MjcfProblem};
 use crate::lie::so3;
 
 /// Pose of an element in the frame around it.
-pub(super) fn pose(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<Isometry3<f64>, MjcfError> {
+pub(crate) fn pose(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<Isometry3<f64>, MjcfError> {
     let position = element.numbers::<3>("pos")?.unwrap_or_default();
     Ok(Isometry3::from_parts(Translation3::from(position), rotation(element, compiler)?))
 }
@@ -63,7 +63,7 @@ fn rotation(element: &Element<'_, '_, '_>, compiler: &Compiler) -> Result<UnitQu
 /// Returns midpoint, orientation and half length of a shape between two points; `None` without `fromto`.
 ///
 /// Its z axis points from the second point to the first, as in MuJoCo.
-pub(super) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3<f64>, f64)>, MjcfError> {
+pub(crate) fn between(element: &Element<'_, '_, '_>) -> Result<Option<(Isometry3<f64>, f64)>, MjcfError> {
     let Some([ax, ay, az, bx, by, bz]) = element.numbers::<6>("fromto")? else { return Ok(None) };
     if element.numbers::<3>("pos")?.is_some_and(|position| position != [0.0; 3]) {
         return Err(element.refused("fromto", "pos says another place"));

@@ -5,7 +5,7 @@
 
 /// Treatment of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Use {
+pub(crate) enum Use {
     /// Supported.
     Read,
     /// No effect on a model: names, appearance, solver and contact parameters, user data.
@@ -17,26 +17,26 @@ pub(super) enum Use {
 }
 
 /// Attributes of an element, grouped by their treatment.
-pub(super) struct Schema {
+pub(crate) struct Schema {
     /// Element of `<default>` that provides its defaults, if any.
-    pub(super) kind: &'static str,
+    pub(crate) kind: &'static str,
     groups: &'static [(Use, &'static [&'static str])],
 }
 
 impl Schema {
-    pub(super) fn contains(&self, attribute: &str) -> bool {
+    pub(crate) fn contains(&self, attribute: &str) -> bool {
         self.groups.iter().any(|(_, names)| names.contains(&attribute))
     }
 
     /// Attributes that are ignored, or rejected if they have an effect.
-    pub(super) fn exceptions(&self) -> impl Iterator<Item = (Use, &'static str)> {
+    pub(crate) fn exceptions(&self) -> impl Iterator<Item = (Use, &'static str)> {
         let groups =
             self.groups.iter().filter(|(treatment, _)| !matches!(treatment, Use::Read | Use::NoEffect));
         groups.flat_map(|(treatment, names)| names.iter().map(|name| (*treatment, *name)))
     }
 
     /// Returns the table of an element of `<default>`; `Err` for an element that is not allowed there.
-    pub(super) fn of_default(element: &str) -> Result<Option<&'static Self>, ()> {
+    pub(crate) fn of_default(element: &str) -> Result<Option<&'static Self>, ()> {
         Ok(Some(match element {
             "joint" => &JOINT,
             "geom" => &GEOM,
@@ -54,16 +54,16 @@ impl Schema {
 }
 
 /// True if a value switches an attribute off: zeros, or "false", "auto" or "none".
-pub(super) fn is_off(value: &str) -> bool {
+pub(crate) fn is_off(value: &str) -> bool {
     let off = |word: &str| matches!(word, "false" | "auto" | "none") || word.parse() == Ok(0.0);
     value.split_whitespace().all(off)
 }
 
 /// Attributes that place an element; those after the first rotate it.
-pub(super) const POSE: [&str; 6] = ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"];
+pub(crate) const POSE: [&str; 6] = ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"];
 
 /// Elements of `<actuator>`.
-pub(super) const ACTUATORS: [&str; 12] = [
+pub(crate) const ACTUATORS: [&str; 12] = [
     "general",
     "motor",
     "position",
@@ -80,7 +80,7 @@ pub(super) const ACTUATORS: [&str; 12] = [
 
 const CONTACT: &str = "contacts have no such forces here";
 
-pub(super) const BODY: Schema = Schema {
+pub(crate) const BODY: Schema = Schema {
     kind: "",
     groups: &[
         (Use::Read, &POSE),
@@ -91,16 +91,16 @@ pub(super) const BODY: Schema = Schema {
     ],
 };
 
-pub(super) const FRAME: Schema =
+pub(crate) const FRAME: Schema =
     Schema { kind: "", groups: &[(Use::Read, &POSE), (Use::Read, &["name", "childclass"])] };
 
-pub(super) const INERTIAL: Schema =
+pub(crate) const INERTIAL: Schema =
     Schema { kind: "", groups: &[(Use::Read, &POSE), (Use::Read, &["mass", "diaginertia", "fullinertia"])] };
 
-pub(super) const FREEJOINT: Schema =
+pub(crate) const FREEJOINT: Schema =
     Schema { kind: "", groups: &[(Use::Read, &["name", "align"]), (Use::NoEffect, &["group"])] };
 
-pub(super) const JOINT: Schema = Schema {
+pub(crate) const JOINT: Schema = Schema {
     kind: "joint",
     groups: &[
         (Use::Read, &["name", "class", "type", "pos", "axis", "ref", "range", "limited", "align"]),
@@ -113,7 +113,7 @@ pub(super) const JOINT: Schema = Schema {
     ],
 };
 
-pub(super) const GEOM: Schema = Schema {
+pub(crate) const GEOM: Schema = Schema {
     kind: "geom",
     groups: &[
         (Use::Read, &POSE),
@@ -131,7 +131,7 @@ pub(super) const GEOM: Schema = Schema {
     ],
 };
 
-pub(super) const SITE: Schema = Schema {
+pub(crate) const SITE: Schema = Schema {
     kind: "site",
     groups: &[
         (Use::Read, &POSE),
@@ -140,7 +140,7 @@ pub(super) const SITE: Schema = Schema {
     ],
 };
 
-pub(super) const MESH: Schema = Schema {
+pub(crate) const MESH: Schema = Schema {
     kind: "mesh",
     groups: &[
         (Use::Read, &["name", "class", "file", "scale", "vertex", "face"]),
@@ -154,7 +154,7 @@ pub(super) const MESH: Schema = Schema {
     ],
 };
 
-pub(super) const MATERIAL: Schema = Schema {
+pub(crate) const MATERIAL: Schema = Schema {
     kind: "material",
     groups: &[
         (Use::Read, &["name", "class", "rgba"]),
@@ -163,7 +163,7 @@ pub(super) const MATERIAL: Schema = Schema {
     ],
 };
 
-pub(super) const EQUALITY: Schema = Schema {
+pub(crate) const EQUALITY: Schema = Schema {
     kind: "equality",
     groups: &[
         (Use::Read, &["name", "class", "active", "joint1", "joint2", "polycoef"]),
@@ -172,7 +172,7 @@ pub(super) const EQUALITY: Schema = Schema {
 };
 
 /// `<connect>` and `<weld>` of bodies.
-pub(super) const HELD: Schema = Schema {
+pub(crate) const HELD: Schema = Schema {
     kind: "equality",
     groups: &[
         (Use::Read, &["name", "class", "active", "body1", "body2", "anchor", "relpose"]),
@@ -181,7 +181,7 @@ pub(super) const HELD: Schema = Schema {
     ],
 };
 
-pub(super) const HFIELD: Schema = Schema {
+pub(crate) const HFIELD: Schema = Schema {
     kind: "",
     groups: &[
         (Use::Read, &["name", "file", "nrow", "ncol", "size", "elevation"]),
@@ -189,7 +189,7 @@ pub(super) const HFIELD: Schema = Schema {
     ],
 };
 
-pub(super) const TENDON: Schema = Schema {
+pub(crate) const TENDON: Schema = Schema {
     kind: "tendon",
     groups: &[
         (
@@ -206,7 +206,7 @@ pub(super) const TENDON: Schema = Schema {
     ],
 };
 
-pub(super) const ACTUATOR: Schema = Schema {
+pub(crate) const ACTUATOR: Schema = Schema {
     kind: "actuator",
     groups: &[
         (Use::Read, &["name", "class", "joint", "jointinparent", "gear", "armature", "damping"]),
@@ -224,9 +224,9 @@ pub(super) const ACTUATOR: Schema = Schema {
     ],
 };
 
-pub(super) const EXCLUDE: Schema = Schema { kind: "", groups: &[(Use::Read, &["name", "body1", "body2"])] };
+pub(crate) const EXCLUDE: Schema = Schema { kind: "", groups: &[(Use::Read, &["name", "body1", "body2"])] };
 
-pub(super) const OPTION: Schema = Schema {
+pub(crate) const OPTION: Schema = Schema {
     kind: "",
     groups: &[
         (Use::Read, &["gravity"]),

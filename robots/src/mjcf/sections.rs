@@ -12,7 +12,7 @@ use super::geoms::{Geoms, MeshAsset};
 use super::schema::{EXCLUDE, MATERIAL, MESH, OPTION};
 use crate::{Srdf, TriangleMesh};
 
-pub(super) fn check_options<'a, 'i>(
+pub(crate) fn check_options<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
 ) -> Result<(), MjcfError> {
@@ -42,7 +42,7 @@ pub(super) fn check_options<'a, 'i>(
     Ok(())
 }
 
-pub(super) fn read_assets<'a, 'i>(
+pub(crate) fn read_assets<'a, 'i>(
     section: Node<'a, 'i>,
     geoms: &mut Geoms<'_, 'a, 'i>,
     file: Option<&Path>,
@@ -141,7 +141,7 @@ fn inline_mesh(asset: &Element<'_, '_, '_>, vertices: &str) -> Result<TriangleMe
     Ok(TriangleMesh { triangles: triangles.collect(), points })
 }
 
-pub(super) fn read_exclusions<'a, 'i>(
+pub(crate) fn read_exclusions<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
     exclusions: &mut Srdf,

@@ -6,30 +6,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::dh_frames::DhFrames;
+use super::node::Node;
 use super::{Base, Body, Frame, Inertia, JointKind};
 use crate::algebra::{LANES, M3, RigidInertia, S3, V3, sin_cos};
-
-/// One body and the joint above it, in the form used by the recursions.
-#[derive(Clone, Debug)]
-pub(crate) struct Node {
-    /// Node frame at joint position zero, in the parent's node frame.
-    pub(crate) rotation: M3,
-    pub(crate) translation: V3,
-    /// Inertia about the origin of the node frame, in its axes.
-    pub(crate) inertia: RigidInertia,
-    /// Place of the parent in a work space: 0 is the base, body `i` is `i + 1`.
-    pub(crate) parent: usize,
-    /// Translation along z instead of rotation about it.
-    pub(crate) prismatic: bool,
-    /// Entry of `v`.
-    pub(crate) column: usize,
-    /// Joint position = multiplier * q\[place\] + offset.
-    pub(crate) place: usize,
-    pub(crate) multiplier: f64,
-    pub(crate) offset: f64,
-    /// Rotor inertia as seen by the column of `v`.
-    pub(crate) armature: f64,
-}
 
 /// A frame, by the node it is fixed to.
 #[derive(Clone, Copy, Debug)]
@@ -155,18 +134,6 @@ impl FlatModel {
     #[inline(always)]
     pub(crate) fn base_pose(&self, q: &[f64]) -> (M3, V3) {
         if self.floating { (quaternion(&q[3..7]), V3::from_slice(&q[..3])) } else { (M3::IDENTITY, V3::ZERO) }
-    }
-}
-
-impl Node {
-    /// Node frame in the parent's, for a joint position with this sine and cosine.
-    #[inline(always)]
-    pub(crate) fn pose(&self, (x, sin, cos): (f64, f64, f64)) -> (M3, V3) {
-        if self.prismatic {
-            (self.rotation, self.translation + self.rotation.z * x)
-        } else {
-            (self.rotation.turned(sin, cos), self.translation)
-        }
     }
 }
 

@@ -8,6 +8,7 @@ mod frame;
 mod inertia;
 mod joint;
 mod lock;
+pub(crate) mod node;
 mod scale;
 mod shape;
 mod springs;

@@ -2,9 +2,7 @@
 //! it.
 
 mod check;
-mod draft;
 mod error;
-mod home;
 mod parts;
 
 use std::collections::BTreeMap;
@@ -12,9 +10,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 use serde::Deserialize;
 
-pub use draft::draft_profile;
 pub use error::ProfileError;
-pub(crate) use home::tip_joints;
 pub use parts::{BaseKind, BasePose, EndEffector, Foot, MobileBase, Rotor, Spin, Steering};
 
 use crate::configuration::write_pose;

@@ -11,7 +11,7 @@ use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
 use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission, warn_of_model};
-use crate::load::{BaseMode, LoadOptions, ShapeSource};
+use crate::options::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
 };
@@ -57,7 +57,7 @@ pub(crate) fn assemble(
         assembly.add_joint(edge, &columns, &follows)?;
     }
     assembly.warnings.extend(survey.warnings.iter().cloned());
-    transmission::warn_of_unknown_joints(&robot, &survey, &mut assembly.warnings);
+    transmission::warn_of_unknown_joints(&robot, &survey.drives, &mut assembly.warnings);
     inertia::warn_of_massless_ends(&assembly.bodies, &mut assembly.warnings);
     let Assembly { bodies, frames, base, mut warnings, .. } = assembly;
     let model = Model::new(robot.name.clone(), base, bodies, frames);

@@ -4,13 +4,22 @@ use std::collections::BTreeMap;
 
 use roxmltree::{Document, Node};
 
+use crate::LinkColours;
+
 fn elements<'a, 'b>(node: Node<'a, 'b>, name: &'static str) -> impl Iterator<Item = Node<'a, 'b>> {
     node.children().filter(move |child| child.has_tag_name(name))
 }
 
+impl LinkColours {
+    /// Reads the colours in the text of a URDF file; empty for another text.
+    pub fn of_urdf(text: &str) -> Self {
+        Self::of_shapes(visual_colours(text))
+    }
+}
+
 /// Returns the colours of each link's visuals, in order; red, green, blue from 0 to 1. Empty for text that is
 /// not XML.
-pub(crate) fn visual_colours(text: &str) -> BTreeMap<String, Vec<Option<[f64; 3]>>> {
+fn visual_colours(text: &str) -> BTreeMap<String, Vec<Option<[f64; 3]>>> {
     let Ok(document) = Document::parse(text) else { return BTreeMap::new() };
     let robot = document.root_element();
     let own = |material: Node| {

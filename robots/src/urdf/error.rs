@@ -3,16 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::Position;
 use crate::nearest::suggestion;
-
-/// A place in a text file, both counted from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Position {
-    /// Line.
-    pub line: u32,
-    /// Column, in characters.
-    pub column: u32,
-}
 
 /// A URDF error with its position.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

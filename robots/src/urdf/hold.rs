@@ -11,7 +11,7 @@ use crate::{Coordinate, LoadOptions, parse_urdf_with};
 
 /// Returns the text of a URDF with some joints, and the joints that mimic them, fixed at positions \[rad or
 /// m\]. `None` if it does not parse.
-pub(super) fn hold_joints(text: &str, file: Option<&Path>, held: &[(String, f64)]) -> Option<String> {
+pub(crate) fn hold_joints(text: &str, file: Option<&Path>, held: &[(String, f64)]) -> Option<String> {
     let model = parse_urdf_with(text, file, &LoadOptions::default()).ok()?.model;
     let position = |joint: &str| held.iter().find(|(name, _)| name == joint).map(|(_, position)| *position);
     let document = Document::parse(text).ok()?;

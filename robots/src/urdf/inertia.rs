@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-use super::error::{Position, UrdfError, UrdfProblem};
+use super::error::{UrdfError, UrdfProblem};
 use super::joints::pose;
 use super::warning::ModelWarning;
+use crate::Position;
 use crate::{Body, Inertia};
 
 /// Returns the inertia of a link in its own frame. Impossible values are kept and reported.

@@ -7,7 +7,6 @@ mod hold;
 mod inertia;
 mod joints;
 mod mimic;
-mod packages;
 mod pinocchio;
 mod plausibility;
 mod source;
@@ -18,27 +17,17 @@ mod write;
 
 use std::path::Path;
 
-pub(crate) use colours::visual_colours;
+pub(crate) use hold::hold_joints;
 pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
 pub(crate) use plausibility::warn_of_model;
 
-pub use error::{Position, UrdfError, UrdfProblem};
-pub use packages::PackagePath;
+pub use error::{UrdfError, UrdfProblem};
 pub use pinocchio::pinocchio_joint_order;
 pub use warning::ModelWarning;
+pub(crate) use write::write;
 pub use write::{DrawnRobot, draw_as_urdf};
 
-use crate::{LoadOptions, Model};
-
-/// Treatment of mimic joints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum MimicMode {
-    /// They follow their master, as in the file.
-    #[default]
-    Follow,
-    /// Each is an independent joint with its own coordinate.
-    Independent,
-}
+use crate::{LoadOptions, MimicMode, Model, PackagePath};
 
 /// A URDF text turned into a model.
 #[derive(Clone, Debug)]

@@ -6,13 +6,13 @@ use std::ops::Range;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::error::{Position, UrdfError, UrdfProblem};
+use super::error::{UrdfError, UrdfProblem};
 use super::transmission;
 use super::warning::ModelWarning;
 use crate::lines::Lines;
-use crate::load::ShapeSource;
 use crate::nearest::nearest;
-use crate::{Drive, SafetyController};
+use crate::options::ShapeSource;
+use crate::{Drive, Position, SafetyController};
 
 /// Facts of the file that the parsed values lack, in file order.
 pub(crate) struct Survey {

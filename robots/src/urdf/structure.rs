@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use urdf_rs::Robot;
 
-use super::error::{Position, UrdfError, UrdfProblem};
+use super::error::{UrdfError, UrdfProblem};
 use super::source::Survey;
+use crate::Position;
 use crate::nearest::nearest;
 
 /// The tree of one robot; indices into the links and joints of the file.

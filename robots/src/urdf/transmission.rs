@@ -10,7 +10,6 @@ use roxmltree::Node;
 use urdf_rs::Robot;
 
 use super::error::UrdfProblem;
-use super::source::Survey;
 use super::warning::ModelWarning;
 use crate::Drive;
 
@@ -67,9 +66,13 @@ pub(crate) fn read<'a, 'i>(
 }
 
 /// Warns of transmissions of unknown joints.
-pub(crate) fn warn_of_unknown_joints(robot: &Robot, survey: &Survey, warnings: &mut Vec<ModelWarning>) {
+pub(crate) fn warn_of_unknown_joints(
+    robot: &Robot,
+    drives: &HashMap<String, (String, Drive)>,
+    warnings: &mut Vec<ModelWarning>,
+) {
     let known = |joint: &str| robot.joints.iter().any(|known| known.name == joint);
-    let drives = survey.drives.iter().filter(|(joint, _)| !known(joint));
+    let drives = drives.iter().filter(|(joint, _)| !known(joint));
     let mut unknown: Vec<_> = drives.map(|(joint, (transmission, _))| (transmission, joint)).collect();
     unknown.sort();
     warnings.extend(unknown.into_iter().map(|(transmission, joint)| ModelWarning::TransmissionJoint {

@@ -1,37 +1,9 @@
 //! Copies of an object in a pattern.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer};
 
-use super::Object;
-
-/// Copies of an object in rows, columns and layers along its own axes.
-///
-/// ```
-/// use motorium_robots::World;
-///
-/// let text = r#"
-/// [[objects]]
-/// name     = "crate"
-/// shape    = { box = { size = [0.4, 0.4, 0.4] } }
-/// position = [2.0, 0.0, 0.2]
-/// copies   = { count = [3, 1, 2], spacing = [1.0, 0.0, 0.4] }
-/// "#;
-/// let world: World = toml::from_str(text).unwrap();
-/// let names: Vec<&str> = world.objects.iter().map(|object| object.name.as_str()).collect();
-/// assert_eq!(names, ["crate_0", "crate_1", "crate_2", "crate_3", "crate_4", "crate_5"]);
-/// assert_eq!(world.objects[5].position, [4.0, 0.0, 0.6000000000000001]);
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Copies {
-    /// Number along x, y and z of the object, including itself: 1 to 1000, at most 1000 in total.
-    #[schemars(inner(range(min = 1, max = 1000)))]
-    pub count: [usize; 3],
-    /// Distance from one to the next along x, y and z (m).
-    pub spacing: [f64; 3],
-}
+use super::{Copies, Object};
 
 /// Most copies of an object.
 const MOST: usize = 1000;

@@ -1,65 +1,19 @@
 //! Worlds in files of other programs: MJCF, URDF and SDF.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use nalgebra::Isometry3;
-use roxmltree::{Document, Node};
+use roxmltree::Document;
 
+use super::mjcf::{MjcfWorld, parse_mjcf_world};
+use super::reading::{Read, WorldFileError, fixed, mesh, position, problem, unique};
 use super::{EARTH, Object, ObjectShape, World, sdf};
 use crate::file::read_bounded;
 use crate::format::is_mjcf;
-use crate::{
-    BasePose, Geometry, LinkColours, LoadOptions, MeshCollision, MeshShape, MjcfError, MjcfWorld,
-    ModelWarning, Position, Shape, TriangleMesh, UrdfError, parse_mjcf_world, parse_urdf_with,
-};
+use crate::{Geometry, LinkColours, LoadOptions, ModelWarning, Position, Shape, parse_urdf_with};
 
 /// Longest file of a world, bytes.
 const LONGEST: u64 = 64 * 1024 * 1024;
-
-/// The file cannot be read as a world.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum WorldFileError {
-    /// The file cannot be read.
-    #[error("{}: {reason}", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        reason: String,
-    },
-    /// Another format.
-    #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; a world in TOML is named by world = \"FILE.toml\"", .path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// Its root element.
-        root: String,
-    },
-    /// A fault of an MJCF file.
-    #[error(transparent)]
-    Mjcf(#[from] MjcfError),
-    /// A fault of a URDF file.
-    #[error(transparent)]
-    Urdf(#[from] UrdfError),
-    /// An element that a world cannot contain.
-    #[error("{}:{}:{}: {problem}", .path.display(), .at.line, .at.column)]
-    Problem {
-        /// The file.
-        path: PathBuf,
-        /// Its place.
-        at: Position,
-        /// The problem.
-        problem: String,
-    },
-}
-
-/// The world of a file, and its skipped elements.
-pub(super) struct Read {
-    pub(super) world: World,
-    pub(super) states_gravity: bool,
-    pub(super) warnings: Vec<ModelWarning>,
-}
 
 impl World {
     /// Adds the ground and the objects of a file before this world's, with their colours unless overridden;
@@ -108,18 +62,6 @@ pub(super) fn read(path: &Path) -> Result<Read, WorldFileError> {
         "sdf" => sdf::read(path, &document),
         root => Err(WorldFileError::Format { path: path.to_owned(), root: root.to_owned() }),
     }
-}
-
-/// The place of an element.
-pub(super) fn position(node: Node<'_, '_>) -> Position {
-    let at = node.document().text_pos_at(node.range().start);
-    Position { line: at.row, column: at.col }
-}
-
-/// An error at an element.
-pub(super) fn problem(path: &Path, node: Node<'_, '_>, problem: impl Into<String>) -> WorldFileError {
-    let at = position(node);
-    WorldFileError::Problem { path: path.to_owned(), at, problem: problem.into() }
 }
 
 /// Returns the collision shapes of a URDF without movable joints as fixed objects.
@@ -180,40 +122,4 @@ fn object(world: &World, shape: &Shape) -> Result<(Object, Option<&'static str>)
         Geometry::Mesh { uri, .. } => return Err(uri.clone()),
     };
     Ok((fixed(unique(world, &shape.link), kind, &shape.placement), reason))
-}
-
-/// A mesh of a file, and the reason for a warning.
-///
-/// In the program of the file it touches by its triangles. So it does here if it is fixed, unless it is
-/// convex, since the hull is the same then. An object that moves touches by the hull.
-pub(super) fn mesh(path: &Path, scale: [f64; 3], moves: bool) -> (ObjectShape, Option<&'static str>) {
-    let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    // A file that cannot be read is reported by the check of the object.
-    let read = TriangleMesh::read(&file).ok().filter(|mesh| !mesh.is_convex());
-    let (collision, reason) = match read {
-        None => (MeshCollision::Hull, None),
-        Some(_) if moves => {
-            (MeshCollision::Hull, Some("an object that moves touches by the convex hull of its mesh"))
-        }
-        Some(mesh) if mesh.welded().twisted_edge().is_some() => (
-            MeshCollision::Hull,
-            Some("it touches by its convex hull: its triangles face both sides; let all face outward"),
-        ),
-        Some(_) => (MeshCollision::Triangles, None),
-    };
-    (ObjectShape::Mesh(MeshShape { scale, collision, ..MeshShape::new(file) }), reason)
-}
-
-pub(super) fn fixed(name: String, shape: ObjectShape, pose: &Isometry3<f64>) -> Object {
-    let BasePose { position, rpy } = BasePose::from_isometry(pose);
-    Object { name, shape, position, rpy, ..Object::default() }
-}
-
-/// Returns a name, with a number appended if it is in use.
-pub(crate) fn unique(world: &World, name: &str) -> String {
-    let taken = |name: &str| world.objects.iter().any(|object| object.name == name);
-    if !taken(name) {
-        return name.to_owned();
-    }
-    (2..).map(|number| format!("{name}_{number}")).find(|name| !taken(name)).unwrap_or_default()
 }

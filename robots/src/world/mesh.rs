@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::WorldError;
+use super::checks::check;
 use crate::{Geometry, MeshError, TriangleMesh, TriangleSurface, VolumeProperties};
 
 /// Corners of a convex part of a mesh, at most.
@@ -141,11 +142,11 @@ impl MeshShape {
     pub(super) fn check(&self, owner: &str, moves: bool) -> Result<(), WorldError> {
         for scale in self.scale {
             let good = scale.is_finite() && scale != 0.0;
-            super::check(owner, "scale", scale, good, "a number other than 0")?;
+            check(owner, "scale", scale, good, "a number other than 0")?;
         }
         if let MeshCollision::Parts(parts) = self.collision {
             let good = (1..=MOST_PARTS).contains(&parts);
-            super::check(owner, "parts", parts as f64, good, "a whole number from 1 to 64")?;
+            check(owner, "parts", parts as f64, good, "a whole number from 1 to 64")?;
         }
         if moves && self.collision == MeshCollision::Triangles {
             return Err(WorldError::MovingTriangles { name: owner.to_owned() });

@@ -1,6 +1,9 @@
 //! Checks of the numbers of a ground and of objects.
 
-use super::{Conveyor, Grain, Ground, Object, ObjectShape, Softness, WorldError, compound};
+use super::checks::{check, finite, from_zero, positive};
+use super::shape::check_parts;
+use super::{Conveyor, Ground, Object, ObjectShape, WorldError};
+use crate::{Grain, Softness};
 
 impl Ground {
     /// Checks its numbers.
@@ -48,7 +51,7 @@ impl Object {
     /// Checks its shape, including a mesh file.
     pub(super) fn check_shape(&self) -> Result<(), WorldError> {
         match &self.shape {
-            ObjectShape::Compound(parts) => compound::check(&self.name, parts, self.density.is_some()),
+            ObjectShape::Compound(parts) => check_parts(&self.name, parts, self.density.is_some()),
             shape => shape.check(&self.name, self.is_dynamic()),
         }
     }
@@ -62,28 +65,6 @@ impl ObjectShape {
             _ => false,
         }
     }
-}
-
-pub(crate) fn check(
-    owner: &str,
-    field: &'static str,
-    value: f64,
-    good: bool,
-    expected: &'static str,
-) -> Result<(), WorldError> {
-    if good { Ok(()) } else { Err(WorldError::Value { owner: owner.to_owned(), field, value, expected }) }
-}
-
-pub(super) fn finite(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
-    check(owner, field, value, value.is_finite(), "a finite number")
-}
-
-pub(super) fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
-    check(owner, field, value, value.is_finite() && value > 0.0, "a positive number")
-}
-
-pub(super) fn from_zero(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
-    check(owner, field, value, value.is_finite() && value >= 0.0, "a number from 0 up")
 }
 
 /// Checks a softness and a grain.

@@ -10,9 +10,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 
 use self::schema::Treatment;
-use super::file::{Read, WorldFileError, fixed, mesh, position, problem, unique};
-use super::{FrictionCombine, Ground, Object, ObjectShape, World};
-use crate::ModelWarning;
+use super::reading::{Read, WorldFileError, fixed, mesh, position, problem, unique};
+use super::{Ground, Object, ObjectShape, World};
+use crate::{FrictionCombine, ModelWarning};
 
 /// Thickness and sides of the box that represents a plane on a slope \[m\].
 const THICK: f64 = 1.0;

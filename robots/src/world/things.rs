@@ -1,15 +1,12 @@
-//! The things of a world: the ground and the objects, with their shapes and surfaces.
+//! The things of a world: the ground and the objects, with their surfaces.
 
-use std::path::Path;
-
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    CompoundPart, Copies, FrictionCombine, Grain, MeshShape, Softness, WorldError, compound, positive,
-};
-use crate::{ConvexShape, Geometry};
+use super::shape::stated_mass;
+use super::{ObjectMass, ObjectShape};
+use crate::{FrictionCombine, Grain, Softness};
 
 /// A horizontal plane, solid below.
 ///
@@ -159,6 +156,33 @@ pub struct Object {
     pub copies: Option<Copies>,
 }
 
+/// Copies of an object in rows, columns and layers along its own axes.
+///
+/// ```
+/// use motorium_robots::World;
+///
+/// let text = r#"
+/// [[objects]]
+/// name     = "crate"
+/// shape    = { box = { size = [0.4, 0.4, 0.4] } }
+/// position = [2.0, 0.0, 0.2]
+/// copies   = { count = [3, 1, 2], spacing = [1.0, 0.0, 0.4] }
+/// "#;
+/// let world: World = toml::from_str(text).unwrap();
+/// let names: Vec<&str> = world.objects.iter().map(|object| object.name.as_str()).collect();
+/// assert_eq!(names, ["crate_0", "crate_1", "crate_2", "crate_3", "crate_4", "crate_5"]);
+/// assert_eq!(world.objects[5].position, [4.0, 0.0, 0.6000000000000001]);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Copies {
+    /// Number along x, y and z of the object, including itself: 1 to 1000, at most 1000 in total.
+    #[schemars(inner(range(min = 1, max = 1000)))]
+    pub count: [usize; 3],
+    /// Distance from one to the next along x, y and z (m).
+    pub spacing: [f64; 3],
+}
+
 /// Default coefficient of friction.
 const DEFAULT_FRICTION: f64 = 0.8;
 
@@ -192,52 +216,6 @@ impl Default for Object {
     }
 }
 
-/// Shapes of objects.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum ObjectShape {
-    /// A box.
-    Box {
-        /// Full sides along x, y and z (m).
-        size: [f64; 3],
-    },
-    /// A sphere.
-    Sphere {
-        /// Radius (m).
-        radius: f64,
-    },
-    /// A cylinder along z.
-    Cylinder {
-        /// Radius (m).
-        radius: f64,
-        /// Full length (m).
-        length: f64,
-    },
-    /// A capsule along z: a cylinder with half a sphere at each end.
-    Capsule {
-        /// Radius (m).
-        radius: f64,
-        /// Length of the cylinder, between the centres of the spheres (m).
-        length: f64,
-    },
-    /// A mesh.
-    Mesh(MeshShape),
-    /// Several shapes that are rigidly joined.
-    Compound(Vec<CompoundPart>),
-}
-
-/// Mass properties of an object.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ObjectMass {
-    /// Mass \[kg\].
-    pub mass: f64,
-    /// Frame of the principal axes of inertia at the centre of mass, in the object; `None` if equal to the
-    /// object's frame.
-    pub frame: Option<Isometry3<f64>>,
-    /// Principal moments of inertia about the centre of mass \[kg m2\].
-    pub moments: Vector3<f64>,
-}
-
 impl Object {
     /// Pose of the object at the start.
     pub fn pose(&self) -> Isometry3<f64> {
@@ -251,7 +229,7 @@ impl Object {
     /// Returns `true` if it has a mass and therefore moves.
     pub fn is_dynamic(&self) -> bool {
         let of_parts = || match &self.shape {
-            ObjectShape::Compound(parts) => compound::stated_mass(parts).is_some(),
+            ObjectShape::Compound(parts) => stated_mass(parts).is_some(),
             _ => false,
         };
         self.mass.is_some() || self.density.is_some() || of_parts()
@@ -268,140 +246,9 @@ impl Object {
     pub fn mass_properties(&self) -> Option<ObjectMass> {
         let of_volume = || Some(self.density? * self.shape.volume()?);
         let of_parts = || match &self.shape {
-            ObjectShape::Compound(parts) => compound::stated_mass(parts),
+            ObjectShape::Compound(parts) => stated_mass(parts),
             _ => None,
         };
         self.shape.mass_properties(self.mass.or_else(of_volume).or_else(of_parts)?)
-    }
-}
-
-impl ObjectShape {
-    /// Resolves relative paths of its meshes from a folder.
-    pub(super) fn locate(&mut self, folder: &Path) {
-        match self {
-            Self::Mesh(mesh) => mesh.locate(folder),
-            Self::Compound(parts) => parts.iter_mut().for_each(|part| part.shape.locate(folder)),
-            _ => {}
-        }
-    }
-
-    /// Mass properties of `mass` \[kg\] spread over the shape; `None` for a mesh that cannot be read.
-    pub(super) fn mass_properties(&self, mass: f64) -> Option<ObjectMass> {
-        match self {
-            Self::Compound(parts) => compound::mass_properties(parts, mass),
-            Self::Mesh(mesh) => {
-                let (frame, moments) = mesh.body().ok()?.properties?.principal();
-                Some(ObjectMass { mass, frame: Some(frame), moments: moments * mass })
-            }
-            shape => Some(ObjectMass { mass, frame: None, moments: shape.principal_inertia(mass) }),
-        }
-    }
-
-    /// Returns the volume \[m3\]; `None` for a mesh that is unreadable or has no volume. Overlapping parts of
-    /// a compound each count.
-    pub fn volume(&self) -> Option<f64> {
-        use core::f64::consts::PI;
-        Some(match self {
-            Self::Box { size: [x, y, z] } => x * y * z,
-            Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
-            Self::Cylinder { radius, length } => PI * radius * radius * length,
-            Self::Capsule { radius, length } => PI * radius * radius * (length + 4.0 / 3.0 * radius),
-            Self::Mesh(mesh) => mesh.body().ok()?.properties?.volume,
-            Self::Compound(parts) => return compound::volume(parts),
-        })
-    }
-
-    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre of mass
-    /// \[kg m2\].
-    pub fn principal_inertia(&self, mass: f64) -> Vector3<f64> {
-        match *self {
-            Self::Box { size: [x, y, z] } => {
-                Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) * (mass / 12.0)
-            }
-            Self::Sphere { radius } => Vector3::from_element(0.4 * mass * radius * radius),
-            Self::Cylinder { radius, length } => {
-                let across = mass * (3.0 * radius * radius + length * length) / 12.0;
-                Vector3::new(across, across, 0.5 * mass * radius * radius)
-            }
-            Self::Capsule { radius, length } => {
-                // The two halves of a sphere of this mass, each about its own centre of mass 3/8 of the
-                // radius beyond the cylinder.
-                let ends = mass * 4.0 * radius / (4.0 * radius + 3.0 * length);
-                let rod = mass - ends;
-                let squared = radius * radius;
-                let across = rod * (3.0 * squared + length * length) / 12.0
-                    + ends * (0.4 * squared + 0.25 * length * length + 0.375 * length * radius);
-                Vector3::new(across, across, (0.5 * rod + 0.4 * ends) * squared)
-            }
-            Self::Mesh(_) | Self::Compound(_) => {
-                self.mass_properties(mass).map_or(Vector3::repeat(f64::NAN), |own| own.moments)
-            }
-        }
-    }
-
-    /// Returns the collision shapes with their frames in the object; empty for an unreadable mesh.
-    pub fn geometries(&self) -> Vec<(Isometry3<f64>, Geometry)> {
-        let simple = match *self {
-            Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
-            Self::Sphere { radius } => Geometry::Sphere { radius },
-            Self::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
-            Self::Capsule { radius, length } => Geometry::Capsule { radius, length },
-            Self::Mesh(ref mesh) => {
-                let name = mesh.file.display().to_string();
-                let parts = mesh.body().map(|body| body.geometries(&name)).unwrap_or_default();
-                return parts.into_iter().map(|part| (Isometry3::identity(), part)).collect();
-            }
-            Self::Compound(_) => {
-                let of = |(frame, shape): (Isometry3<f64>, &Self)| {
-                    let placed = move |(within, geometry)| (frame * within, geometry);
-                    shape.geometries().into_iter().map(placed).collect::<Vec<_>>()
-                };
-                return self.shapes().into_iter().flat_map(of).collect();
-            }
-        };
-        vec![(Isometry3::identity(), simple)]
-    }
-
-    /// Returns the convex shape; the hull for a mesh, `None` for a compound, whose [`shapes`](Self::shapes)
-    /// have one each.
-    pub fn convex_shape(&self) -> Option<ConvexShape> {
-        Some(match *self {
-            Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
-            Self::Sphere { radius } => ConvexShape::Sphere { radius },
-            Self::Cylinder { radius, length } => ConvexShape::Cylinder { radius, half_length: 0.5 * length },
-            Self::Capsule { radius, length } => ConvexShape::Capsule { radius, half_length: 0.5 * length },
-            Self::Mesh(ref mesh) => {
-                let hull = mesh.body().ok().and_then(|body| body.mesh.hull(usize::MAX));
-                ConvexShape::Hull { points: hull.map(|hull| hull.points).unwrap_or_default() }
-            }
-            Self::Compound(_) => return None,
-        })
-    }
-
-    /// Returns the geometry; `None` for a compound, whose [`shapes`](Self::shapes) have one each.
-    pub fn geometry(&self) -> Option<Geometry> {
-        match self {
-            Self::Mesh(mesh) => Some(Geometry::Mesh {
-                uri: mesh.file.display().to_string(),
-                path: Some(mesh.file.clone()),
-                inline: mesh.body().ok().map(|body| std::sync::Arc::new(body.mesh.clone())),
-                scale: Vector3::repeat(1.0),
-            }),
-            Self::Compound(_) => None,
-            simple => simple.geometries().into_iter().next().map(|(_, geometry)| geometry),
-        }
-    }
-
-    pub(super) fn check(&self, owner: &str, moves: bool) -> Result<(), WorldError> {
-        let dimensions = match *self {
-            Self::Box { size: [x, y, z] } => [("size", x), ("size", y), ("size", z)],
-            Self::Sphere { radius } => [("radius", radius); 3],
-            Self::Cylinder { radius, length } | Self::Capsule { radius, length } => {
-                [("radius", radius), ("length", length), ("length", length)]
-            }
-            Self::Mesh(ref mesh) => return mesh.check(owner, moves),
-            Self::Compound(ref parts) => return compound::check(owner, parts, false),
-        };
-        dimensions.into_iter().try_for_each(|(field, value)| positive(owner, field, value))
     }
 }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::{CONFIGURE_WITHIN, Event, Hosting, Launch, LaunchError};
 use crate::plan::{ClockKind, SchedulingClass};
-use crate::region::{Command, Phase};
+use crate::region::{Command, End, Phase};
 use std::sync::atomic::Ordering::Relaxed;
 
 impl Launch {
@@ -52,12 +52,12 @@ impl Launch {
                 let name = child.name().to_string();
                 if phase == Phase::Faulted || child.ended().is_some() {
                     child.wait(Duration::from_millis(200));
-                    let how = child.ended().unwrap_or("failed").to_string();
+                    let end = child.ended().unwrap_or(End::Failed);
                     self.relay_output(observe);
                     let block = &self.region.components()[index];
                     let reason = match block.failure() {
-                        Some((_, message)) => message,
-                        None => crate::os::with_shortage(how, self.folder.path()),
+                        Some(failure) => failure.to_string(),
+                        None => crate::os::with_shortage(end.to_string(), self.folder.path()),
                     };
                     return Err(LaunchError::Component { name, reason });
                 }

@@ -16,10 +16,10 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use rustix::process::Signal;
 
-use super::ending::{Ending, described};
+use super::ending::Ending;
 use super::{LaunchError, STOP_WITHIN};
 use crate::os::{Watch, held_word, interrupt_thread, named, with_shortage};
-use crate::region::{ComponentBlock, Phase, Region};
+use crate::region::{ComponentBlock, End, PanicOrigin, Phase, Region};
 use crate::run_folder::RunFolder;
 use crate::worker::{Failure, GUARD, Host, Hosted, Kind, Outcome, WORKER, Worker};
 
@@ -29,7 +29,7 @@ pub(super) struct Child {
     body: Body,
     lines: Receiver<String>,
     dropped: Arc<AtomicU64>,
-    ended: Option<String>,
+    ended: Option<End>,
 }
 
 enum Body {
@@ -163,10 +163,10 @@ impl Child {
     }
 
     fn fail(&mut self, block: &ComponentBlock, failure: &Failure) {
-        block.set_failure(failure.tick, &failure.message);
+        block.set_failure(failure);
         block.enter(Phase::Faulted);
         self.body = Body::Inline(None);
-        self.ended = Some("failed".to_string());
+        self.ended = Some(End::Failed);
     }
 
     /// Connects the ports of a component of this thread.
@@ -235,7 +235,7 @@ impl Child {
             }
             Body::Played => block.enter(Phase::Stopped),
         }
-        self.ended.get_or_insert_with(|| "ended".to_string());
+        self.ended.get_or_insert(End::Exited(0));
     }
 
     pub(super) fn name(&self) -> &str {
@@ -271,23 +271,23 @@ impl Child {
         self.dropped.swap(0, Relaxed)
     }
 
-    /// Returns the kind of its end as text, once it has ended or is only ending.
-    pub(super) fn ended(&mut self) -> Option<&str> {
+    /// Returns its end, once it has ended or is only ending.
+    pub(super) fn ended(&mut self) -> Option<End> {
         self.is_gone();
         if self.ended.is_none() {
             self.ended = match &mut self.body {
-                Body::Process { ending, .. } => ending.as_ref().and_then(Ending::status).map(described),
+                Body::Process { ending, .. } => ending.as_ref().and_then(Ending::status).map(End::from),
                 Body::Thread(thread) if thread.as_ref().is_none_or(JoinHandle::is_finished) => {
                     match thread.take().map(JoinHandle::join) {
-                        Some(Ok(Outcome::Stopped)) | None => Some("ended".to_string()),
-                        Some(Ok(Outcome::Failed)) => Some("failed".to_string()),
-                        Some(Err(_)) => Some("panicked".to_string()),
+                        Some(Ok(Outcome::Stopped)) | None => Some(End::Exited(0)),
+                        Some(Ok(Outcome::Failed)) => Some(End::Failed),
+                        Some(Err(_)) => Some(End::Panicked(PanicOrigin::Component)),
                     }
                 }
                 _ => None,
             };
         }
-        self.ended.as_deref()
+        self.ended
     }
 
     /// Time at which its end was detected, ns; `None` if its start was not seen.
@@ -309,7 +309,7 @@ impl Child {
             }
             if let Ok(status) = process.wait() {
                 *is_reaped = true;
-                self.ended.get_or_insert_with(|| described(status));
+                self.ended.get_or_insert(End::from(status));
             }
         }
         *is_reaped
@@ -362,7 +362,7 @@ impl Child {
             let _ = process.kill();
             let _ = process.wait();
             *is_reaped = true;
-            self.ended.get_or_insert_with(|| "killed by the launcher".to_string());
+            self.ended.get_or_insert(End::KilledByLauncher);
         }
     }
 }

@@ -4,7 +4,6 @@
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
-use std::os::unix::process::ExitStatusExt as _;
 use std::process::ExitStatus;
 use std::rc::Rc;
 use std::sync::atomic::AtomicU32;
@@ -100,30 +99,10 @@ impl Seen {
     }
 }
 
-/// The status of a process as text.
-pub(super) fn described(status: ExitStatus) -> String {
-    match (status.code(), status.signal()) {
-        (Some(0), _) | (None, None) => "ended".to_string(),
-        (Some(code), _) => format!("ended with exit code {code}"),
-        (None, Some(signal)) => format!("killed by signal {signal}{}", signal_name(signal)),
-    }
-}
-
-fn signal_name(signal: i32) -> &'static str {
-    match signal {
-        libc::SIGKILL => " (SIGKILL)",
-        libc::SIGSEGV => " (SIGSEGV)",
-        libc::SIGABRT => " (SIGABRT)",
-        libc::SIGBUS => " (SIGBUS)",
-        libc::SIGTERM => " (SIGTERM)",
-        libc::SIGXCPU => " (SIGXCPU): it computed for longer than its `cpu_limit` without waiting",
-        _ => "",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::region::End;
 
     #[test]
     fn killed_process_shows_its_status_while_ending() {
@@ -137,7 +116,7 @@ mod tests {
                 break status;
             }
         };
-        assert_eq!(described(status), "killed by signal 9 (SIGKILL)");
+        assert_eq!(End::from(status), End::Killed(libc::SIGKILL));
         assert_eq!(child.wait().unwrap(), status);
     }
 }

@@ -12,7 +12,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
 
 use super::Event;
 use super::event_log::EventWriter;
-use super::hang::{SILENCE_NS, describe};
+use super::hang::{SILENCE_NS, diagnose};
 use super::shutdown::Reached;
 use super::watchdog::{Counters, Watchdog};
 use crate::os::{Watch, monotonic_ns};
@@ -232,8 +232,8 @@ impl Silence {
                 let is_awaited = block.phase() == Phase::Created && roster.workers[index].is_some();
                 return is_awaited.then(|| format!("component `{}` was to be restarted", name(index)));
             }
-            let hang = watchdog.check(&Counters::read(plan, region, index), now)?;
-            Some(format!("component `{}` {}", name(index), describe(plan, region, index, hang)))
+            let overdue = watchdog.check(&Counters::read(plan, region, index), now)?;
+            Some(format!("component `{}` {}", name(index), diagnose(plan, region, index, overdue)))
         })
     }
 }

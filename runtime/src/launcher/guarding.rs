@@ -11,6 +11,7 @@ use super::restart::History;
 use super::{Event, Launch, LaunchError};
 use crate::os::monotonic_ns;
 use crate::plan::{RestartPlan, RestartWhen};
+use crate::region::End;
 
 /// Program of this process, even if its file was replaced or removed.
 const OWN_PROGRAM: &str = "/proc/self/exe";
@@ -100,15 +101,15 @@ impl Launch {
         } else if now.saturating_sub(alive_ns) > SILENCE_NS {
             child.kill();
         }
-        let Some(how) = child.ended().map(str::to_string) else {
+        let Some(end) = child.ended() else {
             if now.saturating_sub(guard.since_ns) >= SILENCE_NS {
                 guard.failures = 0;
             }
             return;
         };
-        let how = match how.as_str() {
-            "killed by the launcher" => "it does not respond and was killed".to_string(),
-            _ => how,
+        let reason = match end {
+            End::KilledByLauncher => "it does not respond and was killed".to_string(),
+            _ => end.to_string(),
         };
         // It reported being alive until then.
         let worked = self.region.header().guard_alive_ns.load(Relaxed) > guard.since_ns;
@@ -122,7 +123,7 @@ impl Launch {
             delay_ms => format!("started again in {delay_ms} ms"),
         };
         let consequence = &consequence;
-        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence, seen_ns: None });
+        observe(Event::Failed { component: "guard", tick: 0, reason: &reason, consequence, seen_ns: None });
         if delay_ns == 0 {
             guard.due_ns = None;
             self.restart_guard(observe);

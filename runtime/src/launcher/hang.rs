@@ -2,42 +2,26 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::supervise::Supervision;
-use super::watchdog::{Counters, Hang};
+use super::supervision::Supervision;
+use super::watchdog::{Counters, Overdue};
 use super::{Event, Hosting, Launch};
 use crate::os::{monotonic_ns, process_state};
 use crate::plan::Plan;
-use crate::region::Region;
-use crate::units::TimeSpan;
+use crate::region::{Activity, Hang, Region};
 
 /// Silence after which a launcher or a guard counts as stopped, ns.
 pub(super) const SILENCE_NS: u64 = 1_000_000_000;
 
-/// First word of every hang message.
-const HUNG: &str = "hung:";
-
-/// True of the text of a hang.
-pub(super) fn is_hang(reason: &str) -> bool {
-    reason.starts_with(HUNG)
-}
-
-/// A hang as text.
-pub(super) fn describe(plan: &Plan, region: &Region, index: usize, hang: Hang) -> String {
+/// Describes a hang as it is now.
+pub(super) fn diagnose(plan: &Plan, region: &Region, index: usize, overdue: Overdue) -> Hang {
     let block = &region.components()[index];
-    let hang_after = TimeSpan { ns: plan.components[index].liveness.hang_after_ns };
-    let milliseconds = |ns: u64| TimeSpan { ns: ns / 1_000_000 * 1_000_000 };
-    let what = match hang {
-        Hang::InStep { for_ns } => format!("its step has not ended after {}", milliseconds(for_ns)),
-        Hang::BetweenSteps { for_ns } => format!("no step for {}", milliseconds(for_ns)),
+    let (in_step, for_ns) = match overdue {
+        Overdue::InStep { for_ns } => (true, for_ns),
+        Overdue::BetweenSteps { for_ns } => (false, for_ns),
     };
-    let doing = match process_state(block.pid.load(Relaxed), block.thread.load(Relaxed)) {
-        Some('T' | 't') => ": it was stopped by a signal or a debugger",
-        Some('R') => ": it computes, or waits for its core",
-        Some('S') => ": it waits for something",
-        Some('D') => ": it waits for a device",
-        _ => "",
-    };
-    format!("{HUNG} {what} (`hang_after` is {hang_after}){doing}")
+    let hang_after_ns = plan.components[index].liveness.hang_after_ns;
+    let state = process_state(block.pid.load(Relaxed), block.thread.load(Relaxed));
+    Hang { in_step, for_ns, hang_after_ns, activity: Activity::from_kernel(state) }
 }
 
 impl Launch {
@@ -49,35 +33,6 @@ impl Launch {
                 supervision.lost_steps.count_from(now);
             }
         }
-    }
-
-    /// Kills the process of a component that has hung; its end then follows its policy. A thread cannot be
-    /// killed: the reason for which the graph cannot go on is returned.
-    pub(super) fn end_if_hung(
-        &mut self,
-        index: usize,
-        supervision: &mut Supervision,
-        now: u64,
-        observe: &mut dyn FnMut(Event<'_>),
-    ) -> Option<String> {
-        let counters = Counters::read(&self.plan, &self.region, index);
-        let hang = supervision.watchdog.check(&counters, now)?;
-        if self.children[index].ended().is_some() {
-            return None;
-        }
-        let reason = describe(&self.plan, &self.region, index, hang);
-        let block = &self.region.components()[index];
-        let tick = block.steps.load(Relaxed);
-        if self.children[index].end() {
-            block.set_failure(tick, &reason);
-            // Its end will show shortly.
-            supervision.watchdog.watch_from(now);
-            supervision.hung_ns = Some(now);
-            return None;
-        }
-        let component = &self.plan.components[index].name;
-        observe(Event::Failed { component, tick, reason: &reason, consequence: "safe stop", seen_ns: None });
-        Some(format!("component `{component}` failed at tick {tick}: {reason}"))
     }
 
     /// Warns of a component that loses too many steps.
@@ -104,7 +59,7 @@ impl Launch {
         for (index, supervision) in supervision.iter().enumerate() {
             let (component, block) = (&self.plan.components[index], &self.region.components()[index]);
             let name = &component.name;
-            if let Some(reason) = &supervision.lost {
+            if let Some(reason) = supervision.lost() {
                 self.warnings.push(format!("`{name}` ended before the run: {reason}"));
                 continue;
             }
@@ -123,10 +78,10 @@ impl Launch {
             }
             // Too short for the watchdog, but long enough to report.
             let counters = Counters::read(&self.plan, &self.region, index);
-            let hang = supervision.watchdog.clone().with_half_the_timeout().check(&counters, now);
-            if let Some(hang) = hang.filter(|_| !supervision.is_gone()) {
-                let what = describe(&self.plan, &self.region, index, hang);
-                self.warnings.push(format!("`{name}` did not step at the end: {what}"));
+            let overdue = supervision.watchdog.clone().with_half_the_timeout().check(&counters, now);
+            if let Some(overdue) = overdue.filter(|_| !supervision.is_gone()) {
+                let hang = diagnose(&self.plan, &self.region, index, overdue);
+                self.warnings.push(format!("`{name}` did not step at the end: {hang}"));
             }
         }
         self.warnings.extend(self.guard.missing());

@@ -8,7 +8,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use super::event_log::logging;
-use super::supervise::{AfterEnd, Supervision};
+use super::supervise::AfterEnd;
+use super::supervision::Supervision;
 use super::{Event, Exit, Hosting, Launch};
 use crate::os::{futex_wait, monotonic_ns};
 use crate::region::{Command, Phase};
@@ -169,8 +170,10 @@ impl Launch {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Ticked {
         let is_running = self.region.components()[component].phase() == Phase::Running;
-        if !is_running && !self.await_running(component, &mut supervision[component], observe) {
-            return self.after_wait();
+        if !is_running
+            && let Some(ticked) = self.await_running(component, &mut supervision[component], observe)
+        {
+            return ticked;
         }
         if self.options.hosting != Hosting::Inline && !self.children[component].is_played() {
             return self.give_turn(component, Work::Reset, supervision, observe);
@@ -266,9 +269,9 @@ impl Launch {
             self.region.header().turn.give(None, None);
         }
         if self.region.components()[index].phase() != Phase::Running
-            && !self.await_running(index, &mut supervision[index], observe)
+            && let Some(ticked) = self.await_running(index, &mut supervision[index], observe)
         {
-            return self.after_wait();
+            return ticked;
         }
         if !inline {
             let ticked = self.give_turn(index, Work::Step, supervision, observe);
@@ -282,7 +285,9 @@ impl Launch {
             Some(AfterEnd::Fatal(reason)) => return Ticked::Fatal(reason),
             // The failed tick is lost; the restarted component starts with the next one.
             Some(AfterEnd::Restarted) => {
-                self.await_running(index, &mut supervision[index], observe);
+                let ticked = self.await_running(index, &mut supervision[index], observe);
+                *now_ns = monotonic_ns();
+                return ticked.unwrap_or(Ticked::Done);
             }
             Some(AfterEnd::Ignored) | None => {}
         }
@@ -343,32 +348,35 @@ impl Launch {
                 Some(AfterEnd::Fatal(reason)) => Ticked::Fatal(reason),
                 Some(AfterEnd::Ignored) => Ticked::Done,
                 Some(AfterEnd::Restarted) => {
-                    self.await_running(holder, &mut supervision[holder], observe);
-                    self.after_wait()
+                    let ticked = self.await_running(holder, &mut supervision[holder], observe);
+                    ticked.unwrap_or_else(|| self.after_wait())
                 }
                 None => self.after_wait(),
             };
         }
     }
 
-    /// Waits while a component starts; simulated time stands still. Returns `false` if it has ended
-    /// permanently.
+    /// Waits while a component starts; simulated time stands still. Returns the outcome of its tick if it
+    /// does not run: it has ended permanently, or a signal arrived.
     fn await_running(
         &mut self,
         index: usize,
         supervision: &mut Supervision,
         observe: &mut dyn FnMut(Event<'_>),
-    ) -> bool {
+    ) -> Option<Ticked> {
         while !supervision.is_gone() && !self.signals.is_raised() {
             let block = &self.region.components()[index];
             let phase = block.phase();
-            if phase == Phase::Running {
-                self.monitor(index, supervision, observe);
-                return true;
+            if phase != Phase::Running {
+                futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
             }
-            futex_wait(block.phase_word(), phase as u32, Some(Duration::from_millis(20)));
-            self.monitor(index, supervision, observe);
+            if let Some(AfterEnd::Fatal(reason)) = self.monitor(index, supervision, observe) {
+                return Some(Ticked::Fatal(reason));
+            }
+            if phase == Phase::Running {
+                return None;
+            }
         }
-        false
+        Some(self.after_wait())
     }
 }

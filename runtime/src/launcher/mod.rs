@@ -34,6 +34,7 @@ mod status;
 mod stop_reason;
 mod stops;
 mod supervise;
+mod supervision;
 mod watchdog;
 
 use std::rc::Rc;
@@ -55,7 +56,7 @@ use places::Places;
 use reserve::Spare;
 use services::Services;
 use shutdown::Signals;
-use supervise::Supervision;
+use supervision::Supervision;
 
 pub use cores::{CoreReport, CoreWatch};
 pub use error::LaunchError;

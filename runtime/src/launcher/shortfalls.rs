@@ -36,14 +36,17 @@ impl Launch {
             if let Some(supervision) = self.supervision.get(index).filter(|supervision| supervision.is_gone())
             {
                 // In real time this was recorded before the end.
-                let lost = supervision.lost.as_ref().filter(|_| self.plan.clock == ClockKind::Lockstep);
+                let lost = supervision.lost().filter(|_| self.plan.clock == ClockKind::Lockstep);
                 found.extend(lost.map(|reason| format!("`{name}` ended before the run: {reason}")));
                 continue;
             }
             let block = &self.region.components()[index];
-            let how = self.children[index].ended().unwrap_or("it did not end").to_string();
             if block.phase() != Phase::Stopped {
-                let reason = block.failure().map_or(how, |(_, reason)| reason);
+                let reason = match (block.failure(), self.children[index].ended()) {
+                    (Some(failure), _) => failure.to_string(),
+                    (None, Some(end)) => end.to_string(),
+                    (None, None) => "it did not end".to_string(),
+                };
                 found.push(format!("`{name}` did not end in good order: {reason}"));
             }
         }

@@ -5,14 +5,13 @@ use std::sync::atomic::Ordering::Relaxed;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::event_log::logging;
-use super::hang::is_hang;
-use super::lost_steps::LostSteps;
-use super::restart::History;
-use super::watchdog::Watchdog;
+use super::hang::diagnose;
+use super::supervision::{Action, Down, Ended, Facts, Loss, State, Supervision, decide};
+use super::watchdog::{Counters, Overdue};
 use super::{Event, Exit, Launch, stop_reason};
 use crate::os::monotonic_ns;
-use crate::plan::{ClockKind, OnFailure, Plan};
-use crate::region::{Command, Phase, Region};
+use crate::plan::ClockKind;
+use crate::region::{Command, End, Failure, Phase};
 
 /// Maximum interval between checks of events without a descriptor: printed lines, orders of components, ns.
 const LOOK_NS: u64 = 20_000_000;
@@ -21,86 +20,24 @@ const STATUS_NS: u64 = 50_000_000;
 /// Time within which a signal to the launcher may follow a signal to a component, ns.
 const SIGNAL_NS: u64 = 50_000_000;
 
-/// Consecutive restarts that crash before the first step after which the run's shared memory counts as
-/// damaged.
-const CRASHES: u32 = 2;
-
-/// Returns `true` if a component ended as if it had found damaged shared memory.
-fn is_crash(reason: &str) -> bool {
-    let of_iceoryx2 = reason.starts_with("panicked") && reason.contains("iceoryx2");
-    of_iceoryx2 || ["SIGSEGV", "SIGBUS", "SIGABRT"].iter().any(|signal| reason.contains(signal))
-}
-
 /// The consequence of a component's end.
 pub(super) enum AfterEnd {
     /// It is restarted.
     Restarted,
     /// The graph continues without it.
     Ignored,
-    /// The graph cannot go on.
+    /// The graph cannot continue.
     Fatal(String),
 }
 
-/// The supervision state of one component.
-pub(super) struct Supervision {
-    pub(super) watchdog: Watchdog,
-    pub(super) lost_steps: LostSteps,
-    history: History,
-    /// Its last end, during a restart.
-    down: Option<Down>,
-    /// Time at which it started stepping, ns.
-    stepping_since_ns: u64,
-    /// It hung, and its process was killed.
-    was_ended: bool,
-    /// Time at which its hang was detected, ns, until its process has ended.
-    pub(super) hung_ns: Option<u64>,
-    /// Consecutive restarts that crashed before the component stepped again.
-    crashes: u32,
-    gone: bool,
-    /// Reason of its end, if the graph continues without it.
-    pub(super) lost: Option<String>,
-    tolerated: u64,
-}
-
-/// A component between its end and its next step.
-struct Down {
-    since_ns: u64,
-    /// Steps done until then.
-    steps: u64,
-    /// Start of the new process, ns: now, or later after failures in a row.
-    start_ns: u64,
-    /// The memory of the old process is gone, and its places in the topics are being freed.
-    is_cleared: bool,
-    is_started: bool,
-}
-
-impl Supervision {
-    /// Supervises a component from `now_ns` on.
-    fn new(plan: &Plan, region: &Region, index: usize, now_ns: u64) -> Self {
-        Self {
-            watchdog: Watchdog::new(plan, region, index, now_ns),
-            lost_steps: LostSteps::new(plan.components[index].liveness.lost_steps, now_ns),
-            history: History::default(),
-            down: None,
-            stepping_since_ns: now_ns,
-            was_ended: false,
-            hung_ns: None,
-            crashes: 0,
-            gone: false,
-            lost: None,
-            tolerated: 0,
-        }
-    }
-
-    /// True if it has ended for good.
-    pub(super) fn is_gone(&self) -> bool {
-        self.gone
-    }
-
-    /// Returns `true` if it has ended and not stepped since; `steps` is its step count.
-    pub(super) fn is_down(&self, steps: u64) -> bool {
-        self.down.as_ref().is_some_and(|down| steps <= down.steps)
-    }
+/// The end of a component, for people.
+struct Account {
+    tick: u64,
+    reason: String,
+    /// Time at which its end was read, ns.
+    now_ns: u64,
+    /// Time of the detection, ns.
+    seen_ns: Option<u64>,
 }
 
 impl Launch {
@@ -168,7 +105,7 @@ impl Launch {
             self.due_ns = self.due_ns.min(self.next_check(index, supervision, now));
             self.count_lost_steps(index, supervision, now, observe);
         }
-        if !self.signals.is_raised() && supervision.iter().all(|supervision| supervision.gone) {
+        if !self.signals.is_raised() && supervision.iter().all(Supervision::is_gone) {
             return Some(Some(Exit::Finished));
         }
         self.monitor_guard(late, observe);
@@ -209,153 +146,268 @@ impl Launch {
         supervision: &mut Supervision,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<AfterEnd> {
-        if supervision.gone {
+        if supervision.is_gone() {
             self.children[index].is_gone();
             return None;
         }
         self.tell_tolerated(index, supervision, observe);
-        let now = monotonic_ns();
-        if supervision.down.is_some() {
-            if let Some(error) = self.bring_back(index, supervision, now, observe) {
-                return Some(AfterEnd::Fatal(error));
+        loop {
+            let (facts, account) = self.facts(index, supervision);
+            match (decide(&supervision.state, &facts), account) {
+                // These may be followed immediately by the next action.
+                (action @ (Action::Clear | Action::Start), _) => {
+                    if let Some(error) = self.bring_back(index, supervision, action) {
+                        return Some(AfterEnd::Fatal(error));
+                    }
+                }
+                (Action::KillHung(overdue), _) => return self.end_hung(index, supervision, overdue, observe),
+                (action, Some(account)) => {
+                    return self.apply_policy(index, supervision, action, account, observe);
+                }
+                (action, None) => {
+                    self.act(index, supervision, action, facts.now_ns, observe);
+                    return None;
+                }
             }
-        } else if let Some(reason) = self.end_if_hung(index, supervision, now, observe) {
-            return Some(AfterEnd::Fatal(reason));
         }
-        if supervision.down.as_ref().is_some_and(|down| !down.is_started) {
-            return None;
-        }
-        let how = self.children[index].ended()?.to_string();
-        let seen_ns = supervision.hung_ns.take().or(self.children[index].seen_ns());
-        let block = &self.region.components()[index];
-        let failed = block.phase() != Phase::Stopped;
-        if !failed && self.signals.arrives_within(SIGNAL_NS) {
-            // Everything received the request to end, and this component was the first to end.
-            supervision.gone = true;
-            return None;
-        }
-        let (tick, reason) = match block.failure() {
-            // The kernel keeps a crashed process while it writes its core dump: it looks hung, but was not
-            // killed for that.
-            Some((tick, message)) if is_hang(&message) && is_crash(&how) => (tick, how),
-            Some((tick, message)) if failed => (tick, message),
-            _ => (block.steps.load(Relaxed), crate::os::with_shortage(how, self.folder.path())),
-        };
-        let steps = block.steps.load(Relaxed);
-        self.relay_output(observe);
-        let name = self.plan.components[index].name.clone();
-        let policy = self.plan.components[index].restart;
-        supervision.crashes =
-            if supervision.down.is_some() && is_crash(&reason) { supervision.crashes + 1 } else { 0 };
-        let is_damaged = supervision.crashes >= CRASHES;
-        let stepping_since = supervision.down.is_none().then_some(supervision.stepping_since_ns);
-        let granted = supervision.history.grant(&policy, failed, stepping_since, now);
-        if let Some(delay_ns) = granted.filter(|_| !is_damaged) {
-            let consequence = match delay_ns / 1_000_000 {
-                0 => "restarting".to_string(),
-                delay_ms => format!("restarting in {delay_ms} ms"),
-            };
-            let consequence = &consequence;
-            observe(Event::Failed { component: &name, tick, reason: &reason, consequence, seen_ns });
-            let block = &self.region.components()[index];
-            block.restarts.fetch_add(1, Relaxed);
-            block.forget_failure();
-            block.enter(Phase::Created);
-            supervision.was_ended = false;
-            // Recovery time counts from its first end.
-            let since_ns = supervision.down.as_ref().map_or(now, |down| down.since_ns);
-            let start_ns = now + delay_ns;
-            supervision.down = Some(Down { since_ns, steps, start_ns, is_cleared: false, is_started: false });
-            return match self.bring_back(index, supervision, now, observe) {
-                None => Some(AfterEnd::Restarted),
-                Some(error) => Some(AfterEnd::Fatal(error)),
-            };
-        }
-        supervision.gone = true;
-        // No stop was requested: even a component that ended normally is missing.
-        let reason = match failed {
-            true if is_damaged => {
-                format!(
-                    "{reason}; it crashes whenever it joins its topics: the shared memory of the run is damaged"
-                )
-            }
-            true => reason,
-            false => "it ended while the graph runs".to_string(),
-        };
-        if self.plan.components[index].on_failure == OnFailure::Ignore {
-            let consequence = "the graph goes on without it";
-            supervision.lost = Some(reason.clone());
-            observe(Event::Failed { component: &name, tick, reason: &reason, consequence, seen_ns });
-            return Some(AfterEnd::Ignored);
-        }
-        let consequence = "safe stop";
-        observe(Event::Failed { component: &name, tick, reason: &reason, consequence, seen_ns });
-        Some(AfterEnd::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
     }
 
-    /// Starts the new process of a component when due, and checks whether it steps again. Returns the error
-    /// of a failed start.
-    fn bring_back(
+    /// Reads the facts about a component that count in its state, and the account of its end.
+    fn facts(&mut self, index: usize, supervision: &mut Supervision) -> (Facts, Option<Account>) {
+        let now_ns = monotonic_ns();
+        let within_ns = self.plan.components[index].restart.within_ns;
+        let mut facts =
+            Facts { now_ns, overdue: None, is_cleared: false, steps_again: false, within_ns, ended: None };
+        match supervision.state {
+            State::Stepping { .. } => {
+                let counters = Counters::read(&self.plan, &self.region, index);
+                facts.overdue = supervision.watchdog.check(&counters, now_ns);
+            }
+            State::Clearing(_) => facts.is_cleared = self.children[index].is_gone(),
+            State::Starting(down) | State::Late(down) => {
+                let block = &self.region.components()[index];
+                facts.steps_again = block.phase() == Phase::Running
+                    && (self.plan.clock == ClockKind::Lockstep
+                        || block.steps.load(Relaxed) > down.steps
+                        || supervision.watchdog.may_stay_silent());
+            }
+            State::Hung { .. } | State::Due(_) | State::Lost { .. } | State::Gone => {}
+        }
+        let end = supervision.state.has_process().then(|| self.children[index].ended()).flatten();
+        let Some(end) = end else { return (facts, None) };
+        let is_failure = self.region.components()[index].phase() != Phase::Stopped;
+        let (failure, account) = self.account(index, supervision, (end, is_failure), now_ns);
+        let component = &self.plan.components[index];
+        let since_ns = supervision.state.stepping_since_ns();
+        facts.ended = Some(Ended {
+            end: failure.end,
+            is_failure,
+            // Everything received the request to end, and this component was the first to end.
+            is_requested: !is_failure && self.signals.arrives_within(SIGNAL_NS),
+            delay_ns: supervision.history.grant(&component.restart, is_failure, since_ns, now_ns),
+            on_failure: component.on_failure,
+        });
+        (facts, Some(account))
+    }
+
+    /// The failure behind the end of a component's process, and its account.
+    fn account(
+        &self,
+        index: usize,
+        supervision: &Supervision,
+        (end, is_failure): (End, bool),
+        now_ns: u64,
+    ) -> (Failure, Account) {
+        let block = &self.region.components()[index];
+        let (failure, reason) = match block.failure() {
+            // The kernel keeps a crashed process while it writes its core dump: it looks hung, but was not
+            // killed for that.
+            Some(Failure { tick, end: End::Hung(_), .. }) if end.suggests_damage() => {
+                (Failure::without_text(tick, end), end.to_string())
+            }
+            Some(failure) if is_failure => {
+                let reason = failure.to_string();
+                (failure, reason)
+            }
+            _ => {
+                let reason = crate::os::with_shortage(end.to_string(), self.folder.path());
+                (Failure::without_text(block.steps.load(Relaxed), end), reason)
+            }
+        };
+        let seen_ns = match supervision.state {
+            State::Hung { noticed_ns, .. } => Some(noticed_ns),
+            _ => self.children[index].seen_ns(),
+        };
+        let account = Account { tick: failure.tick, reason, now_ns, seen_ns };
+        (failure, account)
+    }
+
+    /// Frees the slots of a component that ended, or starts its new process. Returns the error of a failed
+    /// start.
+    fn bring_back(&mut self, index: usize, supervision: &mut Supervision, action: Action) -> Option<String> {
+        let down = supervision.state.down()?;
+        if action == Action::Clear {
+            // The dead process occupies its slots in the topics until they are cleaned up.
+            self.free_places();
+            self.spare.release();
+            supervision.state = State::Due(down);
+            return None;
+        }
+        match self.start_child(index) {
+            Ok(child) => self.children[index] = child,
+            Err(error) => return Some(error.to_string()),
+        }
+        supervision.state = State::Starting(down);
+        None
+    }
+
+    /// Reports a recovery, or kills a component that does not recover in time.
+    fn act(
         &mut self,
         index: usize,
         supervision: &mut Supervision,
-        now: u64,
+        action: Action,
+        now_ns: u64,
         observe: &mut dyn FnMut(Event<'_>),
-    ) -> Option<String> {
-        let down = supervision.down.as_mut()?;
-        if !down.is_started {
-            if !down.is_cleared && self.children[index].is_gone() {
-                // The dead process occupies its slots in the topics until they are cleaned up.
-                self.free_places();
-                self.spare.release();
-                down.is_cleared = true;
+    ) {
+        let Some(down) = supervision.state.down() else { return };
+        match action {
+            Action::Recover => {
+                let component = &self.plan.components[index].name;
+                observe(Event::Restarted { component, after_ns: now_ns - down.since_ns });
+                // On failure the next restart uses the remaining memory.
+                let _ = self.spare.take_back();
+                supervision.state = State::Stepping { since_ns: now_ns };
+                supervision.watchdog.watch_from(now_ns);
+                supervision.lost_steps.count_from(now_ns);
             }
-            if down.is_cleared && now >= down.start_ns {
-                match self.start_child(index) {
-                    Ok(child) => self.children[index] = child,
-                    Err(error) => return Some(error.to_string()),
-                }
-                down.is_started = true;
+            Action::KillLate => {
+                let block = &self.region.components()[index];
+                let within_ns = self.plan.components[index].restart.within_ns;
+                let tick = block.steps.load(Relaxed);
+                block.set_failure(&Failure::without_text(tick, End::NotStepping { within_ns }));
+                self.children[index].end();
+                supervision.state = State::Late(down);
+            }
+            _ => {}
+        }
+    }
+
+    /// Kills the process of a component that has hung; its end then follows its policy. A thread cannot be
+    /// killed, so the graph cannot continue.
+    fn end_hung(
+        &mut self,
+        index: usize,
+        supervision: &mut Supervision,
+        overdue: Overdue,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<AfterEnd> {
+        let hang = diagnose(&self.plan, &self.region, index, overdue);
+        let block = &self.region.components()[index];
+        let failure = Failure::without_text(block.steps.load(Relaxed), End::Hung(hang));
+        if self.children[index].end() {
+            block.set_failure(&failure);
+            if let State::Stepping { since_ns } = supervision.state {
+                supervision.state = State::Hung { since_ns, noticed_ns: monotonic_ns() };
             }
             return None;
         }
-        let component = &self.plan.components[index];
-        let block = &self.region.components()[index];
-        let within = component.restart.within_ns;
-        let is_alive = self.children[index].ended().is_none();
-        let steps_again = block.phase() == Phase::Running
-            && (self.plan.clock == ClockKind::Lockstep
-                || block.steps.load(Relaxed) > down.steps
-                || supervision.watchdog.may_stay_silent());
-        if steps_again && is_alive {
-            observe(Event::Restarted { component: &component.name, after_ns: now - down.since_ns });
-            // On failure the next restart uses the remaining memory.
-            let _ = self.spare.take_back();
-            supervision.down = None;
-            supervision.stepping_since_ns = now;
-            supervision.watchdog.watch_from(now);
-            supervision.lost_steps.count_from(now);
-        } else if is_alive && now.saturating_sub(down.start_ns) > within && !supervision.was_ended {
-            supervision.was_ended = true;
-            let took = within / 1_000_000;
-            let steps = block.steps.load(Relaxed);
-            block.set_failure(steps, &format!("not stepping {took} ms after its restart"));
-            self.children[index].end();
+        let (component, tick) = (&self.plan.components[index].name, failure.tick);
+        let reason = failure.to_string();
+        observe(Event::Failed { component, tick, reason: &reason, consequence: "safe stop", seen_ns: None });
+        Some(AfterEnd::Fatal(format!("component `{component}` failed at tick {tick}: {reason}")))
+    }
+
+    /// Applies the policy of a component that ended.
+    fn apply_policy(
+        &mut self,
+        index: usize,
+        supervision: &mut Supervision,
+        action: Action,
+        account: Account,
+        observe: &mut dyn FnMut(Event<'_>),
+    ) -> Option<AfterEnd> {
+        if action == Action::Leave {
+            supervision.state = State::Gone;
+            return None;
         }
-        None
+        self.relay_output(observe);
+        let Account { tick, now_ns, seen_ns, .. } = account;
+        let name = self.plan.components[index].name.clone();
+        let mut failed = |reason: &str, consequence: &str| {
+            observe(Event::Failed { component: &name, tick, reason, consequence, seen_ns });
+        };
+        let reason = |loss: Loss| match loss {
+            Loss::Failed => account.reason.clone(),
+            Loss::Damaged => format!(
+                "{}; it crashes whenever it joins its topics: the shared memory of the run is damaged",
+                account.reason
+            ),
+            Loss::Early => "it ended while the graph runs".to_string(),
+        };
+        match action {
+            Action::Restart { delay_ns, crashes } => {
+                let consequence = match delay_ns / 1_000_000 {
+                    0 => "restarting".to_string(),
+                    delay_ms => format!("restarting in {delay_ms} ms"),
+                };
+                failed(&account.reason, &consequence);
+                let block = &self.region.components()[index];
+                block.restarts.fetch_add(1, Relaxed);
+                block.forget_failure();
+                block.enter(Phase::Created);
+                // Recovery time counts from its first end.
+                let since_ns = supervision.state.down().map_or(now_ns, |down| down.since_ns);
+                let (steps, start_ns) = (block.steps.load(Relaxed), now_ns + delay_ns);
+                supervision.state = State::Clearing(Down { since_ns, steps, start_ns, crashes });
+                self.bring_back_at_once(index, supervision)
+            }
+            Action::Abandon(loss) => {
+                let reason = reason(loss);
+                failed(&reason, "the graph goes on without it");
+                supervision.state = State::Lost { reason };
+                Some(AfterEnd::Ignored)
+            }
+            Action::Stop(loss) => {
+                let reason = reason(loss);
+                failed(&reason, "safe stop");
+                supervision.state = State::Gone;
+                Some(AfterEnd::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
+            }
+            _ => None,
+        }
+    }
+
+    /// Clears and starts a component that has just ended, as far as possible without waiting.
+    fn bring_back_at_once(&mut self, index: usize, supervision: &mut Supervision) -> Option<AfterEnd> {
+        loop {
+            let (facts, _) = match supervision.state {
+                State::Clearing(_) | State::Due(_) => self.facts(index, supervision),
+                _ => return Some(AfterEnd::Restarted),
+            };
+            match decide(&supervision.state, &facts) {
+                action @ (Action::Clear | Action::Start) => {
+                    if let Some(error) = self.bring_back(index, supervision, action) {
+                        return Some(AfterEnd::Fatal(error));
+                    }
+                }
+                _ => return Some(AfterEnd::Restarted),
+            }
+        }
     }
 
     /// Time of the next check of a component without events, ns.
     fn next_check(&self, index: usize, supervision: &Supervision, now: u64) -> u64 {
-        match &supervision.down {
-            _ if supervision.gone => u64::MAX,
-            None => supervision.watchdog.due_ns(),
-            // The end of the old process wakes the launcher.
-            Some(down) if !down.is_cleared => u64::MAX,
-            Some(down) if !down.is_started => down.start_ns,
+        let within_ns = self.plan.components[index].restart.within_ns;
+        match &supervision.state {
+            State::Stepping { .. } => supervision.watchdog.due_ns(),
+            State::Due(down) => down.start_ns,
             // Until it steps again only its counters are informative.
-            Some(down) => (now + 1_000_000)
-                .min(down.start_ns.saturating_add(self.plan.components[index].restart.within_ns)),
+            State::Starting(down) => (now + 1_000_000).min(down.start_ns.saturating_add(within_ns)),
+            // The end of the process wakes the launcher.
+            State::Hung { .. } | State::Clearing(_) | State::Late(_) | State::Lost { .. } | State::Gone => {
+                u64::MAX
+            }
         }
     }
 
@@ -368,40 +420,15 @@ impl Launch {
     ) {
         let block = &self.region.components()[index];
         let errors = block.errors.load(Relaxed);
-        if errors > 0 && supervision.tolerated == 0 {
-            supervision.tolerated = errors;
-            if let Some((tick, reason)) = block.failure() {
+        if errors > 0 && !supervision.reported_tolerated {
+            supervision.reported_tolerated = true;
+            if let Some(failure) = block.failure() {
                 let component = &self.plan.components[index].name;
                 let consequence = "tolerated, as the graph says; later ones are only counted";
+                let (tick, reason) = (failure.tick, failure.to_string());
                 observe(Event::Failed { component, tick, reason: &reason, consequence, seen_ns: None });
             }
             block.forget_failure();
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn crash_in_shared_memory_is_distinguished() {
-        for crash in [
-            "killed by signal 11 (SIGSEGV)",
-            "panicked at /registry/iceoryx2-bb-lock-free-0.10.0/src/mpmc/robust_unique_index_set.rs:229: not initialized",
-        ] {
-            assert!(is_crash(crash), "{crash}");
-        }
-        for other in
-            ["killed by signal 9 (SIGKILL)", "panicked at src/main.rs:7: no camera", "ended with exit code 1"]
-        {
-            assert!(!is_crash(other), "{other}");
-        }
-    }
-
-    #[test]
-    fn slow_core_dump_is_distinguished_from_a_hang() {
-        assert!(is_hang("hung: no step for 200 ms (`hang_after` is 200 ms): it waits for a device"));
-        assert!(!is_hang("killed by signal 11 (SIGSEGV)"));
     }
 }

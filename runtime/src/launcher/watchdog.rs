@@ -49,9 +49,9 @@ impl Counters {
     }
 }
 
-/// Phase in which a hung component was last seen.
+/// Phase in which a component has been overdue for longer than allowed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Hang {
+pub(super) enum Overdue {
     /// A step has not ended.
     InStep {
         /// Time since its beginning, ns.
@@ -156,7 +156,7 @@ impl Watchdog {
     }
 
     /// Checks a component.
-    pub(super) fn check(&mut self, counters: &Counters, now_ns: u64) -> Option<Hang> {
+    pub(super) fn check(&mut self, counters: &Counters, now_ns: u64) -> Option<Overdue> {
         match self.evaluate(counters, now_ns) {
             Ok(hang) => Some(hang),
             Err(due_ns) => {
@@ -167,7 +167,7 @@ impl Watchdog {
     }
 
     /// Returns `Err` with the earliest time at which it could hang, ns, unless it has hung.
-    fn evaluate(&mut self, counters: &Counters, now_ns: u64) -> Result<Hang, u64> {
+    fn evaluate(&mut self, counters: &Counters, now_ns: u64) -> Result<Overdue, u64> {
         let in_step = counters.begun > counters.ended;
         let last_ns = counters.last_step_ns.max(self.since_ns);
         let waits_since = match &mut self.waits_for {
@@ -183,8 +183,8 @@ impl Watchdog {
         let for_ns = now_ns.saturating_sub(waits_since);
         match for_ns > self.hang_after_ns {
             false => Err(waits_since.saturating_add(self.hang_after_ns).saturating_add(1)),
-            true if in_step => Ok(Hang::InStep { for_ns }),
-            true => Ok(Hang::BetweenSteps { for_ns }),
+            true if in_step => Ok(Overdue::InStep { for_ns }),
+            true => Ok(Overdue::BetweenSteps { for_ns }),
         }
     }
 }
@@ -235,7 +235,7 @@ mod tests {
         assert_eq!(watched.evaluate(&stepped(100, 100), 120 * MS), Err(120 * MS + 1));
         assert_eq!(
             watched.evaluate(&stepped(100, 100), 120 * MS + 1),
-            Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 })
+            Ok(Overdue::BetweenSteps { for_ns: 20 * MS + 1 })
         );
         assert_eq!(watched.evaluate(&stepped(101, 121), 122 * MS), Err(141 * MS + 1));
     }
@@ -248,7 +248,7 @@ mod tests {
             let inside = Counters { begun: 8, ended: 7, last_step_ns, published, is_stopped: false };
             let mut watched = watchdog(triggered);
             assert_eq!(watched.evaluate(&inside, 28 * MS), Err(28 * MS + 1));
-            assert_eq!(watched.evaluate(&inside, 30 * MS), Ok(Hang::InStep { for_ns: 22 * MS }));
+            assert_eq!(watched.evaluate(&inside, 30 * MS), Ok(Overdue::InStep { for_ns: 22 * MS }));
         }
     }
 
@@ -260,7 +260,7 @@ mod tests {
         // the first publication after ten seconds is its first chance to step
         let woken = Counters { published: (51, 10_015 * MS), ..idle };
         assert_eq!(watched.evaluate(&woken, 10_016 * MS), Err(10_035 * MS + 1));
-        assert_eq!(watched.evaluate(&woken, 10_036 * MS), Ok(Hang::BetweenSteps { for_ns: 21 * MS }));
+        assert_eq!(watched.evaluate(&woken, 10_036 * MS), Ok(Overdue::BetweenSteps { for_ns: 21 * MS }));
     }
 
     #[test]
@@ -272,7 +272,7 @@ mod tests {
         let later = Counters { published: (60, 60 * MS), ..idle };
         assert_eq!(watched.evaluate(&later, 60 * MS), Err(71 * MS + 1));
         let last = Counters { published: (71, 71 * MS), ..idle };
-        assert_eq!(watched.evaluate(&last, 71 * MS + 1), Ok(Hang::BetweenSteps { for_ns: 20 * MS + 1 }));
+        assert_eq!(watched.evaluate(&last, 71 * MS + 1), Ok(Overdue::BetweenSteps { for_ns: 20 * MS + 1 }));
     }
 
     #[test]
@@ -285,9 +285,9 @@ mod tests {
         assert_eq!(watched.evaluate(&stopped, 10_010 * MS), Err(10_030 * MS + 1));
         assert_eq!(watched.evaluate(&silent, 10_020 * MS), Err(10_040 * MS), "it goes on");
         assert_eq!(watched.evaluate(&stopped, 10_030 * MS), Err(10_050 * MS + 1));
-        assert_eq!(watched.evaluate(&stopped, 10_051 * MS), Ok(Hang::BetweenSteps { for_ns: 21 * MS }));
+        assert_eq!(watched.evaluate(&stopped, 10_051 * MS), Ok(Overdue::BetweenSteps { for_ns: 21 * MS }));
         let in_step = Counters { begun: 51, last_step_ns: 11_000 * MS, ..silent };
-        assert_eq!(watched.evaluate(&in_step, 11_021 * MS), Ok(Hang::InStep { for_ns: 21 * MS }));
+        assert_eq!(watched.evaluate(&in_step, 11_021 * MS), Ok(Overdue::InStep { for_ns: 21 * MS }));
     }
 
     #[test]

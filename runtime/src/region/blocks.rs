@@ -7,7 +7,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::counter::add;
-use super::{CheckpointBlock, GateBlock, Phase};
+use super::end::END_WORDS;
+use super::{CheckpointBlock, End, Failure, GateBlock, Phase};
 use crate::telemetry::Histogram;
 
 /// The cause of a missed step.
@@ -138,9 +139,12 @@ pub struct ComponentBlock {
     pub cores: AtomicU32,
     /// 1 if memory is locked, read back.
     pub memory_locked: AtomicU32,
+    /// Number of bytes of the text of its failure.
     failure_length: AtomicU32,
     /// Tick at which it failed.
-    pub failure_tick: AtomicU64,
+    failure_tick: AtomicU64,
+    /// Its encoded end; the first word is 0 before a failure.
+    end: [AtomicU64; END_WORDS],
     failure: [AtomicU8; 2048],
     /// Release lateness, ns.
     pub lateness: Histogram,
@@ -236,24 +240,33 @@ impl ComponentBlock {
         }
     }
 
-    /// Saves the message of a failing component for the launcher, cut to the capacity.
-    pub fn set_failure(&self, tick: u64, message: &str) {
-        let mut end = message.len().min(self.failure.len());
-        while !message.is_char_boundary(end) {
-            end -= 1;
+    /// Saves a failure of the component for the launcher, with its text cut to the capacity.
+    pub fn set_failure(&self, failure: &Failure) {
+        let text = &failure.text;
+        let mut length = text.len().min(self.failure.len());
+        while !text.is_char_boundary(length) {
+            length -= 1;
         }
-        for (cell, byte) in self.failure.iter().zip(message[..end].bytes()) {
+        for (cell, byte) in self.failure.iter().zip(text[..length].bytes()) {
             cell.store(byte, Relaxed);
         }
-        self.failure_tick.store(tick, Relaxed);
-        self.failure_length.store(end as u32, Release);
+        self.failure_tick.store(failure.tick, Relaxed);
+        self.failure_length.store(length as u32, Relaxed);
+        let [head, rest @ ..] = &self.end;
+        let [word, words @ ..] = failure.end.to_words();
+        rest.iter().zip(words).for_each(|(cell, word)| cell.store(word, Relaxed));
+        head.store(word, Release);
     }
 
-    /// The tick and the message of a failed component, if it saved one.
-    pub fn failure(&self) -> Option<(u64, String)> {
-        let length = (self.failure_length.load(Acquire) as usize).min(self.failure.len());
+    /// The saved failure of the component, if there is one.
+    pub fn failure(&self) -> Option<Failure> {
+        let head = self.end[0].load(Acquire);
+        let words = core::array::from_fn(|at| if at == 0 { head } else { self.end[at].load(Relaxed) });
+        let end = End::from_words(words)?;
+        let length = (self.failure_length.load(Relaxed) as usize).min(self.failure.len());
         let bytes: Vec<u8> = self.failure[..length].iter().map(|cell| cell.load(Relaxed)).collect();
-        (length > 0).then(|| (self.failure_tick.load(Relaxed), String::from_utf8_lossy(&bytes).into_owned()))
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        Some(Failure { tick: self.failure_tick.load(Relaxed), end, text })
     }
 
     /// Resets the values of the current episode.
@@ -267,7 +280,7 @@ impl ComponentBlock {
 
     /// Clears the failure before a restart.
     pub fn forget_failure(&self) {
-        self.failure_length.store(0, Release);
+        self.end[0].store(0, Release);
     }
 }
 

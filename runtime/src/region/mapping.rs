@@ -14,7 +14,7 @@ use super::{ComponentBlock, EdgeBlock, EventLog, Header, LatencyBlock, TopicBloc
 use crate::plan::Plan;
 
 /// First word of every control block; the low digits are the version of its layout.
-const MAGIC: u64 = 0x6d6f_746f_7269_000a;
+const MAGIC: u64 = 0x6d6f_746f_7269_000b;
 
 /// Error of making or opening a control block.
 #[derive(Debug, thiserror::Error)]

@@ -7,6 +7,7 @@
 mod blocks;
 mod checkpoint;
 mod counter;
+mod end;
 mod events;
 mod gate;
 mod header;
@@ -21,6 +22,8 @@ pub(crate) use checkpoint::CheckpointBlock;
 #[cfg(test)]
 pub(crate) use checkpoint::Checkpoints;
 pub(crate) use counter::add;
+pub(crate) use end::panic_end;
+pub use end::{Activity, End, Failure, Hang, PanicOrigin};
 pub use events::{EVENT_TEXT_BYTES, EventKind, EventLog, EventReader, EventRecord, EventSeverity};
 #[cfg(test)]
 pub(crate) use events::{Ring, RingFound};

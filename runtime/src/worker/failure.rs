@@ -1,20 +1,39 @@
-//! Failures of a component: errors and panics, as one line of text.
+//! Failures of calls into a component: errors and panics.
 
 use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
-/// The failure of a component.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Failure {
-    /// Index of the current step, or of the step that would have been next.
-    pub tick: u64,
-    /// The message of the error or panic.
-    pub message: String,
+pub use crate::region::Failure;
+use crate::region::{End, PanicOrigin, panic_end};
+
+/// The cause of a failed call into a component, before its tick is known.
+#[derive(Debug)]
+pub(super) struct Cause {
+    end: End,
+    text: String,
+}
+
+impl Cause {
+    /// The failure at a step.
+    pub(super) fn into_failure(self, tick: u64) -> Failure {
+        Failure { tick, end: self.end, text: self.text }
+    }
+
+    /// The same cause, with a text that names the failed operation.
+    pub(super) fn during(self, operation: &str) -> Self {
+        Self { text: format!("{operation}: {}", self.text), ..self }
+    }
+}
+
+impl From<String> for Cause {
+    fn from(text: String) -> Self {
+        Self { end: End::Failed, text }
+    }
 }
 
 thread_local! {
-    static PANIC: RefCell<Option<String>> = const { RefCell::new(None) };
+    static PANIC: RefCell<Option<Cause>> = const { RefCell::new(None) };
     static INSIDE: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -28,26 +47,28 @@ pub(super) fn catch_panic_messages() {
             if !INSIDE.get() {
                 return default(info);
             }
-            let words = info.payload_as_str().unwrap_or("a value that is no text");
-            let place = info.location().map(|l| format!(" at {}:{}", l.file(), l.line())).unwrap_or_default();
-            PANIC.with_borrow_mut(|panic| *panic = Some(format!("panicked{place}: {words}")));
+            let (end, text) = panic_end(info.location(), info.payload_as_str());
+            PANIC.with_borrow_mut(|panic| *panic = Some(Cause { end, text }));
         }));
     });
 }
 
 /// Runs a call into a component; a panic becomes an error.
 #[inline(always)]
-pub(super) fn guard<R, E: From<String>>(call: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
+pub(super) fn guard<R, E: From<Cause>>(call: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
     let outer = INSIDE.replace(true);
     let result = catch_unwind(AssertUnwindSafe(call));
     INSIDE.set(outer);
     match result {
         Ok(result) => result,
-        Err(_) => Err(E::from(words_of_panic())),
+        Err(_) => Err(E::from(caught())),
     }
 }
 
 #[cold]
-fn words_of_panic() -> String {
-    PANIC.with_borrow_mut(Option::take).unwrap_or_else(|| "panicked".to_string())
+fn caught() -> Cause {
+    PANIC.with_borrow_mut(Option::take).unwrap_or_else(|| {
+        let end = End::Panicked(PanicOrigin::Component);
+        Cause { end, text: end.to_string() }
+    })
 }

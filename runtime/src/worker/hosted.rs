@@ -58,7 +58,7 @@ struct Open {
 impl Hosted for Open {
     fn connect(&mut self) -> Result<(), Failure> {
         let tick = self.stepper.context().block().steps.load(Relaxed);
-        connect(&self.ports).map_err(|message| Failure { tick, message })
+        connect(&self.ports).map_err(|text| Failure::error(tick, text))
     }
 
     fn begin(&mut self) {

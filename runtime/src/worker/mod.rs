@@ -45,6 +45,7 @@ use crate::plan::{Activation, ClockKind, ComponentPlan, OnDenied, Plan};
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 use crate::transport::{Connect, Trigger};
+use failure::Cause;
 use stepper::{AnyComponent, Stepper};
 
 /// One component of one run, ready to run.
@@ -128,7 +129,7 @@ fn run(worker: Worker, make: Make) -> Outcome {
             Outcome::Stopped
         }
         Err(failure) => {
-            block.set_failure(failure.tick, &failure.message);
+            block.set_failure(&failure);
             block.enter(Phase::Faulted);
             Outcome::Failed
         }
@@ -145,7 +146,7 @@ fn live(
 ) -> Result<(), Failure> {
     let component = &plan.components[index];
     let block = &region.components()[index];
-    let at_setup = |message: String| Failure { tick: block.steps.load(Relaxed), message };
+    let at_setup = |text: String| Failure::error(block.steps.load(Relaxed), text);
     let context = Rc::new(Context::new(plan, index, region.clone()).traced());
     os::install_interrupt().map_err(|error| at_setup(format!("signal handling: {error}")))?;
     let _watcher = if own_process {
@@ -175,7 +176,8 @@ fn live(
     if !await_command(&context, |command| command != Command::Configure) {
         return Ok(());
     }
-    failure::guard(|| connect(&ports)).map_err(at_setup)?;
+    failure::guard(|| connect(&ports).map_err(Cause::from))
+        .map_err(|cause| cause.into_failure(block.steps.load(Relaxed)))?;
     if realtime {
         let denied = apply_realtime(plan, index, region, true);
         if !denied.is_empty() && plan.scheduling.on_denied == OnDenied::Strict {
@@ -262,14 +264,14 @@ fn configure(
 ) -> Result<Configured, Failure> {
     let component = &plan.components[index];
     let tick = context.block().steps.load(Relaxed);
-    let at_setup = |message: String| Failure { tick, message };
+    let at_setup = |cause: Cause| cause.into_failure(tick);
     let configure = make(component.config.clone())
-        .map_err(|error| at_setup(format!("its configuration: {}", error.message)))?;
+        .map_err(|error| Failure::error(tick, format!("its configuration: {}", error.message)))?;
     // Before the lines of its ports: there is room for only so many.
     context.note_first_lines();
-    let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));
+    let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()).map_err(Cause::from));
     let mut setup = setup.map_err(at_setup)?;
-    let made = failure::guard(|| configure(&mut setup)).map_err(at_setup)?;
+    let made = failure::guard(|| configure(&mut setup).map_err(Cause::from)).map_err(at_setup)?;
     let Prepared { ports, parameters, trigger, descriptor, helpers } = setup.finish();
     let stepper = Stepper::new(made, context, parameters, helpers, component);
     Ok(Configured { stepper, ports, trigger, descriptor })

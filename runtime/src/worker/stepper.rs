@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use super::account::{self, Accounts, Consequence};
+use super::failure::{self, Cause, Failure};
 use super::timing::Timing;
-use super::{Failure, failure};
 use crate::component::{Component, DynamicComponent, Episode, Helpers, Tick};
 use crate::context::{Access, Context};
 use crate::declare::StepError;
@@ -100,12 +100,12 @@ pub(super) struct Stepper {
 /// A step that failed.
 enum Wrong {
     Error(StepError),
-    Panic(String),
+    Panic(Cause),
 }
 
-impl From<String> for Wrong {
-    fn from(words: String) -> Self {
-        Self::Panic(words)
+impl From<Cause> for Wrong {
+    fn from(cause: Cause) -> Self {
+        Self::Panic(cause)
     }
 }
 
@@ -226,8 +226,8 @@ impl Stepper {
         self.context.block().episode.store(index, Relaxed);
         let episode = Episode { index, seed: component_seed(seed, &self.plan.name) };
         let component = &mut self.component;
-        failure::guard(|| component.reset(&episode).map_err(|error| error.to_string()))
-            .map_err(|message| Failure { tick, message: format!("its reset for episode {index}: {message}") })
+        failure::guard(|| component.reset(&episode).map_err(|error| Cause::from(error.to_string())))
+            .map_err(|cause| cause.during(&format!("its reset for episode {index}")).into_failure(tick))
     }
 
     fn count_allocations(&self, before: Allocations, after: Allocations) {
@@ -244,14 +244,14 @@ impl Stepper {
     fn apply_error_policy(&self, wrong: Wrong, tick: u64) -> Result<(), Failure> {
         match wrong {
             // A panic leaves the component in an unknown state: it cannot be tolerated.
-            Wrong::Panic(message) => Err(Failure { tick, message }),
+            Wrong::Panic(cause) => Err(cause.into_failure(tick)),
             Wrong::Error(error) if self.plan.on_error == OnError::Fail => {
-                Err(Failure { tick, message: error.to_string() })
+                Err(Failure::error(tick, error.to_string()))
             }
             Wrong::Error(error) => {
                 let block = self.context.block();
                 if block.errors.load(Relaxed) == 0 {
-                    block.set_failure(tick, &error.to_string());
+                    block.set_failure(&Failure::error(tick, error.to_string()));
                 }
                 add(&block.errors, 1);
                 Ok(())
@@ -310,12 +310,12 @@ impl Stepper {
             component.stop();
             Ok(component.result())
         });
-        let result = result.map_err(|message: String| Failure { tick, message })?;
+        let result = result.map_err(|cause: Cause| cause.into_failure(tick))?;
         if let Some(result) = result {
             folder
                 .save_result(&self.plan.name, &result)
-                .map_err(|error| Failure { tick, message: error.to_string() })?;
+                .map_err(|error| Failure::error(tick, error.to_string()))?;
         }
-        self.helpers.stop().map_err(|message| Failure { tick, message })
+        self.helpers.stop().map_err(|text| Failure::error(tick, text))
     }
 }

@@ -19,6 +19,8 @@ enum Fault {
     Nan,
     /// The process ends in the middle of a step.
     Exit,
+    /// The process ends in the middle of a step, and in its configuration after a restart.
+    ExitAgain,
     /// The step takes 20 ms.
     Stall,
     /// The step computes for far too long.
@@ -112,6 +114,9 @@ impl Component for Faulty {
         if restarted && config.fault == Fault::ConfigureHangAgain {
             hang();
         }
+        if restarted && config.fault == Fault::ExitAgain {
+            std::process::exit(8);
+        }
         setup.checkpoint(1)?.save([1.0]);
         let (input, output) = (setup.input("input")?, setup.output("output")?);
         let stream = setup.output("stream")?;
@@ -133,7 +138,7 @@ impl Component for Faulty {
                 Fault::Panic => panic!("ordered to panic"),
                 Fault::Error => return Err(StepError::failed("ordered to fail")),
                 Fault::Nan => output.position_mut()[0] = f64::NAN,
-                Fault::Exit => std::process::exit(7),
+                Fault::Exit | Fault::ExitAgain => std::process::exit(7),
                 Fault::Stall => std::thread::sleep(std::time::Duration::from_millis(20)),
                 Fault::Work => {
                     let begun = std::time::Instant::now();

@@ -177,11 +177,14 @@ impl TopicMemory {
         self.dimensions.size
     }
 
-    /// Prefetches the parts in use of a slot, assuming the length of the value in the slot `like`, which the
-    /// caller may read: it has pinned it, or is the only writer and has not claimed it since. Without `like`,
-    /// prefetches the beginning of the slot. Returns the address of the slot.
+    /// Prefetches the parts in use of a slot, assuming the length of the value in the slot `like`. Without
+    /// `like`, prefetches the beginning of the slot. Returns the address of the slot.
+    ///
+    /// # Safety
+    /// Nobody writes the value in the slot `like` during the call: the caller has pinned it, or is the only
+    /// writer and has not claimed it.
     #[inline]
-    pub(super) fn fetch(
+    pub(super) unsafe fn fetch(
         &self,
         slot: usize,
         like: Option<usize>,
@@ -194,7 +197,7 @@ impl TopicMemory {
         };
         let value = self.value(like).cast_const();
         // SAFETY: `at` is within the value (see `InUse::from_layout`), which is initialised, and which nobody
-        // writes by the caller's promise.
+        // writes, as the caller guarantees.
         let count = |at: usize| unsafe { value.add(at).cast::<u32>().read_unaligned() } as usize;
         self.in_use.each(count, |offset, size| prefetch(first.wrapping_add(offset), size));
         first

@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code)] // a pinned value is used where it lies
 
+use std::cell::Cell;
 use std::rc::Rc;
 
 use super::TopicMemory;
@@ -65,10 +66,12 @@ impl StateReader {
     #[inline(never)]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;
-        // The value that is still pinned, because the next one usually has the same length.
-        let like = (self.seen() > 0).then_some(self.pinned.slot());
+        // The value that is still pinned, because the next one usually has the same length. It is pinned
+        // until the first new slot is, so only the first attempt may read it.
+        let like = Cell::new((self.seen() > 0).then_some(self.pinned.slot()));
         let fetch = |slot| {
-            memory.fetch(slot, like, prefetch_read);
+            // SAFETY: `pin_newest` calls this before it moves the pin, and `like` is empty from then on.
+            unsafe { memory.fetch(slot, like.take(), prefetch_read) };
         };
         match pin_newest(memory, self.pin(), self.pinned.number(), fetch) {
             Some(pinned) => {

@@ -94,7 +94,8 @@ impl StateWriter {
         // It usually has the same length as the previous one.
         let newest = self.memory.newest();
         let like = (newest.number() > 0 && newest.slot() != slot).then_some(newest.slot());
-        Some(self.memory.fetch(slot, like, prefetch_write))
+        // SAFETY: this is the only writer, and the slot that it has claimed is not `like`.
+        Some(unsafe { self.memory.fetch(slot, like, prefetch_write) })
     }
 }
 

@@ -3,11 +3,11 @@
 use nalgebra::Isometry3;
 use roxmltree::Node;
 
-use super::attributes::{Attributes, Element};
-use super::bodies::body_name;
-use super::error::{MjcfError, MjcfProblem};
-use super::geoms::WATER;
-use crate::world::unique;
+use super::super::reading::unique;
+use crate::mjcf::attributes::{Attributes, Element};
+use crate::mjcf::bodies::body_name;
+use crate::mjcf::geoms::WATER;
+use crate::mjcf::{MjcfError, MjcfProblem};
 use crate::{BasePose, CompoundPart, Geometry, Inertia, Object, ObjectShape, World};
 
 /// A geom of a body that moves.

@@ -3,9 +3,9 @@
 
 use roxmltree::Node;
 
-use super::attributes::{Attributes, Element, named};
-use super::error::{MjcfError, MjcfProblem};
 use crate::Object;
+use crate::mjcf::attributes::{Attributes, Element, named};
+use crate::mjcf::{MjcfError, MjcfProblem};
 
 /// An object with the coefficients of friction of a geom. Warns of parameters of contacts that no object has.
 pub(super) fn surface(geom: &Element<'_, '_, '_>) -> Result<Object, MjcfError> {

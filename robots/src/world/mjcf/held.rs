@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use nalgebra::{Isometry3, Point3};
 use roxmltree::Node;
 
-use super::attributes::{Attributes, MAIN, named};
-use super::error::{MjcfError, MjcfProblem};
-use super::schema::HELD;
+use crate::mjcf::attributes::{Attributes, MAIN, named};
+use crate::mjcf::schema::HELD;
+use crate::mjcf::{MjcfError, MjcfProblem};
 use crate::nearest::nearest;
 use crate::{Connection, ConnectionKind};
 

@@ -13,7 +13,6 @@ use nalgebra::{Point3, Unit, Vector3};
 
 pub use scene::RayScene;
 pub use shape::RayShape;
-pub(super) use shape::planes;
 
 /// A ray: all points from an origin on along a direction.
 ///

@@ -1,10 +1,15 @@
 //! A draft profile of a robot, derived from its file, for its owner to review and edit.
 
+mod home;
+
 use std::fmt::Write as _;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::home::{draft_home, tip_joints};
+use home::draft_home;
+
+use crate::configuration::with_joints;
+use crate::end_effector::tip_joints;
 use crate::{Dynamics, JointKind, Loaded, Model};
 
 /// Deflection at which a drive reaches its full effort, rad or m: 0.2 rad for a revolute joint.
@@ -163,7 +168,7 @@ struct Weights {
 
 impl Weights {
     fn at_home(model: &Model, home: &DVector<f64>) -> Self {
-        let q = configuration(model, home.as_slice());
+        let q = with_joints(model, home.as_slice());
         let (nv, first) = (model.nv(), model.nv() - model.joint_count());
         let mut dynamics = Dynamics::new(model);
         let mut mass = DMatrix::zeros(nv, nv);
@@ -183,14 +188,6 @@ impl Weights {
             .collect();
         Self { inertia, free_inertia, gravity: gravity[first..].to_vec() }
     }
-}
-
-/// The whole configuration: a floating base where the model has it.
-pub(super) fn configuration(model: &Model, joints: &[f64]) -> Vec<f64> {
-    let mut q = model.neutral();
-    let first = q.len() - joints.len();
-    q[first..].copy_from_slice(joints);
-    q
 }
 
 fn is_passive(model: &Model, index: usize) -> bool {

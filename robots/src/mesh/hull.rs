@@ -4,8 +4,7 @@ use nalgebra::Vector3;
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::TriangleMesh;
-use crate::algebra::V3;
-use crate::geometry::support::{v3, vector};
+use crate::algebra::{V3, v3, vector};
 
 /// The golden angle \[rad\]: points of a sphere turned by it from one height to the next are spread evenly
 /// (Vogel 1979).
@@ -34,7 +33,7 @@ impl TriangleMesh {
     }
 
     /// Corners that triangles use.
-    pub(in crate::geometry) fn used(&self) -> impl Iterator<Item = Vector3<f64>> {
+    pub(crate) fn used(&self) -> impl Iterator<Item = Vector3<f64>> {
         let mut used = vec![false; self.points.len()];
         self.triangles.iter().flatten().for_each(|&corner| used[corner as usize] = true);
         self.points.iter().zip(used).filter_map(|(point, used)| used.then_some(*point))

@@ -1,30 +1,35 @@
 //! Worlds from MJCF: gravity, planes, height fields, fixed geoms, free bodies, and connections.
 
+mod contacts;
+mod free_bodies;
+mod held;
+
 use std::collections::HashMap;
 use std::path::Path;
 
 use nalgebra::Isometry3;
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::attributes::{Attributes, Element, MAIN, named};
-use super::bodies::{DEEPEST, body_name};
-use super::build::parsed;
-use super::compiler::Compiler;
-use super::contacts::{Contacts, surface};
-use super::error::{MjcfError, MjcfProblem};
-use super::free_bodies::{FreeGeom, Weight, object};
-use super::geoms::{Geom, Geoms};
-use super::held::{Held, connections};
-use super::looks::Looks;
-use super::pose::pose;
-use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION, is_off};
-use super::sections::read_assets;
-use super::{height_fields, include};
+use contacts::{Contacts, surface};
+use free_bodies::{FreeGeom, Weight, object};
+use held::{Held, connections};
+
+use super::reading::unique;
+use super::{Ground, MeshCollision, MeshShape, Object, ObjectShape, World};
+use crate::mjcf::attributes::{Attributes, Element, MAIN, named};
+use crate::mjcf::bodies::{DEEPEST, body_name};
+use crate::mjcf::build::parsed;
+use crate::mjcf::compiler::Compiler;
+use crate::mjcf::geoms::{Geom, Geoms};
+use crate::mjcf::looks::Looks;
+use crate::mjcf::pose::pose;
+use crate::mjcf::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION, is_off};
+use crate::mjcf::sections::read_assets;
+use crate::mjcf::{height_fields, include};
 use crate::nearest::nearest;
-use crate::world::unique;
 use crate::{
-    BasePose, Colour, FrictionCombine, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object,
-    ObjectShape, ShapeSource, TriangleMesh, World,
+    BasePose, Colour, FrictionCombine, Geometry, MjcfError, MjcfProblem, ModelWarning, ShapeSource,
+    TriangleMesh,
 };
 
 /// An MJCF text turned into a world.

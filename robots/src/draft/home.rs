@@ -2,7 +2,8 @@
 
 use nalgebra::DVector;
 
-use super::draft::configuration;
+use crate::configuration::with_joints;
+use crate::end_effector::tip_joints;
 use crate::{CollisionModel, CollisionOptions, Collisions, FrameId, JointKind, Kinematics, Model, TaskRows};
 
 /// The part of a joint's range that is left free at either end.
@@ -89,31 +90,6 @@ fn best_of<'a>(
     better
 }
 
-/// Joints that move the tip, starting at the base, and the joints beyond it (its fingers).
-pub(crate) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
-    let body = model.frames()[tip.index()].body;
-    let parents = |mut body: Option<usize>| {
-        let mut chain = Vec::new();
-        while let Some(index) = body {
-            chain.push(index);
-            body = model.bodies()[index].parent;
-        }
-        chain
-    };
-    let chain = parents(body);
-    let of = |test: &dyn Fn(usize) -> bool| -> Vec<String> {
-        let joints = 0..model.joint_count();
-        joints
-            .filter(|&index| test(model.joint_body(index)))
-            .map(|index| model.joint_names()[index].clone())
-            .collect()
-    };
-    let moves = of(&|joint| chain.contains(&joint));
-    let beyond =
-        of(&|joint| !chain.contains(&joint) && body.is_some_and(|body| parents(Some(joint)).contains(&body)));
-    (moves, beyond)
-}
-
 /// Zero, or the middle of the range where zero is near its end or outside.
 fn neutral(model: &Model, index: usize) -> f64 {
     let (lower, upper) = (model.lower()[index], model.upper()[index]);
@@ -153,7 +129,7 @@ impl Check {
 
     /// Manipulability of the tip; `None` if the robot is in self-collision or reaches below its base.
     fn measure(&mut self, model: &Model, joints: &DVector<f64>) -> f64 {
-        self.kinematics.update(model, &configuration(model, joints.as_slice()));
+        self.kinematics.update(model, &with_joints(model, joints.as_slice()));
         if let Some((model, state)) = &mut self.collisions {
             state.update(model, &self.kinematics);
             if state.colliding(model, 0.01).is_some() {

@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
-use parry3d_f64::transformation::try_convex_hull;
 
 use super::surfaces::{self, Meeting};
 use super::{Ray, RayHit};
 use crate::algebra::{M3, V3};
-use crate::geometry::support::{v3, vector};
+use crate::geometry::planes;
 use crate::{ConvexShape, HeightField, ObjectShape, TriangleSurface};
 
 /// A shape for ray casting.
@@ -50,9 +49,6 @@ pub(super) enum Surface {
     /// A hull without volume.
     Nothing,
 }
-
-/// Tolerance of equal plane normals.
-const SAME: f64 = 1e-9;
 
 impl RayShape {
     /// The shape of a convex one. A hull without volume is never met.
@@ -169,28 +165,4 @@ fn first_of(parts: &[(M3, V3, RayShape)], ray: (V3, V3), range: f64) -> Meeting 
         best = shape.meet(rotation, *position, ray, nearest).or(best);
     }
     best
-}
-
-/// The planes of the faces of a convex hull, each once; `None` without volume.
-pub(in crate::geometry) fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
-    let points: Vec<_> = points.iter().map(|&point| vector(point.into())).collect();
-    let (corners, triangles) = try_convex_hull(&points).ok()?;
-    let corners: Vec<V3> = corners.into_iter().map(v3).collect();
-    let mut planes: Vec<(V3, f64)> = Vec::new();
-    for [a, b, c] in triangles {
-        let [a, b, c] = [a, b, c].map(|index| corners[index as usize]);
-        let normal = (b - a).cross(c - a);
-        let length = normal.dot(normal).sqrt();
-        if length < 1e-18 {
-            continue;
-        }
-        let normal = normal * (1.0 / length);
-        // the outermost corner, so that rounding leaves no corner outside
-        let height = corners.iter().map(|corner| normal.dot(*corner)).fold(f64::NEG_INFINITY, f64::max);
-        let known = |(other, at): &(V3, f64)| 1.0 - normal.dot(*other) < SAME && (height - at).abs() < SAME;
-        if !planes.iter().any(known) {
-            planes.push((normal, height));
-        }
-    }
-    (planes.len() > 3).then_some(planes)
 }

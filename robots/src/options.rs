@@ -1,0 +1,67 @@
+//! Options of reading and loading a robot.
+
+use std::path::PathBuf;
+
+use crate::{FileFormat, PackagePath};
+
+/// Treatment of the root link: fixed to the world, or free.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BaseMode {
+    /// As in the robot's files: the root link is floating if the profile specifies it; otherwise it is fixed
+    /// to the world, unless the only joint that moves it is `floating`.
+    #[default]
+    AsFile,
+    /// The root link moves freely.
+    Floating,
+    /// The root link is fixed to the world, regardless of the profile.
+    Fixed,
+}
+
+/// Options of loading a robot.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// Treatment of the root link.
+    pub base: BaseMode,
+    /// Treatment of mimic joints.
+    pub mimic: MimicMode,
+    /// Folders searched for packages before `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+    pub packages: PackagePath,
+    /// Source of the profile.
+    pub profile: ProfileChoice,
+    /// The shapes that the model gets.
+    pub shapes: ShapeSource,
+    /// The format that its file must have.
+    pub format: FileFormat,
+}
+
+/// The shapes of a file that are used in its [`Model`](crate::Model).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShapeSource {
+    /// Those that collide.
+    #[default]
+    Collision,
+    /// Those that are seen, for pictures: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
+    Visual,
+}
+
+/// Source of a robot's profile.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum ProfileChoice {
+    /// The catalogue's profile, or the `.toml` of the same name next to the file, if it exists.
+    #[default]
+    Own,
+    /// A file.
+    File(PathBuf),
+    /// None.
+    Without,
+}
+
+/// Treatment of mimic joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MimicMode {
+    /// They follow their master, as in the file.
+    #[default]
+    Follow,
+    /// Each is an independent joint with its own coordinate.
+    Independent,
+}

@@ -1,0 +1,17 @@
+//! Faults of the settings of a robot in a graph file.
+
+/// A robot setting in a graph file does not match the robot.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{key}`: {message}")]
+pub struct SettingError {
+    /// The key: `joints`, `fixed`, `frame`, `start` or `gains`.
+    pub key: &'static str,
+    /// The reason for which its value is refused.
+    pub message: String,
+}
+
+impl SettingError {
+    pub(crate) fn new(key: &'static str, message: impl ToString) -> Self {
+        Self { key, message: message.to_string() }
+    }
+}

@@ -1,0 +1,25 @@
+//! Checks of single numbers of a world.
+
+use super::WorldError;
+
+pub(super) fn check(
+    owner: &str,
+    field: &'static str,
+    value: f64,
+    good: bool,
+    expected: &'static str,
+) -> Result<(), WorldError> {
+    if good { Ok(()) } else { Err(WorldError::Value { owner: owner.to_owned(), field, value, expected }) }
+}
+
+pub(super) fn finite(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+    check(owner, field, value, value.is_finite(), "a finite number")
+}
+
+pub(super) fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+    check(owner, field, value, value.is_finite() && value > 0.0, "a positive number")
+}
+
+pub(super) fn from_zero(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+    check(owner, field, value, value.is_finite() && value >= 0.0, "a number from 0 up")
+}
