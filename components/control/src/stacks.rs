@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 use crate::{
     DifferentialIk, IkError, JointSetpoint, RobotState,
     limits::{PositionLimit, VelocityLimit},
-    tasks::{CartesianTask, PostureSettings, PostureTask, Task},
+    tasks::{CartesianTask, PostureSettings, PostureTask, VelocityTask},
 };
 
 /// A stack of a Cartesian task and a posture task.

@@ -105,7 +105,7 @@ impl InverseDynamics {
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
-    /// use motorium_control::inverse_dynamics::tasks::{Feedback, PostureAcceleration};
+    /// use motorium_control::tasks::{PostureSettings, PostureTask};
     /// use motorium_control::limits::{CartesianVelocityLimit, RowLimit};
     /// use motorium_robots::{Kinematics, load};
     ///
@@ -117,7 +117,8 @@ impl InverseDynamics {
     /// kinematics.update_with_velocity(model, q, &v);
     /// let state = MotionState { model, kinematics: &kinematics, q, v: &v };
     /// let mut slow = CartesianVelocityLimit::new(model, hand, 0.1, f64::INFINITY);
-    /// let mut far = PostureAcceleration::new(model, &vec![1.0; model.nv()], Feedback::critical(20.0));
+    /// let settings = PostureSettings { gain: 20.0, weight: 1.0 };
+    /// let mut far = PostureTask::new(model, &vec![1.0; model.nv()]).with(settings);
     ///
     /// let rows = DynamicsRows { limits: slow.rows(), ..DynamicsRows::default() };
     /// let mut control = InverseDynamics::with_room(model, Vec::new(), InverseDynamicsSettings::default(), rows);

@@ -6,7 +6,7 @@ use motorium_robots::{
 };
 use nalgebra::{Isometry3, Matrix3, Matrix6xX, Vector3, Vector6};
 
-use super::{AxisShares, PoseAxes, Rows, Task, residual};
+use super::{AxisShares, PoseAxes, Rows, VelocityTask};
 use crate::{RobotState, solver::Problem};
 
 /// Gains and weights of a [`CartesianTask`].
@@ -257,7 +257,7 @@ impl CartesianTask {
     }
 }
 
-impl Task for CartesianTask {
+impl VelocityTask for CartesianTask {
     fn rows(&self) -> usize {
         6
     }
@@ -298,4 +298,18 @@ impl Task for CartesianTask {
             row.zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
         }
     }
+}
+
+/// Length of `A v - b` over these rows.
+fn residual(
+    rows: impl Iterator<Item = usize>,
+    matrix: &Matrix6xX<f64>,
+    desired: &[f64],
+    velocity: &[f64],
+) -> f64 {
+    let of_row = |row: usize| {
+        let product: f64 = (0..velocity.len()).map(|column| matrix[(row, column)] * velocity[column]).sum();
+        product - desired[row]
+    };
+    rows.map(|row| of_row(row).powi(2)).sum::<f64>().sqrt()
 }

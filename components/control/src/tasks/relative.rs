@@ -3,7 +3,7 @@
 use motorium_robots::{FrameId, Model, Reference, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
-use super::{Cost, Rows, Task};
+use super::{Cost, Rows, VelocityTask};
 use crate::{RobotState, solver::Problem};
 
 /// Gain and weights of a [`RelativeTask`].
@@ -37,7 +37,7 @@ impl Default for RelativeSettings {
 /// so that `e' = -A v` (Pink's relative frame task). The motion of a floating base cancels.
 ///
 /// ```
-/// use motorium_control::{RobotState, tasks::{RelativeTask, Task}};
+/// use motorium_control::{RobotState, tasks::{RelativeTask, VelocityTask}};
 /// use motorium_robots::{Kinematics, load};
 ///
 /// let humanoid = load("humanoid", std::path::Path::new("."))?.model;
@@ -117,7 +117,7 @@ impl RelativeTask {
     }
 }
 
-impl Task for RelativeTask {
+impl VelocityTask for RelativeTask {
     fn rows(&self) -> usize {
         6
     }

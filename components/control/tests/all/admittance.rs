@@ -7,7 +7,7 @@ use motorium::prelude::*;
 use motorium::testing::{Source, allocations};
 use motorium_control::{
     Admittance, AdmittanceSettings, RobotState,
-    tasks::{CartesianSettings, CartesianTask, Task},
+    tasks::{CartesianSettings, CartesianTask, VelocityTask},
 };
 use motorium_robots::{Kinematics, Twist, load};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};

@@ -2,7 +2,7 @@
 
 use motorium_control::{
     DifferentialIk, RobotState,
-    tasks::{AxisShares, CartesianSettings, CartesianTask, PoseAxes, PostureTask, Task},
+    tasks::{AxisShares, CartesianSettings, CartesianTask, PoseAxes, PostureTask, VelocityTask},
 };
 use motorium_robots::{FrameId, Kinematics, Model, Twist, load};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};

@@ -6,7 +6,7 @@ use motorium_control::{
     DifferentialIk, IkConstraint, IkError, IkRows, IkSettings, RobotState,
     limits::VelocityLimit,
     solver::SolveError,
-    tasks::{CartesianSettings, CartesianTask, PostureSettings, PostureTask, Task},
+    tasks::{CartesianSettings, CartesianTask, PostureSettings, PostureTask, VelocityTask},
 };
 use motorium_robots::Kinematics;
 use nalgebra::DVector;

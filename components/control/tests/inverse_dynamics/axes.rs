@@ -1,9 +1,10 @@
 //! Weights of a pose by axis, and the regularisation of levels, on accelerations.
 
+use motorium_control::tasks::PostureTask;
 use motorium_control::{
     inverse_dynamics::{
         InverseDynamics,
-        tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights, Feedback, PostureAcceleration},
+        tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights, Feedback},
     },
     tasks::{AxisShares, PoseAxes},
 };
@@ -121,7 +122,7 @@ fn orientation_rows_are_the_rotated_and_weighted_pose_rows() {
 #[test]
 fn a_level_yields_to_its_own_regularisation_only() {
     let robot = Robot::new("panda");
-    let mut posture = PostureAcceleration::new(&robot.model, &[0.1; 8], Feedback::critical(1.0)).weight(0.5);
+    let mut posture = PostureTask::new(&robot.model, &[0.1; 8]).feedback(Feedback::critical(1.0)).weight(0.5);
     let mut decided = |level: usize, damping: [f64; 2]| {
         let control = InverseDynamics::new(&robot.model, Vec::new());
         let mut control = control.levels(&[posture.rows(), posture.rows()]).level_damping(&damping);

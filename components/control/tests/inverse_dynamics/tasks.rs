@@ -6,10 +6,11 @@
 use motorium_control::inverse_dynamics::{
     Contact, ContactShape, InverseDynamics,
     tasks::{
-        AccelerationTask, CartesianAcceleration, CartesianWeights, CentreOfMassAcceleration, ContactForce,
-        Cost, Feedback, ForceRegularisation, MomentumRate, PostureAcceleration, TorqueMinimum,
+        AccelerationTask, CartesianAcceleration, CartesianWeights, ContactForce, Cost, Feedback,
+        ForceRegularisation, TorqueMinimum,
     },
 };
+use motorium_control::tasks::{CentreOfMassTask, MomentumTask, PostureTask};
 use motorium_robots::{Dynamics, Momentum, Twist};
 use nalgebra::{DVector, Isometry3, Vector3, Vector6};
 
@@ -71,13 +72,13 @@ fn centre_of_mass_and_momentum_accelerate_as_commanded() {
         control.begin(&robot.state(), 1e-3);
         let a = robot.accelerations(&mut random);
         let (ahead, behind) = (robot.after(&a, H), robot.after(&a, -H));
-        let mut centre = CentreOfMassAcceleration::new(model, NONE);
+        let mut centre = CentreOfMassTask::new(model).feedback(NONE);
         centre.update(&robot.state(), &control);
         let velocity = |robot: &Robot| robot.kinematics.centre_of_mass(model).velocity;
         let expected = (velocity(&ahead) - velocity(&behind)) / (2.0 * H);
         assert!((rows(centre.cost(), &a) - expected).amax() < 1e-5, "{name}");
 
-        let mut momentum = MomentumRate::angular(model, 0.0).weights(1.0, 1.0);
+        let mut momentum = MomentumTask::angular(model).rate(0.0).weights(1.0, 1.0);
         momentum.update(&robot.state(), &control);
         let mut dynamics = Dynamics::new(model);
         let mut of = |robot: &Robot| dynamics.momentum(model, &robot.q, &robot.v);
@@ -120,7 +121,7 @@ fn feedback_has_the_signs_that_lead_to_the_target() {
         assert!((found.fixed_rows::<3>(3) - angular).amax() < 1e-9, "{name}");
 
         let goal: Vec<f64> = (0..model.joint_count()).map(|_| random.within(1.0)).collect();
-        let mut posture = PostureAcceleration::new(model, &goal, feedback);
+        let mut posture = PostureTask::new(model, &goal).feedback(feedback).weight(1.0);
         posture.update(&robot.state(), &control);
         let (q, v) = (model.joints_of_q(&robot.q), model.joints_of_v(&robot.v));
         for (joint, found) in posture.cost().desired().iter().enumerate() {
@@ -128,10 +129,10 @@ fn feedback_has_the_signs_that_lead_to_the_target() {
             assert!((found - expected).abs() < 1e-12, "{name}");
         }
 
-        let mut momentum = MomentumRate::angular(model, 2.0).weights(1.0, 1.0);
+        let mut momentum = MomentumTask::angular(model).rate(2.0).weights(1.0, 1.0);
         let aim = Momentum { linear: random.vector(1.0), angular: random.vector(1.0) };
         let push = Momentum { linear: random.vector(1.0), angular: random.vector(1.0) };
-        momentum.set_target(aim, push);
+        momentum.set_moving_target(aim, push);
         momentum.update(&robot.state(), &control);
         let mut dynamics = Dynamics::new(model);
         let now = dynamics.momentum(model, &robot.q, &robot.v);
@@ -175,8 +176,9 @@ fn forces_follow_their_target_or_are_spread_evenly() {
     let weight = robot.model.mass() * 9.81;
     let mut control = InverseDynamics::new(&robot.model, robot.feet());
     let state = robot.state();
-    let mut posture = PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0));
-    let mut centre = CentreOfMassAcceleration::new(&robot.model, Feedback::critical(5.0));
+    let mut posture =
+        PostureTask::new(&robot.model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
+    let mut centre = CentreOfMassTask::new(&robot.model).feedback(Feedback::critical(5.0));
     centre.set_target(robot.kinematics.centre_of_mass(&robot.model).position);
     let mut even = ForceRegularisation::new(&control).weight(1e-3);
     control.begin(&state, 1e-3);

@@ -7,7 +7,7 @@ use motorium_control::{
     },
     tasks::{
         CartesianTask, CentreOfMassTask, ContactTask, ManipulabilityTask, MinimumVelocityTask, MomentumTask,
-        PostureTask, RelativeTask, Task,
+        PostureTask, RelativeTask, VelocityTask,
     },
 };
 use motorium_robots::{

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::component::checks::pose_of;
 use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
-use crate::tasks::{CartesianSettings, CartesianTask, Task};
+use crate::tasks::{CartesianSettings, CartesianTask, VelocityTask};
 use crate::{Admittance, AdmittanceSettings, RobotState};
 
 /// Range of masses, dampings and stiffnesses.
@@ -279,7 +279,7 @@ impl HeldTask for HeldAdmittance {
         self.largest = self.largest.max(self.law.displacement().norm());
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 

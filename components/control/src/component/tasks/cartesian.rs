@@ -16,7 +16,7 @@ use crate::component::checks::pose_of;
 use crate::inverse_dynamics::tasks::{
     AccelerationTask, CartesianAcceleration, CartesianImpedance, CartesianWeights,
 };
-use crate::tasks::{CartesianSettings, CartesianTask, Task};
+use crate::tasks::{CartesianSettings, CartesianTask, VelocityTask};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
 /// A Cartesian task: a frame follows a pose target.
@@ -303,7 +303,7 @@ impl HeldTask for Cartesian {
         self.current = Some(target);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 

@@ -14,7 +14,7 @@ use super::{
 use crate::RobotState;
 use crate::component::checks::pose_of;
 use crate::inverse_dynamics::tasks::{AccelerationTask, RelativeAcceleration};
-use crate::tasks::{RelativeSettings, RelativeTask, Task};
+use crate::tasks::{RelativeSettings, RelativeTask, VelocityTask};
 
 /// A relative task: a frame reaches a pose in another frame of the same robot.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -197,7 +197,7 @@ impl HeldTask for Relative {
         self.target = Some(target);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         self.task.task()
     }
 

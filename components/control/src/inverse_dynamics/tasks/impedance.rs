@@ -78,18 +78,6 @@ impl Mobility {
         (found.fixed_rows::<3>(0).into(), found.fixed_rows::<3>(3).into())
     }
 
-    /// Returns the accelerations `M^-1 f` of all velocities for joint efforts, which `efforts` writes after
-    /// the entries of the base.
-    pub(super) fn of_joints(&mut self, dynamics: &InverseDynamics, efforts: &DVector<f64>) -> &[f64] {
-        let base = self.moving.len() - efforts.len();
-        self.moving.rows_mut(0, base).fill(0.0);
-        self.moving.rows_mut(base, efforts.len()).copy_from(efforts);
-        if !self.solve(dynamics) {
-            self.moving.fill(0.0);
-        }
-        &self.moving.as_slice()[base..]
-    }
-
     fn solve(&mut self, dynamics: &InverseDynamics) -> bool {
         let factored = self.factor.factor(dynamics.mass()).is_ok();
         if factored {
