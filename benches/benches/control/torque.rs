@@ -1,11 +1,13 @@
 //! Cycles of inverse dynamics of a humanoid on two soles: model, tasks, limits, solution; a ring of states
 //! along its own motion.
 
-use motorium_control::tasks::{CentreOfMassTask, MomentumTask, PostureTask};
+use motorium_control::tasks::{
+    CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PostureTask,
+};
 use motorium_control::{
     inverse_dynamics::{
         InverseDynamics, MotionState,
-        tasks::{AccelerationTask, CartesianAcceleration, Feedback},
+        tasks::{AccelerationTask, Feedback},
     },
     solver::{Problem, Sides, Structure},
 };
@@ -69,9 +71,9 @@ pub(crate) struct TorqueCycle {
     control: InverseDynamics,
     centre: CentreOfMassTask,
     momentum: MomentumTask,
-    hand: CartesianAcceleration,
+    hand: CartesianTask,
     /// The right foot while it is lifted.
-    foot: CartesianAcceleration,
+    foot: CartesianTask,
     ground: Isometry3<f64>,
     posture: PostureTask,
     tasks: Tasks,
@@ -87,7 +89,9 @@ impl TorqueCycle {
         let centre = CentreOfMassTask::new(&model).feedback(Feedback::critical(4.0)).weight(10.0);
         let start = kinematics.centre_of_mass(&model).position;
         let above = kinematics.pose(&model, biped.feet[0]).translation.vector;
-        let mut hand = CartesianAcceleration::new(&model, palm, Feedback::critical(8.0));
+        let mut hand = CartesianTask::new(&model, palm)
+            .with(CartesianSettings::geometric())
+            .feedback(Feedback::critical(8.0));
         let mut goal = kinematics.pose(&model, palm);
         goal.translation.vector += Vector3::new(0.1, 0.0, 0.15);
         hand.set_target(goal);
@@ -105,7 +109,9 @@ impl TorqueCycle {
             control,
             centre,
             hand,
-            foot: CartesianAcceleration::new(&model, biped.feet[1], Feedback::critical(20.0)),
+            foot: CartesianTask::new(&model, biped.feet[1])
+                .with(CartesianSettings::geometric())
+                .feedback(Feedback::critical(20.0)),
             ground,
             model,
             tasks,

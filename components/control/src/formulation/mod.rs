@@ -25,7 +25,7 @@ pub use acceleration::Feedback;
 pub(crate) use acceleration::Impedance;
 pub use velocity::VelocityTask;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3};
 
 use crate::cost::Cost;
 use crate::state::{MotionState, RobotState};
@@ -92,6 +92,9 @@ pub struct Equation {
     pub drift: DVector<f64>,
     /// The requested motion of the error.
     pub response: Response,
+    /// Factors `S` of the first and the following three rows, which the error `e` and its rate do not contain;
+    /// `J`, `nu`, `nu'` and `J' v` do. A formulation requests `S e`. Default: the identity.
+    pub selection: Option<[Matrix3<f64>; 2]>,
     cost: Cost,
     /// `gain e`, slowed to the largest speeds.
     correction: DVector<f64>,
@@ -120,6 +123,7 @@ impl Equation {
             error_rate: zero.clone(),
             drift: zero.clone(),
             response: Response::decay(0.0),
+            selection: None,
             cost,
             correction: zero,
             damping: 0.0,
@@ -151,6 +155,16 @@ impl Equation {
     /// The diagonal of `W`, to be written.
     pub fn weights_mut(&mut self) -> &mut DVector<f64> {
         self.cost.weights_mut()
+    }
+
+    /// Replaces `correction` by `S correction`, or by `S' correction`.
+    fn select(&mut self, transposed: bool) {
+        let Some(factors) = &self.selection else { return };
+        for (block, factor) in factors.iter().enumerate() {
+            let mut rows = self.correction.fixed_rows_mut::<3>(3 * block);
+            let selected = if transposed { factor.tr_mul(&rows) } else { factor * &rows };
+            rows.copy_from(&selected);
+        }
     }
 
     /// The cost as of the last update by a formulation.

@@ -11,7 +11,7 @@ use crate::state::RobotState;
 ///
 /// ```text
 /// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
-/// A = J,   b = c + nu,   mu = damping |W^2 c|
+/// A = J,   b = S c + nu,   mu = damping |W^2 S' S c|        S: selection of rows, usually the identity
 /// ```
 pub trait VelocityTask {
     /// Maximum number of rows of `A`.
@@ -63,7 +63,7 @@ impl<T: Task + ?Sized> VelocityTask for T {
 impl Equation {
     /// Writes `b` and the damping for velocities.
     fn request_velocity(&mut self) {
-        let Self { error, rate, response, cost, correction, .. } = self;
+        let Self { error, response, correction, .. } = self;
         let Response { gain, max_speeds, damping, .. } = *response;
         correction.zip_apply(error, |correction, error| *correction = error * gain);
         let mut excess = 0.0_f64;
@@ -75,13 +75,17 @@ impl Equation {
         if excess > 1.0 {
             correction.apply(|correction| *correction /= excess);
         }
+        self.select(false);
+        let Self { rate, cost, correction, .. } = self;
         for ((desired, correction), rate) in cost.desired_mut().iter_mut().zip(&*correction).zip(&*rate) {
             *desired = correction + rate;
         }
-        self.damping = match damping > 0.0 {
-            true => damping * length(cost.weights().iter().zip(&*correction).map(|(w, c)| w * w * c)),
-            false => 0.0,
-        };
+        self.damping = 0.0;
+        if damping > 0.0 {
+            self.select(true);
+            let weighted = self.cost.weights().iter().zip(&self.correction).map(|(w, c)| w * w * c);
+            self.damping = damping * length(weighted);
+        }
     }
 }
 

@@ -85,6 +85,7 @@ mod limits;
 mod mixture;
 mod names;
 mod outcome;
+mod predicted;
 mod reduced;
 mod relaxed;
 mod solve;
@@ -93,13 +94,13 @@ pub mod tasks;
 mod wrench_cone;
 
 pub use contact::{Contact, ContactError, ContactShape};
-pub use control::InverseDynamics;
+pub use control::{AccelerationTask, InverseDynamics};
 pub use joints::JointAccelerationLimits;
-pub use limits::DynamicsRows;
 pub use names::{Conflicting, ConstraintName};
 pub use outcome::{
     FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack, Unknowns,
 };
+pub use predicted::DynamicsRows;
 pub use wrench_cone::WrenchCone;
 
 pub use crate::state::MotionState;

@@ -69,6 +69,7 @@ pub struct CentreOfMassTask {
 }
 
 settings!(CentreOfMassTask, CentreOfMassSettings);
+weight!(CentreOfMassTask);
 
 impl CentreOfMassTask {
     /// A task for `model`, with the world's origin as target and default settings.

@@ -85,6 +85,7 @@ pub struct GazeTask {
 }
 
 settings!(GazeTask, GazeSettings);
+weight!(GazeTask);
 
 impl GazeTask {
     /// Creates a task for an axis of `frame`, given in the frame's axes, with the world's origin as target.

@@ -34,16 +34,23 @@ macro_rules! settings {
                 self
             }
 
+            /// The cost as of the last update.
+            pub fn cost(&self) -> &Cost {
+                self.equation.cost()
+            }
+        }
+    };
+}
+
+/// Defines the builder of the weight of a task with settings.
+macro_rules! weight {
+    ($task:ident) => {
+        impl $task {
             /// The same task with another weight.
             #[must_use]
             pub fn weight(mut self, weight: f64) -> Self {
                 self.settings.weight = weight;
                 self
-            }
-
-            /// The cost as of the last update.
-            pub fn cost(&self) -> &Cost {
-                self.equation.cost()
             }
         }
     };
@@ -78,7 +85,7 @@ mod rolling;
 mod unicycle;
 
 pub use axes::{AxisShares, PoseAxes};
-pub use cartesian::{CartesianSettings, CartesianTask};
+pub use cartesian::{CartesianImpedance, CartesianSettings, CartesianTask, PoseError};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use contact::ContactTask;
 pub use gaze::{GazeSettings, GazeTask};

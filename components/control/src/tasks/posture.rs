@@ -51,6 +51,7 @@ pub struct PostureTask {
 }
 
 settings!(PostureTask, PostureSettings);
+weight!(PostureTask);
 
 impl PostureTask {
     /// A task for all joints of `model`, with default settings.

@@ -1,11 +1,9 @@
 //! Wheels, efforts and forces as tasks of velocities; tasks that are constraints, and limits that are tasks.
 
+use motorium_control::tasks::CartesianSettings;
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,
-    inverse_dynamics::{
-        DynamicsRows, InverseDynamics, InverseDynamicsSettings,
-        tasks::{CartesianAcceleration, Feedback},
-    },
+    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, tasks::Feedback},
     limits::{CartesianVelocityLimit, RowLimit, VelocityLimit},
     tasks::{
         CartesianTask, ContactTask, ManipulabilityTask, MinimumEffortTask, MinimumVelocityTask, PostureTask,
@@ -193,7 +191,9 @@ fn a_torque_task_as_a_constraint_holds_or_is_relaxed() {
     for (off, levels) in [(0.01, &[][..]), (0.01, &[64, 64]), (1e4, &[])] {
         let mut target = robot.kinematics.pose(model, palm);
         target.translation.vector.x += off;
-        let mut held = CartesianAcceleration::new(model, palm, Feedback::critical(10.0));
+        let mut held = CartesianTask::new(model, palm)
+            .with(CartesianSettings::geometric())
+            .feedback(Feedback::critical(10.0));
         held.set_target(target);
         let mut posture =
             PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);

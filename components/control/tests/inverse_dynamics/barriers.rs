@@ -1,13 +1,10 @@
 //! Limits as control barriers: from every state in which they hold they hold forever, whatever the tasks
 //! request.
 
-use motorium_control::tasks::CentreOfMassTask;
+use motorium_control::tasks::{CartesianSettings, CentreOfMassTask};
 use motorium_control::{
     DifferentialIk, RobotState,
-    inverse_dynamics::{
-        DynamicsRows, InverseDynamics, InverseDynamicsSettings,
-        tasks::{CartesianAcceleration, Feedback},
-    },
+    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, tasks::Feedback},
     limits::{
         CartesianPositionLimit, CartesianVelocityLimit, CollisionLimit, CollisionSettings, PositionLimit,
         RowLimit, SupportLimit, Supported, VelocityLimit,
@@ -101,7 +98,9 @@ fn torques_keep_a_hand_behind_a_wall_from_feasible_states() {
         let place = at(&robot) + normal.dot(&speed(&robot)).max(0.0) / rate + 0.02 * random.next();
         let mut wall = CartesianPositionLimit::new(&model, hand, vec![(normal, place)]).with(rate, 0.0);
         let mut slow = CartesianVelocityLimit::new(&model, hand, most, f64::INFINITY);
-        let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(15.0));
+        let mut reach = CartesianTask::new(&model, hand)
+            .with(CartesianSettings::geometric())
+            .feedback(Feedback::critical(15.0));
         let far = robot.kinematics.pose(&model, hand).translation.vector + 0.4 * normal.into_inner();
         reach.set_target(Isometry3::from_parts(far.into(), random.rotation()));
         let mut posture = PostureTask::new(&model, &robot.q).feedback(Feedback::critical(5.0)).weight(0.1);
@@ -133,7 +132,9 @@ fn without_the_barrier_the_same_torques_go_through_the_wall() {
     let model = robot.model.clone();
     let hand = model.frame("panda_hand_tcp").unwrap();
     let start = robot.kinematics.pose(&model, hand);
-    let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(15.0));
+    let mut reach = CartesianTask::new(&model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(15.0));
     reach.set_target(Isometry3::from_parts(
         (start.translation.vector + Vector3::x() * 0.1).into(),
         start.rotation,
@@ -172,7 +173,9 @@ fn torques_keep_links_apart() {
     assert!(!solids.pairs().is_empty());
     let settings = CollisionSettings { distance: 0.02, range: 0.5, ..CollisionSettings::default() };
     let mut limit = CollisionLimit::new(&model, solids, settings);
-    let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(10.0));
+    let mut reach = CartesianTask::new(&model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(10.0));
     let mut target = robot.kinematics.pose(&model, hand);
     target.translation.vector.z = 0.1;
     reach.set_target(target);

@@ -2,9 +2,9 @@
 
 use motorium_control::inverse_dynamics::{
     InverseDynamics,
-    tasks::{CartesianAcceleration, Feedback, ForceRegularisation},
+    tasks::{Feedback, ForceRegularisation},
 };
-use motorium_control::tasks::{CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 
 use crate::robots::Robot;
 
@@ -17,7 +17,9 @@ fn an_arm_reaches_its_target_critically_damped_and_exactly() {
     let mut target = start;
     target.translation.y += 0.1;
     let rate = 6.0;
-    let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(rate));
+    let mut reach = CartesianTask::new(&model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(rate));
     reach.set_target(target);
     let mut posture = PostureTask::new(&model, &robot.q).feedback(Feedback::critical(2.0)).weight(1e-3);
     let mut control = InverseDynamics::new(&model, Vec::new());

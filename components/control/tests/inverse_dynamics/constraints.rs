@@ -2,10 +2,10 @@
 
 use motorium_control::inverse_dynamics::{
     ConstraintName, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, JointAccelerationLimits,
-    tasks::{CartesianAcceleration, Feedback, ForceRegularisation},
+    tasks::{Feedback, ForceRegularisation},
 };
 use motorium_control::solver::KktResidual;
-use motorium_control::tasks::{CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_robots::{Dynamics, Wrench};
 use nalgebra::{DVector, Vector3};
 
@@ -207,7 +207,9 @@ fn lower_levels_use_only_the_freedom_left_by_higher_ones() {
     let hand = model.frame("left_palm").unwrap();
     let mut target = robot.kinematics.pose(model, hand);
     target.translation.x += 0.1;
-    let mut reach = CartesianAcceleration::new(model, hand, Feedback::critical(5.0));
+    let mut reach = CartesianTask::new(model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(5.0));
     reach.set_target(target);
     let against: Vec<f64> = robot.q[7..].iter().map(|q| q - 0.4).collect();
     let solve =
@@ -310,7 +312,9 @@ fn a_tick_allocates_nothing() {
     let mut control =
         InverseDynamics::with_settings(model, robot.feet(), settings).levels(&[3, 6, model.joint_count()]);
     let mut centre = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
-    let mut reach = CartesianAcceleration::new(model, hand, Feedback::critical(5.0));
+    let mut reach = CartesianTask::new(model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(5.0));
     let mut posture = PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     let (mut relaxed, mut undecided) = (0, 0);
     let allocations = motorium::testing::allocations(|| {

@@ -2,9 +2,9 @@
 
 use motorium_control::inverse_dynamics::{
     InverseDynamics,
-    tasks::{AccelerationTask, CartesianAcceleration, CartesianImpedance, Feedback},
+    tasks::{AccelerationTask, Feedback},
 };
-use motorium_control::tasks::PostureTask;
+use motorium_control::tasks::{CartesianImpedance, CartesianSettings, CartesianTask, PostureTask};
 use motorium_robots::Reference;
 use nalgebra::{DVector, Isometry3, Matrix6xX, Vector3, Vector6};
 
@@ -29,14 +29,20 @@ fn a_spring_asks_for_the_acceleration_of_its_force() {
         let pose = robot.kinematics.pose(model, frame);
         let target =
             Isometry3::from_parts((pose.translation.vector + random.vector(0.1)).into(), random.rotation());
-        let asked = |task: CartesianAcceleration| {
+        let asked = |task: CartesianTask| {
             let mut task = task;
             task.set_target(target);
             task.update(&robot.state(), &control);
             task.cost().desired().clone()
         };
-        let without = asked(CartesianAcceleration::new(model, frame, NONE));
-        let found = asked(CartesianAcceleration::new(model, frame, NONE).impedance(SOFT)) - without;
+        let without =
+            asked(CartesianTask::new(model, frame).with(CartesianSettings::geometric()).feedback(NONE));
+        let found = asked(
+            CartesianTask::new(model, frame)
+                .with(CartesianSettings::geometric())
+                .feedback(NONE)
+                .impedance(model, SOFT),
+        ) - without;
         // by a dense inverse of the mass matrix
         let mut jacobian = Matrix6xX::zeros(model.nv());
         robot.kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut jacobian);
@@ -103,7 +109,10 @@ fn a_push_displaces_a_hand_by_force_over_stiffness() {
     let (model, frame) = (robot.model.clone(), robot.model.frame("panda_hand_tcp").unwrap());
     let start = robot.kinematics.pose(&model, frame);
     for force in [Vector3::new(0.0, 9.0, 0.0), Vector3::new(6.0, 0.0, -6.0)] {
-        let mut task = CartesianAcceleration::new(&model, frame, NONE).impedance(SOFT);
+        let mut task = CartesianTask::new(&model, frame)
+            .with(CartesianSettings::geometric())
+            .feedback(NONE)
+            .impedance(&model, SOFT);
         task.set_target(start);
         let push = |robot: &Robot| {
             let mut jacobian = Matrix6xX::zeros(model.nv());

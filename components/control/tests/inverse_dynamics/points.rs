@@ -5,7 +5,10 @@ use motorium_control::inverse_dynamics::{
     InverseDynamics,
     tasks::{AccelerationTask, CapturePoint, Feedback, ForceRegularisation},
 };
-use motorium_control::tasks::{CentreOfMassSettings, CentreOfMassTask, GazeTask, MomentumTask, PostureTask};
+use motorium_control::tasks::{
+    CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, GazeTask, MomentumTask,
+    PostureTask,
+};
 use motorium_robots::{FrameId, Momentum};
 use nalgebra::{DVector, Unit, Vector2, Vector3};
 
@@ -62,15 +65,10 @@ fn the_angle_of_a_gaze_decays_critically_damped() {
     // only the frame turns about its origin, so that the angle has one dimension
     gaze.set_target(hand.translation.vector + hand.rotation * Vector3::new(0.3, 0.0, 1.0));
     let start = 0.3_f64.atan();
-    let mut stay = motorium_control::inverse_dynamics::tasks::CartesianAcceleration::new(
-        &model,
-        frame,
-        Feedback::critical(20.0),
-    )
-    .with(motorium_control::inverse_dynamics::tasks::CartesianWeights {
-        orientation: 0.0,
-        ..Default::default()
-    });
+    let mut stay = CartesianTask::new(&model, frame)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(20.0))
+        .with(CartesianSettings { orientation_weight: 0.0, ..Default::default() });
     stay.set_target(hand);
     let mut posture = PostureTask::new(&model, &robot.q).feedback(Feedback::critical(2.0)).weight(1e-3);
     let mut control = InverseDynamics::new(&model, Vec::new());

@@ -3,10 +3,12 @@
 
 use motorium_control::inverse_dynamics::{
     Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
-    tasks::{AccelerationTask, CartesianAcceleration, Feedback},
+    tasks::{AccelerationTask, Feedback},
 };
 use motorium_control::solver::SolveError;
-use motorium_control::tasks::{CentreOfMassTask, MomentumTask, PostureTask};
+use motorium_control::tasks::{
+    CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PostureTask,
+};
 use motorium_robots::{Kinematics, load};
 use nalgebra::Vector3;
 
@@ -28,11 +30,15 @@ fn step(is_led: bool) -> Vec<(u32, bool)> {
     let start = kinematics.centre_of_mass(model).position;
     let frame = |name: &str| model.frame(name).unwrap();
     let above = kinematics.pose(model, frame("left_sole")).translation.vector;
-    let mut hand = CartesianAcceleration::new(model, frame("left_palm"), Feedback::critical(8.0));
+    let mut hand = CartesianTask::new(model, frame("left_palm"))
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(8.0));
     let mut goal = kinematics.pose(model, frame("left_palm"));
     goal.translation.vector += Vector3::new(0.1, 0.0, 0.15);
     hand.set_target(goal);
-    let mut foot = CartesianAcceleration::new(model, frame("right_sole"), Feedback::critical(20.0));
+    let mut foot = CartesianTask::new(model, frame("right_sole"))
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(20.0));
     let ground = kinematics.pose(model, frame("right_sole"));
     let mut posture =
         PostureTask::new(model, model.joints_of_q(&q)).feedback(Feedback::critical(4.0)).weight(0.1);

@@ -3,9 +3,9 @@
 use motorium_control::inverse_dynamics::{
     ConstraintName, ContactShape, DynamicsRows, FrictionModel, InverseDynamics, InverseDynamicsError,
     InverseDynamicsSettings, Unknowns,
-    tasks::{AccelerationTask, CartesianAcceleration, ContactWrench, Feedback},
+    tasks::{AccelerationTask, ContactWrench, Feedback},
 };
-use motorium_control::tasks::{CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_robots::{Dynamics, Reference, Twist};
 use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3};
 
@@ -54,9 +54,11 @@ fn bias(robot: &Robot) -> DVector<f64> {
 }
 
 /// A task that the base stays where it is.
-fn base_at_rest(robot: &Robot) -> CartesianAcceleration {
+fn base_at_rest(robot: &Robot) -> CartesianTask {
     let frame = robot.model.frame("base").unwrap();
-    let mut base = CartesianAcceleration::new(&robot.model, frame, Feedback::critical(10.0));
+    let mut base = CartesianTask::new(&robot.model, frame)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(10.0));
     base.set_target(robot.kinematics.pose(&robot.model, frame));
     base
 }
@@ -89,8 +91,9 @@ fn forces_alone_and_inverse_dynamics_agree_at_rest() {
             let mut control = on_its_feet(&robot, unknowns);
             let mut balance = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
             balance.set_target(robot.kinematics.centre_of_mass(model).position);
-            let mut body =
-                CartesianAcceleration::new(model, model.frame(body(name)).unwrap(), Feedback::critical(5.0));
+            let mut body = CartesianTask::new(model, model.frame(body(name)).unwrap())
+                .with(CartesianSettings::geometric())
+                .feedback(Feedback::critical(5.0));
             body.set_target(robot.kinematics.pose(model, body.frame()));
             let mut posture = PostureTask::new(model, model.joints_of_q(&robot.q))
                 .feedback(Feedback::critical(5.0))
@@ -226,7 +229,9 @@ fn both_formulations_agree_on_a_fixed_base() {
             let solve = |unknowns| {
                 let mut control = InverseDynamics::with_settings(model, Vec::new(), settings(unknowns))
                     .levels(&[6, model.nv()][..1 + below]);
-                let mut reach = CartesianAcceleration::new(model, hand, Feedback::critical(5.0));
+                let mut reach = CartesianTask::new(model, hand)
+                    .with(CartesianSettings::geometric())
+                    .feedback(Feedback::critical(5.0));
                 let mut target = robot.kinematics.pose(model, hand);
                 target.translation.vector += Vector3::new(0.02, -0.03, 0.01);
                 reach.set_target(target);

@@ -1,10 +1,10 @@
 //! Limits of the whole wrench of a sole, and friction cones below the first of several levels.
 
-use motorium_control::tasks::{CentreOfMassTask, PostureTask};
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_control::{
     inverse_dynamics::{
         Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsSettings, WrenchCone,
-        tasks::{CartesianAcceleration, ContactWrench, Feedback},
+        tasks::{ContactWrench, Feedback},
     },
     solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
 };
@@ -166,8 +166,9 @@ fn levels(
     let mut lean = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
     let centre = robot.kinematics.centre_of_mass(model).position;
     lean.set_target(centre + push);
-    let mut palm =
-        CartesianAcceleration::new(model, model.frame("left_palm").unwrap(), Feedback::critical(8.0));
+    let mut palm = CartesianTask::new(model, model.frame("left_palm").unwrap())
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(8.0));
     palm.set_target(robot.kinematics.pose(model, palm.frame()));
     let mut posture = PostureTask::new(model, &vec![0.1; model.joint_count()])
         .feedback(Feedback::critical(5.0))

@@ -137,6 +137,7 @@ fn a_rolling_wheel_turns_by_distance_over_radius() {
     body.set_moving_target(
         nalgebra::Isometry3::identity(),
         Twist { linear: Vector3::new(1.0, 0.5, 0.0), angular: Vector3::zeros() },
+        Twist::zero(),
     );
     let mut ik = DifferentialIk::new(&model).levels(&[3, 6]);
     ik.begin();

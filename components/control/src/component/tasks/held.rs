@@ -1,6 +1,6 @@
 //! Running tasks: their common interface, and tasks that only have parameters.
 
-use super::{Fades, Ramped};
+use super::{Fades, Ramped, TaskBounds};
 use crate::inverse_dynamics::InverseDynamics;
 use crate::inverse_dynamics::tasks::AccelerationTask;
 use crate::limits::RowLimit;
@@ -90,47 +90,6 @@ pub(in crate::component) trait HeldTask {
     /// The entry of the task under `tasks` in the result of the run.
     fn result(&self) -> Option<serde_json::Value> {
         None
-    }
-}
-
-/// Bounds that a controller sets to its tasks.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::component) struct TaskBounds {
-    /// True in the first step at a state.
-    pub(in crate::component) begins: bool,
-    /// Duration of parameter ramps, s.
-    pub(in crate::component) ramp: f64,
-    /// Time since the previous step, s.
-    pub(in crate::component) dt: f64,
-    /// The largest gain: half the tick rate, 1/s.
-    pub(in crate::component) max_gain: f64,
-    /// Age beyond which a target is treated as stationary, ns.
-    pub(in crate::component) target_timeout_ns: u64,
-}
-
-/// The form of a task for the formulation of its controller.
-pub(super) enum Form<V, A> {
-    /// On velocities.
-    Velocity(V),
-    /// On accelerations.
-    Torque(A),
-}
-
-impl<V: VelocityTask, A: AccelerationTask> Form<V, A> {
-    /// The cost on velocities, of a form for them.
-    pub(super) fn task(&mut self) -> Option<&mut dyn VelocityTask> {
-        match self {
-            Self::Velocity(task) => Some(task),
-            Self::Torque(_) => None,
-        }
-    }
-
-    /// The cost on accelerations, of a form for them.
-    pub(super) fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        match self {
-            Self::Velocity(_) => None,
-            Self::Torque(task) => Some(task),
-        }
     }
 }
 
