@@ -8,8 +8,8 @@
 //! ```
 //!
 //! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, an axis points at a point, the
-//!   joints keep a posture. Most hold for velocities and for accelerations; a [`formulation`] makes the cost. They are weighed against one another, or stand in
-//!   [levels](DifferentialIk::levels) of strict priority.
+//!   joints keep a posture. Most hold for velocities and for accelerations; a [`formulation`] makes the cost.
+//!   They are weighed against one another, or stand in [levels](DifferentialIk::levels) of strict priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both, and a [`solver`] computes `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.

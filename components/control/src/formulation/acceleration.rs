@@ -73,7 +73,7 @@ impl Equation {
         self.impedance.as_mut().map(|impedance| (&mut impedance.stiffness, &mut impedance.damping))
     }
 
-    /// Gives the impedance a Jacobian of its own, at whose rows the forces act, instead of `J`.
+    /// Gives the impedance a separate Jacobian, at whose rows the forces act, instead of `J`.
     pub(crate) fn separate_force_jacobian(&mut self) {
         let shape = self.cost.matrix().shape();
         if let Some(impedance) = &mut self.impedance {
@@ -144,7 +144,8 @@ impl Impedance {
         Self { stiffness, damping, force, jacobian: None, factor: MassFactor::new(model), moving }
     }
 
-    /// Computes the forces `K e + D e'`; `K e` of a block of three rows is at most `D` times its largest speed.
+    /// Computes the forces `K e + D e'`; `K e` of a block of three rows is at most `D` times its largest
+    /// speed.
     fn exert(&mut self, error: &DVector<f64>, rate: &DVector<f64>, max_speeds: [f64; 2]) {
         let Self { stiffness, damping, force, .. } = self;
         for row in 0..force.len() {

@@ -13,7 +13,9 @@
 //! | formulation | unknowns | desired value |
 //! |---|---|---|
 //! | [`VelocityTask`] | `v` | `b = gain e + nu` |
-//! | [`AccelerationTask`](crate::inverse_dynamics::tasks::AccelerationTask) | `a` | `b = kp e + kd e' + nu' - J' v` |
+//! | [`AccelerationTask`] | `a` | `b = kp e + kd e' + nu' - J' v` |
+//!
+//! [`AccelerationTask`]: crate::inverse_dynamics::tasks::AccelerationTask
 //!
 //! Each task is both. Costs on contact forces, torques or bounds implement one of the two traits directly, so
 //! their types say which controller they are for.
@@ -33,7 +35,8 @@ use crate::state::{MotionState, RobotState};
 /// A motion of the robot with an error, whose equation holds for velocities and for accelerations.
 ///
 /// A task keeps its [`Equation`], whose memory is allocated at construction. A tick evaluates it with
-/// [`evaluate`](Self::evaluate), and for accelerations with [`differentiate`](Self::differentiate) afterwards.
+/// [`evaluate`](Self::evaluate), and for accelerations with [`differentiate`](Self::differentiate)
+/// afterwards.
 pub trait Task {
     /// Evaluates `e`, `J`, `nu` and the weights `W` at `state`.
     fn evaluate(&mut self, state: &RobotState<'_>);
@@ -92,8 +95,8 @@ pub struct Equation {
     pub drift: DVector<f64>,
     /// The requested motion of the error.
     pub response: Response,
-    /// Factors `S` of the first and the following three rows, which the error `e` and its rate do not contain;
-    /// `J`, `nu`, `nu'` and `J' v` do. A formulation requests `S e`. Default: the identity.
+    /// Factors `S` of the first and the following three rows, which the error `e` and its rate do not
+    /// contain; `J`, `nu`, `nu'` and `J' v` do. A formulation requests `S e`. Default: the identity.
     pub selection: Option<[Matrix3<f64>; 2]>,
     cost: Cost,
     /// `gain e`, slowed to the largest speeds.

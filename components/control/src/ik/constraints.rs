@@ -140,7 +140,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// or an exact task requires it.
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState, tasks::{PostureSettings, PostureTask}};
+    /// use motorium_control::tasks::{PostureSettings, PostureTask};
+    /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState};
     /// use motorium_control::limits::{AccelerationLimit, PositionLimit, VelocityLimit};
     /// use motorium_robots::{Kinematics, load};
     /// use nalgebra::DVector;

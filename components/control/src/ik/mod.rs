@@ -142,7 +142,8 @@ impl DifferentialIk {
     /// default settings and the active-set method.
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CentreOfMassTask, ContactTask, VelocityTask}};
+    /// use motorium_control::tasks::{CentreOfMassTask, ContactTask, VelocityTask};
+    /// use motorium_control::{DifferentialIk, RobotState};
     /// use motorium_robots::{Kinematics, load};
     /// use nalgebra::{DVector, Vector3};
     ///

@@ -2,7 +2,8 @@
 
 use motorium_robots::{Kinematics, Model};
 
-/// Numbers of rows that an [`InverseDynamics`](super::InverseDynamics) has room for besides contacts, torques and joints.
+/// Numbers of rows that an [`InverseDynamics`](super::InverseDynamics) has room for besides contacts, torques
+/// and joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DynamicsRows {
     /// Rows of tasks that are constraints.

@@ -89,11 +89,11 @@ impl CartesianSettings {
 /// ```
 ///
 /// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the
-/// target's axes, and `Jlog` the derivative of the logarithm (Pink's frame task). Its derivatives at the level
-/// of accelerations are differences along the motion.
+/// target's axes, and `Jlog` the derivative of the logarithm (Pink's frame task). Its derivatives at the
+/// level of accelerations are differences along the motion.
 ///
-/// A [geometric](PoseError::Geometric) error is in the axes of the world, at the origin of the frame. With the
-/// orientations `R` of the frame and `R*` of the target, and the classical accelerations of both,
+/// A [geometric](PoseError::Geometric) error is in the axes of the world, at the origin of the frame. With
+/// the orientations `R` of the frame and `R*` of the target, and the classical accelerations of both,
 ///
 /// ```text
 /// e  = (p* - p, log(R* R'))                       m, rad
@@ -103,8 +103,8 @@ impl CartesianSettings {
 /// (OpenSoT's and TSID's task). Near the target both are the same.
 ///
 /// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that one may be free
-/// without affecting the other. [`AxisShares`] defines `e`, in axes `A` that may turn with an angular velocity
-/// `u`. With the error `p` of the position in the axes of the world,
+/// without affecting the other. [`AxisShares`] defines `e`, in axes `A` that may turn with an angular
+/// velocity `u`. With the error `p` of the position in the axes of the world,
 ///
 /// ```text
 /// J  = S A'(J_v - [p]x J_w; J_w)                  the term of p for the axes of the frame alone
@@ -113,9 +113,9 @@ impl CartesianSettings {
 ///
 /// and rows of the orientation multiplied by the derivative of the rotation vector for a logarithmic error.
 ///
-/// Levenberg-Marquardt damping follows the error, not its square: an error that no motion can reduce bends the
-/// cost by about `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With less
-/// damping than `dt reach / 2` a stretched arm chatters between its velocity limits, however slow the
+/// Levenberg-Marquardt damping follows the error, not its square: an error that no motion can reduce bends
+/// the cost by about `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With
+/// less damping than `dt reach / 2` a stretched arm chatters between its velocity limits, however slow the
 /// correction.
 #[derive(Clone, Debug)]
 pub struct CartesianTask {
@@ -210,8 +210,8 @@ impl CartesianTask {
         self.orientation_error
     }
 
-    /// `J` at the last update, 6 x nv. The error changes at the rate `-J v` for a target at rest; with shares,
-    /// `S e` does.
+    /// `J` at the last update, 6 x nv. The error changes at the rate `-J v` for a target at rest; with
+    /// shares, `S e` does.
     pub fn jacobian(&self) -> JacobianView<'_, 6> {
         self.equation.jacobian().fixed_rows::<6>(0)
     }

@@ -15,7 +15,8 @@ const NEAREST: f64 = 1e-2;
 pub struct GazeSettings {
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
     pub gain: f64,
-    /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default 1.
+    /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default
+    /// 1.
     pub weight: f64,
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_speed: f64,
@@ -40,8 +41,8 @@ impl GazeSettings {
 /// Points an axis `d` of a frame at a point `p*` \[m, world axes\]: a camera looks at something, a welding
 /// torch points at a seam. Rotation about the axis is free.
 ///
-/// With `r` the point and `w` its velocity in the axes of the frame, `u = r / |r|`, `P = 1 - u u'`, and `J_v`,
-/// `J_o` the linear and the angular rows of the frame's Jacobian in its own axes,
+/// With `r` the point and `w` its velocity in the axes of the frame, `u = r / |r|`, `P = 1 - u u'`, and
+/// `J_v`, `J_o` the linear and the angular rows of the frame's Jacobian in its own axes,
 ///
 /// ```text
 /// e  = the rotation vector that turns d onto u   rad, axes of the frame

@@ -32,8 +32,8 @@ pub enum Measure {
 /// (OpenSoT's task, and PyRoboLearn's task of force manipulability.) Velocity manipulability moves the robot
 /// away from singular configurations. Force manipulability moves it towards them, where the gradient is
 /// unbounded and the maximum speed applies. In a singular configuration there is no gradient, and the task
-/// commands zero velocity. A floating base does not change the measure and is commanded to rest. Accelerations
-/// reduce an error of a velocity at the [`rate`](Self::rate).
+/// commands zero velocity. A floating base does not change the measure and is commanded to rest.
+/// Accelerations reduce an error of a velocity at the [`rate`](Self::rate).
 #[derive(Clone, Debug)]
 pub struct ManipulabilityTask {
     frame: FrameId,

@@ -18,8 +18,8 @@ const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: 
 /// ```
 ///
 /// (OpenSoT's tasks of linear and angular momentum in one.) Accelerations reduce an error of the momentum at
-/// the [`rate`](Self::rate). Without a target the momentum comes to rest. A weight of zero leaves a part free:
-/// an angular weight alone keeps the body from turning while the limbs move. Orin, Goswami and Lee,
+/// the [`rate`](Self::rate). Without a target the momentum comes to rest. A weight of zero leaves a part
+/// free: an angular weight alone keeps the body from turning while the limbs move. Orin, Goswami and Lee,
 /// *Centroidal dynamics of a humanoid robot*, 2013.
 #[derive(Clone, Debug)]
 pub struct MomentumTask {

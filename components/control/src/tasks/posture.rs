@@ -37,8 +37,8 @@ impl PostureSettings {
 /// ```
 ///
 /// A floating base is not affected. In a weighted sum the task determines the directions that other tasks
-/// leave free. Where they conflict the result is a compromise: at rest a Cartesian task of weight `w` and gain
-/// `g` keeps an error of about `(weight^2 gain) / (w^2 g)` times the posture's own.
+/// leave free. Where they conflict the result is a compromise: at rest a Cartesian task of weight `w` and
+/// gain `g` keeps an error of about `(weight^2 gain) / (w^2 g)` times the posture's own.
 ///
 /// With an [impedance](Self::impedance) the joints accelerate as springs and dampers would move a robot
 /// without contacts: `M^-1 (K (q* - q) + D (q*' - q'))` instead of `kp (q* - q) + kd (q*' - q')`.
@@ -72,8 +72,8 @@ impl PostureTask {
         }
     }
 
-    /// The same task with springs and dampers in place of the feedback of accelerations: a stiffness \[N m/rad
-    /// or N/m\] and a damping \[N m s/rad or N s/m\] for each independent joint.
+    /// The same task with springs and dampers in place of the feedback of accelerations: a stiffness \[N
+    /// m/rad or N/m\] and a damping \[N m s/rad or N s/m\] for each independent joint.
     ///
     /// # Panics
     /// If one of them has not one entry per independent joint.

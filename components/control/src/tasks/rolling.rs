@@ -11,8 +11,8 @@ const FLAT: f64 = 1e-6;
 
 /// Keeps the contact point of a wheel at rest: the wheel rolls without slipping or sliding.
 ///
-/// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, the vector `c` from
-/// its centre to the contact, the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` without
+/// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, the vector `c`
+/// from its centre to the contact, the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` without
 /// accelerations of the joints,
 ///
 /// ```text
@@ -24,8 +24,9 @@ const FLAT: f64 = 1e-6;
 /// W    = weight                                   1/(m/s) or 1/(m/s2)
 /// ```
 ///
-/// (OpenSoT's pure rolling.) Accelerations reduce the slip at the [`rate`](Self::rate). On the first of several levels it couples a base to the rotation of its wheels.
-/// The task is inactive for a flat wheel, which has no contact point.
+/// (OpenSoT's pure rolling.) Accelerations reduce the slip at the [`rate`](Self::rate). On the first of
+/// several levels it couples a base to the rotation of its wheels. The task is inactive for a flat wheel,
+/// which has no contact point.
 #[derive(Clone, Debug)]
 pub struct RollingTask {
     frame: FrameId,

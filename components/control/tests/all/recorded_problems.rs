@@ -115,7 +115,7 @@ fn moving(n: usize) -> Vec<String> {
 }
 
 #[test]
-fn equal_sizes_are_warm_started_and_a_change_of_size_starts_cold() {
+fn equal_sizes_start_warm_and_a_change_of_size_cold() {
     let text = format!("[{}]", [moving(3), moving(5), moving(3)].concat().join(", "));
     let streams = recorded::read_streams(&text).unwrap();
     let sizes: Vec<_> = streams.iter().map(|s| (s.structure.variables(), s.problems.len())).collect();

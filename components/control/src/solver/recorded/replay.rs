@@ -102,8 +102,8 @@ pub fn replay(
     account.finish()
 }
 
-/// The same for streams of different sizes, each with a solver of its own. In each round, the first problem of
-/// a stream is solved cold.
+/// The same for streams of different sizes, each with a separate solver. In each round, the first problem
+/// of a stream is solved cold.
 pub fn replay_streams(
     streams: &[Stream],
     build: impl Fn(&Structure) -> Box<dyn QpSolver>,
