@@ -1,13 +1,13 @@
 //! Cycles of inverse dynamics of a humanoid on two soles: model, tasks, limits, solution; a ring of states
 //! along its own motion.
 
+use motorium_control::tasks::{
+    CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PostureTask,
+};
 use motorium_control::{
     inverse_dynamics::{
         InverseDynamics, MotionState,
-        tasks::{
-            AccelerationTask, CartesianAcceleration, CentreOfMassAcceleration, Feedback, MomentumRate,
-            PostureAcceleration,
-        },
+        tasks::{AccelerationTask, Feedback},
     },
     solver::{Problem, Sides, Structure},
 };
@@ -69,13 +69,13 @@ pub(crate) struct TorqueCycle {
     weight: f64,
     kinematics: Kinematics,
     control: InverseDynamics,
-    centre: CentreOfMassAcceleration,
-    momentum: MomentumRate,
-    hand: CartesianAcceleration,
+    centre: CentreOfMassTask,
+    momentum: MomentumTask,
+    hand: CartesianTask,
     /// The right foot while it is lifted.
-    foot: CartesianAcceleration,
+    foot: CartesianTask,
     ground: Isometry3<f64>,
-    posture: PostureAcceleration,
+    posture: PostureTask,
     tasks: Tasks,
 }
 
@@ -86,17 +86,20 @@ impl TorqueCycle {
         let mut kinematics = Kinematics::new(&model);
         kinematics.update(&model, &q);
         let palm = biped.hands[0];
-        let centre = CentreOfMassAcceleration::new(&model, Feedback::critical(4.0)).weight(10.0);
+        let centre = CentreOfMassTask::new(&model).feedback(Feedback::critical(4.0)).weight(10.0);
         let start = kinematics.centre_of_mass(&model).position;
         let above = kinematics.pose(&model, biped.feet[0]).translation.vector;
-        let mut hand = CartesianAcceleration::new(&model, palm, Feedback::critical(8.0));
+        let mut hand = CartesianTask::new(&model, palm)
+            .with(CartesianSettings::geometric())
+            .feedback(Feedback::critical(8.0));
         let mut goal = kinematics.pose(&model, palm);
         goal.translation.vector += Vector3::new(0.1, 0.0, 0.15);
         hand.set_target(goal);
         let ground = kinematics.pose(&model, biped.feet[1]);
-        let posture = PostureAcceleration::new(&model, model.joints_of_q(&q), Feedback::critical(4.0));
+        let posture =
+            PostureTask::new(&model, model.joints_of_q(&q)).feedback(Feedback::critical(4.0)).weight(1.0);
         let mut cycle = Self {
-            momentum: MomentumRate::angular(&model, 5.0).weights(0.0, 0.2),
+            momentum: MomentumTask::angular(&model).rate(5.0).weights(0.0, 0.2),
             posture: posture.weight(0.1),
             weight: 9.81 * model.mass(),
             moments: Vec::new(),
@@ -106,7 +109,9 @@ impl TorqueCycle {
             control,
             centre,
             hand,
-            foot: CartesianAcceleration::new(&model, biped.feet[1], Feedback::critical(20.0)),
+            foot: CartesianTask::new(&model, biped.feet[1])
+                .with(CartesianSettings::geometric())
+                .feedback(Feedback::critical(20.0)),
             ground,
             model,
             tasks,

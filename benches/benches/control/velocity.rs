@@ -6,7 +6,8 @@ use motorium_control::{
     DifferentialIk, RobotState,
     limits::{PositionLimit, VelocityLimit},
     tasks::{
-        CartesianSettings, CartesianTask, CentreOfMassTask, ContactTask, PostureSettings, PostureTask, Task,
+        CartesianSettings, CartesianTask, CentreOfMassTask, ContactTask, PostureSettings, PostureTask,
+        VelocityTask,
     },
 };
 use motorium_robots::{Kinematics, Model, load};
@@ -100,7 +101,7 @@ pub(crate) fn on_held_feet(biped: &Biped) -> impl FnMut() + use<> {
         let state = RobotState { model: &robot.model, kinematics: &robot.kinematics, q: &robot.q };
         ik.begin();
         feet.iter_mut().for_each(|foot| ik.hold(&state, foot));
-        let tasks: [&mut dyn Task; 3] = [&mut centre, &mut hand, &mut posture];
+        let tasks: [&mut dyn VelocityTask; 3] = [&mut centre, &mut hand, &mut posture];
         tasks.into_iter().for_each(|task| ik.add_task(&state, 0, task));
         ik.add_limit(&state, &position, DT);
         ik.add_limit(&state, &velocity, DT);

@@ -87,6 +87,31 @@ impl Cost {
         &mut self.weights
     }
 
+    /// The unknowns that the cost is on.
+    pub(crate) fn columns(&self) -> std::ops::Range<usize> {
+        let count = self.matrix.as_ref().map_or(self.rows(), DMatrix::ncols);
+        self.first..self.first + count
+    }
+
+    /// Writes `A x` for all unknowns `x`.
+    pub(crate) fn multiply(&self, x: &DVector<f64>, product: &mut DVector<f64>) {
+        let x = x.rows_range(self.columns());
+        match &self.matrix {
+            None => product.copy_from(&x),
+            Some(matrix) => product.gemv(1.0, matrix, &x, 0.0),
+        }
+    }
+
+    /// Writes `A' y` for all unknowns; zero outside of the cost's own.
+    pub(crate) fn multiply_transposed(&self, y: &DVector<f64>, product: &mut DVector<f64>) {
+        product.fill(0.0);
+        let mut own = product.rows_range_mut(self.columns());
+        match &self.matrix {
+            None => own.copy_from(y),
+            Some(matrix) => own.gemv_tr(1.0, matrix, y, 0.0),
+        }
+    }
+
     /// `A x - b` of one row.
     fn row(&self, row: usize, x: &[f64]) -> f64 {
         let product = match &self.matrix {
@@ -112,6 +137,38 @@ impl Cost {
             }
             return;
         };
+        // the usual numbers of rows, without a loop over them
+        match matrix.nrows() {
+            1 => self.add_rows::<1>(matrix, problem),
+            3 => self.add_rows::<3>(matrix, problem),
+            6 => self.add_rows::<6>(matrix, problem),
+            _ => self.add_blocks(matrix, problem),
+        }
+    }
+
+    /// Adds a cost of `R` rows.
+    fn add_rows<const R: usize>(&self, matrix: &DMatrix<f64>, problem: &mut Problem) {
+        let unknowns = problem.hessian.nrows();
+        let hessian = problem.hessian.as_mut_slice();
+        let (columns, _) = matrix.as_slice().as_chunks::<R>();
+        let (weights, desired) = (self.weights.as_slice(), self.desired.as_slice());
+        for (j, column) in columns.iter().enumerate() {
+            // tasks involve few joints: skip zero columns
+            if column.iter().all(|entry| *entry == 0.0) {
+                continue;
+            }
+            let weighted: [f64; R] = std::array::from_fn(|row| column[row] * weights[row] * weights[row]);
+            let product = |other: &[f64]| weighted.iter().zip(other).map(|(w, a)| w * a).sum::<f64>();
+            problem.gradient[self.first + j] -= product(desired);
+            let target = &mut hessian[(self.first + j) * unknowns + self.first..][..=j];
+            for (entry, other) in target.iter_mut().zip(columns) {
+                *entry += product(other);
+            }
+        }
+    }
+
+    /// Adds a cost of any number of rows.
+    fn add_blocks(&self, matrix: &DMatrix<f64>, problem: &mut Problem) {
         let rows = matrix.nrows();
         let unknowns = problem.hessian.nrows();
         let columns = matrix.as_slice();

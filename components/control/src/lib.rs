@@ -8,8 +8,8 @@
 //! ```
 //!
 //! - [`tasks`] are costs: a frame reaches a pose, the centre of mass a point, an axis points at a point, the
-//!   joints keep a posture. They are weighed against one another, or stand in
-//!   [levels](DifferentialIk::levels) of strict priority.
+//!   joints keep a posture. Most hold for velocities and for accelerations; a [`formulation`] makes the cost.
+//!   They are weighed against one another, or stand in [levels](DifferentialIk::levels) of strict priority.
 //! - [`limits`] are bounds: joint position and velocity limits.
 //! - [`DifferentialIk`] assembles both, and a [`solver`] computes `v`.
 //! - [`JointSetpoint`] integrates `v` into a position setpoint that stays within the limits.
@@ -66,6 +66,7 @@ mod admittance;
 mod component;
 mod cost;
 mod feed_forward;
+pub mod formulation;
 mod gains;
 mod goals;
 mod ik;
@@ -89,4 +90,4 @@ pub use goals::{GoalError, GoalRecord, GoalSummary, GoalTolerance};
 pub use ik::{DifferentialIk, IkConflict, IkConstraint, IkError, IkRows, IkSettings};
 pub use setpoint::JointSetpoint;
 pub use stacks::{StackSample, TaskStack, run_stack};
-pub use state::RobotState;
+pub use state::{MotionState, RobotState};

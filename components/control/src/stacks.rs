@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 use crate::{
     DifferentialIk, IkError, JointSetpoint, RobotState,
     limits::{PositionLimit, VelocityLimit},
-    tasks::{CartesianTask, PostureSettings, PostureTask, Task},
+    tasks::{CartesianTask, PostureSettings, PostureTask, VelocityTask},
 };
 
 /// A stack of a Cartesian task and a posture task.
@@ -104,7 +104,7 @@ pub fn run_stack(
     for tick in 0..ticks {
         let time = tick as f64 * dt;
         let (target, velocity) = circle(&start, 0.1, 4.0, time);
-        hand.set_moving_target(target, velocity);
+        hand.set_moving_target(target, velocity, Twist::zero());
         kinematics.update(model, setpoint.position());
         let state = RobotState { model, kinematics: &kinematics, q: setpoint.position() };
         ik.begin();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_control::solver::recorded::{self, Record, Replay};
+use motorium_control::solver::recorded::{self, Record, Replay, Stream};
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, QpSolver, Structure,
 };
@@ -45,7 +45,7 @@ impl Qp {
 /// Example: motorium qp solve problems.json --solver clarabel --json
 #[derive(Debug, clap::Args)]
 struct Solve {
-    /// A problem, or a list of consecutive problems of one size, as JSON
+    /// A problem, or a list of consecutive problems, as JSON; a change of size starts cold
     file: PathBuf,
     /// The solver
     #[arg(long, value_enum, default_value_t = SolverName::ActiveSet)]
@@ -85,9 +85,9 @@ impl SolverName {
 
 impl Solve {
     fn run(self) -> anyhow::Result<ExitCode> {
-        let (structure, problems) = read(&self.file).with_context(|| self.file.display().to_string())?;
-        let mut solver = self.solver.build(&structure);
-        let mut replay = recorded::replay(&structure, &problems, solver.as_mut(), self.rounds as usize);
+        let streams = read(&self.file).with_context(|| self.file.display().to_string())?;
+        let build = |structure: &Structure| self.solver.build(structure);
+        let mut replay = recorded::replay_streams(&streams, build, self.rounds as usize);
         let code = if replay.solved == replay.problems { ExitCode::SUCCESS } else { ExitCode::FAILURE };
         if self.json {
             replay.each = replay.each.filter(|_| self.each);
@@ -99,10 +99,10 @@ impl Solve {
     }
 }
 
-fn read(path: &Path) -> anyhow::Result<(Structure, Vec<motorium_control::solver::Problem>)> {
+fn read(path: &Path) -> anyhow::Result<Vec<Stream>> {
     let bytes = read_bounded(path, LONGEST)?;
     let text = String::from_utf8(bytes).context("the file is not UTF-8")?;
-    Ok(recorded::read(&text)?)
+    Ok(recorded::read_streams(&text)?)
 }
 
 fn print(replay: &Replay, each: bool) {

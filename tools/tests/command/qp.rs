@@ -36,6 +36,27 @@ fn solvers_solve_recorded_problems_and_name_infeasible() {
 }
 
 #[test]
+fn problems_of_different_sizes_are_solved_in_order() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("mixed.json");
+    let small = r#"{ "P": [[1]], "q": [-2], "ub": [1] }"#;
+    let mixed = PROBLEMS.replacen('[', &format!("[{small}, {small}, "), 1);
+    std::fs::write(&path, mixed).expect("the folder takes files");
+    let file = path.to_str().expect("a plain path");
+    let ended = run(&["qp", "solve", file, "--rounds", "1", "--each", "--json"]);
+    assert_eq!(ended.status.code(), Some(1), "the last problem has no solution");
+    let report: serde_json::Value = serde_json::from_slice(&ended.stdout).expect("JSON");
+    assert_eq!((report["problems"].as_u64(), report["solved"].as_u64()), (Some(5), Some(4)));
+    let lengths: Vec<_> = report["each"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|each| each["x"].as_array().map(Vec::len))
+        .collect();
+    assert_eq!(lengths, [1, 1, 2, 2, 0].map(Some));
+}
+
+#[test]
 fn a_file_that_holds_no_problem_is_refused_with_its_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("problems.json");

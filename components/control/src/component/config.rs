@@ -5,14 +5,9 @@ use motorium_robots::{PerJoint, World};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::acceleration_limit::AccelerationConfig;
-use super::centre_of_mass_limit::CentreOfMassLimitConfig;
-use super::collision_limits::CollisionConfig;
-use super::frame_limits::FrameLimitConfig;
-use super::support_limits::SupportConfig;
+use super::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
+use super::limits_config::LimitsConfig;
 use super::tasks::TaskConfig;
-use super::torque::{InfeasiblePolicy, InverseDynamicsConfig};
-use crate::limits::{PositionLimit, VelocityLimit};
 
 /// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay
 /// empty.
@@ -120,24 +115,4 @@ pub enum Feedback {
     Measured,
     /// Commanded positions and velocities: free of sensor noise, but drive errors remain.
     Setpoint,
-}
-
-/// Limits of the commanded motion, always enforced on the setpoint.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct LimitsConfig {
-    /// Joint positions.
-    pub position: PositionLimit,
-    /// Joint velocities.
-    pub velocity: VelocityLimit,
-    /// Joint accelerations, without `inverse_dynamics`. Default: none are limited.
-    pub acceleration: Option<AccelerationConfig>,
-    /// Boxes and speeds of frames.
-    pub frames: Vec<FrameLimitConfig>,
-    /// Largest speeds of the centre of mass. Default: none.
-    pub centre_of_mass_velocity: Option<CentreOfMassLimitConfig>,
-    /// Minimum distances between links, and from the ground and objects of the world. Default: none.
-    pub collision: Option<CollisionConfig>,
-    /// A point that must stay above the support. Default: none.
-    pub support: Option<SupportConfig>,
 }

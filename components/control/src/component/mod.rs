@@ -8,7 +8,9 @@ mod collision_limits;
 mod config;
 mod conflicts;
 mod diagnostics_output;
+mod dynamics_config;
 mod frame_limits;
+mod limits_config;
 mod measured;
 mod mpc;
 mod multirotor;
@@ -24,8 +26,10 @@ mod wheels;
 pub use acceleration_limit::AccelerationConfig;
 pub use centre_of_mass_limit::CentreOfMassLimitConfig;
 pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
-pub use config::{Feedback, LevelConfig, LimitsConfig, QpControllerConfig};
+pub use config::{Feedback, LevelConfig, QpControllerConfig};
+pub use dynamics_config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
 pub use frame_limits::FrameLimitConfig;
+pub use limits_config::LimitsConfig;
 pub use mpc::{
     FittedConfig, GaitConfig, GroundConfig, HorizonConfig, LandingConfig, MpcConfig, MpcPlanner,
     WeightsConfig,
@@ -33,7 +37,6 @@ pub use mpc::{
 pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use support_limits::{SupportConfig, SupportedPoint};
 pub use tasks::*;
-pub use torque::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
 pub use wheels::{StartConfig, WheelController, WheelsConfig};
 
 use motorium::prelude::*;

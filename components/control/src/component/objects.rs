@@ -12,11 +12,8 @@ use serde_json::{Value, json};
 
 use super::checks::pose_of;
 use super::config::QpControllerConfig;
-use super::setup::ControllerSetup;
+use super::setup::{ControllerSetup, OBJECTS_INPUT};
 use crate::limits::RowLimit;
-
-/// Name of the input.
-pub(super) const INPUT: &str = "object_poses";
 
 /// Poll interval of the helper thread that reports rejected poses.
 const LOOK: Duration = Duration::from_millis(50);
@@ -75,7 +72,7 @@ impl MovingObjects {
     pub(super) fn declare(config: &QpControllerConfig, parts: &ControllerSetup, declare: &mut Declare) {
         if Self::are_needed(config, parts) {
             declare.input::<ObjectPoses>(
-                INPUT,
+                OBJECTS_INPUT,
                 "poses of the objects of the world that the links keep away from",
             );
         }
@@ -94,7 +91,7 @@ impl MovingObjects {
         });
         let mut input = None;
         if Self::are_needed(config, parts) {
-            input = Some(setup.input(INPUT)?);
+            input = Some(setup.input(OBJECTS_INPUT)?);
             let shared = Arc::clone(&refusals);
             setup.helper("object-poses", move |stop| {
                 let (mut told, mut is_refused) =

@@ -9,7 +9,6 @@ use nalgebra::{DVector, Vector3};
 use super::checks::{in_range, is_name, per_joint};
 use super::config::{LevelConfig, QpControllerConfig};
 use super::measured::load_robot;
-use super::objects;
 use super::support_limits::HeldSupport;
 use super::tasks::{
     ActsOn, CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace,
@@ -26,6 +25,9 @@ const LEVELS: u32 = 8;
 
 /// Range of every regularisation.
 const DAMPING: core::ops::RangeInclusive<f64> = 1e-12..=1.0;
+
+/// Name of the input.
+pub(super) const OBJECTS_INPUT: &str = "object_poses";
 
 /// A robot, its tasks, and the gains and effort limits of its drives.
 pub(super) struct ControllerSetup {
@@ -206,7 +208,7 @@ impl ControllerSetup {
     }
 
     fn check_tasks(&self) -> Result<(), ConfigError> {
-        let own = ["joint_state", "base_state", objects::INPUT];
+        let own = ["joint_state", "base_state", OBJECTS_INPUT];
         let (mut names, mut targets) = (Vec::new(), own.to_vec());
         for (place, kind) in self.tasks(0.0) {
             let TaskHead { name, level, target, wrench, formulations, acts_on } = kind.head();

@@ -9,10 +9,10 @@ use nalgebra::DVector;
 use super::config::{Feedback, QpControllerConfig};
 use super::conflicts::ConstraintRows;
 use super::diagnostics_output::{DiagnosticsOutput, push_bounds, push_conflict};
+use super::dynamics_config::InfeasiblePolicy;
 use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Fades, Held, TaskBounds};
-use super::torque::InfeasiblePolicy;
 use super::velocity_figures::VelocityFigures;
 use super::{period_ns, results};
 use crate::{

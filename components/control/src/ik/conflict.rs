@@ -30,7 +30,7 @@ pub enum IkConstraint {
 /// Contradictory constraints that no velocity satisfies, and the relaxed solution of the tick.
 ///
 /// ```
-/// use motorium_control::{DifferentialIk, IkConstraint, IkRows, IkSettings, RobotState, tasks::{PostureSettings, PostureTask, Task}};
+/// use motorium_control::{DifferentialIk, IkConstraint, IkRows, IkSettings, RobotState, tasks::{PostureSettings, PostureTask, VelocityTask}};
 /// use motorium_control::limits::VelocityLimit;
 /// use motorium_robots::{Kinematics, load};
 ///

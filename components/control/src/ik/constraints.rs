@@ -6,7 +6,7 @@ use crate::{
     levels::Level,
     limits::{AccelerationLimit, Limit, LimitRows, RowLimit},
     solver::QpSolver,
-    tasks::{ContactTask, Task},
+    tasks::{ContactTask, VelocityTask},
 };
 
 impl<S: QpSolver> DifferentialIk<S> {
@@ -38,7 +38,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// solution.
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, IkRows, IkSettings, RobotState, tasks::{CartesianTask, PostureTask, Task}};
+    /// use motorium_control::{DifferentialIk, IkRows, IkSettings, RobotState, tasks::{CartesianTask, PostureTask, VelocityTask}};
     /// use motorium_robots::{Kinematics, load};
     ///
     /// let panda = load("panda", std::path::Path::new("."))?;
@@ -62,7 +62,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     ///
     /// # Panics
     /// If the solver was built for fewer rows than contacts and constraints have together.
-    pub fn constrain(&mut self, state: &RobotState<'_>, task: &mut dyn Task) {
+    pub fn constrain(&mut self, state: &RobotState<'_>, task: &mut dyn VelocityTask) {
         task.update(state);
         self.constrained.clear();
         task.write_rows(&mut self.constrained);
@@ -140,7 +140,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// or an exact task requires it.
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState, tasks::{PostureSettings, PostureTask}};
+    /// use motorium_control::tasks::{PostureSettings, PostureTask};
+    /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState};
     /// use motorium_control::limits::{AccelerationLimit, PositionLimit, VelocityLimit};
     /// use motorium_robots::{Kinematics, load};
     /// use nalgebra::DVector;

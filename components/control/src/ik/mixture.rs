@@ -11,7 +11,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// weight cannot fade it out. Mixing the solutions with and without it can.
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
+    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, VelocityTask}};
     /// use motorium_robots::{Kinematics, load};
     /// use nalgebra::DVector;
     ///

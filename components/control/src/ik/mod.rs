@@ -19,7 +19,7 @@ use crate::{
     solver::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
     },
-    tasks::Task,
+    tasks::VelocityTask,
 };
 
 /// Settings of [`DifferentialIk`].
@@ -142,7 +142,8 @@ impl DifferentialIk {
     /// default settings and the active-set method.
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CentreOfMassTask, ContactTask, Task}};
+    /// use motorium_control::tasks::{CentreOfMassTask, ContactTask, VelocityTask};
+    /// use motorium_control::{DifferentialIk, RobotState};
     /// use motorium_robots::{Kinematics, load};
     /// use nalgebra::{DVector, Vector3};
     ///
@@ -215,10 +216,10 @@ impl<S: QpSolver> DifferentialIk<S> {
     }
 
     /// Sets levels of strict priority, highest first. Each entry is the maximum total number of
-    /// [`rows`](Task::rows) of the level's tasks and soft limits.
+    /// [`rows`](VelocityTask::rows) of the level's tasks and soft limits.
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
+    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, VelocityTask}};
     /// use motorium_robots::{Kinematics, load};
     ///
     /// let panda = load("panda", std::path::Path::new("."))?;
@@ -259,7 +260,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// first. Replaces [`IkSettings::damping`].
     ///
     /// ```
-    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
+    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, VelocityTask}};
     /// use motorium_robots::{Kinematics, load};
     ///
     /// let panda = load("panda", std::path::Path::new("."))?;
@@ -303,7 +304,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     pub fn assemble(
         &mut self,
         state: &RobotState<'_>,
-        tasks: &mut [&mut dyn Task],
+        tasks: &mut [&mut dyn VelocityTask],
         limits: &[&dyn Limit],
         dt: f64,
     ) {
@@ -341,7 +342,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     ///
     /// # Panics
     /// If there is no such level, or its tasks have more rows than it was made for.
-    pub fn add_task(&mut self, state: &RobotState<'_>, level: usize, task: &mut dyn Task) {
+    pub fn add_task(&mut self, state: &RobotState<'_>, level: usize, task: &mut dyn VelocityTask) {
         task.update(state);
         match (&mut self.below, level) {
             (None, 0) => task.add_to(&mut self.problem),

@@ -1,6 +1,7 @@
 //! Solution of a tick: the first level, the levels below, and contradictory constraints.
 
 use super::{Below, DifferentialIk, IkConflict, IkError};
+use crate::levels::LevelError;
 use crate::limits::are_alike;
 use crate::solver::{Conflict, Constraint, QpSolver, Side, SolveError};
 
@@ -261,14 +262,15 @@ impl<S: QpSolver> DifferentialIk<S> {
             let solved = solver.solve(level, freedom, &self.problem, &mut self.velocity);
             self.iterations += solver.iterations;
             match solved {
-                Err(IkError::Solve(error)) => {
+                Ok(()) => {}
+                Err(LevelError::Pose(error)) => return Err(error.into()),
+                Err(LevelError::Solve(error)) => {
                     // at its iteration limit the solver continues in the next tick
                     if !matches!(error, SolveError::MaxIterations { .. }) {
                         solver.reset();
                     }
                     self.undecided += 1;
                 }
-                solved => solved?,
             }
             above = &level.rows;
         }

@@ -5,8 +5,7 @@ use nalgebra::DVector;
 use super::contact::ContactPlace;
 use super::names::Order;
 use super::solver::{friction_cones, set_friction};
-use crate::ik::IkError;
-use crate::levels::{Freedom, Level, LevelSolver};
+use crate::levels::{Freedom, Level, LevelError, LevelSolver};
 use crate::solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure};
 
 /// The solver of a level below the first: active-set within friction pyramids, Clarabel within cones.
@@ -32,7 +31,7 @@ impl BelowSolver {
         limits: &Problem,
         contacts: &[ContactPlace],
         x: &mut [f64],
-    ) -> Result<(), IkError> {
+    ) -> Result<(), LevelError> {
         match self {
             Self::Pyramids(solver) => solver.solve(level, freedom, limits, x),
             Self::Cones(solver) => solver.solve(level, freedom, limits, contacts, x),
@@ -108,7 +107,7 @@ impl ConeLevel {
         limits: &Problem,
         contacts: &[ContactPlace],
         x: &mut [f64],
-    ) -> Result<(), IkError> {
+    ) -> Result<(), LevelError> {
         let (n, open) = (x.len(), freedom.count());
         self.iterations = 0;
         if open == 0 {

@@ -5,15 +5,16 @@ use nalgebra::{DMatrix, DVector};
 
 use super::cone_level::BelowSolver;
 use super::contact::{Contact, ContactPlace, ContactShape};
-use super::limits::{DynamicsRows, Predicted};
 use super::mixture::Mixture;
 use super::names::Order;
 use super::outcome::{FrictionModel, InverseDynamicsSettings, InverseDynamicsSolution, Unknowns};
+use super::predicted::{DynamicsRows, Predicted};
 use super::reduced::Reduced;
 use super::relaxed::Relaxed;
 use super::solver::FirstLevel;
-use super::tasks::AccelerationTask;
 use super::{JointAccelerationLimits, MotionState, WrenchCone};
+use crate::cost::Cost;
+use crate::formulation::Task;
 use crate::levels::{Freedom, Level, Rows};
 use crate::solver::{Problem, Sides, Structure};
 
@@ -307,6 +308,72 @@ impl InverseDynamics {
         if let Some(below) = &mut self.below {
             below.solvers.iter_mut().for_each(BelowSolver::reset);
         }
+    }
+}
+
+impl InverseDynamics {
+    /// Adds the last [`solution`](Self::solution) to a mixture, weighted by `share`, [as for
+    /// velocities](crate::DifferentialIk::mix). Accelerations and contact forces are mixed. Friction,
+    /// unilateral contacts and torque limits are convex, so a mixture with nonnegative shares that sum to 1
+    /// satisfies them.
+    pub fn mix(&mut self, share: f64) {
+        let Self { mixture, x, solution, .. } = self;
+        mixture.x.axpy(share, x, 1.0);
+        mixture.iterations += solution.iterations;
+        mixture.undecided += solution.undecided;
+        mixture.slack = match (mixture.slack, solution.slack) {
+            (Some(one), Some(other)) => Some(one.worse(&other)),
+            (one, other) => one.or(other),
+        };
+    }
+
+    /// Makes the mixture the [`solution`](Self::solution), with its torques, and starts a new one. Iterations
+    /// and undecided levels are summed over the solutions; the slack is the maximum.
+    pub fn take_mixture(&mut self) -> &InverseDynamicsSolution {
+        self.x.copy_from(&self.mixture.x);
+        let Self { mixture, solution, .. } = self;
+        (solution.slack, solution.iterations, solution.undecided) =
+            (mixture.slack, mixture.iterations, mixture.undecided);
+        mixture.clear();
+        self.write();
+        self.solution()
+    }
+
+    /// Begins a new mixture.
+    pub fn drop_mixture(&mut self) {
+        self.mixture.clear();
+    }
+}
+
+/// A cost on the unknowns `x = (a, f)` of [`InverseDynamics`]: `1/2 |W (A x - b)|^2`.
+///
+/// Every [`Task`] is one, on the accelerations:
+///
+/// ```text
+/// A = J,   b = kp e + kd e' + nu' - J' v          kp e: no faster than the largest speeds
+/// ```
+pub trait AccelerationTask {
+    /// Evaluates error, `A` and `b` at this state, at which `dynamics` has begun its tick.
+    fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics);
+
+    /// The cost as of the last update.
+    fn cost(&self) -> &Cost;
+
+    /// Number of rows of `A`.
+    fn rows(&self) -> usize {
+        self.cost().rows()
+    }
+}
+
+impl<T: Task + ?Sized> AccelerationTask for T {
+    fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics) {
+        self.evaluate(&state.robot());
+        self.differentiate(state);
+        self.equation_mut().request_acceleration(dynamics.mass());
+    }
+
+    fn cost(&self) -> &Cost {
+        self.equation().cost()
     }
 }
 

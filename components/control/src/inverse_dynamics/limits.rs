@@ -1,87 +1,16 @@
 //! Further constraints of a tick: velocity limits at acceleration level, and exact tasks.
 
-use motorium_robots::{Kinematics, Model};
 use nalgebra::Vector3;
 
-use super::control::InverseDynamics;
-use super::tasks::AccelerationTask;
+use super::control::{AccelerationTask, InverseDynamics};
+use super::predicted::Return;
 use super::{MotionState, WrenchCone};
 use crate::RobotState;
 use crate::limits::{LimitRows, RowLimit, are_alike};
 use crate::solver::{Conflict, Constraint, SolveError, UpdateError};
 
-/// Numbers of rows that an [`InverseDynamics`] has room for besides contacts, torques and joints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DynamicsRows {
-    /// Rows of tasks that are constraints.
-    pub constrained: usize,
-    /// Rows of limits.
-    pub limits: usize,
-}
-
-/// The robot one tick ahead, at its present velocity.
-#[derive(Debug)]
-pub(super) struct Predicted {
-    kinematics: Kinematics,
-    q: Vec<f64>,
-    step: Vec<f64>,
-    /// True if it was computed in this tick.
-    pub(super) ready: bool,
-    /// Rows that must return behind their limit.
-    returning: Vec<Return>,
-}
-
-/// A row that must return behind its limit.
-#[derive(Clone, Copy, Debug)]
-struct Return {
-    row: usize,
-    /// Speed of its return.
-    speed: f64,
-    /// Acceleration bounds that reach this speed, and bounds that keep the row in place.
-    back: (f64, f64),
-    stay: (f64, f64),
-    /// Requested fraction of the former; 0 to stay in place.
-    share: f64,
-}
-
-impl Return {
-    /// Reduces the request if that can help, else lets the row stay in place.
-    fn give_way(&mut self, eases: bool) {
-        self.share = if eases && self.share > LEAST { self.share * EASE } else { 0.0 };
-    }
-
-    /// Acceleration bounds: the row keeps at least its speed while it returns.
-    fn bounds(&self) -> (f64, f64) {
-        let (Self { back, stay, share, .. }, mut bounds) = (*self, self.stay);
-        if share > 0.0 && back.0 > stay.0 {
-            let kept = stay.0.max(back.0.min(0.0));
-            bounds.0 = kept + share * (back.0 - kept);
-        }
-        if share > 0.0 && back.1 < stay.1 {
-            let kept = stay.1.min(back.1.max(0.0));
-            bounds.1 = kept + share * (back.1 - kept);
-        }
-        bounds
-    }
-}
-
-/// Factor by which a contradicted return is reduced, and fraction at which the row stays instead.
-const EASE: f64 = 0.125;
-const LEAST: f64 = 0.1;
 /// Maximum number of solutions in which only returns named by a conflict are relaxed; then all are.
 const NAMED: u32 = 8;
-
-impl Predicted {
-    pub(super) fn new(model: &Model, limits: usize) -> Self {
-        Self {
-            returning: Vec::with_capacity(limits),
-            kinematics: Kinematics::new(model),
-            q: model.neutral(),
-            step: vec![0.0; model.nv()],
-            ready: false,
-        }
-    }
-}
 
 impl InverseDynamics {
     /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`, as bounds of the
@@ -105,7 +34,7 @@ impl InverseDynamics {
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
-    /// use motorium_control::inverse_dynamics::tasks::{Feedback, PostureAcceleration};
+    /// use motorium_control::tasks::{PostureSettings, PostureTask};
     /// use motorium_control::limits::{CartesianVelocityLimit, RowLimit};
     /// use motorium_robots::{Kinematics, load};
     ///
@@ -117,7 +46,8 @@ impl InverseDynamics {
     /// kinematics.update_with_velocity(model, q, &v);
     /// let state = MotionState { model, kinematics: &kinematics, q, v: &v };
     /// let mut slow = CartesianVelocityLimit::new(model, hand, 0.1, f64::INFINITY);
-    /// let mut far = PostureAcceleration::new(model, &vec![1.0; model.nv()], Feedback::critical(20.0));
+    /// let settings = PostureSettings { gain: 20.0, weight: 1.0 };
+    /// let mut far = PostureTask::new(model, &vec![1.0; model.nv()]).with(settings);
     ///
     /// let rows = DynamicsRows { limits: slow.rows(), ..DynamicsRows::default() };
     /// let mut control = InverseDynamics::with_room(model, Vec::new(), InverseDynamicsSettings::default(), rows);

@@ -42,8 +42,8 @@
 //! ```
 //! use motorium_control::inverse_dynamics::{
 //!     Contact, InverseDynamics, MotionState,
-//!     tasks::{CentreOfMassAcceleration, Feedback, PostureAcceleration},
 //! };
+//! use motorium_control::tasks::{CentreOfMassSettings, CentreOfMassTask, PostureSettings, PostureTask};
 //! use motorium_robots::{Kinematics, load};
 //!
 //! let robot = load("humanoid", std::path::Path::new("."))?;
@@ -58,9 +58,10 @@
 //!
 //! let contacts = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot)).collect::<Result<Vec<_>, _>>()?;
 //! let mut control = InverseDynamics::new(model, contacts);
-//! let mut balance = CentreOfMassAcceleration::new(model, Feedback::critical(5.0));
+//! let settings = CentreOfMassSettings { gain: 5.0, ..CentreOfMassSettings::default() };
+//! let mut balance = CentreOfMassTask::new(model).with(settings);
 //! balance.set_target(kinematics.centre_of_mass(model).position);
-//! let mut posture = PostureAcceleration::new(model, &q[7..], Feedback::critical(5.0)).weight(0.1);
+//! let mut posture = PostureTask::new(model, &q[7..]).with(PostureSettings { gain: 5.0, weight: 0.1 });
 //!
 //! control.begin(&state, 0.001);
 //! control.add_task(&state, 0, &mut balance);
@@ -84,6 +85,7 @@ mod limits;
 mod mixture;
 mod names;
 mod outcome;
+mod predicted;
 mod reduced;
 mod relaxed;
 mod solve;
@@ -92,26 +94,13 @@ pub mod tasks;
 mod wrench_cone;
 
 pub use contact::{Contact, ContactError, ContactShape};
-pub use control::InverseDynamics;
+pub use control::{AccelerationTask, InverseDynamics};
 pub use joints::JointAccelerationLimits;
-pub use limits::DynamicsRows;
 pub use names::{Conflicting, ConstraintName};
 pub use outcome::{
     FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack, Unknowns,
 };
+pub use predicted::DynamicsRows;
 pub use wrench_cone::WrenchCone;
 
-use motorium_robots::{Kinematics, Model};
-
-/// A model, its configuration and velocity, and its kinematics at both.
-#[derive(Clone, Copy, Debug)]
-pub struct MotionState<'a> {
-    /// The robot.
-    pub model: &'a Model,
-    /// Updated at `q` and `v`: poses, velocities, Jacobians and drifts are read from here.
-    pub kinematics: &'a Kinematics,
-    /// Configuration, nq long: a floating base first.
-    pub q: &'a [f64],
-    /// Velocity, nv long.
-    pub v: &'a [f64],
-}
+pub use crate::state::MotionState;

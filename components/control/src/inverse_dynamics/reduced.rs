@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
-use super::control::InverseDynamics;
 use super::names::Order;
 use super::outcome::{InverseDynamicsSettings, Unknowns};
 use super::solver::FirstLevel;
@@ -266,30 +265,5 @@ impl ForcesOf {
         solver.update(problem).map_err(|_| SolveError::NotUpdated)?;
         x.rows_mut(first, forces).copy_from(&solver.solve()?.x);
         Ok(())
-    }
-}
-
-impl InverseDynamics {
-    /// Removes the constraints that a reduced formulation does not decide. With forces only, joints rest and
-    /// contacts have no motion. With accelerations only, torques have no limits.
-    pub(super) fn leave_out(&mut self) {
-        let Self { order, problem, settings, .. } = self;
-        match settings.unknowns {
-            Unknowns::AccelerationsAndForces => {}
-            Unknowns::Accelerations => {
-                problem.row_lower.rows_mut(0, order.joints).fill(f64::NEG_INFINITY);
-                problem.row_upper.rows_mut(0, order.joints).fill(f64::INFINITY);
-            }
-            Unknowns::Forces => {
-                problem.equality_matrix.rows_mut(order.base, order.motions.len()).fill(0.0);
-                problem.equality_value.rows_mut(order.base, order.motions.len()).fill(0.0);
-                let joints = order.velocities - order.base;
-                problem.lower.rows_mut(order.base, joints).fill(0.0);
-                problem.upper.rows_mut(order.base, joints).fill(0.0);
-            }
-        }
-        if let Some(reduced) = &mut self.reduced {
-            reduced.update_map(&self.order, &self.mass, &self.problem);
-        }
     }
 }

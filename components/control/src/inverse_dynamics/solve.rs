@@ -3,7 +3,7 @@
 use super::control::{Below, InverseDynamics};
 use super::names::Conflicting;
 use super::outcome::{InverseDynamicsError, InverseDynamicsSolution, Slack};
-use crate::ik::IkError;
+use crate::levels::LevelError;
 use crate::solver::{Solution, SolveError};
 
 impl InverseDynamics {
@@ -76,9 +76,9 @@ impl InverseDynamics {
             self.solution.iterations += solver.iterations();
             match solved {
                 Ok(()) => {}
-                Err(IkError::Pose(error)) => return Err(InverseDynamicsError::Pose(error)),
+                Err(LevelError::Pose(error)) => return Err(InverseDynamicsError::Pose(error)),
                 // the levels above keep their solution; at its limit the solver continues in the next tick
-                Err(IkError::Solve(error)) => {
+                Err(LevelError::Solve(error)) => {
                     if !matches!(error, SolveError::MaxIterations { .. }) {
                         solver.reset();
                     }

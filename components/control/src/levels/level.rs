@@ -3,10 +3,30 @@
 use nalgebra::DVector;
 
 use super::{Freedom, Rows};
-use crate::{
-    ik::IkError,
-    solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
+use crate::solver::{
+    ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
 };
+
+/// A level has no solution.
+#[derive(Debug)]
+pub(crate) enum LevelError {
+    /// Its numbers cannot be used.
+    Pose(UpdateError),
+    /// The solver found none.
+    Solve(SolveError),
+}
+
+impl From<UpdateError> for LevelError {
+    fn from(error: UpdateError) -> Self {
+        Self::Pose(error)
+    }
+}
+
+impl From<SolveError> for LevelError {
+    fn from(error: SolveError) -> Self {
+        Self::Solve(error)
+    }
+}
 
 /// Tasks of one level: their cost on the joint velocity, and the rows that decide motions.
 #[derive(Debug)]
@@ -83,7 +103,7 @@ impl LevelSolver {
         freedom: &Freedom,
         limits: &Problem,
         velocity: &mut [f64],
-    ) -> Result<(), IkError> {
+    ) -> Result<(), LevelError> {
         let open = freedom.count();
         self.iterations = 0;
         if open == 0 {

@@ -10,4 +10,4 @@ mod level;
 
 pub(crate) use freedom::Freedom;
 pub use freedom::Rows;
-pub(crate) use level::{Level, LevelSolver};
+pub(crate) use level::{Level, LevelError, LevelSolver};

@@ -138,11 +138,9 @@ impl AxisShares {
         stacked(self.position.shares * linear, self.orientation.shares * angular)
     }
 
-    /// `S'S v`.
-    pub(crate) fn weigh_twice(&self, v: &Vector6<f64>) -> Vector6<f64> {
-        let twice = |part: &Part, v: Vector3<f64>| part.shares.tr_mul(&(part.shares * v));
-        let (linear, angular) = (v.fixed_rows::<3>(0), v.fixed_rows::<3>(3));
-        stacked(twice(&self.position, linear.into()), twice(&self.orientation, angular.into()))
+    /// `S`: the factors of the position and of the orientation.
+    pub(crate) fn factors(&self) -> [Matrix3<f64>; 2] {
+        [self.position.shares, self.orientation.shares]
     }
 
     /// 1 for each row of `S` that has a factor, else 0.

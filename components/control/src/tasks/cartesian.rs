@@ -1,30 +1,49 @@
-//! A frame reaches a pose.
+//! A frame follows a pose.
 
 use motorium_robots::{
     FrameId, Model, Reference, Twist,
     lie::{se3, so3},
 };
-use nalgebra::{Isometry3, Matrix3, Matrix6xX, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};
 
-use super::{AxisShares, PoseAxes, Rows, Task, residual};
-use crate::{RobotState, solver::Problem};
+use super::{AxisShares, Cost, Equation, Feedback, JacobianView, PoseAxes, Response, Task};
+use crate::{MotionState, RobotState};
+
+/// Half the time over which an error is differenced \[s\].
+const STEP: f64 = 1e-4;
+
+/// Form of the error of a pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PoseError {
+    /// Logarithm of the pose of the target in the frame, with its exact derivative: the frame moves along a
+    /// screw.
+    #[default]
+    Logarithm,
+    /// Difference of the positions and rotation vector, with the geometric Jacobian: the origin of the frame
+    /// moves along a straight line.
+    Geometric,
+}
 
 /// Gains and weights of a [`CartesianTask`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CartesianSettings {
-    /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate.
+    /// Form of the error. Default logarithm.
+    pub error: PoseError,
+    /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
     pub gain: f64,
-    /// Cost of a velocity error \[1/(m/s)\].
+    /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]; 0 leaves the position
+    /// free. Default 1.
     pub position_weight: f64,
-    /// Cost of an angular velocity error \[1/(rad/s)\].
+    /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]; 0 leaves
+    /// the orientation free. Default 0.5.
     pub orientation_weight: f64,
-    /// Largest speed at which the error is corrected \[m/s\].
+    /// Largest speed at which the error is corrected \[m/s\]. Default infinite.
     pub max_linear_speed: f64,
-    /// Largest angular speed at which the error is corrected \[rad/s\].
+    /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_angular_speed: f64,
     /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the
     /// target is out of reach, and vanishes at the target. Should exceed half the tick period times the reach
-    /// of the robot.
+    /// of the robot. Default 5e-3.
     pub damping: f64,
     /// Factors of the weights by axis. Default: none, the whole pose counts.
     pub shares: Option<AxisShares>,
@@ -33,6 +52,7 @@ pub struct CartesianSettings {
 impl Default for CartesianSettings {
     fn default() -> Self {
         Self {
+            error: PoseError::Logarithm,
             gain: 10.0,
             position_weight: 1.0,
             orientation_weight: 0.5,
@@ -44,102 +64,124 @@ impl Default for CartesianSettings {
     }
 }
 
+impl CartesianSettings {
+    /// The defaults, with a [geometric](PoseError::Geometric) error.
+    pub fn geometric() -> Self {
+        Self { error: PoseError::Geometric, ..Self::default() }
+    }
+
+    fn response(&self) -> Response {
+        let max_speeds = [self.max_linear_speed, self.max_angular_speed];
+        Response { max_speeds, damping: self.damping, ..Response::decay(self.gain) }
+    }
+}
+
 /// A frame `b` of the robot follows a target pose `t`.
 ///
-/// With `T_bt` the pose of the target in the frame, the error is the twist that would carry the frame onto
-/// the target in one unit of time, linear \[m\] then angular \[rad\], in the axes of the frame:
+/// With `T_bt` the pose of the target in the frame, a [logarithmic](PoseError::Logarithm) error is the twist
+/// that would carry the frame onto the target in one unit of time, linear \[m\] then angular \[rad\], in the
+/// axes of the frame:
 ///
 /// ```text
 /// e  = log(T_bt)
-/// e' = Jlog(T_bt) nu_t - Jlog(T_tb) J_b v
+/// nu = Jlog(T_bt) nu_t,   J = Jlog(T_tb) J_b
+/// W  = diag(p, p, p, o, o, o)
 /// ```
 ///
 /// where `J_b` is the Jacobian of the frame in its own axes, `nu_t` the velocity of the target in the
-/// target's axes, and `Jlog` the derivative of the logarithm. Requesting the decay `e' = -c`, `c = gain e`,
-/// gives the cost
+/// target's axes, and `Jlog` the derivative of the logarithm (Pink's frame task). Its derivatives at the
+/// level of accelerations are differences along the motion.
+///
+/// A [geometric](PoseError::Geometric) error is in the axes of the world, at the origin of the frame. With
+/// the orientations `R` of the frame and `R*` of the target, and the classical accelerations of both,
 ///
 /// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
-/// A = Jlog(T_tb) J_b,   b = c + Jlog(T_bt) nu_t,   mu = damping |W^2 c|
+/// e  = (p* - p, log(R* R'))                       m, rad
+/// nu = (v*, w*),   J = J_world                    geometric Jacobian of the frame
 /// ```
 ///
-/// (the error and Jacobian of Pink's frame task, there per step and for a target at rest). `c` is scaled down
-/// as a whole where it would exceed the largest speeds, so that the direction is kept.
+/// (OpenSoT's and TSID's task). Near the target both are the same.
 ///
 /// With [`shares`](CartesianSettings::shares) position and rotation are separate, so that one may be free
-/// without affecting the other. [`AxisShares`] defines `e`; with the velocities `v*`, `w*` of the target, in
-/// the axes `R` of the shares,
+/// without affecting the other. [`AxisShares`] defines `e`, in axes `A` that may turn with an angular
+/// velocity `u`. With the error `p` of the position in the axes of the world,
 ///
 /// ```text
-/// A = S (R'J_v - [e_p]x R'J_w;  J(e_o) J_w)        the term of e_p for the axes of the frame alone
-/// b = S (c + (R'v* - w* x e_p;  J(-e_o) w*))       the term of e_p for the axes of the target alone
+/// J  = S A'(J_v - [p]x J_w; J_w)                  the term of p for the axes of the frame alone
+/// nu = S A'(v* - w* x p; w*)                      the term of p for the axes of the target alone
 /// ```
 ///
-/// where `J(e_o) J_w` is the derivative of the rotation vector by the motion of the frame, and `mu = damping
-/// |S'W^2 S c|`.
+/// and rows of the orientation multiplied by the derivative of the rotation vector for a logarithmic error.
 ///
-/// The damping follows the error, not its square: an error that no motion can reduce bends the cost by about
-/// `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With less damping than
-/// `dt reach / 2` a stretched arm chatters between its velocity limits, however slow the correction.
+/// Levenberg-Marquardt damping follows the error, not its square: an error that no motion can reduce bends
+/// the cost by about `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With
+/// less damping than `dt reach / 2` a stretched arm chatters between its velocity limits, however slow the
+/// correction.
 #[derive(Clone, Debug)]
 pub struct CartesianTask {
     frame: FrameId,
     settings: CartesianSettings,
     target: Isometry3<f64>,
-    feed_forward: Twist,
-    error: Vector6<f64>,
+    velocity: Twist,
+    acceleration: Twist,
     position_error: f64,
     orientation_error: f64,
-    /// Correction of the error in terms of the rows: `c`, or `S'S c`.
-    pull: Vector6<f64>,
-    desired: Vector6<f64>,
-    jacobian: Matrix6xX<f64>,
+    equation: Equation,
 }
+
+settings!(CartesianTask, CartesianSettings);
 
 impl CartesianTask {
     /// A task for `frame` of `model`, with the world's origin as target and default settings.
     pub fn new(model: &Model, frame: FrameId) -> Self {
+        let settings = CartesianSettings::default();
+        let mut equation = Equation::dense(6, 0, model.nv());
+        equation.response = settings.response();
         Self {
             frame,
-            settings: CartesianSettings::default(),
+            settings,
             target: Isometry3::identity(),
-            feed_forward: Twist::zero(),
-            error: Vector6::zeros(),
+            velocity: Twist::zero(),
+            acceleration: Twist::zero(),
             position_error: 0.0,
             orientation_error: 0.0,
-            pull: Vector6::zeros(),
-            desired: Vector6::zeros(),
-            jacobian: Matrix6xX::zeros(model.nv()),
+            equation,
         }
     }
 
-    /// The same task with these settings.
+    /// The same task with a spring and a damper in place of the feedback of accelerations.
     #[must_use]
-    pub fn with(mut self, settings: CartesianSettings) -> Self {
-        self.settings = settings;
+    pub fn impedance(mut self, model: &Model, impedance: CartesianImpedance) -> Self {
+        self.equation.set_impedance(model, &[0.0; 6], &[0.0; 6]);
+        self.equation.separate_force_jacobian();
+        self.set_impedance(impedance);
         self
     }
 
-    /// Changes gains and weights from the next update on.
-    pub fn set_settings(&mut self, settings: CartesianSettings) {
-        self.settings = settings;
-    }
-
-    /// Gains and weights.
-    pub fn settings(&self) -> &CartesianSettings {
-        &self.settings
+    /// Changes spring and damper from the next update on.
+    ///
+    /// # Panics
+    /// If the task was built without them.
+    pub fn set_impedance(&mut self, impedance: CartesianImpedance) {
+        let CartesianImpedance { stiffness, damping, rotational_stiffness, rotational_damping } = impedance;
+        let (k, d) = self.equation.springs_mut().expect("a task with an impedance");
+        for (springs, linear, angular) in
+            [(k, stiffness, rotational_stiffness), (d, damping, rotational_damping)]
+        {
+            springs.rows_mut(0, 3).fill(linear);
+            springs.rows_mut(3, 3).fill(angular);
+        }
     }
 
     /// Sets the target pose in the world, at rest.
     pub fn set_target(&mut self, target: Isometry3<f64>) {
-        self.set_moving_target(target, Twist::zero());
+        self.set_moving_target(target, Twist::zero(), Twist::zero());
     }
 
-    /// Sets the target pose in the world and its velocity: of the target's origin \[m/s\] and angular
-    /// \[rad/s\], in world axes.
-    pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist) {
-        self.target = target;
-        self.feed_forward = velocity;
+    /// Sets the target pose in the world, its velocity and its classical acceleration: of the target's origin
+    /// \[m/s, m/s2\] and angular \[rad/s, rad/s2\], in world axes.
+    pub fn set_moving_target(&mut self, target: Isometry3<f64>, velocity: Twist, acceleration: Twist) {
+        (self.target, self.velocity, self.acceleration) = (target, velocity, acceleration);
     }
 
     /// The frame that is controlled.
@@ -152,10 +194,10 @@ impl CartesianTask {
         &self.target
     }
 
-    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame, or of the shares
-    /// without free directions.
-    pub fn error(&self) -> &Vector6<f64> {
-        &self.error
+    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame or of the world, or of
+    /// the shares without free directions.
+    pub fn error(&self) -> Vector6<f64> {
+        self.equation.error.fixed_rows::<6>(0).into()
     }
 
     /// Distance between the origins of frame and target at the last update \[m\].
@@ -168,76 +210,76 @@ impl CartesianTask {
         self.orientation_error
     }
 
-    /// `A` at the last update, 6 x nv. The error changes at the rate `-A v` for a target at rest; with
+    /// `J` at the last update, 6 x nv. The error changes at the rate `-J v` for a target at rest; with
     /// shares, `S e` does.
-    pub fn jacobian(&self) -> &Matrix6xX<f64> {
-        &self.jacobian
+    pub fn jacobian(&self) -> JacobianView<'_, 6> {
+        self.equation.jacobian().fixed_rows::<6>(0)
     }
 
-    /// `b` at the last update: linear \[m/s\], angular \[rad/s\].
-    pub fn desired(&self) -> &Vector6<f64> {
-        &self.desired
+    /// The desired value `b` at the last update: linear, angular \[m/s, rad/s or m/s2, rad/s2\].
+    pub fn desired(&self) -> Vector6<f64> {
+        self.cost().desired().fixed_rows::<6>(0).into()
     }
 
-    fn weights(&self) -> Vector6<f64> {
-        let (p, o) = (self.settings.position_weight, self.settings.orientation_weight);
-        let weights = Vector6::new(p, p, p, o, o, o);
-        // a row without a factor is ignored
-        self.settings.shares.map_or(weights, |shares| weights.component_mul(&shares.rows()))
+    /// Logarithmic error of a frame at `pose`.
+    fn logarithm(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> Vector6<f64> {
+        match &self.settings.shares {
+            None => se3::log(&pose.inv_mul(target)),
+            Some(shares) => stacked(shares.error(pose, target)),
+        }
     }
 
-    /// Error, `A` and `b` of the whole pose.
-    fn update_pose(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>) {
+    /// Logarithmic error of the whole pose.
+    fn evaluate_screw(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>) {
         let target_in_frame = pose.inv_mul(&self.target);
-        self.error = se3::log(&target_in_frame);
-
         let axes = self.target.rotation.inverse();
-        let velocity = se3::stack(&(axes * self.feed_forward.linear), &(axes * self.feed_forward.angular));
-        self.pull = self.correction();
-        self.desired = self.pull + se3::log_jacobian(&target_in_frame) * velocity;
-
-        state.kinematics.jacobian(state.model, self.frame, Reference::Local, &mut self.jacobian);
+        let velocity = se3::stack(&(axes * self.velocity.linear), &(axes * self.velocity.angular));
+        let equation = &mut self.equation;
+        equation.error.copy_from(&se3::log(&target_in_frame));
+        equation.rate.copy_from(&(se3::log_jacobian(&target_in_frame) * velocity));
+        state.kinematics.jacobian(state.model, self.frame, Reference::Local, equation.jacobian_mut());
+        equation.copy_force_jacobian(None);
         let derivative = se3::log_jacobian(&target_in_frame.inverse());
-        for mut column in self.jacobian.column_iter_mut() {
+        for mut column in equation.jacobian_mut().column_iter_mut() {
             let rotated = derivative * column.fixed_rows::<6>(0);
             column.copy_from(&rotated);
         }
     }
 
-    /// The same of the directions that have a share.
-    fn update_axes(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>, shares: &AxisShares) {
-        let Twist { linear, angular } = self.feed_forward;
+    /// Geometric error of the whole pose.
+    fn evaluate_geometric(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>) {
+        let position = self.target.translation.vector - pose.translation.vector;
+        let turn = (self.target.rotation * pose.rotation.inverse()).scaled_axis();
+        let equation = &mut self.equation;
+        equation.error.copy_from(&stacked((position, turn)));
+        equation.rate.copy_from(&self.velocity.vector());
+        let reference = Reference::LocalWorldAligned;
+        state.kinematics.jacobian(state.model, self.frame, reference, equation.jacobian_mut());
+        equation.copy_force_jacobian(None);
+    }
+
+    /// Error of the directions that have a share.
+    fn evaluate_axes(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>, shares: &AxisShares) {
+        let Twist { linear, angular } = self.velocity;
         let from_world = shares.world_to_axes(pose, &self.target);
         // free directions also affect the motion of the axes
         let place = from_world * (self.target.translation.vector - pose.translation.vector);
-        let turn = from_world * so3::log(&(self.target.rotation * pose.rotation.inverse()));
-        let (counted_place, counted_turn) = shares.error(pose, &self.target);
-        self.error = se3::stack(&counted_place, &counted_turn);
-        let correction = self.correction();
-        self.pull = shares.weigh_twice(&correction);
-
-        // in the axes of frame and target the rotation vector is the same
-        let [frame, target] = [pose.rotation, self.target.rotation].map(|rotation| rotation.inverse());
-        let [frame, target] = match shares.axes() {
-            PoseAxes::World => [Matrix3::identity(); 2],
-            _ => [frame, target].map(|rotation| rotation.to_rotation_matrix().into_inner()),
-        };
-        let (by_frame, by_target) = match shares.axes() {
-            PoseAxes::World => (so3::right_jacobian_inverse(&turn), so3::left_jacobian_inverse(&turn)),
-            _ => (so3::left_jacobian_inverse(&turn), so3::right_jacobian_inverse(&turn)),
-        };
         let carried = match shares.axes() {
             PoseAxes::Target => (from_world * angular).cross(&place),
             _ => Vector3::zeros(),
         };
-        let moving = shares.weigh(&(from_world * linear - carried), &(by_target * (target * angular)));
-        let (slow, turned) = (correction.fixed_rows::<3>(0), correction.fixed_rows::<3>(3));
-        self.desired = shares.weigh(&slow.into(), &turned.into()) + moving;
-
+        let [by_frame, by_target] = match self.settings.error {
+            PoseError::Logarithm => self.turn_derivatives(pose, shares, &from_world),
+            PoseError::Geometric => [from_world; 2],
+        };
+        let equation = &mut self.equation;
+        equation.error.copy_from(&stacked(shares.error(pose, &self.target)));
+        equation.rate.copy_from(&shares.weigh(&(from_world * linear - carried), &(by_target * angular)));
         let reference = Reference::LocalWorldAligned;
-        state.kinematics.jacobian(state.model, self.frame, reference, &mut self.jacobian);
-        let (by_frame, carries) = (by_frame * frame, shares.follow_frame());
-        for mut column in self.jacobian.column_iter_mut() {
+        state.kinematics.jacobian(state.model, self.frame, reference, equation.jacobian_mut());
+        equation.copy_force_jacobian(Some(&from_world));
+        let carries = shares.follow_frame();
+        for mut column in equation.jacobian_mut().column_iter_mut() {
             let (v, w) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
             let mut linear = from_world * v;
             if carries {
@@ -247,55 +289,154 @@ impl CartesianTask {
         }
     }
 
-    /// `gain e`, slowed to the largest speeds.
-    fn correction(&self) -> Vector6<f64> {
-        let correction = self.error * self.settings.gain;
-        let linear = correction.fixed_rows::<3>(0).norm();
-        let angular = correction.fixed_rows::<3>(3).norm();
-        let excess = (linear / self.settings.max_linear_speed).max(angular / self.settings.max_angular_speed);
-        if excess > 1.0 { correction / excess } else { correction }
+    /// Derivatives of the rotation vector in the axes by the angular velocities of frame and target, world
+    /// axes.
+    fn turn_derivatives(
+        &self,
+        pose: &Isometry3<f64>,
+        shares: &AxisShares,
+        from_world: &Matrix3<f64>,
+    ) -> [Matrix3<f64>; 2] {
+        let turn = from_world * so3::log(&(self.target.rotation * pose.rotation.inverse()));
+        let (left, right) = (so3::left_jacobian_inverse(&turn), so3::right_jacobian_inverse(&turn));
+        // in the axes of frame and target the rotation vector is the same
+        let to_own = |rotation: UnitQuaternion<f64>| rotation.inverse().to_rotation_matrix().into_inner();
+        match shares.axes() {
+            PoseAxes::World => [right, left],
+            _ => [left * to_own(pose.rotation), right * to_own(self.target.rotation)],
+        }
+    }
+
+    /// Derivatives of a logarithmic error along the motions of frame and target without joint accelerations.
+    fn differentiate_logarithm(&mut self, pose: Isometry3<f64>, moving: Twist, drift: Twist) {
+        let error = |[frame, target]: [Isometry3<f64>; 2]| self.logarithm(&frame, &target);
+        let (velocities, accelerations) = ([moving, self.velocity], [drift, self.acceleration]);
+        let (rate, second) = differentiate_error(error, [pose, self.target], velocities, accelerations);
+        self.set_derivatives(rate, second, Vector6::zeros());
+    }
+
+    fn differentiate_geometric(&mut self, pose: &Isometry3<f64>, moving: Twist, drift: Twist) {
+        let (linear, angular) =
+            (self.velocity.linear - moving.linear, self.velocity.angular - moving.angular);
+        let Some(shares) = &self.settings.shares else {
+            let (ahead, drift) = (self.acceleration.vector(), drift.vector());
+            self.set_derivatives(stacked((linear, angular)), ahead, drift);
+            return;
+        };
+        let from_world = shares.world_to_axes(pose, &self.target);
+        let place = self.target.translation.vector - pose.translation.vector;
+        let spin = shares.turning(moving.angular, self.velocity.angular);
+        let spin_rate = shares.turning(drift.angular, self.acceleration.angular);
+        let seen = (from_world * (linear - spin.cross(&place)), from_world * angular);
+        let linear =
+            self.acceleration.linear - drift.linear - spin_rate.cross(&place) - spin.cross(&linear) * 2.0
+                + spin.cross(&spin.cross(&place));
+        let angular = self.acceleration.angular - drift.angular;
+        let second = stacked((from_world * linear, from_world * angular));
+        self.set_derivatives(stacked(seen), second, Vector6::zeros());
+    }
+
+    /// Stores `e'`, and `nu'` and `J' v` before the selection of rows.
+    fn set_derivatives(&mut self, rate: Vector6<f64>, ahead: Vector6<f64>, drift: Vector6<f64>) {
+        let ahead = match &self.settings.shares {
+            None => ahead,
+            Some(shares) => shares.weigh(&ahead.fixed_rows::<3>(0).into(), &ahead.fixed_rows::<3>(3).into()),
+        };
+        let equation = &mut self.equation;
+        equation.error_rate.copy_from(&rate);
+        equation.rate_derivative.copy_from(&ahead);
+        equation.drift.copy_from(&drift);
     }
 }
 
 impl Task for CartesianTask {
-    fn rows(&self) -> usize {
-        6
-    }
-
-    fn update(&mut self, state: &RobotState<'_>) {
+    fn evaluate(&mut self, state: &RobotState<'_>) {
+        let CartesianSettings { error, position_weight, orientation_weight, shares, .. } = self.settings;
         let pose = state.kinematics.pose(state.model, self.frame);
         self.position_error = (self.target.translation.vector - pose.translation.vector).norm();
         self.orientation_error = pose.rotation.angle_to(&self.target.rotation);
-        match self.settings.shares {
-            None => self.update_pose(state, &pose),
-            Some(shares) => self.update_axes(state, &pose, &shares),
+        self.equation.selection = shares.map(|shares| shares.factors());
+        let weights = self.equation.weights_mut();
+        weights.fixed_rows_mut::<3>(0).fill(position_weight);
+        weights.fixed_rows_mut::<3>(3).fill(orientation_weight);
+        if let Some(shares) = &shares {
+            // a row without a factor is ignored
+            weights.component_mul_assign(&shares.rows());
+        }
+        match (shares, error) {
+            (Some(shares), _) => self.evaluate_axes(state, &pose, &shares),
+            (None, PoseError::Logarithm) => self.evaluate_screw(state, &pose),
+            (None, PoseError::Geometric) => self.evaluate_geometric(state, &pose),
         }
     }
 
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        let weights = self.weights();
-        let counted = (0..6).filter(|axis| weights[*axis] > 0.0);
-        residual(counted, &self.jacobian, self.desired.as_slice(), velocity)
-    }
-
-    fn add_to(&self, problem: &mut Problem) {
-        let weights = self.weights();
-        let squared = weights.component_mul(&weights);
-        let damping = self.settings.damping * squared.component_mul(&self.pull).norm();
-        for j in 0..self.jacobian.ncols() {
-            let weighted = squared.component_mul(&self.jacobian.fixed_columns::<1>(j));
-            problem.gradient[j] -= weighted.dot(&self.desired);
-            for i in 0..=j {
-                problem.hessian[(i, j)] += weighted.dot(&self.jacobian.fixed_columns::<1>(i));
-            }
-            problem.hessian[(j, j)] += damping;
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        let MotionState { model, kinematics, .. } = *state;
+        let pose = kinematics.pose(model, self.frame);
+        let moving = kinematics.velocity(model, self.frame);
+        let drift = kinematics.acceleration(model, self.frame);
+        match self.settings.error {
+            PoseError::Logarithm => self.differentiate_logarithm(pose, moving, drift),
+            PoseError::Geometric => self.differentiate_geometric(&pose, moving, drift),
         }
     }
 
-    fn write_rows(&self, rows: &mut Rows) {
-        for (axis, weight) in self.weights().iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
-            let row = rows.push(weight * self.desired[axis]).iter_mut();
-            row.zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
-        }
-    }
+    equation!();
+}
+
+/// First and second derivative of an error along the motions of two poses, by central differences: their
+/// velocities and accelerations in world axes.
+pub(super) fn differentiate_error(
+    error: impl Fn([Isometry3<f64>; 2]) -> Vector6<f64>,
+    poses: [Isometry3<f64>; 2],
+    velocities: [Twist; 2],
+    accelerations: [Twist; 2],
+) -> (Vector6<f64>, Vector6<f64>) {
+    let after = |time: f64| {
+        let half = 0.5 * time * time;
+        error(std::array::from_fn(|index| {
+            let (pose, v, a) = (&poses[index], &velocities[index], &accelerations[index]);
+            let translation = pose.translation.vector + v.linear * time + a.linear * half;
+            let turn = UnitQuaternion::from_scaled_axis(v.angular * time + a.angular * half);
+            Isometry3::from_parts(translation.into(), turn * pose.rotation)
+        }))
+    };
+    let [behind, now, ahead] = [-STEP, 0.0, STEP].map(after);
+    ((ahead - behind) / (2.0 * STEP), (ahead - now * 2.0 + behind) / (STEP * STEP))
+}
+
+/// The linear and the angular part of a pose error as one vector.
+pub(super) fn stacked((linear, angular): (Vector3<f64>, Vector3<f64>)) -> Vector6<f64> {
+    Twist { linear, angular }.vector()
+}
+
+/// A spring and a damper that pull a frame to its target.
+///
+/// The task requests the acceleration caused by the forces `f = K e + D e'` at the frame without contacts: `J
+/// M^-1 J' f`, from the torques `J' f`, instead of `kp e + kd e'`. A push `p` on the frame of a fixed-base
+/// robot therefore displaces it by `p / K`, independently of its inertia. Choose stiffness and damping for
+/// that inertia: with a step of `dt`, a damping beyond `2 / dt` times the inertia is unstable. Light wrists
+/// have little inertia.
+///
+/// ```
+/// use motorium_control::tasks::{CartesianImpedance, CartesianSettings, CartesianTask};
+/// use motorium_robots::load;
+///
+/// let iiwa = load("iiwa14", std::path::Path::new("."))?.model;
+/// let hand = iiwa.frame("iiwa_link_ee")?;
+/// let soft = CartesianImpedance { stiffness: 300.0, damping: 50.0, rotational_stiffness: 20.0, rotational_damping: 3.0 };
+/// let task = CartesianTask::new(&iiwa, hand).with(CartesianSettings::geometric()).impedance(&iiwa, soft);
+/// # let _ = task;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CartesianImpedance {
+    /// Stiffness along each axis \[N/m\].
+    pub stiffness: f64,
+    /// Damping along each axis \[N s/m\].
+    pub damping: f64,
+    /// Stiffness about each axis \[N m/rad\].
+    pub rotational_stiffness: f64,
+    /// Damping about each axis \[N m s/rad\].
+    pub rotational_damping: f64,
 }

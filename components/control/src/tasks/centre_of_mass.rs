@@ -1,17 +1,17 @@
 //! The centre of mass follows a point.
 
 use motorium_robots::Model;
-use nalgebra::{Matrix3xX, Vector3};
+use nalgebra::Vector3;
 
-use super::{Rows, Task, residual};
-use crate::{RobotState, solver::Problem};
+use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
+use crate::{MotionState, RobotState};
 
 /// Gain and weights of a [`CentreOfMassTask`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CentreOfMassSettings {
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
     pub gain: f64,
-    /// Cost of a velocity error \[1/(m/s)\]. Default 1.
+    /// Cost of a velocity error \[1/(m/s)\], or of an acceleration error \[1/(m/s2)\]. Default 1.
     pub weight: f64,
     /// Factors of the weight along x, y and z of the world; 0 leaves an axis free. Default 1.
     pub shares: [f64; 3],
@@ -29,27 +29,24 @@ impl Default for CentreOfMassSettings {
     }
 }
 
+impl CentreOfMassSettings {
+    fn response(&self) -> Response {
+        let Self { gain, max_speed, damping, .. } = *self;
+        Response { max_speeds: [max_speed, f64::INFINITY], damping, ..Response::decay(gain) }
+    }
+}
+
 /// The centre of mass `c` of the robot follows a point `c*` \[m, world axes\]:
 ///
 /// ```text
-/// e  = c* - c(q)
-/// e' = c*' - J_com v
+/// e = c* - c(q),   nu = c*',   J = J_com          Jacobian of the centre of mass, 3 x nv
+/// W = weight diag(shares)
 /// ```
 ///
-/// where `J_com` (3 x nv) is the Jacobian of the centre of mass. Asking for the decay `e' = -k`, `k = gain
-/// e`, gives the cost
-///
-/// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
-/// A = J_com,   b = k + c*',   W = weight diag(shares),   mu = damping |W^2 k|
-/// ```
-///
-/// (the task of OpenSoT and Pink, there without the velocity `c*'` of the target). `k` is scaled down as a
-/// whole where it would exceed the largest speed, so that the direction is kept. Links fixed to the world do
-/// not count.
+/// (the task of OpenSoT, Pink and TSID). Links fixed to the world do not count.
 ///
 /// ```
-/// use motorium_control::{RobotState, tasks::{CentreOfMassTask, Task}};
+/// use motorium_control::{RobotState, tasks::{CentreOfMassTask, VelocityTask}};
 /// use motorium_robots::{Kinematics, load};
 /// use nalgebra::Vector3;
 ///
@@ -68,51 +65,36 @@ impl Default for CentreOfMassSettings {
 pub struct CentreOfMassTask {
     settings: CentreOfMassSettings,
     target: Vector3<f64>,
-    velocity: Vector3<f64>,
-    error: Vector3<f64>,
-    desired: Vector3<f64>,
-    jacobian: Matrix3xX<f64>,
+    equation: Equation,
 }
+
+settings!(CentreOfMassTask, CentreOfMassSettings);
+weight!(CentreOfMassTask);
 
 impl CentreOfMassTask {
     /// A task for `model`, with the world's origin as target and default settings.
     pub fn new(model: &Model) -> Self {
-        Self {
-            settings: CentreOfMassSettings::default(),
-            target: Vector3::zeros(),
-            velocity: Vector3::zeros(),
-            error: Vector3::zeros(),
-            desired: Vector3::zeros(),
-            jacobian: Matrix3xX::zeros(model.nv()),
-        }
-    }
-
-    /// The same task with these settings.
-    #[must_use]
-    pub fn with(mut self, settings: CentreOfMassSettings) -> Self {
-        self.settings = settings;
-        self
-    }
-
-    /// Changes gain and weights from the next update on.
-    pub fn set_settings(&mut self, settings: CentreOfMassSettings) {
-        self.settings = settings;
-    }
-
-    /// Gain and weights.
-    pub fn settings(&self) -> &CentreOfMassSettings {
-        &self.settings
+        let settings = CentreOfMassSettings::default();
+        let mut equation = Equation::dense(3, 0, model.nv());
+        equation.response = settings.response();
+        Self { settings, target: Vector3::zeros(), equation }
     }
 
     /// Sets the target `c*` \[m, world axes\], at rest.
     pub fn set_target(&mut self, target: Vector3<f64>) {
-        self.set_moving_target(target, Vector3::zeros());
+        self.set_moving_target(target, Vector3::zeros(), Vector3::zeros());
     }
 
-    /// Sets the target `c*` \[m\] and its velocity `c*'` \[m/s\], in world axes.
-    pub fn set_moving_target(&mut self, target: Vector3<f64>, velocity: Vector3<f64>) {
+    /// Sets the target `c*`, its velocity and its acceleration \[m, m/s, m/s2, world axes\].
+    pub fn set_moving_target(
+        &mut self,
+        target: Vector3<f64>,
+        velocity: Vector3<f64>,
+        acceleration: Vector3<f64>,
+    ) {
         self.target = target;
-        self.velocity = velocity;
+        self.equation.rate.copy_from(&velocity);
+        self.equation.rate_derivative.copy_from(&acceleration);
     }
 
     /// The target `c*` \[m, world axes\].
@@ -121,68 +103,39 @@ impl CentreOfMassTask {
     }
 
     /// `e` at the last update \[m, world axes\].
-    pub fn error(&self) -> &Vector3<f64> {
-        &self.error
+    pub fn error(&self) -> Vector3<f64> {
+        self.equation.error.fixed_rows::<3>(0).into()
     }
 
-    /// `A` at the last update, 3 x nv.
-    pub fn jacobian(&self) -> &Matrix3xX<f64> {
-        &self.jacobian
+    /// `J` at the last update, 3 x nv.
+    pub fn jacobian(&self) -> JacobianView<'_, 3> {
+        self.equation.jacobian().fixed_rows::<3>(0)
     }
 
-    /// `b` at the last update \[m/s\].
-    pub fn desired(&self) -> &Vector3<f64> {
-        &self.desired
-    }
-
-    /// The diagonal of `W^2`.
-    fn squared_weights(&self) -> Vector3<f64> {
-        Vector3::from(self.settings.shares).map(|share| (self.settings.weight * share).powi(2))
-    }
-
-    /// `gain e`, slowed to the largest speed.
-    fn correction(&self) -> Vector3<f64> {
-        let correction = self.error * self.settings.gain;
-        let excess = correction.norm() / self.settings.max_speed;
-        if excess > 1.0 { correction / excess } else { correction }
+    /// The desired value `b` at the last update \[m/s or m/s2\].
+    pub fn desired(&self) -> Vector3<f64> {
+        self.cost().desired().fixed_rows::<3>(0).into()
     }
 }
 
 impl Task for CentreOfMassTask {
-    fn rows(&self) -> usize {
-        3
-    }
-
-    fn update(&mut self, state: &RobotState<'_>) {
-        self.error = self.target - state.kinematics.centre_of_mass(state.model).position;
-        self.desired = self.correction() + self.velocity;
-        state.kinematics.com_jacobian(state.model, &mut self.jacobian);
-    }
-
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        let squared = self.squared_weights();
-        let counted = (0..3).filter(|axis| squared[*axis] > 0.0);
-        residual(counted, &self.jacobian, self.desired.as_slice(), velocity)
-    }
-
-    fn add_to(&self, problem: &mut Problem) {
-        let squared = self.squared_weights();
-        let damping = self.settings.damping * squared.component_mul(&self.correction()).norm();
-        for j in 0..self.jacobian.ncols() {
-            let weighted = squared.component_mul(&self.jacobian.column(j));
-            problem.gradient[j] -= weighted.dot(&self.desired);
-            for i in 0..=j {
-                problem.hessian[(i, j)] += weighted.dot(&self.jacobian.column(i));
-            }
-            problem.hessian[(j, j)] += damping;
+    fn evaluate(&mut self, state: &RobotState<'_>) {
+        let CentreOfMassSettings { weight, shares, .. } = self.settings;
+        let position = state.kinematics.centre_of_mass(state.model).position;
+        self.equation.error.copy_from(&(self.target - position));
+        state.kinematics.com_jacobian(state.model, self.equation.jacobian_mut());
+        for (out, share) in self.equation.weights_mut().iter_mut().zip(shares) {
+            *out = weight * share;
         }
     }
 
-    fn write_rows(&self, rows: &mut Rows) {
-        for (axis, share) in self.settings.shares.iter().enumerate().filter(|(_, share)| **share > 0.0) {
-            let weight = self.settings.weight * share;
-            let row = rows.push(weight * self.desired[axis]).iter_mut();
-            row.zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
-        }
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        let moving = state.kinematics.centre_of_mass(state.model);
+        let Equation { rate, error_rate, drift, .. } = &mut self.equation;
+        error_rate.copy_from(rate);
+        *error_rate -= moving.velocity;
+        drift.copy_from(&moving.acceleration);
     }
+
+    equation!();
 }

@@ -2,7 +2,7 @@
 
 use motorium_robots::{FrameId, Model, Reference};
 
-use super::{Cost, Rows, Task};
+use super::{Cost, Rows, VelocityTask};
 use crate::{RobotState, solver::Problem};
 
 /// Keeps a frame in contact with the world in place:
@@ -47,7 +47,7 @@ impl ContactTask {
     }
 }
 
-impl Task for ContactTask {
+impl VelocityTask for ContactTask {
     fn rows(&self) -> usize {
         if self.turns { 3 } else { 6 }
     }

@@ -1,10 +1,10 @@
 //! An axis of a frame points at a point.
 
 use motorium_robots::{FrameId, Model, Reference};
-use nalgebra::{Matrix3xX, Matrix6xX, Unit, Vector3};
+use nalgebra::{Matrix6xX, Unit, Vector3};
 
-use super::{Rows, Task, residual};
-use crate::{RobotState, solver::Problem};
+use super::{Cost, Equation, Feedback, JacobianView, Response, Task};
+use crate::{MotionState, RobotState};
 
 /// Minimum distance from the frame origin to the target \[m\]; closer targets are ignored because the
 /// direction is undefined.
@@ -15,7 +15,8 @@ const NEAREST: f64 = 1e-2;
 pub struct GazeSettings {
     /// Rate at which the error decays \[1/s\]. Useful below a tenth of the tick rate. Default 10.
     pub gain: f64,
-    /// Cost of an angular velocity error \[1/(rad/s)\]. Default 1.
+    /// Cost of an angular velocity error \[1/(rad/s)\], or of an acceleration error \[1/(rad/s2)\]. Default
+    /// 1.
     pub weight: f64,
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_speed: f64,
@@ -30,29 +31,31 @@ impl Default for GazeSettings {
     }
 }
 
-/// An axis `d` of a frame points at a point `p*` \[m, world axes\]: a camera looks at something, a welding
-/// torch points at a seam. How the frame is turned about the axis is left open.
+impl GazeSettings {
+    fn response(&self) -> Response {
+        let Self { gain, max_speed, damping, .. } = *self;
+        Response { max_speeds: [max_speed, f64::INFINITY], damping, ..Response::decay(gain) }
+    }
+}
+
+/// Points an axis `d` of a frame at a point `p*` \[m, world axes\]: a camera looks at something, a welding
+/// torch points at a seam. Rotation about the axis is free.
 ///
-/// With `r` the point and `w` its velocity in the axes of the frame, `u = r / |r|`, and `J_v`, `J_w` the
-/// linear and the angular rows of the frame's Jacobian in its own axes,
+/// With `r` the point and `w` its velocity in the axes of the frame, `u = r / |r|`, `P = 1 - u u'`, and
+/// `J_v`, `J_o` the linear and the angular rows of the frame's Jacobian in its own axes,
 ///
 /// ```text
-/// e  = the rotation vector that turns d onto u            [rad, axes of the frame]
-/// u x u' = u x w / |r| - (P J_w + [u]x J_v / |r|) v       P = 1 - u u'
+/// e  = the rotation vector that turns d onto u   rad, axes of the frame
+/// nu = u x w / |r|                               so that nu - J v = u x u'
+/// J  = P J_o + [u]x J_v / |r|                    3 x nv, of rank 2
+/// W  = weight
 /// ```
 ///
-/// Asking for `u x u' = -k`, `k = gain e`, gives the cost
-///
-/// ```text
-/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
-/// A = P J_w + [u]x J_v / |r|,   b = k + u x w / |r|,   mu = damping |W^2 k|
-/// ```
-///
-/// (the gaze task of OpenSoT, there with two rows and for a point at rest). `k` is scaled down to the largest
-/// speed.
+/// (the gaze task of OpenSoT, there with two rows and for a point at rest). The point moves at a constant
+/// velocity.
 ///
 /// ```
-/// use motorium_control::{RobotState, tasks::{GazeTask, Task}};
+/// use motorium_control::{RobotState, tasks::{GazeTask, VelocityTask}};
 /// use motorium_robots::{Kinematics, load};
 /// use nalgebra::Vector3;
 ///
@@ -76,43 +79,31 @@ pub struct GazeTask {
     axis: Unit<Vector3<f64>>,
     target: Vector3<f64>,
     velocity: Vector3<f64>,
-    error: Vector3<f64>,
-    desired: Vector3<f64>,
+    /// Direction to the point in the axes of the frame, and the distance, at the last update.
+    seen: (Vector3<f64>, f64),
     frame_jacobian: Matrix6xX<f64>,
-    jacobian: Matrix3xX<f64>,
+    equation: Equation,
 }
+
+settings!(GazeTask, GazeSettings);
+weight!(GazeTask);
 
 impl GazeTask {
     /// Creates a task for an axis of `frame`, given in the frame's axes, with the world's origin as target.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>) -> Self {
+        let settings = GazeSettings::default();
+        let mut equation = Equation::dense(3, 0, model.nv());
+        equation.response = settings.response();
         Self {
-            settings: GazeSettings::default(),
+            settings,
             frame,
             axis,
             target: Vector3::zeros(),
             velocity: Vector3::zeros(),
-            error: Vector3::zeros(),
-            desired: Vector3::zeros(),
+            seen: (axis.into_inner(), NEAREST),
             frame_jacobian: Matrix6xX::zeros(model.nv()),
-            jacobian: Matrix3xX::zeros(model.nv()),
+            equation,
         }
-    }
-
-    /// The same task with these settings.
-    #[must_use]
-    pub fn with(mut self, settings: GazeSettings) -> Self {
-        self.settings = settings;
-        self
-    }
-
-    /// Changes gain and weight from the next update on.
-    pub fn set_settings(&mut self, settings: GazeSettings) {
-        self.settings = settings;
-    }
-
-    /// Gain and weights.
-    pub fn settings(&self) -> &GazeSettings {
-        &self.settings
     }
 
     /// Sets the point `p*` \[m, world axes\], at rest.
@@ -122,8 +113,7 @@ impl GazeTask {
 
     /// Sets the point `p*` \[m\] and its velocity \[m/s\], in world axes.
     pub fn set_moving_target(&mut self, target: Vector3<f64>, velocity: Vector3<f64>) {
-        self.target = target;
-        self.velocity = velocity;
+        (self.target, self.velocity) = (target, velocity);
     }
 
     /// The frame whose axis points.
@@ -142,23 +132,23 @@ impl GazeTask {
     }
 
     /// `e` at the last update \[rad, axes of the frame\].
-    pub fn error(&self) -> &Vector3<f64> {
-        &self.error
+    pub fn error(&self) -> Vector3<f64> {
+        self.equation.error.fixed_rows::<3>(0).into()
     }
 
     /// The angle between the axis and the direction to the point at the last update \[rad\], in `[0, pi]`.
     pub fn angle(&self) -> f64 {
-        self.error.norm()
+        self.error().norm()
     }
 
-    /// `A` at the last update, 3 x nv, of rank 2.
-    pub fn jacobian(&self) -> &Matrix3xX<f64> {
-        &self.jacobian
+    /// `J` at the last update, 3 x nv, of rank 2.
+    pub fn jacobian(&self) -> JacobianView<'_, 3> {
+        self.equation.jacobian().fixed_rows::<3>(0)
     }
 
-    /// `b` at the last update \[rad/s\].
-    pub fn desired(&self) -> &Vector3<f64> {
-        &self.desired
+    /// The desired value `b` at the last update \[rad/s or rad/s2\].
+    pub fn desired(&self) -> Vector3<f64> {
+        self.cost().desired().fixed_rows::<3>(0).into()
     }
 
     /// The direction to the point in the axes of the frame, and the distance.
@@ -173,17 +163,10 @@ impl GazeTask {
     pub fn angle_at(&self, state: &RobotState<'_>) -> f64 {
         least_turn(&self.axis, &self.direction(state).0).norm()
     }
-
-    /// `gain e`, slowed to the largest speed.
-    fn correction(&self) -> Vector3<f64> {
-        let correction = self.error * self.settings.gain;
-        let excess = correction.norm() / self.settings.max_speed;
-        if excess > 1.0 { correction / excess } else { correction }
-    }
 }
 
 /// The rotation vector of the least turn from one unit vector to another \[rad\].
-pub(crate) fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     let normal = from.cross(to);
     let (sine, cosine) = (normal.norm(), from.dot(to));
     if sine > 1e-9 {
@@ -197,52 +180,50 @@ pub(crate) fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64>
     across * core::f64::consts::PI
 }
 
+/// Component of `x` across the direction `u`.
+fn across(u: &Vector3<f64>, x: Vector3<f64>) -> Vector3<f64> {
+    x - u * u.dot(&x)
+}
+
 impl Task for GazeTask {
-    fn rows(&self) -> usize {
-        3
-    }
-
-    fn update(&mut self, state: &RobotState<'_>) {
-        let (direction, distance) = self.direction(state);
-        self.error = least_turn(&self.axis, &direction);
-        let pose = state.kinematics.pose(state.model, self.frame);
-        let velocity = pose.rotation.inverse() * self.velocity;
-        self.desired = self.correction() + direction.cross(&velocity) / distance;
+    fn evaluate(&mut self, state: &RobotState<'_>) {
+        self.seen = self.direction(state);
+        let (u, distance) = self.seen;
+        let axes = state.kinematics.pose(state.model, self.frame).rotation.inverse();
+        let equation = &mut self.equation;
+        equation.error.copy_from(&least_turn(&self.axis, &u));
+        equation.rate.copy_from(&(u.cross(&(axes * self.velocity)) / distance));
+        equation.weights_mut().fill(self.settings.weight);
         state.kinematics.jacobian(state.model, self.frame, Reference::Local, &mut self.frame_jacobian);
-        for (mut row, frame) in self.jacobian.column_iter_mut().zip(self.frame_jacobian.column_iter()) {
+        for (mut row, frame) in
+            equation.jacobian_mut().column_iter_mut().zip(self.frame_jacobian.column_iter())
+        {
             let (linear, angular) = (frame.fixed_rows::<3>(0), frame.fixed_rows::<3>(3));
-            let across = angular - direction * direction.dot(&angular);
-            row.copy_from(&(across + direction.cross(&linear) / distance));
+            row.copy_from(&(across(&u, angular.into()) + u.cross(&linear) / distance));
         }
     }
 
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        let counted = if self.settings.weight > 0.0 { 0..3 } else { 0..0 };
-        residual(counted, &self.jacobian, self.desired.as_slice(), velocity)
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        let MotionState { model, kinematics, .. } = *state;
+        let (u, distance) = self.seen;
+        let axes = kinematics.pose(model, self.frame).rotation.inverse();
+        let moving = kinematics.velocity(model, self.frame);
+        let drift = kinematics.acceleration(model, self.frame);
+        let (v, o, w) = (axes * moving.linear, axes * moving.angular, axes * self.velocity);
+        let relative = v - w;
+        // rate of the axis relative to the point
+        let rate = across(&u, o) + u.cross(&relative) / distance;
+        // derivatives of components in the turning axes of the frame, at a = 0
+        let direction_rate = u.cross(&rate);
+        let distance_rate = -u.dot(&relative);
+        let relative_rate = axes * drift.linear - o.cross(&relative);
+        let drift =
+            across(&u, axes * drift.angular) - direction_rate * u.dot(&o) - u * direction_rate.dot(&o)
+                + (direction_rate.cross(&relative) + u.cross(&relative_rate)) / distance
+                - u.cross(&relative) * (distance_rate / (distance * distance));
+        self.equation.error_rate.copy_from(&-rate);
+        self.equation.drift.copy_from(&drift);
     }
 
-    fn add_to(&self, problem: &mut Problem) {
-        let squared = self.settings.weight.powi(2);
-        let damping = self.settings.damping * squared * self.correction().norm();
-        for j in 0..self.jacobian.ncols() {
-            let weighted = self.jacobian.column(j) * squared;
-            problem.gradient[j] -= weighted.dot(&self.desired);
-            for i in 0..=j {
-                problem.hessian[(i, j)] += weighted.dot(&self.jacobian.column(i));
-            }
-            problem.hessian[(j, j)] += damping;
-        }
-    }
-
-    fn write_rows(&self, rows: &mut Rows) {
-        if self.settings.weight > 0.0 {
-            for (seen, desired) in self.jacobian.row_iter().zip(&self.desired) {
-                let weight = self.settings.weight;
-                rows.push(weight * desired)
-                    .iter_mut()
-                    .zip(seen.iter())
-                    .for_each(|(row, a)| *row = weight * a);
-            }
-        }
-    }
+    equation!();
 }

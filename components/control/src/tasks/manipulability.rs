@@ -4,8 +4,8 @@ use motorium_robots::{FrameId, Model, TaskRows};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Cost, Rows, Task};
-use crate::{RobotState, solver::Problem};
+use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
+use crate::{MotionState, RobotState};
 
 /// The measure that a [`ManipulabilityTask`] increases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -25,7 +25,7 @@ pub enum Measure {
 /// ```text
 /// m = sqrt(det(J J'))                             Yoshikawa's measure of the rows that count: of velocities
 /// m = sqrt(det((J J')^-1))                        or of forces, its reciprocal
-/// A = 1 on all velocities,   b = gain dm/dq       no longer than the largest speed
+/// J = 1 on all velocities,   nu = gain dm/dq      no longer than the largest speed
 /// W = weight                                      1/(rad/s)
 /// ```
 ///
@@ -33,6 +33,7 @@ pub enum Measure {
 /// away from singular configurations. Force manipulability moves it towards them, where the gradient is
 /// unbounded and the maximum speed applies. In a singular configuration there is no gradient, and the task
 /// commands zero velocity. A floating base does not change the measure and is commanded to rest.
+/// Accelerations reduce an error of a velocity at the [`rate`](Self::rate).
 #[derive(Clone, Debug)]
 pub struct ManipulabilityTask {
     frame: FrameId,
@@ -42,20 +43,21 @@ pub struct ManipulabilityTask {
     weight: f64,
     max_speed: f64,
     measure: f64,
-    cost: Cost,
+    equation: Equation,
 }
 
 impl ManipulabilityTask {
     /// A task for `frame` of `model` and these rows of its velocity, with gain 1 and weight 1e-2.
     pub fn new(model: &Model, frame: FrameId, rows: TaskRows) -> Self {
-        let (of, cost) = (Measure::Velocity, Cost::identity(0, model.nv()));
-        Self { frame, rows, of, gain: 1.0, weight: 1e-2, max_speed: f64::INFINITY, measure: 0.0, cost }
+        let (of, mut equation) = (Measure::Velocity, Equation::identity(0, model.nv()));
+        equation.response = Response::velocity(RATE);
+        Self { frame, rows, of, gain: 1.0, weight: 1e-2, max_speed: f64::INFINITY, measure: 0.0, equation }
     }
 
     /// The same task for the manipulability of forces.
     ///
     /// ```
-    /// use motorium_control::{RobotState, tasks::{ManipulabilityTask, Task}};
+    /// use motorium_control::{RobotState, tasks::{ManipulabilityTask, VelocityTask}};
     /// use motorium_robots::{Kinematics, TaskRows, load};
     ///
     /// let panda = load("panda", std::path::Path::new("."))?;
@@ -88,12 +90,19 @@ impl ManipulabilityTask {
         self
     }
 
+    /// The same task with a rate \[1/s\] at which accelerations reduce an error of a joint velocity.
+    #[must_use]
+    pub fn rate(mut self, rate: f64) -> Self {
+        self.equation.response = Response::velocity(rate);
+        self
+    }
+
     /// Changes gain and weight from the next update on.
     pub fn set(&mut self, gain: f64, weight: f64) {
         (self.gain, self.weight) = (gain, weight);
     }
 
-    /// The same task with a largest length of `b` \[rad/s\].
+    /// The same task with a largest length of `nu` \[rad/s\].
     #[must_use]
     pub fn max_speed(mut self, speed: f64) -> Self {
         self.max_speed = speed;
@@ -107,17 +116,13 @@ impl ManipulabilityTask {
 
     /// The cost as of the last update.
     pub fn cost(&self) -> &Cost {
-        &self.cost
+        self.equation.cost()
     }
 }
 
 impl Task for ManipulabilityTask {
-    fn rows(&self) -> usize {
-        self.cost.rows()
-    }
-
-    fn update(&mut self, state: &RobotState<'_>) {
-        let slope = self.cost.desired_mut().as_mut_slice();
+    fn evaluate(&mut self, state: &RobotState<'_>) {
+        let slope = self.equation.rate.as_mut_slice();
         let velocity = state.kinematics.manipulability_gradient(state.model, self.frame, self.rows, slope);
         let (measure, factor) = match self.of {
             Measure::Velocity => (velocity, 1.0),
@@ -130,18 +135,12 @@ impl Task for ManipulabilityTask {
         let factor = (self.gain * factor).clamp(-most, most);
         let usable = length > 0.0 && factor.is_finite();
         slope.iter_mut().for_each(|slope| *slope = if usable { *slope * factor } else { 0.0 });
-        self.cost.weights_mut().fill(self.weight);
+        self.equation.weights_mut().fill(self.weight);
     }
 
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        self.cost.residual(velocity)
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        differentiate_velocities(&mut self.equation, state);
     }
 
-    fn add_to(&self, problem: &mut Problem) {
-        self.cost.add_to(problem);
-    }
-
-    fn write_rows(&self, rows: &mut Rows) {
-        self.cost.write_rows(rows);
-    }
+    equation!();
 }

@@ -3,8 +3,8 @@
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
 
-use super::{Cost, Rows, Task};
-use crate::{RobotState, solver::Problem};
+use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
+use crate::{MotionState, RobotState};
 
 /// Step along the scaled efforts over which their change is measured \[rad\].
 const STEP: f64 = 1e-5;
@@ -13,15 +13,16 @@ const STEP: f64 = 1e-5;
 ///
 /// ```text
 /// m = 1/2 sum_joints (g_i(q) / tau_max_i)^2       shares of the effort limits; of 1 Nm without a limit
-/// A = 1 on all velocities,   b = -gain dm/dq,   W = weight      1/(rad/s)
+/// J = 1 on all velocities,   nu = -gain dm/dq,   W = weight      1/(rad/s)
 /// ```
 ///
 /// (OpenSoT's task.) Since `dg/dq` of the joints is symmetric, the second derivative of the potential energy,
 /// the gradient is the change of `g` along the scaled efforts: one central difference for any number of
-/// joints. A floating base is commanded to rest.
+/// joints. A floating base is commanded to rest. Accelerations reduce an error of a velocity at the
+/// [`rate`](Self::rate).
 ///
 /// ```
-/// use motorium_control::{RobotState, tasks::{MinimumEffortTask, Task}};
+/// use motorium_control::{RobotState, tasks::{MinimumEffortTask, VelocityTask}};
 /// use motorium_robots::{Kinematics, load};
 /// use nalgebra::Vector3;
 ///
@@ -48,13 +49,15 @@ pub struct MinimumEffortTask {
     direction: Vec<f64>,
     beside: Vec<f64>,
     changed: Vec<f64>,
-    cost: Cost,
+    equation: Equation,
 }
 
 impl MinimumEffortTask {
     /// A task for `model` under this acceleration of free fall \[m/s2\], with gain 1 and weight 1e-2.
     pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
         let share = |limit: &f64| if limit.is_finite() && *limit > 0.0 { limit.powi(-2) } else { 1.0 };
+        let mut equation = Equation::identity(0, model.nv());
+        equation.response = Response::velocity(RATE);
         Self {
             gravity,
             gain: 1.0,
@@ -66,7 +69,7 @@ impl MinimumEffortTask {
             direction: vec![0.0; model.nv()],
             beside: model.neutral(),
             changed: vec![0.0; model.nv()],
-            cost: Cost::identity(0, model.nv()),
+            equation,
         }
     }
 
@@ -74,6 +77,13 @@ impl MinimumEffortTask {
     #[must_use]
     pub fn with(mut self, gain: f64, weight: f64) -> Self {
         self.set(gain, weight);
+        self
+    }
+
+    /// The same task with a rate \[1/s\] at which accelerations reduce an error of a joint velocity.
+    #[must_use]
+    pub fn rate(mut self, rate: f64) -> Self {
+        self.equation.response = Response::velocity(rate);
         self
     }
 
@@ -89,16 +99,12 @@ impl MinimumEffortTask {
 
     /// The cost as of the last update.
     pub fn cost(&self) -> &Cost {
-        &self.cost
+        self.equation.cost()
     }
 }
 
 impl Task for MinimumEffortTask {
-    fn rows(&self) -> usize {
-        self.cost.rows()
-    }
-
-    fn update(&mut self, state: &RobotState<'_>) {
+    fn evaluate(&mut self, state: &RobotState<'_>) {
         let RobotState { model, q, .. } = *state;
         let Self { dynamics, effort, direction, beside, changed, gravity, .. } = self;
         let base = model.nv() - model.joint_count();
@@ -111,8 +117,8 @@ impl Task for MinimumEffortTask {
             length = length.hypot(share * effort);
         }
         self.measure = measure;
-        self.cost.weights_mut().fill(self.weight);
-        self.cost.desired_mut().fill(0.0);
+        self.equation.weights_mut().fill(self.weight);
+        self.equation.rate.fill(0.0);
         if length == 0.0 {
             return;
         }
@@ -125,21 +131,15 @@ impl Task for MinimumEffortTask {
         let step = STEP / length;
         efforts(step, changed);
         efforts(-step, effort);
-        let slope = self.cost.desired_mut().as_mut_slice();
+        let slope = self.equation.rate.as_mut_slice();
         for joint in base..slope.len() {
             slope[joint] = -self.gain * (changed[joint] - effort[joint]) / (2.0 * step);
         }
     }
 
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        self.cost.residual(velocity)
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        differentiate_velocities(&mut self.equation, state);
     }
 
-    fn add_to(&self, problem: &mut Problem) {
-        self.cost.add_to(problem);
-    }
-
-    fn write_rows(&self, rows: &mut Rows) {
-        self.cost.write_rows(rows);
-    }
+    equation!();
 }

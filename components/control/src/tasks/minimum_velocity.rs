@@ -2,34 +2,56 @@
 
 use motorium_robots::Model;
 
-use super::{Cost, Rows, Task};
-use crate::{RobotState, solver::Problem};
+use super::{Cost, Equation, RATE, Response, Task, differentiate_velocities};
+use crate::{MotionState, RobotState};
 
 /// Velocities are small, or near given ones:
 ///
 /// ```text
-/// A = 1 on all velocities,   b = v*,   W = weight diag(shares)      1/(rad/s) or 1/(m/s)
+/// J = 1 on all velocities,   nu = v*,   W = weight diag(shares)     1/(rad/s) or 1/(m/s)
 /// ```
 ///
 /// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the
 /// velocity of the tick before.) Shares let some joints, or a floating base, move more than others.
+/// Accelerations damp the joints: they reduce an error of a velocity at the [`rate`](Self::rate), and leave a
+/// floating base to other tasks.
+///
+/// ```
+/// use motorium_control::tasks::MinimumVelocityTask;
+/// use motorium_robots::load;
+///
+/// let panda = load("panda", std::path::Path::new("."))?.model;
+/// // the motion of the joints that other tasks leave open dies away within a tenth of a second
+/// let damping = MinimumVelocityTask::new(&panda).rate(10.0);
+/// # let _ = damping;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct MinimumVelocityTask {
     weight: f64,
     shares: Vec<f64>,
-    cost: Cost,
+    equation: Equation,
 }
 
 impl MinimumVelocityTask {
     /// A task for all velocities of `model`, a floating base included, with weight 1e-2.
     pub fn new(model: &Model) -> Self {
-        Self { weight: 1e-2, shares: vec![1.0; model.nv()], cost: Cost::identity(0, model.nv()) }
+        let mut equation = Equation::identity(0, model.nv());
+        equation.response = Response::velocity(RATE);
+        Self { weight: 1e-2, shares: vec![1.0; model.nv()], equation }
     }
 
     /// The same task with a weight \[1/(rad/s) or 1/(m/s)\].
     #[must_use]
     pub fn weight(mut self, weight: f64) -> Self {
         self.weight = weight;
+        self
+    }
+
+    /// The same task with a rate \[1/s\] at which accelerations reduce an error of a joint velocity.
+    #[must_use]
+    pub fn rate(mut self, rate: f64) -> Self {
+        self.equation.response = Response::velocity(rate);
         self
     }
 
@@ -43,12 +65,12 @@ impl MinimumVelocityTask {
     /// # Panics
     /// If the length differs.
     pub fn set_target(&mut self, velocity: &[f64]) {
-        self.cost.desired_mut().copy_from_slice(velocity);
+        self.equation.rate.copy_from_slice(velocity);
     }
 
     /// Sets `v*` to zero.
     pub fn set_rest(&mut self) {
-        self.cost.desired_mut().fill(0.0);
+        self.equation.rate.fill(0.0);
     }
 
     /// Sets the weight factor of one velocity; zero leaves it free.
@@ -61,30 +83,20 @@ impl MinimumVelocityTask {
 
     /// The cost as of the last update.
     pub fn cost(&self) -> &Cost {
-        &self.cost
+        self.equation.cost()
     }
 }
 
 impl Task for MinimumVelocityTask {
-    fn rows(&self) -> usize {
-        self.cost.rows()
-    }
-
-    fn update(&mut self, _: &RobotState<'_>) {
-        for (weight, share) in self.cost.weights_mut().iter_mut().zip(&self.shares) {
+    fn evaluate(&mut self, _: &RobotState<'_>) {
+        for (weight, share) in self.equation.weights_mut().iter_mut().zip(&self.shares) {
             *weight = self.weight * share;
         }
     }
 
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        self.cost.residual(velocity)
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        differentiate_velocities(&mut self.equation, state);
     }
 
-    fn add_to(&self, problem: &mut Problem) {
-        self.cost.add_to(problem);
-    }
-
-    fn write_rows(&self, rows: &mut Rows) {
-        self.cost.write_rows(rows);
-    }
+    equation!();
 }

@@ -1,40 +1,46 @@
-//! The centroidal momentum follows a target, by the velocities.
+//! The centroidal momentum follows a target.
 
 use motorium_robots::{Dynamics, Model, Momentum};
 use nalgebra::Vector3;
 
-use super::{Cost, Rows, Task};
-use crate::{RobotState, solver::Problem};
+use super::{Cost, Equation, Response, Task};
+use crate::{MotionState, RobotState};
 
-/// The momentum of the whole robot about its centre of mass is a target, in world axes: linear \[kg m/s\] and
-/// angular \[kg m2/s\].
+const REST: Momentum = Momentum { linear: Vector3::new(0.0, 0.0, 0.0), angular: Vector3::new(0.0, 0.0, 0.0) };
+
+/// The momentum `h` of the whole robot about its centre of mass follows a target, in world axes: linear \[kg
+/// m/s\] and angular \[kg m2/s\].
 ///
 /// ```text
-/// A = A_G(q)                                      centroidal momentum matrix, 6 x nv
-/// b = h*
-/// W = diag(l, l, l, g, g, g)                      cost of a momentum, 1/(kg m/s) and 1/(kg m2/s)
+/// J  = A_G(q)                                     centroidal momentum matrix, 6 x nv
+/// nu = h*
+/// W  = diag(l, l, l, g, g, g)                     1/(kg m/s) and 1/(kg m2/s); of accelerations 1/N and 1/Nm
 /// ```
 ///
-/// (OpenSoT's tasks of linear and angular momentum in one.) A weight of zero leaves a part free. Orin,
-/// Goswami and Lee, *Centroidal dynamics of a humanoid robot*, 2013.
+/// (OpenSoT's tasks of linear and angular momentum in one.) Accelerations reduce an error of the momentum at
+/// the [`rate`](Self::rate). Without a target the momentum comes to rest. A weight of zero leaves a part
+/// free: an angular weight alone keeps the body from turning while the limbs move. Orin, Goswami and Lee,
+/// *Centroidal dynamics of a humanoid robot*, 2013.
 #[derive(Clone, Debug)]
 pub struct MomentumTask {
-    target: Momentum,
     linear_weight: f64,
     angular_weight: f64,
     dynamics: Dynamics,
-    cost: Cost,
+    still: Vec<f64>,
+    equation: Equation,
 }
 
 impl MomentumTask {
-    /// Creates a task that drives the angular momentum of `model` to zero, with weight 1.
+    /// Creates a task that drives the angular momentum of `model` to zero, with weight 1 and a rate of 5/s.
     pub fn angular(model: &Model) -> Self {
+        let mut equation = Equation::dense(6, 0, model.nv());
+        equation.response = Response::velocity(5.0);
         Self {
-            target: Momentum { linear: Vector3::zeros(), angular: Vector3::zeros() },
             linear_weight: 0.0,
             angular_weight: 1.0,
             dynamics: Dynamics::new(model),
-            cost: Cost::dense(6, 0, model.nv()),
+            still: vec![0.0; model.nv()],
+            equation,
         }
     }
 
@@ -45,39 +51,56 @@ impl MomentumTask {
         self
     }
 
-    /// Sets the target `h*`.
+    /// The same task with a rate \[1/s\] at which accelerations reduce an error of the momentum.
+    #[must_use]
+    pub fn rate(mut self, rate: f64) -> Self {
+        self.equation.response = Response::velocity(rate);
+        self
+    }
+
+    /// Changes rate and weights from the next update on.
+    pub fn set(&mut self, rate: f64, linear_weight: f64, angular_weight: f64) {
+        self.equation.response = Response::velocity(rate);
+        (self.linear_weight, self.angular_weight) = (linear_weight, angular_weight);
+    }
+
+    /// Sets the target `h*`, which stays as it is.
     pub fn set_target(&mut self, target: Momentum) {
-        self.target = target;
+        self.set_moving_target(target, REST);
+    }
+
+    /// Sets the target `h*` and its rate `h*'` \[N, Nm\].
+    pub fn set_moving_target(&mut self, target: Momentum, rate: Momentum) {
+        for (out, momentum) in [(&mut self.equation.rate, target), (&mut self.equation.rate_derivative, rate)]
+        {
+            out.fixed_rows_mut::<3>(0).copy_from(&momentum.linear);
+            out.fixed_rows_mut::<3>(3).copy_from(&momentum.angular);
+        }
     }
 
     /// The cost as of the last update.
     pub fn cost(&self) -> &Cost {
-        &self.cost
+        self.equation.cost()
     }
 }
 
 impl Task for MomentumTask {
-    fn rows(&self) -> usize {
-        6
+    fn evaluate(&mut self, state: &RobotState<'_>) {
+        self.dynamics.centroidal_map(state.model, state.q, self.equation.jacobian_mut());
+        self.equation.weights_mut().fixed_rows_mut::<3>(0).fill(self.linear_weight);
+        self.equation.weights_mut().fixed_rows_mut::<3>(3).fill(self.angular_weight);
     }
 
-    fn update(&mut self, state: &RobotState<'_>) {
-        self.dynamics.centroidal_map(state.model, state.q, self.cost.matrix_mut());
-        self.cost.desired_mut().fixed_rows_mut::<3>(0).copy_from(&self.target.linear);
-        self.cost.desired_mut().fixed_rows_mut::<3>(3).copy_from(&self.target.angular);
-        self.cost.weights_mut().fixed_rows_mut::<3>(0).fill(self.linear_weight);
-        self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(self.angular_weight);
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        let MotionState { model, q, v, .. } = *state;
+        let now = self.dynamics.momentum(model, q, v);
+        let change = self.dynamics.momentum_rate(model, q, v, &self.still);
+        let Equation { rate, error_rate, drift, .. } = &mut self.equation;
+        for (first, now, change) in [(0, now.linear, change.linear), (3, now.angular, change.angular)] {
+            error_rate.fixed_rows_mut::<3>(first).copy_from(&(rate.fixed_rows::<3>(first) - now));
+            drift.fixed_rows_mut::<3>(first).copy_from(&change);
+        }
     }
 
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        self.cost.residual(velocity)
-    }
-
-    fn add_to(&self, problem: &mut Problem) {
-        self.cost.add_to(problem);
-    }
-
-    fn write_rows(&self, rows: &mut Rows) {
-        self.cost.write_rows(rows);
-    }
+    equation!();
 }

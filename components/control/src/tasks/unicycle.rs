@@ -3,8 +3,8 @@
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::Matrix6xX;
 
-use super::{Cost, Rows, Task};
-use crate::{RobotState, solver::Problem};
+use super::{Cost, Equation, RATE, Response, Task};
+use crate::{MotionState, RobotState};
 
 /// Speeds and weights of a [`UnicycleTask`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,16 +30,17 @@ impl Default for UnicycleSettings {
 /// Moves a frame forward and turns it as commanded, and never sideways:
 ///
 /// ```text
-/// A = rows x, y of J_v and z of J_w               J: Jacobian of the frame in its own axes, 3 x nv
-/// b = (forward, 0, yaw rate)                      m/s, m/s, rad/s
-/// W = diag(f, s, y)
+/// J  = rows x, y of J_v and z of J_w              Jacobian of the frame in its own axes, 3 x nv
+/// nu = (forward, 0, yaw rate)                     m/s, m/s, rad/s
+/// W  = diag(f, s, y)
 /// ```
 ///
+/// Position drift is not corrected. Accelerations reduce a velocity error at the [`rate`](Self::rate).
 /// (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With zero forward and yaw
 /// weights only sideways motion is excluded, so that a base moved by other tasks behaves like one on an axle.
 ///
 /// ```
-/// use motorium_control::{RobotState, tasks::{Task, UnicycleSettings, UnicycleTask}};
+/// use motorium_control::{RobotState, tasks::{UnicycleSettings, UnicycleTask, VelocityTask}};
 /// use motorium_robots::{Kinematics, load};
 ///
 /// let robot = load("quadruped", std::path::Path::new("."))?.model;
@@ -59,21 +60,30 @@ impl Default for UnicycleSettings {
 pub struct UnicycleTask {
     frame: FrameId,
     settings: UnicycleSettings,
-    jacobian: Matrix6xX<f64>,
-    cost: Cost,
+    frame_jacobian: Matrix6xX<f64>,
+    equation: Equation,
 }
 
 impl UnicycleTask {
-    /// Creates a task for `frame` of `model`, initially at rest, with default weights.
+    /// Creates a task for `frame` of `model`, initially at rest, with default weights and a rate of 20/s.
     pub fn new(model: &Model, frame: FrameId) -> Self {
-        let (jacobian, cost) = (Matrix6xX::zeros(model.nv()), Cost::dense(3, 0, model.nv()));
-        Self { frame, settings: UnicycleSettings::default(), jacobian, cost }
+        let mut equation = Equation::dense(3, 0, model.nv());
+        equation.response = Response::velocity(RATE);
+        let frame_jacobian = Matrix6xX::zeros(model.nv());
+        Self { frame, settings: UnicycleSettings::default(), frame_jacobian, equation }
     }
 
-    /// The same task with these settings.
+    /// The same task with these speeds and weights.
     #[must_use]
     pub fn with(mut self, settings: UnicycleSettings) -> Self {
         self.settings = settings;
+        self
+    }
+
+    /// The same task with a rate \[1/s\] at which accelerations reduce a velocity error.
+    #[must_use]
+    pub fn rate(mut self, rate: f64) -> Self {
+        self.equation.response = Response::velocity(rate);
         self
     }
 
@@ -89,35 +99,36 @@ impl UnicycleTask {
 
     /// The cost as of the last update.
     pub fn cost(&self) -> &Cost {
-        &self.cost
+        self.equation.cost()
     }
 }
 
 impl Task for UnicycleTask {
-    fn rows(&self) -> usize {
-        3
-    }
-
-    fn update(&mut self, state: &RobotState<'_>) {
-        state.kinematics.jacobian(state.model, self.frame, Reference::Local, &mut self.jacobian);
-        for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
-            (row[0], row[1], row[2]) = (frame[0], frame[1], frame[5]);
-        }
+    fn evaluate(&mut self, state: &RobotState<'_>) {
         let UnicycleSettings { forward, yaw_rate, forward_weight, sideways_weight, yaw_weight } =
             self.settings;
-        self.cost.desired_mut().copy_from_slice(&[forward, 0.0, yaw_rate]);
-        self.cost.weights_mut().copy_from_slice(&[forward_weight, sideways_weight, yaw_weight]);
+        let equation = &mut self.equation;
+        equation.rate.copy_from_slice(&[forward, 0.0, yaw_rate]);
+        equation.weights_mut().copy_from_slice(&[forward_weight, sideways_weight, yaw_weight]);
+        state.kinematics.jacobian(state.model, self.frame, Reference::Local, &mut self.frame_jacobian);
+        for (mut row, frame) in
+            equation.jacobian_mut().column_iter_mut().zip(self.frame_jacobian.column_iter())
+        {
+            (row[0], row[1], row[2]) = (frame[0], frame[1], frame[5]);
+        }
     }
 
-    fn residual(&self, velocity: &[f64]) -> f64 {
-        self.cost.residual(velocity)
+    fn differentiate(&mut self, state: &MotionState<'_>) {
+        let MotionState { model, kinematics, .. } = *state;
+        let axes = kinematics.pose(model, self.frame).rotation.inverse();
+        let moving = kinematics.velocity(model, self.frame);
+        let drift = kinematics.acceleration(model, self.frame);
+        let (v, w) = (axes * moving.linear, axes * moving.angular);
+        let (linear, angular) = (axes * drift.linear - w.cross(&v), axes * drift.angular);
+        let Equation { rate, error_rate, drift, .. } = &mut self.equation;
+        error_rate.copy_from_slice(&[rate[0] - v.x, rate[1] - v.y, rate[2] - w.z]);
+        drift.copy_from_slice(&[linear.x, linear.y, angular.z]);
     }
 
-    fn add_to(&self, problem: &mut Problem) {
-        self.cost.add_to(problem);
-    }
-
-    fn write_rows(&self, rows: &mut Rows) {
-        self.cost.write_rows(rows);
-    }
+    equation!();
 }

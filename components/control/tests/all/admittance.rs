@@ -7,7 +7,7 @@ use motorium::prelude::*;
 use motorium::testing::{Source, allocations};
 use motorium_control::{
     Admittance, AdmittanceSettings, RobotState,
-    tasks::{CartesianSettings, CartesianTask, Task},
+    tasks::{CartesianSettings, CartesianTask, VelocityTask},
 };
 use motorium_robots::{Kinematics, Twist, load};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -146,9 +146,9 @@ fn the_displaced_task_has_the_derivative_of_its_error() {
         let mut error = |q: &[f64], target: Isometry3<f64>| {
             let mut kinematics = Kinematics::new(model);
             kinematics.update(model, q);
-            task.set_moving_target(target, velocity);
+            task.set_moving_target(target, velocity, Twist::zero());
             task.update(&RobotState { model, kinematics: &kinematics, q });
-            (*task.error(), task.clone())
+            (task.error(), task.clone())
         };
         let v: Vec<f64> = (0..model.nv()).map(|_| random.within(1.0)).collect();
         let (_, posed) = error(&q, pose);

@@ -6,7 +6,7 @@ use motorium_control::{
     DifferentialIk, IkConstraint, IkError, IkRows, IkSettings, RobotState,
     limits::VelocityLimit,
     solver::SolveError,
-    tasks::{CartesianSettings, CartesianTask, PostureSettings, PostureTask, Task},
+    tasks::{CartesianSettings, CartesianTask, PostureSettings, PostureTask, VelocityTask},
 };
 use motorium_robots::Kinematics;
 use nalgebra::DVector;
@@ -42,7 +42,7 @@ fn contradiction(relaxation: Option<f64>) -> Contradiction {
     let conflict = ik.conflict().map(|conflict| (conflict.slack, conflict.constraints().collect()));
     // least squares of all rows, by an independent factorisation
     let mut stacked = nalgebra::DMatrix::zeros(6 + model.nv(), model.nv());
-    stacked.rows_mut(0, 6).copy_from(hand.jacobian());
+    stacked.rows_mut(0, 6).copy_from(&hand.jacobian());
     stacked.rows_mut(6, model.nv()).fill_with_identity();
     let mut wanted = DVector::zeros(6 + model.nv());
     wanted.rows_mut(6, model.nv()).fill(0.1);

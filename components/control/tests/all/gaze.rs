@@ -5,7 +5,7 @@ use motorium::testing::allocations;
 use motorium_control::{
     DifferentialIk, JointSetpoint, RobotState,
     solver::{Problem, Structure},
-    tasks::{GazeSettings, GazeTask, PostureTask, Task},
+    tasks::{GazeSettings, GazeTask, PostureTask, VelocityTask},
 };
 use motorium_robots::{Kinematics, Model};
 use nalgebra::{DMatrix, DVector, Unit, Vector3};
@@ -58,7 +58,7 @@ fn its_rows_are_the_derivatives_of_the_direction() {
         }
         let ahead = direction(&panda, &q, point + velocity * h);
         let rate = (ahead - direction(&panda, &q, point - velocity * h)) / (2.0 * h);
-        assert_abs_diff_eq!(*task.desired(), seen.cross(&rate), epsilon = 1e-7);
+        assert_abs_diff_eq!(task.desired(), seen.cross(&rate), epsilon = 1e-7);
     }
 }
 
@@ -77,7 +77,7 @@ fn the_error_turns_the_axis_even_from_straight_behind() {
         task.set_target(hand.translation.vector + hand.rotation * ahead * 0.7);
         update(&mut task, &panda.model, q);
         assert_abs_diff_eq!(task.angle(), angle, epsilon = 1e-9);
-        let turned = nalgebra::Rotation3::new(*task.error()) * axis;
+        let turned = nalgebra::Rotation3::new(task.error()) * axis;
         assert_abs_diff_eq!(turned, ahead.normalize(), epsilon = 1e-9);
     }
     // a point at the very origin of the frame is looked at whatever the direction
@@ -98,7 +98,7 @@ fn its_cost_is_its_weighted_square() {
         task.set_target(Vector3::new(0.3, 0.4, 0.2));
         update(&mut task, &panda.model, &q);
         let correction = 4.0 * task.error() * (max_speed / (4.0 * task.angle())).min(1.0);
-        assert_abs_diff_eq!(*task.desired(), correction, epsilon = 1e-12);
+        assert_abs_diff_eq!(task.desired(), correction, epsilon = 1e-12);
         let n = panda.model.nv();
         let mut problem = Problem::new(&Structure::new(n));
         task.add_to(&mut problem);

@@ -128,7 +128,8 @@ fn a_moving_target_of_known_velocity_is_followed_without_lag() {
             target.translation.vector += Vector3::new(phase.cos() - 1.0, phase.sin(), 0.0) * radius;
             let velocity = Vector3::new(-phase.sin(), phase.cos(), 0.0) * radius * rate;
             let velocity = if known { velocity } else { Vector3::zeros() };
-            reach.task.set_moving_target(target, Twist { linear: velocity, angular: Vector3::zeros() });
+            let velocity = Twist { linear: velocity, angular: Vector3::zeros() };
+            reach.task.set_moving_target(target, velocity, Twist::zero());
             reach.tick(DT);
             if tick > 500 {
                 *worst = worst.max(reach.task.position_error());

@@ -7,7 +7,7 @@ use motorium_control::{
     solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure},
     tasks::{
         CartesianTask, CentreOfMassSettings, CentreOfMassTask, ContactTask, PostureSettings, PostureTask,
-        Rows, Task,
+        Rows, VelocityTask,
     },
 };
 use motorium_robots::{Kinematics, Model, load};
@@ -21,7 +21,7 @@ struct Numbers {
     b: DVector<f64>,
 }
 
-impl Task for Numbers {
+impl VelocityTask for Numbers {
     fn rows(&self) -> usize {
         self.a.nrows()
     }
@@ -122,7 +122,7 @@ fn a_level_changes_nothing_of_what_is_decided_above_it() {
     let mut above = hand(&model, &state, Vector3::new(0.05, 0.0, 0.0));
     let mut against = hand(&model, &state, Vector3::new(-0.05, 0.1, 0.0));
     let mut posture = PostureTask::new(&model, &vec![0.0; model.nv()]);
-    let solve = |levels: &[usize], tasks: &mut [&mut dyn Task]| {
+    let solve = |levels: &[usize], tasks: &mut [&mut dyn VelocityTask]| {
         let mut ik = DifferentialIk::new(&model).levels(levels);
         ik.begin();
         for (level, task) in tasks.iter_mut().enumerate() {
@@ -239,7 +239,7 @@ fn levels_of_any_scale_keep_the_higher_ones() {
     let count = std::env::var("MOTORIUM_QP_PROBLEMS").map_or(3000, |count| count.parse().unwrap());
     for seed in 0..count {
         let (mut tasks, limits) = random_levels(n, &mut Random(seed));
-        let rows: Vec<usize> = tasks.iter().map(Task::rows).collect();
+        let rows: Vec<usize> = tasks.iter().map(VelocityTask::rows).collect();
         let mut solve = |levels: usize| {
             let mut ik = DifferentialIk::new(&model).levels(&rows[..levels]);
             ik.begin();
@@ -313,7 +313,7 @@ fn levels_allocate_nothing() {
 /// A task whose cost curves downwards: no solver has an answer for it.
 struct Saddle;
 
-impl Task for Saddle {
+impl VelocityTask for Saddle {
     fn rows(&self) -> usize {
         1
     }

@@ -101,6 +101,44 @@ fn a_reset_solver_computes_exactly_like_a_new_one() {
     }
 }
 
+/// Consecutive problems of `n` variables, all of which press on their bounds.
+fn moving(n: usize) -> Vec<String> {
+    let list = |entry: &dyn Fn(usize) -> String| (0..n).map(entry).collect::<Vec<_>>().join(", ");
+    let row = |i: usize| list(&|j| if i == j { "1" } else { "0" }.to_owned());
+    let hessian = list(&|i| format!("[{}]", row(i)));
+    let problem = |tick: usize| {
+        let slope = list(&|j| format!("-{}", 2.0 + 0.01 * (tick + j) as f64));
+        let upper = list(&|_| "1".to_owned());
+        format!("{{ \"P\": [{hessian}], \"q\": [{slope}], \"ub\": [{upper}] }}")
+    };
+    (0..4).map(problem).collect()
+}
+
+#[test]
+fn equal_sizes_start_warm_and_a_change_of_size_cold() {
+    let text = format!("[{}]", [moving(3), moving(5), moving(3)].concat().join(", "));
+    let streams = recorded::read_streams(&text).unwrap();
+    let sizes: Vec<_> = streams.iter().map(|s| (s.structure.variables(), s.problems.len())).collect();
+    assert_eq!(sizes, [(3, 4), (5, 4), (3, 4)]);
+    assert!(recorded::read(&text).is_err(), "one size is required here");
+    let solve = |warm_start: bool, rounds: usize| {
+        let settings = ActiveSetSettings { warm_start, ..ActiveSetSettings::default() };
+        let build = |structure: &Structure| -> Box<dyn QpSolver> {
+            Box::new(ActiveSetSolver::new(structure.clone(), settings))
+        };
+        recorded::replay_streams(&streams, build, rounds)
+    };
+    for rounds in [1, 3] {
+        let (warm, cold) = (solve(true, rounds), solve(false, rounds));
+        assert_eq!((warm.problems, warm.solved, cold.solved), (12, 12, 12));
+        assert!(warm.worst_distance < 1e-12 && warm.worst_violation < 1e-12, "{warm:?}");
+        // every bound is active: one iteration each, and none more where the problem before knew them
+        let (warm_most, cold_most) = (warm.iterations.max, cold.iterations.max);
+        assert_eq!(warm_most, cold_most, "the first problem of each size is cold");
+        assert!(warm.iterations.p50 < cold.iterations.p50, "{warm:?} {cold:?}");
+    }
+}
+
 #[test]
 fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
     let read = |text: &str| recorded::read(text).unwrap_err().to_string();

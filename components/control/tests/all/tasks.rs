@@ -3,17 +3,17 @@
 use crate::robot::{Panda, Random};
 use approx::assert_abs_diff_eq;
 use motorium_control::{
-    RobotState,
+    DifferentialIk, RobotState,
     solver::{Problem, Sides, Structure},
     tasks::{
         CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, PostureSettings,
-        PostureTask, Task,
+        PostureTask, VelocityTask,
     },
 };
 use motorium_robots::{Kinematics, MimicMode, Model, PackagePath, Twist, lie::se3, parse_urdf};
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3, Vector6};
 
-fn update(task: &mut dyn Task, model: &Model, q: &[f64]) {
+fn update(task: &mut dyn VelocityTask, model: &Model, q: &[f64]) {
     let mut kinematics = Kinematics::new(model);
     kinematics.update(model, q);
     task.update(&RobotState { model, kinematics: &kinematics, q });
@@ -22,7 +22,7 @@ fn update(task: &mut dyn Task, model: &Model, q: &[f64]) {
 fn error_at(task: &CartesianTask, model: &Model, q: &[f64]) -> Vector6<f64> {
     let mut task = task.clone();
     update(&mut task, model, q);
-    *task.error()
+    task.error()
 }
 
 fn assert_jacobian_matches(mut task: CartesianTask, model: &Model, q: &[f64]) {
@@ -96,11 +96,45 @@ fn the_velocity_of_the_target_is_the_derivative_of_the_error() {
         let rate = (error(h) - error(-h)) / (2.0 * h);
 
         let mut task = CartesianTask::new(&panda.model, panda.hand);
-        task.set_moving_target(target, velocity);
+        task.set_moving_target(target, velocity, Twist::zero());
         update(&mut task, &panda.model, &q);
         let feed_forward = task.desired() - task.error() * task.settings().gain;
         assert_abs_diff_eq!(feed_forward, rate, epsilon = 1e-7);
     }
+}
+
+#[test]
+fn a_geometric_error_decays_along_a_straight_line() {
+    let panda = Panda::new();
+    let model = &panda.model;
+    let offset = Isometry3::new(Vector3::new(0.05, 0.05, -0.05), Vector3::new(0.0, 0.0, 1.0));
+    let start = panda.hand_at(panda.home.as_slice());
+    let target = start * offset;
+    let way = target.translation.vector - start.translation.vector;
+    let run = |settings: CartesianSettings| {
+        let mut task = CartesianTask::new(model, panda.hand).with(settings);
+        task.set_target(target);
+        let (mut ik, mut q) = (DifferentialIk::new(model), panda.home.as_slice().to_vec());
+        let mut farthest = 0.0_f64;
+        for _ in 0..1000 {
+            let mut kinematics = Kinematics::new(model);
+            kinematics.update(model, &q);
+            let state = RobotState { model, kinematics: &kinematics, q: &q };
+            ik.begin();
+            ik.add_task(&state, 0, &mut task);
+            let step: Vec<f64> = ik.solve().unwrap().iter().map(|v| v * 1e-3).collect();
+            let moved = kinematics.pose(model, panda.hand).translation.vector - start.translation.vector;
+            farthest = farthest.max(moved.cross(&way).norm() / way.norm());
+            model.integrate(&q.clone(), &step, &mut q);
+        }
+        (farthest, task.position_error(), task.orientation_error())
+    };
+    // damping would bend both paths
+    let run = |settings: CartesianSettings| run(CartesianSettings { damping: 0.0, ..settings });
+    let (off, position, orientation) = run(CartesianSettings::geometric());
+    assert!(position < 1e-4 && orientation < 1e-3, "{position} {orientation}");
+    let (screw, ..) = run(CartesianSettings::default());
+    assert!(off < 5e-4 && screw > 5e-3, "{off} m and {screw} m off the line");
 }
 
 #[test]
@@ -139,7 +173,7 @@ fn a_fast_correction_is_slowed_and_keeps_its_direction() {
 }
 
 /// Hessian (upper triangle mirrored) and gradient a task adds to an empty problem.
-fn cost(task: &dyn Task, joints: usize) -> (DMatrix<f64>, DVector<f64>) {
+fn cost(task: &dyn VelocityTask, joints: usize) -> (DMatrix<f64>, DVector<f64>) {
     let mut problem = Problem::new(&Structure::new(joints).bounds(Sides::Both));
     task.add_to(&mut problem);
     problem.hessian.fill_lower_triangle_with_upper_triangle();
@@ -211,7 +245,7 @@ fn the_centre_of_mass_task_matches_the_sum_over_bodies() {
         let mut task = CentreOfMassTask::new(model);
         task.set_target(target);
         update(&mut task, model, &q);
-        assert_abs_diff_eq!(*task.error(), target - centre_of_mass(model, &q), epsilon = 1e-12);
+        assert_abs_diff_eq!(task.error(), target - centre_of_mass(model, &q), epsilon = 1e-12);
         for joint in 0..model.nv() {
             let (mut ahead, mut behind) = (q.clone(), q.clone());
             ahead[joint] += h;
@@ -237,12 +271,12 @@ fn the_cost_of_the_centre_of_mass_is_its_weighted_square() {
             damping: 0.01,
         };
         let mut task = CentreOfMassTask::new(&panda.model).with(settings);
-        task.set_moving_target(Vector3::new(0.3, 0.4, 0.2), velocity);
+        task.set_moving_target(Vector3::new(0.3, 0.4, 0.2), velocity, Vector3::zeros());
         update(&mut task, &panda.model, &q);
 
         let error = Vector3::new(0.3, 0.4, 0.2) - centre_of_mass(&panda.model, &q);
         let correction = 4.0 * error * (max_speed / (4.0 * error.norm())).min(1.0);
-        assert_abs_diff_eq!(*task.desired(), correction + velocity, epsilon = 1e-12);
+        assert_abs_diff_eq!(task.desired(), correction + velocity, epsilon = 1e-12);
         let w = DMatrix::from_diagonal(&DVector::from_column_slice(&[2.0, 1.0, 0.0]));
         let a = &w * task.jacobian();
         let b = &w * (correction + velocity);

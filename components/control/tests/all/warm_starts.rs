@@ -1,12 +1,10 @@
 //! The working set from one solve to the next: a solve only has to find the changes of the problem.
 
-use motorium_control::inverse_dynamics::{
-    Contact, InverseDynamics, MotionState,
-    tasks::{CentreOfMassAcceleration, Feedback, PostureAcceleration},
-};
+use motorium_control::inverse_dynamics::{Contact, InverseDynamics, MotionState, tasks::Feedback};
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, KktResidual, Problem, QpSolver, Sides, Structure,
 };
+use motorium_control::tasks::{CentreOfMassTask, PostureTask};
 use motorium_robots::{Kinematics, load};
 
 use crate::robot::Random;
@@ -92,9 +90,9 @@ fn each_tick_starts_from_the_previous_active_set() {
     let mut kinematics = Kinematics::new(model);
     kinematics.update_with_velocity(model, q, &v);
     let state = MotionState { model, kinematics: &kinematics, q, v: &v };
-    let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(4.0)).weight(10.0);
+    let mut centre = CentreOfMassTask::new(model).feedback(Feedback::critical(4.0)).weight(10.0);
     let mut posture =
-        PostureAcceleration::new(model, model.joints_of_q(q), Feedback::critical(4.0)).weight(0.1);
+        PostureTask::new(model, model.joints_of_q(q)).feedback(Feedback::critical(4.0)).weight(0.1);
     let mut target = kinematics.centre_of_mass(model).position;
     target.y += 0.1;
     centre.set_target(target);

@@ -1,15 +1,13 @@
 //! Wheels, efforts and forces as tasks of velocities; tasks that are constraints, and limits that are tasks.
 
+use motorium_control::tasks::CartesianSettings;
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,
-    inverse_dynamics::{
-        DynamicsRows, InverseDynamics, InverseDynamicsSettings,
-        tasks::{CartesianAcceleration, Feedback, PostureAcceleration},
-    },
+    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, tasks::Feedback},
     limits::{CartesianVelocityLimit, RowLimit, VelocityLimit},
     tasks::{
         CartesianTask, ContactTask, ManipulabilityTask, MinimumEffortTask, MinimumVelocityTask, PostureTask,
-        RigidRotationTask, RollingTask, Task, UnicycleSettings, UnicycleTask,
+        RigidRotationTask, RollingTask, UnicycleSettings, UnicycleTask, VelocityTask,
     },
 };
 use motorium_robots::{Dynamics, Kinematics, Reference, TaskRows};
@@ -32,7 +30,7 @@ fn moved(robot: &Robot, v: &DVector<f64>, h: f64) -> Robot {
 }
 
 /// The velocity requested by a task alone.
-fn alone(robot: &Robot, task: &mut dyn Task) -> DVector<f64> {
+fn alone(robot: &Robot, task: &mut dyn VelocityTask) -> DVector<f64> {
     let mut ik = DifferentialIk::new(&robot.model);
     ik.begin();
     ik.add_task(&state(robot), 0, task);
@@ -193,9 +191,12 @@ fn a_torque_task_as_a_constraint_holds_or_is_relaxed() {
     for (off, levels) in [(0.01, &[][..]), (0.01, &[64, 64]), (1e4, &[])] {
         let mut target = robot.kinematics.pose(model, palm);
         target.translation.vector.x += off;
-        let mut held = CartesianAcceleration::new(model, palm, Feedback::critical(10.0));
+        let mut held = CartesianTask::new(model, palm)
+            .with(CartesianSettings::geometric())
+            .feedback(Feedback::critical(10.0));
         held.set_target(target);
-        let mut posture = PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0));
+        let mut posture =
+            PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
         let room = DynamicsRows { constrained: 6, limits: 0 };
         let mut control = InverseDynamics::with_room(model, robot.feet(), settings, room).levels(levels);
         control.begin(&robot.state(), 1e-3);
@@ -265,7 +266,7 @@ fn wheel_constraint_and_limit_tasks_do_not_allocate() {
             let now = state(&robot);
             ik.begin();
             ik.constrain(&now, &mut foot);
-            let tasks: [&mut dyn Task; 4] = [&mut effort, &mut unicycle, &mut rolling, &mut steer];
+            let tasks: [&mut dyn VelocityTask; 4] = [&mut effort, &mut unicycle, &mut rolling, &mut steer];
             for (place, task) in tasks.into_iter().enumerate() {
                 ik.add_task(&now, place % 2, task);
             }

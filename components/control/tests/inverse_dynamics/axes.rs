@@ -1,9 +1,10 @@
 //! Weights of a pose by axis, and the regularisation of levels, on accelerations.
 
+use motorium_control::tasks::{CartesianSettings, CartesianTask, PostureTask};
 use motorium_control::{
     inverse_dynamics::{
         InverseDynamics,
-        tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights, Feedback, PostureAcceleration},
+        tasks::{AccelerationTask, Feedback},
     },
     tasks::{AxisShares, PoseAxes},
 };
@@ -48,8 +49,8 @@ fn position_rows_are_second_derivatives_in_turning_axes() {
             let mut matrix = || Matrix3::from_fn(|_, _| random.within(1.0));
             let (position, orientation) = (matrix(), matrix());
             let shares = Some(AxisShares::matrices(axes, position, orientation));
-            let weights = CartesianWeights { shares, ..CartesianWeights::default() };
-            let mut task = CartesianAcceleration::new(&robot.model, frame, NONE).with(weights);
+            let weights = CartesianSettings { shares, ..CartesianSettings::geometric() };
+            let mut task = CartesianTask::new(&robot.model, frame).with(weights).feedback(NONE);
             task.set_moving_target(pose, velocity, acceleration);
             task.update(&robot.state(), &control);
             let a = robot.accelerations(&mut random);
@@ -75,7 +76,7 @@ fn position_rows_are_second_derivatives_in_turning_axes() {
             // the feedback uses the weighted error and its rate
             let rate = (error(h) - error(-h)) / (2.0 * h);
             let without = task.cost().desired().clone();
-            task.set(Feedback { kp: 30.0, kd: 7.0 }, weights);
+            task = task.feedback(Feedback { kp: 30.0, kd: 7.0 });
             task.update(&robot.state(), &control);
             let found = task.cost().desired() - without;
             let expected = error(0.0) * 30.0 + rate * 7.0;
@@ -95,7 +96,9 @@ fn orientation_rows_are_the_rotated_and_weighted_pose_rows() {
     let mut control = InverseDynamics::new(&robot.model, Vec::new());
     control.begin(&robot.state(), 1e-3);
     let target = Isometry3::from_parts(random.vector(1.0).into(), random.rotation());
-    let mut whole = CartesianAcceleration::new(&robot.model, frame, Feedback::critical(5.0));
+    let mut whole = CartesianTask::new(&robot.model, frame)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(5.0));
     whole.set_target(target);
     whole.update(&robot.state(), &control);
     let a = robot.accelerations(&mut random);
@@ -107,8 +110,9 @@ fn orientation_rows_are_the_rotated_and_weighted_pose_rows() {
         (PoseAxes::World, UnitQuaternion::identity()),
     ] {
         let shares = Some(AxisShares::matrices(axes, Matrix3::zeros(), orientation));
-        let weights = CartesianWeights { shares, ..CartesianWeights::default() };
-        let mut task = CartesianAcceleration::new(&robot.model, frame, Feedback::critical(5.0)).with(weights);
+        let weights = CartesianSettings { shares, ..CartesianSettings::geometric() };
+        let mut task =
+            CartesianTask::new(&robot.model, frame).with(weights).feedback(Feedback::critical(5.0));
         task.set_target(target);
         task.update(&robot.state(), &control);
         let expected = orientation * (from_world * Vector3::from(whole.fixed_rows::<3>(3)));
@@ -121,7 +125,7 @@ fn orientation_rows_are_the_rotated_and_weighted_pose_rows() {
 #[test]
 fn a_level_yields_to_its_own_regularisation_only() {
     let robot = Robot::new("panda");
-    let mut posture = PostureAcceleration::new(&robot.model, &[0.1; 8], Feedback::critical(1.0)).weight(0.5);
+    let mut posture = PostureTask::new(&robot.model, &[0.1; 8]).feedback(Feedback::critical(1.0)).weight(0.5);
     let mut decided = |level: usize, damping: [f64; 2]| {
         let control = InverseDynamics::new(&robot.model, Vec::new());
         let mut control = control.levels(&[posture.rows(), posture.rows()]).level_damping(&damping);

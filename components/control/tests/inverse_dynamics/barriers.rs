@@ -1,12 +1,10 @@
 //! Limits as control barriers: from every state in which they hold they hold forever, whatever the tasks
 //! request.
 
+use motorium_control::tasks::{CartesianSettings, CentreOfMassTask};
 use motorium_control::{
     DifferentialIk, RobotState,
-    inverse_dynamics::{
-        DynamicsRows, InverseDynamics, InverseDynamicsSettings,
-        tasks::{CartesianAcceleration, CentreOfMassAcceleration, Feedback, PostureAcceleration},
-    },
+    inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, tasks::Feedback},
     limits::{
         CartesianPositionLimit, CartesianVelocityLimit, CollisionLimit, CollisionSettings, PositionLimit,
         RowLimit, SupportLimit, Supported, VelocityLimit,
@@ -100,10 +98,12 @@ fn torques_keep_a_hand_behind_a_wall_from_feasible_states() {
         let place = at(&robot) + normal.dot(&speed(&robot)).max(0.0) / rate + 0.02 * random.next();
         let mut wall = CartesianPositionLimit::new(&model, hand, vec![(normal, place)]).with(rate, 0.0);
         let mut slow = CartesianVelocityLimit::new(&model, hand, most, f64::INFINITY);
-        let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(15.0));
+        let mut reach = CartesianTask::new(&model, hand)
+            .with(CartesianSettings::geometric())
+            .feedback(Feedback::critical(15.0));
         let far = robot.kinematics.pose(&model, hand).translation.vector + 0.4 * normal.into_inner();
         reach.set_target(Isometry3::from_parts(far.into(), random.rotation()));
-        let mut posture = PostureAcceleration::new(&model, &robot.q, Feedback::critical(5.0)).weight(0.1);
+        let mut posture = PostureTask::new(&model, &robot.q).feedback(Feedback::critical(5.0)).weight(0.1);
         let room = DynamicsRows { limits: wall.rows() + slow.rows(), constrained: 0 };
         let mut control = InverseDynamics::with_room(&model, Vec::new(), strict(), room);
         for _ in 0..600 {
@@ -132,7 +132,9 @@ fn without_the_barrier_the_same_torques_go_through_the_wall() {
     let model = robot.model.clone();
     let hand = model.frame("panda_hand_tcp").unwrap();
     let start = robot.kinematics.pose(&model, hand);
-    let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(15.0));
+    let mut reach = CartesianTask::new(&model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(15.0));
     reach.set_target(Isometry3::from_parts(
         (start.translation.vector + Vector3::x() * 0.1).into(),
         start.rotation,
@@ -171,11 +173,13 @@ fn torques_keep_links_apart() {
     assert!(!solids.pairs().is_empty());
     let settings = CollisionSettings { distance: 0.02, range: 0.5, ..CollisionSettings::default() };
     let mut limit = CollisionLimit::new(&model, solids, settings);
-    let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(10.0));
+    let mut reach = CartesianTask::new(&model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(10.0));
     let mut target = robot.kinematics.pose(&model, hand);
     target.translation.vector.z = 0.1;
     reach.set_target(target);
-    let mut posture = PostureAcceleration::new(&model, &robot.q, Feedback::critical(5.0)).weight(0.1);
+    let mut posture = PostureTask::new(&model, &robot.q).feedback(Feedback::critical(5.0)).weight(0.1);
     let room = DynamicsRows { limits: limit.rows(), constrained: 0 };
     let mut control = InverseDynamics::with_room(&model, Vec::new(), strict(), room);
     let mut smallest = f64::INFINITY;
@@ -198,9 +202,9 @@ fn torques_keep_the_centre_of_mass_above_the_feet() {
     let model = robot.model.clone();
     let start = robot.kinematics.centre_of_mass(&model).position;
     let mut support = SupportLimit::new(&model, 8, Supported::CentreOfMass(5.0)).margin(0.02);
-    let mut lean = CentreOfMassAcceleration::new(&model, Feedback::critical(4.0));
+    let mut lean = CentreOfMassTask::new(&model).feedback(Feedback::critical(4.0));
     lean.set_target(start + Vector3::new(0.0, 0.3, 0.0));
-    let mut posture = PostureAcceleration::new(&model, &robot.q[7..], Feedback::critical(5.0)).weight(0.05);
+    let mut posture = PostureTask::new(&model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(0.05);
     let room = DynamicsRows { limits: support.rows(), constrained: 0 };
     let settings = InverseDynamicsSettings::default();
     let mut control = InverseDynamics::with_room(&model, robot.feet(), settings, room);
@@ -231,7 +235,7 @@ fn limits_at_the_level_of_torques_allocate_nothing() {
     let model = &robot.model;
     let hand = model.frame("panda_hand_tcp").unwrap();
     let mut slow = CartesianVelocityLimit::new(model, hand, 0.1, 1.0);
-    let mut posture = PostureAcceleration::new(model, &[1.0; 8], Feedback::critical(5.0));
+    let mut posture = PostureTask::new(model, &[1.0; 8]).feedback(Feedback::critical(5.0)).weight(1.0);
     let room = DynamicsRows { limits: slow.rows(), constrained: 0 };
     let mut control = InverseDynamics::with_room(model, Vec::new(), InverseDynamicsSettings::default(), room);
     let allocations = motorium::testing::allocations(|| {

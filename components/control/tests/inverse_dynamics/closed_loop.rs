@@ -2,10 +2,9 @@
 
 use motorium_control::inverse_dynamics::{
     InverseDynamics,
-    tasks::{
-        CartesianAcceleration, CentreOfMassAcceleration, Feedback, ForceRegularisation, PostureAcceleration,
-    },
+    tasks::{Feedback, ForceRegularisation},
 };
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 
 use crate::robots::Robot;
 
@@ -18,9 +17,11 @@ fn an_arm_reaches_its_target_critically_damped_and_exactly() {
     let mut target = start;
     target.translation.y += 0.1;
     let rate = 6.0;
-    let mut reach = CartesianAcceleration::new(&model, hand, Feedback::critical(rate));
+    let mut reach = CartesianTask::new(&model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(rate));
     reach.set_target(target);
-    let mut posture = PostureAcceleration::new(&model, &robot.q, Feedback::critical(2.0)).weight(1e-3);
+    let mut posture = PostureTask::new(&model, &robot.q).feedback(Feedback::critical(2.0)).weight(1e-3);
     let mut control = InverseDynamics::new(&model, Vec::new());
     let dt = 1e-3;
     for step in 0..3000 {
@@ -48,10 +49,10 @@ fn a_humanoid_shifts_its_weight_without_moving_its_feet() {
     let soles: Vec<_> = feet.iter().map(|foot| robot.kinematics.pose(&model, foot.frame)).collect();
     let mut control = InverseDynamics::new(&model, feet.clone());
     let start = robot.kinematics.centre_of_mass(&model).position;
-    let mut centre = CentreOfMassAcceleration::new(&model, Feedback::critical(4.0)).weight(10.0);
+    let mut centre = CentreOfMassTask::new(&model).feedback(Feedback::critical(4.0)).weight(10.0);
     let target = start + nalgebra::Vector3::new(0.01, 0.04, -0.02);
     centre.set_target(target);
-    let mut posture = PostureAcceleration::new(&model, &robot.q[7..], Feedback::critical(4.0)).weight(0.1);
+    let mut posture = PostureTask::new(&model, &robot.q[7..]).feedback(Feedback::critical(4.0)).weight(0.1);
     let mut even = ForceRegularisation::new(&control).weight(1e-4);
     for _ in 0..1500 {
         control.begin(&robot.state(), 2e-3);
@@ -77,9 +78,9 @@ fn a_held_robot_gets_static_torques() {
     let robot = Robot::new("humanoid");
     let model = robot.model.clone();
     let mut control = InverseDynamics::new(&model, robot.feet());
-    let mut centre = CentreOfMassAcceleration::new(&model, Feedback::critical(4.0)).weight(10.0);
+    let mut centre = CentreOfMassTask::new(&model).feedback(Feedback::critical(4.0)).weight(10.0);
     let start = robot.kinematics.centre_of_mass(&model).position;
-    let mut posture = PostureAcceleration::new(&model, &robot.q[7..], Feedback::critical(4.0)).weight(0.1);
+    let mut posture = PostureTask::new(&model, &robot.q[7..]).feedback(Feedback::critical(4.0)).weight(0.1);
     let mut decide = |offset: nalgebra::Vector3<f64>| {
         centre.set_target(start + offset);
         control.begin(&robot.state(), 1e-3);

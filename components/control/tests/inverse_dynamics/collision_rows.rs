@@ -1,10 +1,11 @@
 //! Rows of distances: recovery of contradictory ones, witnesses, and ignored distances.
 
+use motorium_control::tasks::PostureTask;
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,
     inverse_dynamics::{
         DynamicsRows, InverseDynamics, InverseDynamicsSettings, JointAccelerationLimits, MotionState,
-        tasks::{Feedback, PostureAcceleration},
+        tasks::Feedback,
     },
     limits::{CartesianPositionLimit, CollisionLimit, CollisionSettings, RowLimit},
 };
@@ -133,7 +134,7 @@ fn by_torques(walls_beside: &[([f64; 3], [f64; 3])], recovery: f64, most: f64, t
     let settings =
         InverseDynamicsSettings { joints, torque_fraction: 1e6, relaxation: None, ..Default::default() };
     let mut control = InverseDynamics::with_room(&model, Vec::new(), settings, room);
-    let mut still = PostureAcceleration::new(&model, &[0.0; 6], Feedback::critical(5.0));
+    let mut still = PostureTask::new(&model, &[0.0; 6]).feedback(Feedback::critical(5.0)).weight(1.0);
     let (mut q, mut v, mut kinematics) = (vec![0.0; 6], vec![0.0; 6], Kinematics::new(&model));
     for _ in 0..ticks {
         kinematics.update_with_velocity(&model, &q, &v);

@@ -2,11 +2,10 @@
 
 use motorium_control::inverse_dynamics::{
     ConstraintName, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, JointAccelerationLimits,
-    tasks::{
-        CartesianAcceleration, CentreOfMassAcceleration, Feedback, ForceRegularisation, PostureAcceleration,
-    },
+    tasks::{Feedback, ForceRegularisation},
 };
 use motorium_control::solver::KktResidual;
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_robots::{Dynamics, Wrench};
 use nalgebra::{DVector, Vector3};
 
@@ -49,7 +48,8 @@ fn solutions_satisfy_an_independent_equation_of_motion() {
             };
             let mut control = InverseDynamics::with_settings(model, robot.feet(), settings);
             let home = robot.profile.home(model).unwrap();
-            let mut posture = PostureAcceleration::new(model, home.as_slice(), Feedback::critical(3.0));
+            let mut posture =
+                PostureTask::new(model, home.as_slice()).feedback(Feedback::critical(3.0)).weight(1.0);
             let mut even = ForceRegularisation::new(&control);
             control.begin(&robot.state(), 1e-3);
             control.add_task(&robot.state(), 0, &mut posture);
@@ -87,10 +87,11 @@ fn solutions_are_optimal_and_within_the_friction_cone() {
         let mut contacts = robot.feet();
         contacts.iter_mut().for_each(|contact| contact.friction = 0.3);
         let mut control = InverseDynamics::new(model, contacts);
-        let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(5.0));
+        let mut centre = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
         let aim = Vector3::new(random.within(0.2), random.within(0.2), random.within(0.1));
         centre.set_target(robot.kinematics.centre_of_mass(model).position + aim);
-        let mut posture = PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0)).weight(0.1);
+        let mut posture =
+            PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(0.1);
         let mut even = ForceRegularisation::new(&control);
         control.begin(&robot.state(), 1e-3);
         control.add_task(&robot.state(), 0, &mut centre);
@@ -131,7 +132,7 @@ fn an_inactive_contact_carries_no_force() {
     let model = &robot.model;
     let mut control = InverseDynamics::new(model, robot.feet());
     control.set_active(1, false);
-    let mut posture = PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0));
+    let mut posture = PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
     let solution = control.solve().unwrap();
@@ -183,7 +184,7 @@ fn torques_at_their_limit_hold_and_are_named() {
     let settings = InverseDynamicsSettings { torque_fraction: 0.5, ..Default::default() };
     let mut control = InverseDynamics::with_settings(model, Vec::new(), settings);
     let target: Vec<f64> = robot.q.iter().map(|q| q + 0.3).collect();
-    let mut posture = PostureAcceleration::new(model, &target, Feedback::critical(40.0));
+    let mut posture = PostureTask::new(model, &target).feedback(Feedback::critical(40.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
     let solution = control.solve().unwrap().clone();
@@ -206,7 +207,9 @@ fn lower_levels_use_only_the_freedom_left_by_higher_ones() {
     let hand = model.frame("left_palm").unwrap();
     let mut target = robot.kinematics.pose(model, hand);
     target.translation.x += 0.1;
-    let mut reach = CartesianAcceleration::new(model, hand, Feedback::critical(5.0));
+    let mut reach = CartesianTask::new(model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(5.0));
     reach.set_target(target);
     let against: Vec<f64> = robot.q[7..].iter().map(|q| q - 0.4).collect();
     let solve =
@@ -222,7 +225,7 @@ fn lower_levels_use_only_the_freedom_left_by_higher_ones() {
             let residuals: Vec<f64> = tasks.iter().map(|task| control.residual(&**task)).collect();
             (solution, residuals, newton_euler(&robot, &control))
         };
-    let mut posture = PostureAcceleration::new(model, &against, Feedback::critical(5.0));
+    let mut posture = PostureTask::new(model, &against).feedback(Feedback::critical(5.0)).weight(1.0);
     let (_, alone, _) = solve(&[6], &mut [&mut reach]);
     let (both, stacked, tau) = solve(&[6, posture_rows(model)], &mut [&mut reach, &mut posture]);
     let (_, summed, _) = solve(&[6 + posture_rows(model)], &mut [&mut reach, &mut posture]);
@@ -278,7 +281,8 @@ fn conflicting_constraints_are_named_without_relaxation() {
 fn a_relaxed_tick_reports_its_error_and_keeps_the_physics() {
     let robot = torn();
     let mut control = InverseDynamics::with_settings(&robot.model, robot.feet(), sluggish(Some(100.0)));
-    let mut posture = PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0));
+    let mut posture =
+        PostureTask::new(&robot.model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
     let solution = control.solve().unwrap().clone();
@@ -307,9 +311,11 @@ fn a_tick_allocates_nothing() {
     let settings = sluggish(Some(100.0));
     let mut control =
         InverseDynamics::with_settings(model, robot.feet(), settings).levels(&[3, 6, model.joint_count()]);
-    let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(5.0));
-    let mut reach = CartesianAcceleration::new(model, hand, Feedback::critical(5.0));
-    let mut posture = PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0));
+    let mut centre = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
+    let mut reach = CartesianTask::new(model, hand)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(5.0));
+    let mut posture = PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     let (mut relaxed, mut undecided) = (0, 0);
     let allocations = motorium::testing::allocations(|| {
         for robot in [&robot, &torn, &robot] {
@@ -335,7 +341,8 @@ fn joint_damping_is_compensated_by_the_configured_share() {
     let torque = |share: f64| {
         let settings = InverseDynamicsSettings { joint_damping: share, ..Default::default() };
         let mut control = InverseDynamics::with_settings(&robot.model, Vec::new(), settings);
-        let mut posture = PostureAcceleration::new(&robot.model, &robot.q, Feedback { kp: 0.0, kd: 0.0 });
+        let mut posture =
+            PostureTask::new(&robot.model, &robot.q).feedback(Feedback { kp: 0.0, kd: 0.0 }).weight(1.0);
         control.begin(&robot.state(), 1e-3);
         control.add_task(&robot.state(), 0, &mut posture);
         control.solve().unwrap().torque.clone()
@@ -352,7 +359,8 @@ fn joint_damping_is_compensated_by_the_configured_share() {
 fn free_fall_without_contacts_needs_no_torque() {
     let robot = Robot::new("quadruped");
     let mut control = InverseDynamics::new(&robot.model, Vec::new());
-    let mut posture = PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0));
+    let mut posture =
+        PostureTask::new(&robot.model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
     let solution = control.solve().unwrap();

@@ -6,8 +6,7 @@ use std::sync::Arc;
 use motorium_control::{
     DifferentialIk, RobotState,
     inverse_dynamics::{
-        DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState,
-        tasks::{CartesianAcceleration, Feedback, PostureAcceleration},
+        DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState, tasks::Feedback,
     },
     limits::{CollisionLimit, CollisionSettings, PositionLimit, RowLimit, VelocityLimit},
     tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, ContactTask, PostureTask},
@@ -263,8 +262,10 @@ fn torques_keep_a_plate_at_its_distance_from_a_box_as_it_turns() {
     let room = DynamicsRows { limits: limit.rows(), constrained: 0 };
     let settings = InverseDynamicsSettings { torque_fraction: 1e6, relaxation: None, ..Default::default() };
     let mut control = InverseDynamics::with_room(&model, Vec::new(), settings, room);
-    let mut reach = CartesianAcceleration::new(&model, frame, Feedback::critical(10.0));
-    let mut posture = PostureAcceleration::new(&model, &[0.0; 6], Feedback::critical(5.0)).weight(0.01);
+    let mut reach = CartesianTask::new(&model, frame)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(10.0));
+    let mut posture = PostureTask::new(&model, &[0.0; 6]).feedback(Feedback::critical(5.0)).weight(0.01);
     let (mut q, mut v, mut kinematics) = (vec![0.0; 6], vec![0.0; 6], Kinematics::new(&model));
     q[2] = 0.5;
     let (mut smallest, mut next) = (f64::INFINITY, q.clone());
@@ -366,7 +367,7 @@ fn a_plate_too_close_to_walls_returns_slowly() {
                 control.add_task(
                     state,
                     0,
-                    &mut PostureAcceleration::new(&model, &still, Feedback::critical(5.0)),
+                    &mut PostureTask::new(&model, &still).feedback(Feedback::critical(5.0)).weight(1.0),
                 );
                 control.add_row_limit(state, &mut limit, DT);
                 control.solve().unwrap().acceleration[2] * DT

@@ -4,7 +4,7 @@ use motorium_control::{
     RobotState,
     tasks::{
         CartesianTask, CentreOfMassTask, ContactTask, GazeTask, MinimumVelocityTask, MomentumTask,
-        PostureTask, Task,
+        PostureTask, VelocityTask,
     },
 };
 use motorium_robots::{Dynamics, FrameId, Momentum, lie::se3};

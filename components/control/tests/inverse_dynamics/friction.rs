@@ -3,11 +3,9 @@
 use motorium_control::inverse_dynamics::{
     ConstraintName, Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsError,
     InverseDynamicsSettings, MotionState,
-    tasks::{
-        AccelerationMinimum, CentreOfMassAcceleration, Feedback, ForceRegularisation, MomentumRate,
-        PostureAcceleration,
-    },
+    tasks::{AccelerationMinimum, Feedback, ForceRegularisation},
 };
+use motorium_control::tasks::{CentreOfMassTask, MomentumTask, PostureTask};
 use motorium_robots::{BaseMode, Dynamics, Kinematics, LoadOptions, Model, Momentum, parse_urdf_with};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -60,7 +58,7 @@ impl Block {
         let settings = InverseDynamicsSettings { friction_model, relaxation: None, ..Default::default() };
         let mut control = InverseDynamics::with_settings(&self.model, vec![contact], settings);
         let state = MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v };
-        let mut still = PostureAcceleration::new(&self.model, &[0.0], Feedback::critical(5.0));
+        let mut still = PostureTask::new(&self.model, &[0.0]).feedback(Feedback::critical(5.0)).weight(1.0);
         let mut even = ForceRegularisation::new(&control);
         let mut least = AccelerationMinimum::new(&self.model).weight(1.0);
         control.begin(&state, 1e-3);
@@ -111,10 +109,10 @@ fn pushed(robot: &Robot, aim: Vector3<f64>, model: FrictionModel, mu: f64) -> (I
     contacts.iter_mut().for_each(|contact| contact.friction = mu);
     let settings = InverseDynamicsSettings { friction_model: model, relaxation: None, ..Default::default() };
     let mut control = InverseDynamics::with_settings(&robot.model, contacts, settings);
-    let mut centre = CentreOfMassAcceleration::new(&robot.model, Feedback::critical(5.0));
+    let mut centre = CentreOfMassTask::new(&robot.model).feedback(Feedback::critical(5.0));
     centre.set_target(robot.kinematics.centre_of_mass(&robot.model).position + aim);
     let mut posture =
-        PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0)).weight(0.1);
+        PostureTask::new(&robot.model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(0.1);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut centre);
     control.add_task(&robot.state(), 0, &mut posture);
@@ -171,7 +169,8 @@ fn a_contact_that_is_off_has_no_force_within_cones_either() {
     let robot = Robot::new("humanoid");
     let settings = InverseDynamicsSettings { friction_model: FrictionModel::Cone, ..Default::default() };
     let mut control = InverseDynamics::with_settings(&robot.model, robot.feet(), settings);
-    let mut posture = PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0));
+    let mut posture =
+        PostureTask::new(&robot.model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     control.set_active(1, false);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
@@ -194,11 +193,11 @@ fn the_centre_of_pressure_reaches_but_stays_within_the_margin() {
             contacts.iter_mut().for_each(|contact| contact.margin = margin);
             let mut control = InverseDynamics::new(&robot.model, contacts);
             let mut centre =
-                CentreOfMassAcceleration::new(&robot.model, Feedback::critical(5.0)).weight(10.0);
+                CentreOfMassTask::new(&robot.model).feedback(Feedback::critical(5.0)).weight(10.0);
             centre.set_target(robot.kinematics.centre_of_mass(&robot.model).position + direction * 0.2);
-            let mut upright = MomentumRate::angular(&robot.model, 5.0).weights(0.0, 1.0);
+            let mut upright = MomentumTask::angular(&robot.model).rate(5.0).weights(0.0, 1.0);
             let mut posture =
-                PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0)).weight(0.01);
+                PostureTask::new(&robot.model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(0.01);
             control.begin(&robot.state(), 1e-3);
             control.add_task(&robot.state(), 0, &mut centre);
             control.add_task(&robot.state(), 0, &mut upright);

@@ -2,8 +2,9 @@
 
 use motorium_control::inverse_dynamics::{
     InverseDynamics,
-    tasks::{AccelerationTask, CartesianAcceleration, CartesianImpedance, Feedback, PostureAcceleration},
+    tasks::{AccelerationTask, Feedback},
 };
+use motorium_control::tasks::{CartesianImpedance, CartesianSettings, CartesianTask, PostureTask};
 use motorium_robots::Reference;
 use nalgebra::{DVector, Isometry3, Matrix6xX, Vector3, Vector6};
 
@@ -28,14 +29,20 @@ fn a_spring_asks_for_the_acceleration_of_its_force() {
         let pose = robot.kinematics.pose(model, frame);
         let target =
             Isometry3::from_parts((pose.translation.vector + random.vector(0.1)).into(), random.rotation());
-        let asked = |task: CartesianAcceleration| {
+        let asked = |task: CartesianTask| {
             let mut task = task;
             task.set_target(target);
             task.update(&robot.state(), &control);
             task.cost().desired().clone()
         };
-        let without = asked(CartesianAcceleration::new(model, frame, NONE));
-        let found = asked(CartesianAcceleration::new(model, frame, NONE).impedance(SOFT)) - without;
+        let without =
+            asked(CartesianTask::new(model, frame).with(CartesianSettings::geometric()).feedback(NONE));
+        let found = asked(
+            CartesianTask::new(model, frame)
+                .with(CartesianSettings::geometric())
+                .feedback(NONE)
+                .impedance(model, SOFT),
+        ) - without;
         // by a dense inverse of the mass matrix
         let mut jacobian = Matrix6xX::zeros(model.nv());
         robot.kinematics.jacobian(model, frame, Reference::LocalWorldAligned, &mut jacobian);
@@ -53,8 +60,10 @@ fn a_spring_asks_for_the_acceleration_of_its_force() {
         let joints = model.joint_count();
         let stiffness: Vec<f64> = (0..joints).map(|joint| 10.0 + joint as f64).collect();
         let damping: Vec<f64> = (0..joints).map(|joint| 1.0 + 0.1 * joint as f64).collect();
-        let mut posture =
-            PostureAcceleration::new(model, &vec![0.1; joints], NONE).impedance(&stiffness, &damping);
+        let mut posture = PostureTask::new(model, &vec![0.1; joints])
+            .feedback(NONE)
+            .weight(1.0)
+            .impedance(model, &stiffness, &damping);
         posture.update(&robot.state(), &control);
         let (q, v) = (model.joints_of_q(&robot.q), model.joints_of_v(&robot.v));
         let base = model.nv() - joints;
@@ -76,7 +85,7 @@ fn at_rest(
     task: &mut dyn AccelerationTask,
 ) -> Robot {
     let joints = robot.model.joint_count();
-    let mut posture = PostureAcceleration::new(&robot.model, &robot.q, Feedback::critical(5.0));
+    let mut posture = PostureTask::new(&robot.model, &robot.q).feedback(Feedback::critical(5.0)).weight(1.0);
     let mut control = InverseDynamics::new(&robot.model, Vec::new()).levels(&[task.rows(), joints]);
     let dt = 1e-3;
     for _ in 0..6000 {
@@ -100,7 +109,10 @@ fn a_push_displaces_a_hand_by_force_over_stiffness() {
     let (model, frame) = (robot.model.clone(), robot.model.frame("panda_hand_tcp").unwrap());
     let start = robot.kinematics.pose(&model, frame);
     for force in [Vector3::new(0.0, 9.0, 0.0), Vector3::new(6.0, 0.0, -6.0)] {
-        let mut task = CartesianAcceleration::new(&model, frame, NONE).impedance(SOFT);
+        let mut task = CartesianTask::new(&model, frame)
+            .with(CartesianSettings::geometric())
+            .feedback(NONE)
+            .impedance(&model, SOFT);
         task.set_target(start);
         let push = |robot: &Robot| {
             let mut jacobian = Matrix6xX::zeros(model.nv());
@@ -124,7 +136,8 @@ fn an_effort_turns_only_its_joint_by_effort_over_stiffness() {
     control.begin(&robot.state(), 1e-3);
     let stiffness: Vec<f64> = control.mass().diagonal().iter().map(|mass| 60.0 * mass).collect();
     let damping: Vec<f64> = control.mass().diagonal().iter().map(|mass| 12.0 * mass).collect();
-    let mut task = PostureAcceleration::new(&model, &home, NONE).impedance(&stiffness, &damping);
+    let mut task =
+        PostureTask::new(&model, &home).feedback(NONE).weight(1.0).impedance(&model, &stiffness, &damping);
     let push =
         |_: &Robot| DVector::from_fn(joints, |joint, _| if joint == 3 { 0.1 * stiffness[3] } else { 0.0 });
     let end = at_rest(robot, push, &mut task);

@@ -3,10 +3,11 @@
 
 use motorium_control::inverse_dynamics::{
     InverseDynamics,
-    tasks::{
-        AccelerationTask, CapturePoint, CentreOfMassAcceleration, Feedback, ForceRegularisation,
-        GazeAcceleration, MomentumRate, PostureAcceleration,
-    },
+    tasks::{AccelerationTask, CapturePoint, Feedback, ForceRegularisation},
+};
+use motorium_control::tasks::{
+    CartesianSettings, CartesianTask, CentreOfMassSettings, CentreOfMassTask, GazeTask, MomentumTask,
+    PostureTask,
 };
 use motorium_robots::{FrameId, Momentum};
 use nalgebra::{DVector, Unit, Vector2, Vector3};
@@ -34,7 +35,8 @@ fn a_gaze_without_gains_asks_for_no_acceleration() {
             let (point, velocity) = (random.vector(1.5), random.vector(1.0));
             let mut control = InverseDynamics::new(model, Vec::new());
             control.begin(&robot.state(), 1e-3);
-            let mut task = GazeAcceleration::new(model, frame, Unit::new_normalize(random.vector(1.0)), NONE);
+            let mut task =
+                GazeTask::new(model, frame, Unit::new_normalize(random.vector(1.0))).feedback(NONE);
             task.set_moving_target(point, velocity);
             task.update(&robot.state(), &control);
             let a = robot.accelerations(&mut random);
@@ -58,22 +60,17 @@ fn the_angle_of_a_gaze_decays_critically_damped() {
     let model = robot.model.clone();
     let frame = model.frame("panda_hand_tcp").unwrap();
     let (rate, dt) = (6.0, 1e-3);
-    let mut gaze = GazeAcceleration::new(&model, frame, Vector3::z_axis(), Feedback::critical(rate));
+    let mut gaze = GazeTask::new(&model, frame, Vector3::z_axis()).feedback(Feedback::critical(rate));
     let hand = robot.kinematics.pose(&model, frame);
     // only the frame turns about its origin, so that the angle has one dimension
     gaze.set_target(hand.translation.vector + hand.rotation * Vector3::new(0.3, 0.0, 1.0));
     let start = 0.3_f64.atan();
-    let mut stay = motorium_control::inverse_dynamics::tasks::CartesianAcceleration::new(
-        &model,
-        frame,
-        Feedback::critical(20.0),
-    )
-    .with(motorium_control::inverse_dynamics::tasks::CartesianWeights {
-        orientation: 0.0,
-        ..Default::default()
-    });
+    let mut stay = CartesianTask::new(&model, frame)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(20.0))
+        .with(CartesianSettings { orientation_weight: 0.0, ..Default::default() });
     stay.set_target(hand);
-    let mut posture = PostureAcceleration::new(&model, &robot.q, Feedback::critical(2.0)).weight(1e-3);
+    let mut posture = PostureTask::new(&model, &robot.q).feedback(Feedback::critical(2.0)).weight(1e-3);
     let mut control = InverseDynamics::new(&model, Vec::new());
     for step in 0..1500 {
         control.begin(&robot.state(), dt);
@@ -147,15 +144,19 @@ fn a_humanoid_comes_to_rest_by_its_capture_point() {
     let target = start.xy() + Vector2::new(0.02, 0.01);
     let mut balance = CapturePoint::new(&model, gain).weight(10.0);
     balance.set_target(target);
-    let mut height = CentreOfMassAcceleration::new(&model, Feedback::critical(8.0)).shares([0.0, 0.0, 1.0]);
+    let mut height = CentreOfMassTask::new(&model).with(CentreOfMassSettings {
+        gain: 8.0,
+        shares: [0.0, 0.0, 1.0],
+        ..CentreOfMassSettings::default()
+    });
     height.set_target(start);
     let mut height = height.weight(10.0);
-    let mut upright = MomentumRate::angular(&model, 5.0).weights(0.0, 10.0);
-    upright.set_target(
+    let mut upright = MomentumTask::angular(&model).rate(5.0).weights(0.0, 10.0);
+    upright.set_moving_target(
         Momentum { linear: Vector3::zeros(), angular: Vector3::zeros() },
         Momentum { linear: Vector3::zeros(), angular: Vector3::zeros() },
     );
-    let mut posture = PostureAcceleration::new(&model, &robot.q[7..], Feedback::critical(3.0)).weight(0.01);
+    let mut posture = PostureTask::new(&model, &robot.q[7..]).feedback(Feedback::critical(3.0)).weight(0.01);
     let mut control = InverseDynamics::new(&model, robot.feet());
     let mut even = ForceRegularisation::new(&control).weight(1e-5);
     let mut first = None;

@@ -3,12 +3,12 @@
 
 use motorium_control::inverse_dynamics::{
     Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
-    tasks::{
-        AccelerationTask, CartesianAcceleration, CentreOfMassAcceleration, Feedback, MomentumRate,
-        PostureAcceleration,
-    },
+    tasks::{AccelerationTask, Feedback},
 };
 use motorium_control::solver::SolveError;
+use motorium_control::tasks::{
+    CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PostureTask,
+};
 use motorium_robots::{Kinematics, load};
 use nalgebra::Vector3;
 
@@ -30,16 +30,20 @@ fn step(is_led: bool) -> Vec<(u32, bool)> {
     let start = kinematics.centre_of_mass(model).position;
     let frame = |name: &str| model.frame(name).unwrap();
     let above = kinematics.pose(model, frame("left_sole")).translation.vector;
-    let mut hand = CartesianAcceleration::new(model, frame("left_palm"), Feedback::critical(8.0));
+    let mut hand = CartesianTask::new(model, frame("left_palm"))
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(8.0));
     let mut goal = kinematics.pose(model, frame("left_palm"));
     goal.translation.vector += Vector3::new(0.1, 0.0, 0.15);
     hand.set_target(goal);
-    let mut foot = CartesianAcceleration::new(model, frame("right_sole"), Feedback::critical(20.0));
+    let mut foot = CartesianTask::new(model, frame("right_sole"))
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(20.0));
     let ground = kinematics.pose(model, frame("right_sole"));
     let mut posture =
-        PostureAcceleration::new(model, model.joints_of_q(&q), Feedback::critical(4.0)).weight(0.1);
-    let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(4.0)).weight(10.0);
-    let mut momentum = MomentumRate::angular(model, 5.0).weights(0.0, 0.2);
+        PostureTask::new(model, model.joints_of_q(&q)).feedback(Feedback::critical(4.0)).weight(0.1);
+    let mut centre = CentreOfMassTask::new(model).feedback(Feedback::critical(4.0)).weight(10.0);
+    let mut momentum = MomentumTask::angular(model).rate(5.0).weights(0.0, 0.2);
     let weight = 9.81 * model.mass();
     let smooth = |t: f64| {
         let t = t.clamp(0.0, 1.0);
@@ -111,7 +115,7 @@ fn an_iteration_limit_is_reported_and_later_ticks_recover() {
     let mut kinematics = Kinematics::new(model);
     kinematics.update_with_velocity(model, q, &v);
     let state = MotionState { model, kinematics: &kinematics, q, v: &v };
-    let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(10.0)).weight(10.0);
+    let mut centre = CentreOfMassTask::new(model).feedback(Feedback::critical(10.0)).weight(10.0);
     let mut target = kinematics.centre_of_mass(model).position;
     target.y += 0.2;
     centre.set_target(target);

@@ -5,13 +5,14 @@
 
 use motorium_control::inverse_dynamics::{
     Contact, ContactShape, InverseDynamics,
-    tasks::{
-        AccelerationTask, CartesianAcceleration, CartesianWeights, CentreOfMassAcceleration, ContactForce,
-        Cost, Feedback, ForceRegularisation, MomentumRate, PostureAcceleration, TorqueMinimum,
-    },
+    tasks::{AccelerationTask, ContactForce, Cost, Feedback, ForceRegularisation, TorqueMinimum},
+};
+use motorium_control::tasks::{
+    AxisShares, CartesianSettings, CartesianTask, CentreOfMassTask, MomentumTask, PoseAxes, PostureTask,
+    VelocityTask,
 };
 use motorium_robots::{Dynamics, Momentum, Twist};
-use nalgebra::{DVector, Isometry3, Vector3, Vector6};
+use nalgebra::{DVector, Isometry3, UnitQuaternion, Vector3, Vector6};
 
 use crate::robots::{Random, Robot};
 
@@ -48,8 +49,9 @@ fn a_cartesian_task_without_gains_asks_for_no_acceleration() {
         let robot = Robot::new(name).moved(&mut random);
         let (frame, mut dynamics) = (frame_of(&robot), InverseDynamics::new(&robot.model, Vec::new()));
         dynamics.begin(&robot.state(), 1e-3);
-        let mut task = CartesianAcceleration::new(&robot.model, frame, NONE);
-        task.update(&robot.state(), &dynamics);
+        let mut task =
+            CartesianTask::new(&robot.model, frame).with(CartesianSettings::geometric()).feedback(NONE);
+        AccelerationTask::update(&mut task, &robot.state(), &dynamics);
         let a = robot.accelerations(&mut random);
         let velocity = |dt: f64| {
             let next = robot.after(&a, dt);
@@ -58,6 +60,51 @@ fn a_cartesian_task_without_gains_asks_for_no_acceleration() {
         let expected: Vector6<f64> = (velocity(H) - velocity(-H)) / (2.0 * H);
         let found = rows(task.cost(), &a);
         assert!((&found - expected).amax() < 1e-5, "{name}: {found} {expected}");
+    }
+}
+
+#[test]
+fn logarithmic_errors_accelerate_as_predicted() {
+    let mut random = Random(7);
+    let all = [None, Some(PoseAxes::Frame), Some(PoseAxes::Target), Some(PoseAxes::World)];
+    for (name, axes) in ROBOTS.into_iter().flat_map(|name| all.map(|axes| (name, axes))) {
+        let robot = Robot::new(name).moved(&mut random);
+        let (model, frame) = (&robot.model, frame_of(&robot));
+        let mut control = InverseDynamics::new(model, Vec::new());
+        control.begin(&robot.state(), 1e-3);
+        let shares = axes.map(|axes| AxisShares::new(axes, [1.0; 3], [1.0; 3]));
+        let mut task = CartesianTask::new(model, frame)
+            .with(CartesianSettings { shares, ..CartesianSettings::default() })
+            .feedback(NONE);
+        let near = Isometry3::new(random.vector(0.3), random.vector(0.8));
+        let target = robot.kinematics.pose(model, frame) * near;
+        let twist = Twist { linear: random.vector(1.0), angular: random.vector(1.0) };
+        let rate = Twist { linear: random.vector(1.0), angular: random.vector(1.0) };
+        task.set_moving_target(target, twist, rate);
+        AccelerationTask::update(&mut task, &robot.state(), &control);
+        let a = robot.accelerations(&mut random);
+        let error = |time: f64| {
+            let turn = twist.angular * time + rate.angular * (0.5 * time * time);
+            let way = twist.linear * time + rate.linear * (0.5 * time * time);
+            let rotation = UnitQuaternion::from_scaled_axis(turn) * target.rotation;
+            let mut later = task.clone();
+            later.set_target(Isometry3::from_parts((target.translation.vector + way).into(), rotation));
+            let next = robot.after(&a, time);
+            VelocityTask::update(&mut later, &next.state().robot());
+            later.error()
+        };
+        let h = 1e-3;
+        let expected = (error(h) - error(0.0) * 2.0 + error(-h)) / (h * h);
+        let found = rows(task.cost(), &a);
+        let close = 1e-4 * (1.0 + expected.norm());
+        assert!((&found + expected).amax() < close, "{name} {axes:?}: {found} {expected}");
+        // the feedback acts on the error and its rate
+        let without = task.cost().desired().clone();
+        let mut task = task.clone().feedback(Feedback { kp: 30.0, kd: 7.0 });
+        AccelerationTask::update(&mut task, &robot.state(), &control);
+        let expected = error(0.0) * 30.0 + (error(h) - error(-h)) / (2.0 * h) * 7.0;
+        let found = task.cost().desired() - without;
+        assert!((found - expected).amax() < close, "{name} {axes:?}: {expected}");
     }
 }
 
@@ -71,14 +118,14 @@ fn centre_of_mass_and_momentum_accelerate_as_commanded() {
         control.begin(&robot.state(), 1e-3);
         let a = robot.accelerations(&mut random);
         let (ahead, behind) = (robot.after(&a, H), robot.after(&a, -H));
-        let mut centre = CentreOfMassAcceleration::new(model, NONE);
-        centre.update(&robot.state(), &control);
+        let mut centre = CentreOfMassTask::new(model).feedback(NONE);
+        AccelerationTask::update(&mut centre, &robot.state(), &control);
         let velocity = |robot: &Robot| robot.kinematics.centre_of_mass(model).velocity;
         let expected = (velocity(&ahead) - velocity(&behind)) / (2.0 * H);
         assert!((rows(centre.cost(), &a) - expected).amax() < 1e-5, "{name}");
 
-        let mut momentum = MomentumRate::angular(model, 0.0).weights(1.0, 1.0);
-        momentum.update(&robot.state(), &control);
+        let mut momentum = MomentumTask::angular(model).rate(0.0).weights(1.0, 1.0);
+        AccelerationTask::update(&mut momentum, &robot.state(), &control);
         let mut dynamics = Dynamics::new(model);
         let mut of = |robot: &Robot| dynamics.momentum(model, &robot.q, &robot.v);
         let (ahead, behind) = (of(&ahead), of(&behind));
@@ -105,9 +152,10 @@ fn feedback_has_the_signs_that_lead_to_the_target() {
         let target = Isometry3::from_parts(random.vector(1.0).into(), random.rotation());
         let twist = Twist { linear: random.vector(1.0), angular: random.vector(1.0) };
         let rate = Twist { linear: random.vector(1.0), angular: random.vector(1.0) };
-        let mut task = CartesianAcceleration::new(model, frame, feedback);
+        let mut task =
+            CartesianTask::new(model, frame).with(CartesianSettings::geometric()).feedback(feedback);
         task.set_moving_target(target, twist, rate);
-        task.update(&robot.state(), &control);
+        AccelerationTask::update(&mut task, &robot.state(), &control);
         let pose = robot.kinematics.pose(model, frame);
         let moving = robot.kinematics.velocity(model, frame);
         let turn = (target.rotation * pose.rotation.inverse()).scaled_axis();
@@ -120,19 +168,19 @@ fn feedback_has_the_signs_that_lead_to_the_target() {
         assert!((found.fixed_rows::<3>(3) - angular).amax() < 1e-9, "{name}");
 
         let goal: Vec<f64> = (0..model.joint_count()).map(|_| random.within(1.0)).collect();
-        let mut posture = PostureAcceleration::new(model, &goal, feedback);
-        posture.update(&robot.state(), &control);
+        let mut posture = PostureTask::new(model, &goal).feedback(feedback).weight(1.0);
+        AccelerationTask::update(&mut posture, &robot.state(), &control);
         let (q, v) = (model.joints_of_q(&robot.q), model.joints_of_v(&robot.v));
         for (joint, found) in posture.cost().desired().iter().enumerate() {
             let expected = 30.0 * (goal[joint] - q[joint]) - 7.0 * v[joint];
             assert!((found - expected).abs() < 1e-12, "{name}");
         }
 
-        let mut momentum = MomentumRate::angular(model, 2.0).weights(1.0, 1.0);
+        let mut momentum = MomentumTask::angular(model).rate(2.0).weights(1.0, 1.0);
         let aim = Momentum { linear: random.vector(1.0), angular: random.vector(1.0) };
         let push = Momentum { linear: random.vector(1.0), angular: random.vector(1.0) };
-        momentum.set_target(aim, push);
-        momentum.update(&robot.state(), &control);
+        momentum.set_moving_target(aim, push);
+        AccelerationTask::update(&mut momentum, &robot.state(), &control);
         let mut dynamics = Dynamics::new(model);
         let now = dynamics.momentum(model, &robot.q, &robot.v);
         let drift = dynamics.momentum_rate(model, &robot.q, &robot.v, &vec![0.0; model.nv()]);
@@ -160,8 +208,8 @@ fn a_task_of_the_position_alone_leaves_the_orientation_free() {
     let frame = frame_of(&robot);
     let mut control = InverseDynamics::new(&robot.model, Vec::new());
     control.begin(&robot.state(), 1e-3);
-    let weights = CartesianWeights { orientation: 0.0, ..CartesianWeights::default() };
-    let mut task = CartesianAcceleration::new(&robot.model, frame, Feedback::critical(5.0)).with(weights);
+    let weights = CartesianSettings { orientation_weight: 0.0, ..CartesianSettings::geometric() };
+    let mut task = CartesianTask::new(&robot.model, frame).with(weights).feedback(Feedback::critical(5.0));
     let mut target = robot.kinematics.pose(&robot.model, frame);
     target.rotation *= nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(1.0, 0.0, 0.0));
     task.set_target(target);
@@ -175,8 +223,9 @@ fn forces_follow_their_target_or_are_spread_evenly() {
     let weight = robot.model.mass() * 9.81;
     let mut control = InverseDynamics::new(&robot.model, robot.feet());
     let state = robot.state();
-    let mut posture = PostureAcceleration::new(&robot.model, &robot.q[7..], Feedback::critical(5.0));
-    let mut centre = CentreOfMassAcceleration::new(&robot.model, Feedback::critical(5.0));
+    let mut posture =
+        PostureTask::new(&robot.model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
+    let mut centre = CentreOfMassTask::new(&robot.model).feedback(Feedback::critical(5.0));
     centre.set_target(robot.kinematics.centre_of_mass(&robot.model).position);
     let mut even = ForceRegularisation::new(&control).weight(1e-3);
     control.begin(&state, 1e-3);
@@ -209,7 +258,7 @@ fn the_torque_residual_matches_inverse_dynamics() {
         let mut control = InverseDynamics::new(model, Vec::new());
         control.begin(&robot.state(), 1e-3);
         let mut task = TorqueMinimum::new(model, &control);
-        task.update(&robot.state(), &control);
+        AccelerationTask::update(&mut task, &robot.state(), &control);
         let a = robot.accelerations(&mut random);
         let mut tau = vec![0.0; model.nv()];
         let gravity = Vector3::new(0.0, 0.0, -9.81);

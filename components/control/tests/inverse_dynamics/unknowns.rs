@@ -3,11 +3,9 @@
 use motorium_control::inverse_dynamics::{
     ConstraintName, ContactShape, DynamicsRows, FrictionModel, InverseDynamics, InverseDynamicsError,
     InverseDynamicsSettings, Unknowns,
-    tasks::{
-        AccelerationTask, CartesianAcceleration, CentreOfMassAcceleration, ContactWrench, Feedback,
-        PostureAcceleration,
-    },
+    tasks::{AccelerationTask, ContactWrench, Feedback},
 };
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_robots::{Dynamics, Reference, Twist};
 use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3};
 
@@ -56,9 +54,11 @@ fn bias(robot: &Robot) -> DVector<f64> {
 }
 
 /// A task that the base stays where it is.
-fn base_at_rest(robot: &Robot) -> CartesianAcceleration {
+fn base_at_rest(robot: &Robot) -> CartesianTask {
     let frame = robot.model.frame("base").unwrap();
-    let mut base = CartesianAcceleration::new(&robot.model, frame, Feedback::critical(10.0));
+    let mut base = CartesianTask::new(&robot.model, frame)
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(10.0));
     base.set_target(robot.kinematics.pose(&robot.model, frame));
     base
 }
@@ -89,13 +89,15 @@ fn forces_alone_and_inverse_dynamics_agree_at_rest() {
         let model = &robot.model;
         let solve = |unknowns| {
             let mut control = on_its_feet(&robot, unknowns);
-            let mut balance = CentreOfMassAcceleration::new(model, Feedback::critical(5.0));
+            let mut balance = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
             balance.set_target(robot.kinematics.centre_of_mass(model).position);
-            let mut body =
-                CartesianAcceleration::new(model, model.frame(body(name)).unwrap(), Feedback::critical(5.0));
+            let mut body = CartesianTask::new(model, model.frame(body(name)).unwrap())
+                .with(CartesianSettings::geometric())
+                .feedback(Feedback::critical(5.0));
             body.set_target(robot.kinematics.pose(model, body.frame()));
-            let mut posture =
-                PostureAcceleration::new(model, model.joints_of_q(&robot.q), Feedback::critical(5.0));
+            let mut posture = PostureTask::new(model, model.joints_of_q(&robot.q))
+                .feedback(Feedback::critical(5.0))
+                .weight(1.0);
             control.begin(&robot.state(), 1e-3);
             control.add_task(&robot.state(), 0, &mut balance);
             control.add_task(&robot.state(), 0, &mut body);
@@ -122,7 +124,7 @@ fn forces_sum_to_the_rate_of_linear_momentum() {
     let gain = 6.0;
     for offset in [[0.01, 0.0, 0.0], [0.0, -0.01, 0.005], [0.005, 0.005, -0.01]] {
         let mut control = with_equalities(&robot);
-        let mut balance = CentreOfMassAcceleration::new(model, Feedback::critical(gain));
+        let mut balance = CentreOfMassTask::new(model).feedback(Feedback::critical(gain));
         balance.set_target(robot.kinematics.centre_of_mass(model).position + Vector3::from(offset));
         control.begin(&robot.state(), 1e-3);
         control.constrain(&robot.state(), &mut balance);
@@ -156,7 +158,7 @@ fn forces_keep_friction_and_torque_limits_under_any_task() {
     for friction_model in [FrictionModel::Pyramid, FrictionModel::Cone] {
         let given = InverseDynamicsSettings { friction_model, ..settings(Unknowns::Forces) };
         let mut control = InverseDynamics::with_settings(model, robot.feet(), given);
-        let mut balance = CentreOfMassAcceleration::new(model, Feedback::critical(10.0));
+        let mut balance = CentreOfMassTask::new(model).feedback(Feedback::critical(10.0));
         balance.set_target(robot.kinematics.centre_of_mass(model).position + Vector3::new(1.0, 0.0, 0.0));
         control.begin(&robot.state(), 1e-3);
         control.add_task(&robot.state(), 0, &mut balance);
@@ -181,7 +183,7 @@ fn forces_keep_friction_and_torque_limits_under_any_task() {
 fn an_equality_against_friction_is_relaxed_or_named() {
     let robot = Robot::new("quadruped");
     let model = &robot.model;
-    let mut far = CentreOfMassAcceleration::new(model, Feedback::critical(10.0));
+    let mut far = CentreOfMassTask::new(model).feedback(Feedback::critical(10.0));
     far.set_target(robot.kinematics.centre_of_mass(model).position + Vector3::new(1.0, 0.0, 0.0));
     let rows = DynamicsRows { constrained: far.rows(), limits: 0 };
     for relaxation in [Some(100.0), None] {
@@ -227,13 +229,15 @@ fn both_formulations_agree_on_a_fixed_base() {
             let solve = |unknowns| {
                 let mut control = InverseDynamics::with_settings(model, Vec::new(), settings(unknowns))
                     .levels(&[6, model.nv()][..1 + below]);
-                let mut reach = CartesianAcceleration::new(model, hand, Feedback::critical(5.0));
+                let mut reach = CartesianTask::new(model, hand)
+                    .with(CartesianSettings::geometric())
+                    .feedback(Feedback::critical(5.0));
                 let mut target = robot.kinematics.pose(model, hand);
                 target.translation.vector += Vector3::new(0.02, -0.03, 0.01);
                 reach.set_target(target);
                 let home = robot.profile.home(model).unwrap();
                 let mut posture =
-                    PostureAcceleration::new(model, home.as_slice(), Feedback::critical(3.0)).weight(0.1);
+                    PostureTask::new(model, home.as_slice()).feedback(Feedback::critical(3.0)).weight(0.1);
                 control.begin(&robot.state(), 1e-3);
                 control.add_task(&robot.state(), 0, &mut reach);
                 control.add_task(&robot.state(), below, &mut posture);
@@ -309,7 +313,7 @@ fn accelerations_alone_keep_the_limits_of_the_joints() {
     robot.update();
     let mut control = InverseDynamics::with_settings(&model, Vec::new(), settings(Unknowns::Accelerations));
     let beyond = vec![10.0; model.nv()];
-    let mut posture = PostureAcceleration::new(&model, &beyond, Feedback::critical(10.0));
+    let mut posture = PostureTask::new(&model, &beyond).feedback(Feedback::critical(10.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
     // 0.3^2 / (2 0.01) = 4.5 rad/s2 and less than the 20 with which it may brake

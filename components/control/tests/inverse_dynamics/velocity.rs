@@ -7,7 +7,7 @@ use motorium_control::{
     },
     tasks::{
         CartesianTask, CentreOfMassTask, ContactTask, ManipulabilityTask, MinimumVelocityTask, MomentumTask,
-        PostureTask, RelativeTask, Task,
+        PostureTask, RelativeTask, VelocityTask,
     },
 };
 use motorium_robots::{
@@ -60,7 +60,7 @@ fn the_relative_pose_error_changes_as_its_jacobian_predicts() {
             let mut task = RelativeTask::new(&robot.model, frames.0, frames.1);
             task.set_target(target);
             task.update(&state(robot));
-            (*task.error(), task)
+            (task.error(), task)
         };
         let (v, h) = (motion(&robot, &mut random), 1e-6);
         let rate: Vector6<f64> =

@@ -1,11 +1,10 @@
 //! Limits of the whole wrench of a sole, and friction cones below the first of several levels.
 
+use motorium_control::tasks::{CartesianSettings, CartesianTask, CentreOfMassTask, PostureTask};
 use motorium_control::{
     inverse_dynamics::{
         Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsSettings, WrenchCone,
-        tasks::{
-            CartesianAcceleration, CentreOfMassAcceleration, ContactWrench, Feedback, PostureAcceleration,
-        },
+        tasks::{ContactWrench, Feedback},
     },
     solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
 };
@@ -103,10 +102,10 @@ fn feet_keep_within_their_wrench_cones_whatever_the_tasks_want() {
             let mut feet = robot.feet();
             feet.iter_mut().for_each(|foot| foot.wrench = cone);
             let mut control = InverseDynamics::with_settings(model, feet, InverseDynamicsSettings::default());
-            let mut lean = CentreOfMassAcceleration::new(model, Feedback::critical(5.0));
+            let mut lean = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
             lean.set_target(robot.kinematics.centre_of_mass(model).position + push);
             let mut posture =
-                PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0)).weight(0.1);
+                PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(0.1);
             control.begin(&robot.state(), 1e-3);
             control.add_task(&robot.state(), 0, &mut lean);
             control.add_task(&robot.state(), 0, &mut posture);
@@ -139,7 +138,7 @@ fn a_wrench_cone_of_a_lifted_or_other_foot_is_inactive() {
     assert!(control.contacts().last().unwrap().wrench.is_none());
     control.set_active(2, false);
     control.set_active(0, false);
-    let mut posture = PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0));
+    let mut posture = PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut posture);
     assert!(control.solve().unwrap().slack.is_none());
@@ -164,14 +163,16 @@ fn levels(
     let settings = InverseDynamicsSettings { friction_model, ..InverseDynamicsSettings::default() };
     let sizes = [3, 6, model.joint_count()];
     let mut control = InverseDynamics::with_settings(model, feet, settings).levels(&sizes[..count]);
-    let mut lean = CentreOfMassAcceleration::new(model, Feedback::critical(5.0));
+    let mut lean = CentreOfMassTask::new(model).feedback(Feedback::critical(5.0));
     let centre = robot.kinematics.centre_of_mass(model).position;
     lean.set_target(centre + push);
-    let mut palm =
-        CartesianAcceleration::new(model, model.frame("left_palm").unwrap(), Feedback::critical(8.0));
+    let mut palm = CartesianTask::new(model, model.frame("left_palm").unwrap())
+        .with(CartesianSettings::geometric())
+        .feedback(Feedback::critical(8.0));
     palm.set_target(robot.kinematics.pose(model, palm.frame()));
-    let mut posture =
-        PostureAcceleration::new(model, &vec![0.1; model.joint_count()], Feedback::critical(5.0));
+    let mut posture = PostureTask::new(model, &vec![0.1; model.joint_count()])
+        .feedback(Feedback::critical(5.0))
+        .weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut lean);
     if count > 1 {
@@ -220,7 +221,7 @@ fn a_wrench_task_is_the_same_for_the_contacts_of_a_level() {
     let mut wrench = ContactWrench::new(&control, 1);
     let wanted = Vector3::new(0.0, 0.0, 0.6 * model.mass() * 9.81);
     wrench.set_target(Twist { linear: wanted, angular: Vector3::zeros() });
-    let mut posture = PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0));
+    let mut posture = PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1.0);
     control.begin(&robot.state(), 1e-3);
     control.add_task(&robot.state(), 0, &mut wrench);
     control.add_task(&robot.state(), 1, &mut posture);

@@ -1,12 +1,13 @@
 //! Wrenches of contacts, accelerations that are small, wheels that roll.
 
+use motorium_control::tasks::PostureTask;
 use motorium_control::{
     DifferentialIk, RobotState,
     inverse_dynamics::{
         InverseDynamics,
-        tasks::{AccelerationMinimum, AccelerationTask, ContactWrench, Feedback, PostureAcceleration},
+        tasks::{AccelerationMinimum, AccelerationTask, ContactWrench, Feedback},
     },
-    tasks::{CartesianSettings, CartesianTask, RollingTask, Task},
+    tasks::{CartesianSettings, CartesianTask, RollingTask, VelocityTask},
 };
 use motorium_robots::{BaseMode, Dynamics, Kinematics, LoadOptions, Twist, parse_urdf_with};
 use nalgebra::{DVector, Unit, Vector3};
@@ -20,7 +21,7 @@ fn a_wrench_task_follows_its_target_summed_over_its_points() {
     let model = &robot.model;
     let weight = model.mass() * 9.81;
     let mut control = InverseDynamics::new(model, robot.feet());
-    let mut posture = PostureAcceleration::new(model, &robot.q[7..], Feedback::critical(5.0)).weight(1e-2);
+    let mut posture = PostureTask::new(model, &robot.q[7..]).feedback(Feedback::critical(5.0)).weight(1e-2);
     let mut push = ContactWrench::new(&control, 0).weights(10.0, 100.0);
     let target =
         Twist { linear: Vector3::new(5.0, -3.0, 0.55 * weight), angular: Vector3::new(1.5, -4.0, 0.5) };
@@ -92,13 +93,14 @@ fn the_contact_point_of_a_wheel_moves_as_its_rows_predict() {
             let (axis, normal) =
                 (Unit::new_normalize(random.vector(1.0)), Unit::new_normalize(random.vector(1.0)));
             let mut task = RollingTask::new(model, frame, axis, 0.12).on(normal);
-            task.update(&RobotState { model, kinematics: &robot.kinematics, q: &robot.q });
+            let state = RobotState { model, kinematics: &robot.kinematics, q: &robot.q };
+            VelocityTask::update(&mut task, &state);
             let pose = robot.kinematics.pose(model, frame);
             assert!((task.contact().norm() - 0.12).abs() < 1e-12);
             assert!(task.contact().dot(&(pose.rotation * axis)).abs() < 1e-12);
             assert!(task.contact().dot(&normal) < 0.0, "towards the ground");
             // the point of the wheel that is at the contact now, a little later
-            let on_wheel = pose.rotation.inverse() * *task.contact();
+            let on_wheel = pose.rotation.inverse() * task.contact();
             let v = DVector::from_fn(model.nv(), |_, _| random.within(1.0));
             let at = |h: f64| {
                 let (mut q, mut kinematics) = (robot.q.clone(), Kinematics::new(model));
@@ -135,8 +137,9 @@ fn a_rolling_wheel_turns_by_distance_over_radius() {
     body.set_moving_target(
         nalgebra::Isometry3::identity(),
         Twist { linear: Vector3::new(1.0, 0.5, 0.0), angular: Vector3::zeros() },
+        Twist::zero(),
     );
-    let mut ik = DifferentialIk::new(&model).levels(&[wheel.rows(), body.rows()]);
+    let mut ik = DifferentialIk::new(&model).levels(&[3, 6]);
     ik.begin();
     ik.add_task(&state, 0, &mut wheel);
     ik.add_task(&state, 1, &mut body);

@@ -6,13 +6,12 @@ use nalgebra::{Isometry3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::feedback;
 use super::{
     Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::component::checks::pose_of;
-use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
-use crate::tasks::{CartesianSettings, CartesianTask, Task};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{CartesianSettings, CartesianTask, VelocityTask};
 use crate::{Admittance, AdmittanceSettings, RobotState};
 
 /// Range of masses, dampings and stiffnesses.
@@ -111,6 +110,7 @@ impl AdmittanceConfig {
             max_rotation: place.in_range("max_rotation", self.max_rotation, 0.0..=3.0)?,
         });
         let task = CartesianTask::new(place.model, frame).with(CartesianSettings {
+            error: place.pose_error(),
             gain: place.in_range("gain", self.gain, GAINS)?,
             position_weight: place.in_range("position_weight", self.position_weight, WEIGHTS)?,
             orientation_weight: place.in_range("orientation_weight", self.orientation_weight, WEIGHTS)?,
@@ -154,9 +154,7 @@ impl TaskKind for AdmittanceConfig {
         let (task, sensor, law) = self.build(place)?;
         let (target, wrench) = (setup.input(&self.target)?, setup.input(&self.wrench)?);
         let [gain, mass, damping, stiffness] = self.open(setup)?;
-        let twin = CartesianAcceleration::new(place.model, task.frame(), feedback(self.gain));
         Ok(Box::new(HeldAdmittance {
-            acceleration: place.torque.then_some(twin),
             task,
             law,
             sensor,
@@ -180,7 +178,6 @@ impl TaskKind for AdmittanceConfig {
 /// A frame that yields to the wrenches of one input.
 struct HeldAdmittance {
     task: CartesianTask,
-    acceleration: Option<CartesianAcceleration>,
     law: Admittance,
     sensor: FrameId,
     target: Input<PoseTarget>,
@@ -265,26 +262,16 @@ impl HeldTask for HeldAdmittance {
         let (force, torque) = self.push(bounds.target_timeout_ns);
         self.law.step(&force, &torque, bounds.dt);
         let (pose, velocity, acceleration) = self.law.displace(&self.goal, &self.goal_velocity);
-        self.task.set_moving_target(pose, velocity);
-        if let Some(twin) = &mut self.acceleration {
-            let settings = self.task.settings();
-            let weights = CartesianWeights {
-                position: settings.position_weight,
-                orientation: settings.orientation_weight,
-                ..CartesianWeights::default()
-            };
-            twin.set(feedback(settings.gain), weights);
-            twin.set_moving_target(pose, velocity, acceleration);
-        }
+        self.task.set_moving_target(pose, velocity, acceleration);
         self.largest = self.largest.max(self.law.displacement().norm());
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
+        Some(&mut self.task)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, _: f64) {

@@ -6,17 +6,14 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::feedback;
 use super::impedance::{CartesianImpedanceConfig, Gain};
 use super::{
     AxesConfig, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
     WEIGHTS,
 };
 use crate::component::checks::pose_of;
-use crate::inverse_dynamics::tasks::{
-    AccelerationTask, CartesianAcceleration, CartesianImpedance, CartesianWeights,
-};
-use crate::tasks::{CartesianSettings, CartesianTask, Task};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{CartesianImpedance, CartesianSettings, CartesianTask, VelocityTask};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
 /// A Cartesian task: a frame follows a pose target.
@@ -89,6 +86,7 @@ impl CartesianConfig {
         let frame = place.frame("cartesian", self.frame.as_deref())?;
         let weight = |name, weight| place.in_range(name, weight, WEIGHTS);
         let settings = CartesianSettings {
+            error: place.pose_error(),
             gain: place.in_range("gain", self.gain, GAINS)?,
             position_weight: weight("position_weight", self.position_weight)?,
             orientation_weight: weight("orientation_weight", self.orientation_weight)?,
@@ -173,19 +171,18 @@ impl TaskKind for CartesianConfig {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
         let spring = self.spring(place)?;
-        let (pull, [position_weight, orientation_weight]) = match spring {
+        let (task, pull, [position_weight, orientation_weight]) = match spring {
             None => {
                 let [gain, position, orientation] = self.open(setup)?;
-                (Pull::Gain(gain), [position, orientation])
+                (task, Pull::Gain(gain), [position, orientation])
             }
             Some(spring) => {
                 let [stiffness, damping, position, orientation] = self.open(setup)?;
-                (Pull::Spring { spring, stiffness, damping }, [position, orientation])
+                let task = task.impedance(place.model, spring);
+                (task, Pull::Spring { spring, stiffness, damping }, [position, orientation])
             }
         };
-        let twin = CartesianAcceleration::new(place.model, task.frame(), feedback(self.gain));
         Ok(Box::new(Cartesian {
-            acceleration: place.torque.then_some(twin),
             task,
             input,
             pull,
@@ -210,7 +207,6 @@ enum Pull {
 /// A frame that follows the poses of one input.
 struct Cartesian {
     task: CartesianTask,
-    acceleration: Option<CartesianAcceleration>,
     input: Input<PoseTarget>,
     pull: Pull,
     position_weight: Ramped,
@@ -240,9 +236,6 @@ impl HeldTask for Cartesian {
         if self.current.is_none() {
             let pose = start.kinematics.pose(start.model, self.task.frame());
             self.task.set_target(pose);
-            if let Some(twin) = &mut self.acceleration {
-                twin.set_target(pose);
-            }
         }
     }
 
@@ -257,6 +250,7 @@ impl HeldTask for Cartesian {
             Pull::Spring { spring, stiffness, damping } => {
                 spring.stiffness = stiffness.follow(bounds, fades);
                 spring.damping = damping.follow(bounds, fades);
+                self.task.set_impedance(*spring);
                 self.task.settings().gain
             }
         };
@@ -266,20 +260,6 @@ impl HeldTask for Cartesian {
             orientation_weight: self.orientation_weight.follow(bounds, fades),
             ..*self.task.settings()
         });
-        if let Some(twin) = &mut self.acceleration {
-            let settings = self.task.settings();
-            let weights = CartesianWeights {
-                position: settings.position_weight,
-                orientation: settings.orientation_weight,
-                max_linear_speed: settings.max_linear_speed,
-                max_angular_speed: settings.max_angular_speed,
-                shares: settings.shares,
-            };
-            twin.set(feedback(settings.gain), weights);
-            if let Pull::Spring { spring, .. } = &self.pull {
-                twin.set_impedance(*spring);
-            }
-        }
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
@@ -296,19 +276,16 @@ impl HeldTask for Cartesian {
             angular: Vector3::from(target.angular_velocity),
         };
         let velocity = if fresh { velocity } else { Twist::zero() };
-        self.task.set_moving_target(pose, velocity);
-        if let Some(twin) = &mut self.acceleration {
-            twin.set_moving_target(pose, velocity, Twist::zero());
-        }
+        self.task.set_moving_target(pose, velocity, Twist::zero());
         self.current = Some(target);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
+        Some(&mut self.task)
     }
 
     fn while_lifted(&self) -> Option<usize> {

@@ -5,12 +5,11 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::feedback;
 use super::{
     Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
-use crate::inverse_dynamics::tasks::{AccelerationTask, CentreOfMassAcceleration};
-use crate::tasks::{CentreOfMassSettings, CentreOfMassTask, Task};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{CentreOfMassSettings, CentreOfMassTask, VelocityTask};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
 /// A centre-of-mass task: the centre of mass of the robot follows a point.
@@ -104,11 +103,7 @@ impl TaskKind for CentreOfMassConfig {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
         let [gain, weight] = self.open(setup)?;
-        let twin = CentreOfMassAcceleration::new(place.model, feedback(self.gain))
-            .shares(self.shares)
-            .max_speed(task.settings().max_speed);
         Ok(Box::new(CentreOfMass {
-            acceleration: place.torque.then_some(twin),
             task,
             input,
             gain,
@@ -126,7 +121,6 @@ impl TaskKind for CentreOfMassConfig {
 /// A centre of mass that follows the positions of one input.
 struct CentreOfMass {
     task: CentreOfMassTask,
-    acceleration: Option<CentreOfMassAcceleration>,
     input: Input<PoseTarget>,
     gain: Ramped,
     weight: Ramped,
@@ -141,9 +135,6 @@ impl HeldTask for CentreOfMass {
         if self.current.is_none() {
             let position = start.kinematics.centre_of_mass(start.model).position;
             self.task.set_target(position);
-            if let Some(twin) = &mut self.acceleration {
-                twin.set_target(position);
-            }
         }
     }
 
@@ -158,29 +149,22 @@ impl HeldTask for CentreOfMass {
             weight: self.weight.follow(bounds, fades),
             ..*self.task.settings()
         });
-        if let Some(twin) = &mut self.acceleration {
-            twin.set(feedback(self.task.settings().gain), self.task.settings().weight);
-        }
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let velocity = if fresh { Vector3::from(target.linear_velocity) } else { Vector3::zeros() };
-        let position = Vector3::from(target.position);
-        self.task.set_moving_target(position, velocity);
-        if let Some(twin) = &mut self.acceleration {
-            twin.set_moving_target(position, velocity, Vector3::zeros());
-        }
+        self.task.set_moving_target(Vector3::from(target.position), velocity, Vector3::zeros());
         self.current = Some(target);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
+        Some(&mut self.task)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::{Fades, HeldTask, TaskBounds, TaskConfig, TaskHead, TaskKind, TaskParameter, TaskPlace};
 use crate::inverse_dynamics::tasks::AccelerationTask;
-use crate::tasks::Task;
+use crate::tasks::VelocityTask;
 use crate::{GoalRecord, RobotState};
 
 /// A task as a constraint: it holds exactly, above all levels. Rows with zero weight stay free; otherwise
@@ -82,7 +82,7 @@ impl HeldTask for Constraint {
         self.0.prepare(bounds);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         self.0.task()
     }
 

@@ -5,12 +5,11 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::feedback;
 use super::{
     Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
-use crate::inverse_dynamics::tasks::{AccelerationTask, GazeAcceleration};
-use crate::tasks::{GazeSettings, GazeTask, Task};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{GazeSettings, GazeTask, VelocityTask};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
 /// Distance of the virtual target used when no target is set, m; large enough that frame motion does not
@@ -109,10 +108,7 @@ impl TaskKind for GazeConfig {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
         let [gain, weight] = self.open(setup)?;
-        let twin = GazeAcceleration::new(place.model, task.frame(), *task.axis(), feedback(self.gain))
-            .max_speed(task.settings().max_speed);
         Ok(Box::new(Gaze {
-            acceleration: place.torque.then_some(twin),
             task,
             input,
             gain,
@@ -129,7 +125,6 @@ impl TaskKind for GazeConfig {
 /// An axis that points at the positions of one input.
 struct Gaze {
     task: GazeTask,
-    acceleration: Option<GazeAcceleration>,
     input: Input<PoseTarget>,
     gain: Ramped,
     weight: Ramped,
@@ -142,11 +137,7 @@ impl HeldTask for Gaze {
         if self.current.is_none() {
             let pose = start.kinematics.pose(start.model, self.task.frame());
             let ahead = pose.rotation * self.task.axis().into_inner();
-            let far = pose.translation.vector + ahead * FAR;
-            self.task.set_target(far);
-            if let Some(twin) = &mut self.acceleration {
-                twin.set_target(far);
-            }
+            self.task.set_target(pose.translation.vector + ahead * FAR);
         }
     }
 
@@ -161,9 +152,6 @@ impl HeldTask for Gaze {
             weight: self.weight.follow(bounds, fades),
             ..*self.task.settings()
         });
-        if let Some(twin) = &mut self.acceleration {
-            twin.set(feedback(self.task.settings().gain), self.task.settings().weight);
-        }
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
@@ -171,18 +159,15 @@ impl HeldTask for Gaze {
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let velocity = if fresh { Vector3::from(target.linear_velocity) } else { Vector3::zeros() };
         self.task.set_moving_target(Vector3::from(target.position), velocity);
-        if let Some(twin) = &mut self.acceleration {
-            twin.set_moving_target(Vector3::from(target.position), velocity);
-        }
         self.current = Some(target);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
+        Some(&mut self.task)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {

@@ -1,12 +1,10 @@
 //! Running tasks: their common interface, and tasks that only have parameters.
 
-use motorium::prelude::*;
-
-use super::{Fades, Ramped, TaskPlace};
+use super::{Fades, Ramped, TaskBounds};
 use crate::inverse_dynamics::InverseDynamics;
-use crate::inverse_dynamics::tasks::{AccelerationTask, JointVelocities, JointVelocityAcceleration};
+use crate::inverse_dynamics::tasks::AccelerationTask;
 use crate::limits::RowLimit;
-use crate::tasks::Task;
+use crate::tasks::{Task, VelocityTask};
 use crate::{GoalRecord, RobotState};
 
 /// A task with its name and the place of its level.
@@ -45,7 +43,7 @@ pub(in crate::component) trait HeldTask {
     fn prepare(&mut self, _bounds: &TaskBounds) {}
 
     /// Returns the velocity cost of the task; `None` for a task of inverse dynamics only.
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         None
     }
 
@@ -95,102 +93,25 @@ pub(in crate::component) trait HeldTask {
     }
 }
 
-/// Bounds that a controller sets to its tasks.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::component) struct TaskBounds {
-    /// True in the first step at a state.
-    pub(in crate::component) begins: bool,
-    /// Duration of parameter ramps, s.
-    pub(in crate::component) ramp: f64,
-    /// Time since the previous step, s.
-    pub(in crate::component) dt: f64,
-    /// The largest gain: half the tick rate, 1/s.
-    pub(in crate::component) max_gain: f64,
-    /// Age beyond which a target is treated as stationary, ns.
-    pub(in crate::component) target_timeout_ns: u64,
-}
-
-/// The form of a task for the formulation of its controller.
-pub(super) enum Form<V, A> {
-    /// On velocities.
-    Velocity(V),
-    /// On accelerations.
-    Torque(A),
-}
-
-impl<V: Task, A: AccelerationTask> Form<V, A> {
-    /// The cost on velocities, of a form for them.
-    pub(super) fn task(&mut self) -> Option<&mut dyn Task> {
-        match self {
-            Self::Velocity(task) => Some(task),
-            Self::Torque(_) => None,
-        }
-    }
-
-    /// The cost on accelerations, of a form for them.
-    pub(super) fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        match self {
-            Self::Velocity(_) => None,
-            Self::Torque(task) => Some(task),
-        }
-    }
-}
-
-/// A velocity task; `apply` sets its parameters before each step.
-pub(super) struct OnVelocities<T, const N: usize> {
+/// A task in both formulations; `apply` sets its parameters before each step.
+pub(super) struct OnMotions<T, const N: usize> {
     pub(super) task: T,
     pub(super) parameters: [Ramped; N],
     pub(super) apply: fn(&mut T, [f64; N], &TaskBounds),
 }
 
-impl<T: Task + Send + 'static, const N: usize> HeldTask for OnVelocities<T, N> {
+impl<T: Task + Send + 'static, const N: usize> HeldTask for OnMotions<T, N> {
     fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
         let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         (self.apply)(&mut self.task, values, bounds);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
-    }
-}
-
-/// A task on joint velocities, in the formulation of its controller.
-pub(super) fn on_joints<T: JointVelocities + Send + 'static, const N: usize>(
-    place: &TaskPlace<'_>,
-    rate: Option<f64>,
-    task: T,
-    parameters: [Ramped; N],
-    apply: fn(&mut T, [f64; N]),
-) -> Result<Box<dyn HeldTask>, ConfigError> {
-    if !place.torque {
-        return Ok(Box::new(OnJoints { task: Form::Velocity(task), parameters, apply }));
-    }
-    let task = JointVelocityAcceleration::new(place.model, task, place.rate(rate)?);
-    Ok(Box::new(OnJoints { task: Form::Torque(task), parameters, apply }))
-}
-
-/// A task that commands joint velocities; `apply` sets its parameters before each step.
-struct OnJoints<T, const N: usize> {
-    task: Form<T, JointVelocityAcceleration<T>>,
-    parameters: [Ramped; N],
-    apply: fn(&mut T, [f64; N]),
-}
-
-impl<T: JointVelocities + Send + 'static, const N: usize> HeldTask for OnJoints<T, N> {
-    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
-        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
-        match &mut self.task {
-            Form::Velocity(task) => (self.apply)(task, values),
-            Form::Torque(task) => (self.apply)(task.task_mut(), values),
-        }
-    }
-
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        self.task.task()
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.task.acceleration()
+        Some(&mut self.task)
     }
 }
 

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::{TaskParameter, TaskPlace};
 use crate::component::checks::per_joint;
-use crate::inverse_dynamics::tasks::CartesianImpedance;
+use crate::tasks::CartesianImpedance;
 
 /// Range of every stiffness and damping.
 const FIGURES: core::ops::RangeInclusive<f64> = 0.0..=1e6;

@@ -5,7 +5,7 @@ use motorium_robots::TaskRows;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::on_joints;
+use super::held::OnMotions;
 use super::{ActsOn, HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::tasks::{ManipulabilityTask, Measure};
 
@@ -72,12 +72,13 @@ impl ManipulabilityConfig {
         };
         let gain = place.in_range("gain", self.gain, WEIGHTS)?;
         let weight = place.in_range("weight", self.weight, WEIGHTS)?;
-        place.rate(self.rate)?;
+        let rate = place.rate(self.rate)?;
         let speed = place.in_range("max_speed", self.max_speed, 1e-6..=f64::MAX)?;
         Ok(ManipulabilityTask::new(place.model, frame, rows)
             .with_measure(self.of)
             .with(gain, weight)
-            .max_speed(speed))
+            .max_speed(speed)
+            .rate(rate))
     }
 }
 
@@ -103,7 +104,10 @@ impl TaskKind for ManipulabilityConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let apply = |task: &mut ManipulabilityTask, [gain, weight]: [f64; 2]| task.set(gain, weight);
-        Ok(on_joints(place, self.rate, self.build(place)?, self.open(setup)?, apply)?)
+        Ok(Box::new(OnMotions {
+            task: self.build(place)?,
+            parameters: self.open(setup)?,
+            apply: |task, [gain, weight], _| task.set(gain, weight),
+        }))
     }
 }

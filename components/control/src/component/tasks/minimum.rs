@@ -4,14 +4,14 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::{OnAccelerations, on_joints};
+use super::held::{OnAccelerations, OnMotions};
 use super::{
     ActsOn, Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
     WEIGHTS,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationMinimum, ForceRegularisation, TorqueMinimum};
-use crate::tasks::{MinimumEffortTask, MinimumVelocityTask, Task};
+use crate::tasks::{MinimumEffortTask, MinimumVelocityTask, VelocityTask};
 
 /// A minimum task: velocities, accelerations, efforts, torques or contact forces are small.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -103,15 +103,16 @@ impl TaskKind for MinimumConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let model = place.model;
         Ok(match self.of {
-            MinimumOf::Velocity => {
-                let apply = |task: &mut MinimumVelocityTask, [weight]: [f64; 1]| task.set_weight(weight);
-                on_joints(place, self.rate, MinimumVelocityTask::new(model), self.open(setup)?, apply)?
-            }
-            MinimumOf::Effort => {
-                let apply = |task: &mut MinimumEffortTask, [weight, gain]: [f64; 2]| task.set(gain, weight);
-                let task = MinimumEffortTask::new(model, place.gravity);
-                on_joints(place, self.rate, task, self.open(setup)?, apply)?
-            }
+            MinimumOf::Velocity => Box::new(OnMotions {
+                task: MinimumVelocityTask::new(model).rate(place.rate(self.rate)?),
+                parameters: self.open(setup)?,
+                apply: |task, [weight], _| task.set_weight(weight),
+            }),
+            MinimumOf::Effort => Box::new(OnMotions {
+                task: MinimumEffortTask::new(model, place.gravity).rate(place.rate(self.rate)?),
+                parameters: self.open(setup)?,
+                apply: |task, [weight, gain], _| task.set(gain, weight),
+            }),
             MinimumOf::Acceleration if place.torque => Box::new(OnAccelerations {
                 task: AccelerationMinimum::new(model),
                 parameters: self.open(setup)?,
@@ -154,7 +155,7 @@ impl HeldTask for Smooth {
         self.task.set_weight(self.weight.follow(bounds, fades));
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 

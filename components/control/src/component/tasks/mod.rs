@@ -26,13 +26,13 @@ mod rolling;
 mod unicycle;
 
 pub use axes::{AxesConfig, SharesConfig};
-pub(super) use held::{Held, HeldTask, TaskBounds};
+pub(super) use held::{Held, HeldTask};
 pub use impedance::{CartesianImpedanceConfig, JointImpedanceConfig};
 pub use manipulability::ManipulabilityRows;
 pub use minimum::MinimumOf;
 pub(super) use place::TaskPlace;
-pub(super) use ramp::Fades;
 use ramp::Ramped;
+pub(super) use ramp::{Fades, TaskBounds};
 
 use core::ops::RangeInclusive;
 
@@ -40,8 +40,6 @@ use motorium::prelude::*;
 use motorium_robots::World;
 use schemars::JsonSchema;
 use serde::Deserialize;
-
-use crate::inverse_dynamics::tasks::Feedback;
 
 /// Range of every gain, 1/s.
 const GAINS: RangeInclusive<f64> = 0.0..=1000.0;
@@ -255,9 +253,4 @@ pub(super) enum ActsOn {
     Joints,
     /// Contact forces and torques.
     Forces,
-}
-
-/// Acceleration-level feedback of a task whose error decays at the rate `gain` \[1/s\].
-fn feedback(gain: f64) -> Feedback {
-    Feedback::critical(gain)
 }

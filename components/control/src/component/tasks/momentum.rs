@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::held::OnAccelerations;
 use super::{Formulations, GAINS, HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
-use crate::inverse_dynamics::tasks::MomentumRate;
+use crate::tasks::MomentumTask;
 
 /// A momentum task: the momentum of the whole robot about its centre of mass comes to rest.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -31,11 +31,11 @@ impl Default for MomentumConfig {
 }
 
 impl MomentumConfig {
-    fn build(&self, place: &TaskPlace<'_>) -> Result<MomentumRate, ConfigError> {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<MomentumTask, ConfigError> {
         let gain = place.in_range("gain", self.gain, GAINS)?;
         let linear = place.in_range("linear_weight", self.linear_weight, WEIGHTS)?;
         let angular = place.in_range("angular_weight", self.angular_weight, WEIGHTS)?;
-        Ok(MomentumRate::angular(place.model, gain).weights(linear, angular))
+        Ok(MomentumTask::angular(place.model).rate(gain).weights(linear, angular))
     }
 }
 

@@ -9,6 +9,7 @@ use nalgebra::{Unit, Vector3};
 use super::{GAINS, RATE};
 use crate::component::checks;
 use crate::inverse_dynamics::Contact;
+use crate::tasks::PoseError;
 
 /// The robot a task is for, and the place of the task in the configuration.
 pub(in crate::component) struct TaskPlace<'a> {
@@ -102,6 +103,11 @@ impl<'a> TaskPlace<'a> {
         }
         let rate = self.in_range("rate", given.unwrap_or(RATE), GAINS)?;
         Ok(if self.period > 0.0 { rate.min(0.5 / self.period) } else { rate })
+    }
+
+    /// The form of the errors of poses: velocities move frames along screws, torques along straight lines.
+    pub(super) fn pose_error(&self) -> PoseError {
+        if self.torque { PoseError::Geometric } else { PoseError::Logarithm }
     }
 
     /// Maximum speed of a correction; infinite if not given.

@@ -6,15 +6,14 @@ use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::feedback;
 use super::impedance::{Gain, JointImpedanceConfig};
 use super::{
     ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::RobotState;
 use crate::component::checks::per_joint;
-use crate::inverse_dynamics::tasks::{AccelerationTask, PostureAcceleration};
-use crate::tasks::{PostureSettings, PostureTask, Task};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{PostureSettings, PostureTask, VelocityTask};
 
 /// A posture task: the joints keep a posture.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -116,32 +115,23 @@ impl TaskKind for PostureConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, from_start) = self.build(place)?;
         let takes_start = from_start;
-        let twin = PostureAcceleration::new(place.model, task.target(), feedback(self.gain));
-        let (twin, gain, weight) = match self.springs(place)? {
+        let (task, gain, weight) = match self.springs(place)? {
             None => {
                 let [gain, weight] = self.open(setup)?;
-                (twin, Some(gain), weight)
+                (task, Some(gain), weight)
             }
             Some([stiffness, damping]) => {
                 let [weight] = self.open(setup)?;
-                (twin.impedance(&stiffness, &damping), None, weight)
+                (task.impedance(place.model, &stiffness, &damping), None, weight)
             }
         };
-        Ok(Box::new(Posture {
-            acceleration: place.torque.then_some(twin),
-            task,
-            takes_start,
-            from_start,
-            gain,
-            weight,
-        }))
+        Ok(Box::new(Posture { task, takes_start, from_start, gain, weight }))
     }
 }
 
 /// A task that keeps the joints at a posture.
 struct Posture {
     task: PostureTask,
-    acceleration: Option<PostureAcceleration>,
     /// `true` if the posture is defined by the first joint state.
     takes_start: bool,
     /// `true` until the posture has been set from the first joint state.
@@ -154,11 +144,7 @@ struct Posture {
 impl HeldTask for Posture {
     fn begin(&mut self, start: &RobotState<'_>) {
         if self.from_start {
-            let joints = start.model.joints_of_q(start.q);
-            self.task.set_target(joints);
-            if let Some(twin) = &mut self.acceleration {
-                twin.set_target(joints);
-            }
+            self.task.set_target(start.model.joints_of_q(start.q));
             self.from_start = false;
         }
     }
@@ -172,16 +158,13 @@ impl HeldTask for Posture {
         let gain = gain.unwrap_or(self.task.settings().gain);
         let weight = self.weight.follow(bounds, fades);
         self.task.set_settings(PostureSettings { gain, weight });
-        if let Some(twin) = &mut self.acceleration {
-            twin.set(feedback(gain), weight);
-        }
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
         Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
+        Some(&mut self.task)
     }
 }

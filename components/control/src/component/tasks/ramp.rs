@@ -2,7 +2,20 @@
 
 use motorium::prelude::*;
 
-use super::TaskBounds;
+/// Bounds that a controller sets to its tasks.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::component) struct TaskBounds {
+    /// True in the first step at a state.
+    pub(in crate::component) begins: bool,
+    /// Duration of parameter ramps, s.
+    pub(in crate::component) ramp: f64,
+    /// Time since the previous step, s.
+    pub(in crate::component) dt: f64,
+    /// The largest gain: half the tick rate, 1/s.
+    pub(in crate::component) max_gain: f64,
+    /// Age beyond which a target is treated as stationary, ns.
+    pub(in crate::component) target_timeout_ns: u64,
+}
 
 /// Difference of two presences that is rounding.
 const SAME: f64 = 1e-9;

@@ -1,20 +1,17 @@
 //! The relative task of `control.qp`.
 
 use motorium::prelude::*;
-use motorium_robots::FrameId;
 use nalgebra::Isometry3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::Form;
 use super::{
-    ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
-    WEIGHTS, feedback,
+    ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::RobotState;
 use crate::component::checks::pose_of;
-use crate::inverse_dynamics::tasks::{AccelerationTask, RelativeAcceleration};
-use crate::tasks::{RelativeSettings, RelativeTask, Task};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{RelativeSettings, RelativeTask, VelocityTask};
 
 /// A relative task: a frame reaches a pose in another frame of the same robot.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -41,7 +38,7 @@ pub struct RelativeConfig {
 
 impl Default for RelativeConfig {
     fn default() -> Self {
-        let RelativeSettings { gain, position_weight, orientation_weight } = RelativeSettings::default();
+        let RelativeSettings { gain, position_weight, orientation_weight, .. } = RelativeSettings::default();
         Self {
             name: "relative".to_owned(),
             level: 1,
@@ -64,6 +61,7 @@ impl RelativeConfig {
             return Err(ConfigError::key(place.key("other"), message).advise("name another link"));
         }
         Ok(RelativeTask::new(place.model, other, frame).with(RelativeSettings {
+            error: place.pose_error(),
             gain: place.in_range("gain", self.gain, GAINS)?,
             position_weight: place.in_range("position_weight", self.position_weight, WEIGHTS)?,
             orientation_weight: place.in_range("orientation_weight", self.orientation_weight, WEIGHTS)?,
@@ -108,11 +106,8 @@ impl TaskKind for RelativeConfig {
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, input, parameters) = (self.build(place)?, setup.input(&self.target)?, self.open(setup)?);
-        let frames = task.frames();
-        let twin = RelativeAcceleration::new(place.model, frames.0, frames.1, feedback(self.gain));
         Ok(Box::new(Relative {
-            frames,
-            task: if place.torque { Form::Torque(twin) } else { Form::Velocity(task) },
+            task,
             input,
             parameters,
             target: None,
@@ -125,9 +120,7 @@ impl TaskKind for RelativeConfig {
 
 /// A frame that follows poses relative to another frame.
 struct Relative {
-    /// The reference frame and the moving frame.
-    frames: (FrameId, FrameId),
-    task: Form<RelativeTask, RelativeAcceleration>,
+    task: RelativeTask,
     input: Input<PoseTarget>,
     /// Gain, and weights of position and orientation.
     parameters: [Ramped; 3],
@@ -142,24 +135,9 @@ struct Relative {
 }
 
 impl Relative {
-    fn set_target(&mut self, target: Isometry3<f64>) {
-        match &mut self.task {
-            Form::Velocity(task) => task.set_target(target),
-            Form::Torque(task) => task.set_target(target),
-        }
-    }
-
-    fn target(&self) -> &Isometry3<f64> {
-        match &self.task {
-            Form::Velocity(task) => task.target(),
-            Form::Torque(task) => task.target(),
-        }
-    }
-
     /// The pose of the frame in the other one.
     fn pose(&self, state: &RobotState<'_>) -> Isometry3<f64> {
-        let (a, b) = self.frames;
-        let [a, b] = [a, b].map(|frame| state.kinematics.pose(state.model, frame));
+        let [a, b] = self.task.frames().map(|frame| state.kinematics.pose(state.model, frame));
         a.inv_mul(&b)
     }
 }
@@ -167,7 +145,7 @@ impl Relative {
 impl HeldTask for Relative {
     fn begin(&mut self, start: &RobotState<'_>) {
         if self.target.is_none() {
-            self.set_target(self.pose(start));
+            self.task.set_target(self.pose(start));
         }
     }
 
@@ -179,12 +157,8 @@ impl HeldTask for Relative {
         let [gain, position_weight, orientation_weight] =
             self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         let gain = gain.min(bounds.max_gain);
-        match &mut self.task {
-            Form::Velocity(task) => {
-                task.set_settings(RelativeSettings { gain, position_weight, orientation_weight });
-            }
-            Form::Torque(task) => task.set(feedback(gain), position_weight, orientation_weight),
-        }
+        let settings = *self.task.settings();
+        self.task.set_settings(RelativeSettings { gain, position_weight, orientation_weight, ..settings });
     }
 
     fn prepare(&mut self, _: &TaskBounds) {
@@ -193,20 +167,20 @@ impl HeldTask for Relative {
             self.refused += 1;
             return;
         };
-        self.set_target(target);
+        self.task.set_target(target);
         self.target = Some(target);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        self.task.task()
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
+        Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.task.acceleration()
+        Some(&mut self.task)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, _: f64) {
-        let off = self.pose(measured).inv_mul(self.target());
+        let off = self.pose(measured).inv_mul(self.task.target());
         self.error = Some((off.translation.vector.norm(), off.rotation.angle()));
     }
 

@@ -5,14 +5,12 @@ use motorium::state::TwistTarget;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::Form;
 use super::{
-    ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
-    WEIGHTS, feedback,
+    ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::RobotState;
-use crate::inverse_dynamics::tasks::{AccelerationTask, RigidRotationAcceleration};
-use crate::tasks::{RigidRotationTask, Task};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{RigidRotationTask, VelocityTask};
 
 /// A rigid rotation task: a steered wheel turns until it rolls in the direction in which its base moves it.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -65,13 +63,6 @@ impl RigidRotationConfig {
         let weight = place.in_range("weight", self.weight, WEIGHTS)?;
         Ok(RigidRotationTask::new(place.model, wheel, base, axis).on(normal).with(gain, weight))
     }
-
-    fn build_acceleration(&self, place: &TaskPlace<'_>) -> Result<RigidRotationAcceleration, ConfigError> {
-        let [wheel, base] =
-            [place.named_frame("frame", &self.frame)?, place.named_frame("base", &self.base)?];
-        let [axis, normal] = [place.axis("axis", self.axis)?, place.axis("normal", self.normal)?];
-        Ok(RigidRotationAcceleration::new(place.model, wheel, base, axis, feedback(self.gain)).on(normal))
-    }
 }
 
 impl TaskKind for RigidRotationConfig {
@@ -105,17 +96,13 @@ impl TaskKind for RigidRotationConfig {
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, input, parameters) = (self.build(place)?, setup.input(&self.target)?, self.open(setup)?);
-        let task = match place.torque {
-            false => Form::Velocity(task),
-            true => Form::Torque(self.build_acceleration(place)?),
-        };
         Ok(Box::new(RigidRotation { task, input, parameters, error: 0.0 }))
     }
 }
 
 /// A wheel that points in the direction of motion of its base.
 struct RigidRotation {
-    task: Form<RigidRotationTask, RigidRotationAcceleration>,
+    task: RigidRotationTask,
     input: Input<TwistTarget>,
     /// Gain and weight.
     parameters: [Ramped; 2],
@@ -129,36 +116,26 @@ impl HeldTask for RigidRotation {
 
     fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
         let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
-        let gain = gain.min(bounds.max_gain);
-        match &mut self.task {
-            Form::Velocity(task) => task.set(gain, weight),
-            Form::Torque(task) => task.set(feedback(gain), weight),
-        }
+        self.task.set(gain.min(bounds.max_gain), weight);
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
         let [x, y, yaw] =
             fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]]);
-        match &mut self.task {
-            Form::Velocity(task) => task.set_twist(x, y, yaw),
-            Form::Torque(task) => task.set_twist(x, y, yaw),
-        }
+        self.task.set_twist(x, y, yaw);
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        self.task.task()
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
+        Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.task.acceleration()
+        Some(&mut self.task)
     }
 
     fn record(&mut self, _: &RobotState<'_>, _: f64) {
-        self.error = match &self.task {
-            Form::Velocity(task) => task.error(),
-            Form::Torque(task) => task.error(),
-        };
+        self.error = self.task.error();
     }
 
     fn result(&self) -> Option<serde_json::Value> {

@@ -4,9 +4,8 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::{OnAccelerations, OnVelocities};
+use super::held::OnMotions;
 use super::{ActsOn, HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
-use crate::inverse_dynamics::tasks::RollingAcceleration;
 use crate::tasks::RollingTask;
 
 /// A rolling task: the point of a wheel that touches the ground rests.
@@ -53,8 +52,8 @@ impl RollingConfig {
         let (axis, normal) = (place.axis("axis", self.axis)?, place.axis("normal", self.normal)?);
         let radius = place.in_range("radius", self.radius, 1e-6..=1e3)?;
         let weight = place.in_range("weight", self.weight, WEIGHTS)?;
-        place.rate(self.rate)?;
-        Ok(RollingTask::new(place.model, frame, axis, radius).on(normal).weight(weight))
+        let rate = place.rate(self.rate)?;
+        Ok(RollingTask::new(place.model, frame, axis, radius).on(normal).weight(weight).rate(rate))
     }
 }
 
@@ -83,15 +82,10 @@ impl TaskKind for RollingConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let (task, parameters) = (self.build(place)?, self.open(setup)?);
-        if !place.torque {
-            let apply = |task: &mut RollingTask, [weight]: [f64; 1], _: &_| task.set_weight(weight);
-            return Ok(Box::new(OnVelocities { task, parameters, apply }));
-        }
-        let [axis, normal] = [place.axis("axis", self.axis)?, place.axis("normal", self.normal)?];
-        let frame = place.named_frame("frame", &self.frame)?;
-        let rate = place.rate(self.rate)?;
-        let task = RollingAcceleration::new(place.model, frame, axis, self.radius, rate).on(normal);
-        Ok(Box::new(OnAccelerations { task, parameters, apply: |task, [weight], _| task.set_weight(weight) }))
+        Ok(Box::new(OnMotions {
+            task: self.build(place)?,
+            parameters: self.open(setup)?,
+            apply: |task, [weight], _| task.set_weight(weight),
+        }))
     }
 }

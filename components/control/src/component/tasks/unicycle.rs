@@ -5,10 +5,9 @@ use motorium::state::TwistTarget;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::Form;
 use super::{Fades, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
-use crate::inverse_dynamics::tasks::{AccelerationTask, UnicycleAcceleration};
-use crate::tasks::{Task, UnicycleSettings, UnicycleTask};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::{UnicycleSettings, UnicycleTask, VelocityTask};
 
 /// A unicycle task: a frame moves forward and turns as commanded, and never sideways.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -53,14 +52,15 @@ impl Default for UnicycleConfig {
 impl UnicycleConfig {
     fn build(&self, place: &TaskPlace<'_>) -> Result<UnicycleTask, ConfigError> {
         let weight = |name, weight| place.in_range(name, weight, WEIGHTS);
-        place.rate(self.rate)?;
+        let rate = place.rate(self.rate)?;
         let settings = UnicycleSettings {
             forward_weight: weight("forward_weight", self.forward_weight)?,
             sideways_weight: weight("sideways_weight", self.sideways_weight)?,
             yaw_weight: weight("yaw_weight", self.yaw_weight)?,
             ..UnicycleSettings::default()
         };
-        Ok(UnicycleTask::new(place.model, place.named_frame("frame", &self.frame)?).with(settings))
+        let frame = place.named_frame("frame", &self.frame)?;
+        Ok(UnicycleTask::new(place.model, frame).with(settings).rate(rate))
     }
 }
 
@@ -108,61 +108,37 @@ impl TaskKind for UnicycleConfig {
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, input, weights) = (self.build(place)?, setup.input(&self.target)?, self.open(setup)?);
-        let task = match place.torque {
-            false => Form::Velocity(task),
-            true => Form::Torque(UnicycleAcceleration::new(
-                place.model,
-                place.named_frame("frame", &self.frame)?,
-                place.rate(self.rate)?,
-            )),
-        };
         Ok(Box::new(Unicycle { task, input, weights }))
     }
 }
 
 /// A frame driven by an input.
 struct Unicycle {
-    task: Form<UnicycleTask, UnicycleAcceleration>,
+    task: UnicycleTask,
     input: Input<TwistTarget>,
     /// Of forward, sideways and yaw.
     weights: [Ramped; 3],
-}
-
-impl Unicycle {
-    fn settings(&self) -> UnicycleSettings {
-        match &self.task {
-            Form::Velocity(task) => *task.settings(),
-            Form::Torque(task) => *task.settings(),
-        }
-    }
-
-    fn set(&mut self, settings: UnicycleSettings) {
-        match &mut self.task {
-            Form::Velocity(task) => task.set_settings(settings),
-            Form::Torque(task) => task.set_settings(settings),
-        }
-    }
 }
 
 impl HeldTask for Unicycle {
     fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
         let [forward_weight, sideways_weight, yaw_weight] =
             self.weights.each_mut().map(|parameter| parameter.follow(bounds, fades));
-        let settings = UnicycleSettings { forward_weight, sideways_weight, yaw_weight, ..self.settings() };
-        self.set(settings);
+        let settings = *self.task.settings();
+        self.task.set_settings(UnicycleSettings { forward_weight, sideways_weight, yaw_weight, ..settings });
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
         let (forward, yaw_rate) = fresh.map_or((0.0, 0.0), |target| (target.linear[0], target.angular[2]));
-        self.set(UnicycleSettings { forward, yaw_rate, ..self.settings() });
+        self.task.set_settings(UnicycleSettings { forward, yaw_rate, ..*self.task.settings() });
     }
 
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        self.task.task()
+    fn task(&mut self) -> Option<&mut dyn VelocityTask> {
+        Some(&mut self.task)
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        self.task.acceleration()
+        Some(&mut self.task)
     }
 }

@@ -1,11 +1,8 @@
 //! `control.qp` that computes torques: whole-body inverse dynamics.
 
-mod config;
 mod diagnostics;
 mod solve;
 mod switches;
-
-pub use config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -15,15 +12,14 @@ use motorium_robots::Gains;
 use super::config::QpControllerConfig;
 use super::conflicts::ConstraintRows;
 use super::diagnostics_output::{DiagnosticsOutput, push_name};
+use super::dynamics_config::{InfeasiblePolicy, InverseDynamicsConfig};
 use super::measured::{Freshness, MeasuredState};
 use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Fades, Held, TaskBounds};
 use super::{period_ns, results};
 use crate::JointSetpoint;
-use crate::inverse_dynamics::{
-    Conflicting, DynamicsRows, InverseDynamics, InverseDynamicsSettings, JointAccelerationLimits,
-};
+use crate::inverse_dynamics::{Conflicting, DynamicsRows, InverseDynamics, JointAccelerationLimits};
 use diagnostics::Diagnostics;
 use switches::ContactSwitches;
 
@@ -74,7 +70,8 @@ impl TorqueController {
         parts: &ControllerSetup,
         declare: &mut Declare,
     ) -> Result<(), ConfigError> {
-        config.settings(&QpControllerConfig::default())?;
+        let QpControllerConfig { gravity, damping, limits, .. } = QpControllerConfig::default();
+        config.settings(gravity, damping, &limits)?;
         let contacts = config.contacts(&parts.model, parts.profile.as_ref())?;
         ContactSwitches::declare(&contacts, parts, declare);
         Ok(())
@@ -100,7 +97,7 @@ impl TorqueController {
             *of += task.rows();
         }
         let contacts = table.contacts(&parts.model, parts.profile.as_ref())?;
-        let settings: InverseDynamicsSettings = table.settings(config)?;
+        let settings = table.settings(config.gravity, config.damping, &config.limits)?;
         let objects = MovingObjects::configure(config, &parts, setup)?;
         let (damping, fades) = (parts.level_damping(config)?, Fades::new(parts.parameter_count()));
         let loads = (parts.model.mass() * settings.gravity.norm(), table.contact_ramp.as_secs_f64());

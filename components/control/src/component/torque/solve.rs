@@ -1,6 +1,7 @@
 //! Accelerations and torques of one step.
 
-use super::{InfeasiblePolicy, TorqueController};
+use super::TorqueController;
+use crate::component::dynamics_config::InfeasiblePolicy;
 use crate::component::tasks::TaskBounds;
 use crate::inverse_dynamics::InverseDynamicsError;
 

@@ -1,9 +1,9 @@
 //! Certificates of infeasibility: a combination of members that contradicts a constraint.
 
 use super::constraints::name;
-use super::iterate::Run;
 use super::kernels::{Arithmetic, largest};
 use super::rounds::POOR;
+use super::run::Run;
 use super::working_set::NO_RATE;
 use crate::solver::{Conflict, Problem, SolveError};
 

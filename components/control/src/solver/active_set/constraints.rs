@@ -1,7 +1,7 @@
 //! The constraints of a problem by number: equalities first, then rows, then bounds.
 
-use super::iterate::Run;
 use super::kernels::Arithmetic;
+use super::run::Run;
 use crate::solver::{Accuracy, Constraint, Side};
 
 /// Share of the terms of a sum that is rounding.

@@ -5,9 +5,9 @@ use pulp::{Simd, WithSimd};
 use super::constraints::Violated;
 use super::kernels::{Arithmetic, Fused, Separate, largest};
 use super::rounds::Next;
+use super::run::Run;
 use super::working_set::{Member, NO_RATE};
-use super::{ActiveSetSettings, Work};
-use crate::solver::{Accuracy, Problem, Solution, SolveError};
+use crate::solver::{Accuracy, Problem, SolveError};
 
 /// Smallest share of a diagonal entry that is left of it in the factorisation of a positive definite Hessian.
 const SINGULAR: f64 = 1e-12;
@@ -20,14 +20,6 @@ const NOISE: f64 = 1e-9;
 const UNSURE: f64 = 1e-6;
 /// Relative violation that may be rounding if the multipliers agree.
 const TIE: f64 = 1e-8;
-
-/// One solve.
-pub(super) struct Run<'a> {
-    pub(super) problem: &'a Problem,
-    pub(super) settings: ActiveSetSettings,
-    pub(super) work: &'a mut Work,
-    pub(super) solution: &'a mut Solution,
-}
 
 impl WithSimd for Run<'_> {
     type Output = Result<(), SolveError>;

@@ -36,11 +36,13 @@ mod kernels;
 mod refine;
 mod rounds;
 mod row_scales;
+mod run;
 mod working_set;
 
 use super::{Constraint, Problem, QpSolver, Side, Solution, SolveError, Structure, UpdateError};
 use kernels::{Lower, padded};
 use row_scales::RowScales;
+use run::Run;
 use working_set::{Member, WorkingSet};
 
 /// Settings of [`ActiveSetSolver`].
@@ -269,7 +271,7 @@ impl QpSolver for ActiveSetSolver {
             return Err(SolveError::NotUpdated);
         }
         let (problem, settings) = (&self.problem, self.settings);
-        let run = iterate::Run { problem, settings, work: &mut self.work, solution: &mut self.solution };
+        let run = Run { problem, settings, work: &mut self.work, solution: &mut self.solution };
         self.instructions.dispatch(run)?;
         self.scales.restore(&mut self.solution);
         Ok(&self.solution)

@@ -1,7 +1,7 @@
 //! Iterative refinement of a minimum on the working set.
 
-use super::iterate::Run;
 use super::kernels::{Arithmetic, add_scaled, largest};
+use super::run::Run;
 
 /// Largest number of refinements of a candidate.
 const REFINEMENTS: usize = 4;

@@ -1,7 +1,7 @@
 //! Problems with a singular or nearly singular Hessian, as a sequence of well-conditioned ones.
 
-use super::iterate::Run;
 use super::kernels::{Arithmetic, largest};
+use super::run::Run;
 use crate::solver::{Accuracy, Problem, ROUNDING, SolveError};
 
 /// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not

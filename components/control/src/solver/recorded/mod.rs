@@ -1,6 +1,7 @@
 //! Recorded quadratic programs, for bug reports and for the comparison of solvers.
 //!
-//! A file contains one problem, or a list of consecutive problems of the same size, as JSON objects:
+//! A file contains one problem, or a list of consecutive problems, as JSON objects. Problems of the same size
+//! that follow each other are a [`Stream`], as of one controller:
 //!
 //! ```text
 //! { "P": [[...], ...], "q": [...],                      1/2 x'Px + q'x
@@ -20,7 +21,7 @@
 mod precision;
 mod replay;
 
-pub use replay::{Each, Record, Replay, Status, replay};
+pub use replay::{Each, Record, Replay, Status, replay, replay_streams};
 
 use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
@@ -103,7 +104,47 @@ struct Numbers {
     ub: Option<Vec<f64>>,
 }
 
-/// Reads the problems of a file, and the structure that all of them fit.
+/// Consecutive problems of one size.
+#[derive(Clone, Debug)]
+pub struct Stream {
+    /// The structure that all of them fit.
+    pub structure: Structure,
+    /// The problems, at least one.
+    pub problems: Vec<Problem>,
+}
+
+/// Reads the problems of a file, whose sizes may differ: one stream for each stretch of equal sizes, in
+/// order.
+///
+/// ```
+/// use motorium_control::solver::recorded;
+///
+/// let text = r#"[{ "P": [[2.0]], "q": [-2.0] }, { "P": [[1.0]], "q": [3.0] },
+///     { "P": [[2.0, 0.0], [0.0, 2.0]], "q": [-2.0, -5.0] }]"#;
+/// let streams = recorded::read_streams(text)?;
+/// let sizes: Vec<_> = streams.iter().map(|stream| stream.structure.variables()).collect();
+/// assert_eq!(sizes, [1, 2]);
+/// assert_eq!(streams[0].problems.len(), 2);
+/// # Ok::<_, recorded::RecordedError>(())
+/// ```
+///
+/// # Errors
+/// [`RecordedError`] names the problem and the key.
+pub fn read_streams(text: &str) -> Result<Vec<Stream>, RecordedError> {
+    let mut streams: Vec<((usize, usize, usize), Vec<Problem>)> = Vec::new();
+    for (problem, numbers) in parse(text)?.into_iter().enumerate() {
+        let sizes = numbers.sizes(problem)?;
+        let parsed = numbers.problem(problem, sizes)?;
+        match streams.last_mut() {
+            Some((same, problems)) if *same == sizes => problems.push(parsed),
+            _ => streams.push((sizes, vec![parsed])),
+        }
+    }
+    let stream = |problems: Vec<Problem>| Stream { structure: structure(&problems), problems };
+    Ok(streams.into_iter().map(|(_, problems)| stream(problems)).collect())
+}
+
+/// Reads the problems of a file, all of one size, and the structure that all of them fit.
 ///
 /// ```
 /// use motorium_control::solver::recorded;
@@ -117,16 +158,8 @@ struct Numbers {
 /// # Errors
 /// [`RecordedError`] names the problem and the key.
 pub fn read(text: &str) -> Result<(Structure, Vec<Problem>), RecordedError> {
-    let all: Result<Vec<Numbers>, _> = match text.trim_start().starts_with('[') {
-        true => serde_json::from_str(text),
-        false => serde_json::from_str(text).map(|numbers| vec![numbers]),
-    };
-    let all = all.map_err(|error| no_number(text, &error).unwrap_or(RecordedError::Syntax(error)))?;
-    let first = all.first().ok_or(RecordedError::Empty)?;
-    if first.q.is_empty() {
-        return Err(RecordedError::NoVariables { problem: 0 });
-    }
-    let sizes = (first.q.len(), first.b.len(), first.g.len());
+    let all = parse(text)?;
+    let sizes = all[0].sizes(0)?;
     let problems: Vec<Problem> = all
         .into_iter()
         .enumerate()
@@ -135,7 +168,25 @@ pub fn read(text: &str) -> Result<(Structure, Vec<Problem>), RecordedError> {
     Ok((structure(&problems), problems))
 }
 
+/// The entries of a file, at least one.
+fn parse(text: &str) -> Result<Vec<Numbers>, RecordedError> {
+    let all: Result<Vec<Numbers>, _> = match text.trim_start().starts_with('[') {
+        true => serde_json::from_str(text),
+        false => serde_json::from_str(text).map(|numbers| vec![numbers]),
+    };
+    let all = all.map_err(|error| no_number(text, &error).unwrap_or(RecordedError::Syntax(error)))?;
+    if all.is_empty() { Err(RecordedError::Empty) } else { Ok(all) }
+}
+
 impl Numbers {
+    /// Numbers of variables, equalities and rows, by the vectors `q` and `b` and the matrix `G`.
+    fn sizes(&self, problem: usize) -> Result<(usize, usize, usize), RecordedError> {
+        match self.q.len() {
+            0 => Err(RecordedError::NoVariables { problem }),
+            variables => Ok((variables, self.b.len(), self.g.len())),
+        }
+    }
+
     fn problem(self, problem: usize, (n, m, p): (usize, usize, usize)) -> Result<Problem, RecordedError> {
         let vector = |key, numbers: Vec<f64>, expected: usize| {
             let found = numbers.len();

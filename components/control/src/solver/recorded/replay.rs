@@ -5,6 +5,7 @@ use std::time::Instant;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use super::Stream;
 use crate::solver::{
     ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem, QpSolver, ROUNDING, Side, Solution,
     SolveError, Structure,
@@ -93,11 +94,72 @@ pub fn replay(
     solver: &mut dyn QpSolver,
     rounds: usize,
 ) -> Replay {
+    let mut account = Account::default();
     let mut reference = ClarabelSolver::new(structure.clone(), ClarabelSettings::default());
+    for phase in phases(rounds) {
+        account.solve(problems, solver, &mut reference, phase);
+    }
+    account.finish()
+}
+
+/// The same for streams of different sizes, each with a separate solver. In each round, the first problem
+/// of a stream is solved cold.
+pub fn replay_streams(
+    streams: &[Stream],
+    build: impl Fn(&Structure) -> Box<dyn QpSolver>,
+    rounds: usize,
+) -> Replay {
+    let mut account = Account::default();
+    let mut solvers: Vec<_> = streams
+        .iter()
+        .map(|Stream { structure, problems }| {
+            let reference = ClarabelSolver::new(structure.clone(), ClarabelSettings::default());
+            (problems, build(structure), reference)
+        })
+        .collect();
+    for phase in phases(rounds) {
+        for (problems, solver, reference) in &mut solvers {
+            // a single stream continues from round to round
+            if streams.len() > 1 {
+                solver.reset();
+            }
+            account.solve(problems, solver.as_mut(), reference, phase);
+        }
+    }
+    account.finish()
+}
+
+/// The use of a round.
+#[derive(Clone, Copy)]
+struct Phase {
+    is_timed: bool,
+    /// `true` for the last round, whose solutions are judged.
+    is_last: bool,
+}
+
+fn phases(rounds: usize) -> impl Iterator<Item = Phase> {
     let rounds = rounds.max(1);
-    let (mut times, mut iterations, mut each) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut worst_violation, mut worst_distance) = (0.0_f64, 0.0_f64);
-    for round in 0..rounds {
+    (0..rounds).map(move |round| Phase { is_timed: round > 0 || rounds == 1, is_last: round + 1 == rounds })
+}
+
+/// Figures of the problems solved so far.
+#[derive(Default)]
+struct Account {
+    times: Vec<f64>,
+    iterations: Vec<f64>,
+    each: Vec<Each>,
+    worst_violation: f64,
+    worst_distance: f64,
+}
+
+impl Account {
+    fn solve(
+        &mut self,
+        problems: &[Problem],
+        solver: &mut dyn QpSolver,
+        reference: &mut ClarabelSolver,
+        phase: Phase,
+    ) {
         for problem in problems {
             let began = Instant::now();
             let outcome = match solver.update(problem) {
@@ -105,41 +167,52 @@ pub fn replay(
                 Err(error) => Err((Status::Refused, error.to_string())),
             };
             let time = began.elapsed();
-            if round > 0 || rounds == 1 {
-                times.push(time.as_nanos() as f64 * 1e-3);
+            if phase.is_timed {
+                self.times.push(time.as_nanos() as f64 * 1e-3);
             }
-            if round + 1 < rounds {
-                continue;
+            if phase.is_last {
+                self.judge(problem, outcome, reference);
             }
-            each.push(match outcome {
-                // an interior-point method may end at a saddle point unnoticed
-                Ok(_) | Err((Status::Numerical | Status::MaxIterations | Status::Unbounded, _))
-                    if !is_convex(problem) =>
-                {
-                    let error = "not convex: P is not positive semi-definite; check the signs of its numbers";
-                    Each { status: Status::NotConvex, x: Vec::new(), error: Some(error.to_owned()) }
-                }
-                Ok(solution) => {
-                    iterations.push(f64::from(solution.iterations));
-                    worst_violation =
-                        worst_violation.max(KktResidual::from_solution(problem, solution).feasibility);
-                    if let Some(exact) = exact(&mut reference, problem) {
-                        worst_distance = worst_distance.max((&solution.x - exact).amax());
-                    }
-                    Each { status: Status::Solved, x: solution.x.as_slice().to_vec(), error: None }
-                }
-                Err((status, error)) => Each { status, x: Vec::new(), error: Some(error) },
-            });
         }
     }
-    Replay {
-        problems: problems.len(),
-        solved: each.iter().filter(|each| each.status == Status::Solved).count(),
-        worst_violation,
-        worst_distance,
-        iterations: Record::from_values(iterations),
-        time_us: Record::from_values(times),
-        each: Some(each),
+
+    fn judge(
+        &mut self,
+        problem: &Problem,
+        outcome: Result<&Solution, (Status, String)>,
+        reference: &mut ClarabelSolver,
+    ) {
+        self.each.push(match outcome {
+            // an interior-point method may end at a saddle point unnoticed
+            Ok(_) | Err((Status::Numerical | Status::MaxIterations | Status::Unbounded, _))
+                if !is_convex(problem) =>
+            {
+                let error = "not convex: P is not positive semi-definite; check the signs of its numbers";
+                Each { status: Status::NotConvex, x: Vec::new(), error: Some(error.to_owned()) }
+            }
+            Ok(solution) => {
+                self.iterations.push(f64::from(solution.iterations));
+                let violation = KktResidual::from_solution(problem, solution).feasibility;
+                self.worst_violation = self.worst_violation.max(violation);
+                if let Some(exact) = exact(reference, problem) {
+                    self.worst_distance = self.worst_distance.max((&solution.x - exact).amax());
+                }
+                Each { status: Status::Solved, x: solution.x.as_slice().to_vec(), error: None }
+            }
+            Err((status, error)) => Each { status, x: Vec::new(), error: Some(error) },
+        });
+    }
+
+    fn finish(self) -> Replay {
+        Replay {
+            problems: self.each.len(),
+            solved: self.each.iter().filter(|each| each.status == Status::Solved).count(),
+            worst_violation: self.worst_violation,
+            worst_distance: self.worst_distance,
+            iterations: Record::from_values(self.iterations),
+            time_us: Record::from_values(self.times),
+            each: Some(self.each),
+        }
     }
 }
 

@@ -6,8 +6,8 @@ use motorium_robots::{Foot, Model, Profile};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::component::checks::in_range;
-use crate::component::config::{LimitsConfig, QpControllerConfig};
+use super::checks::in_range;
+use super::limits_config::LimitsConfig;
 use crate::inverse_dynamics::{
     Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits, Unknowns,
     WrenchCone,
@@ -180,7 +180,7 @@ fn no_use(unknowns: &str, key: impl Into<String>) -> ConfigError {
 
 impl InverseDynamicsConfig {
     /// The contacts, checked.
-    pub(in crate::component) fn contacts(
+    pub(super) fn contacts(
         &self,
         model: &Model,
         profile: Option<&Profile>,
@@ -242,10 +242,7 @@ impl InverseDynamicsConfig {
     }
 
     /// Rejects joint limits if only forces are decided, since no joint moves then.
-    pub(in crate::component) fn refuse_unused_limits(
-        &self,
-        limits: &LimitsConfig,
-    ) -> Result<(), ConfigError> {
+    pub(super) fn refuse_unused_limits(&self, limits: &LimitsConfig) -> Result<(), ConfigError> {
         let default = LimitsConfig::default();
         let given = [
             ("limits.position.margin", limits.position.margin != default.position.margin),
@@ -260,7 +257,9 @@ impl InverseDynamicsConfig {
     /// The settings, checked.
     pub(super) fn settings(
         &self,
-        config: &QpControllerConfig,
+        gravity: [f64; 3],
+        damping: f64,
+        limits: &LimitsConfig,
     ) -> Result<InverseDynamicsSettings, ConfigError> {
         let key = |name: &str| format!("inverse_dynamics.{name}");
         self.refuse_unused_keys()?;
@@ -268,15 +267,15 @@ impl InverseDynamicsConfig {
         let braking = in_range(&key("braking"), self.braking, 1e-3..=1e6)?;
         in_range(&key("max_iterations"), f64::from(self.max_iterations), 10.0..=1e5)?;
         Ok(InverseDynamicsSettings {
-            gravity: config.gravity.into(),
-            damping: config.damping,
+            gravity: gravity.into(),
+            damping,
             force_weight: in_range(&key("force_weight"), self.force_weight, 0.0..=1000.0)?,
             contact_damping: in_range(&key("contact_damping"), self.contact_damping, 0.0..=1000.0)?,
             joints: JointAccelerationLimits {
                 braking,
                 max_acceleration: in_range(&key("max_acceleration"), self.max_acceleration, braking..=1e9)?,
-                margin: config.limits.position.margin,
-                velocity_fraction: config.limits.velocity.fraction,
+                margin: limits.position.margin,
+                velocity_fraction: limits.velocity.fraction,
             },
             friction_model: self.friction_model,
             unknowns: self.unknowns,

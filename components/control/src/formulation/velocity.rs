@@ -1,0 +1,95 @@
+//! Costs on velocities.
+
+use super::{Equation, Response, Task};
+use crate::levels::Rows;
+use crate::solver::Problem;
+use crate::state::RobotState;
+
+/// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
+///
+/// Every [`Task`] is one: with `c = gain e`, scaled down as a whole where it would exceed a largest speed,
+///
+/// ```text
+/// 1/2 |W (A v - b)|^2 + 1/2 mu |v|^2
+/// A = J,   b = S c + nu,   mu = damping |W^2 S' S c|        S: selection of rows, usually the identity
+/// ```
+pub trait VelocityTask {
+    /// Maximum number of rows of `A`.
+    fn rows(&self) -> usize;
+
+    /// Evaluates error, `A` and `b` at this state.
+    fn update(&mut self, state: &RobotState<'_>);
+
+    /// Length of `A v - b` as of the last update over the rows with a weight, in the units of the task \[m/s,
+    /// rad/s\].
+    fn residual(&self, velocity: &[f64]) -> f64;
+
+    /// Adds the cost as of the last update to the quadratic and the linear part of `problem` (upper triangle
+    /// of the Hessian), whose unknowns are the joint velocities.
+    fn add_to(&self, problem: &mut Problem);
+
+    /// Appends the rows of `W A`, and of `W b`, as of the last update: at most [`rows`](Self::rows) of them,
+    /// for a row without weight may be left out.
+    fn write_rows(&self, rows: &mut Rows);
+}
+
+impl<T: Task + ?Sized> VelocityTask for T {
+    fn rows(&self) -> usize {
+        self.equation().rows()
+    }
+
+    fn update(&mut self, state: &RobotState<'_>) {
+        self.evaluate(state);
+        self.equation_mut().request_velocity();
+    }
+
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.equation().cost.residual(velocity)
+    }
+
+    fn add_to(&self, problem: &mut Problem) {
+        let Equation { cost, damping, .. } = self.equation();
+        cost.add_to(problem);
+        if *damping > 0.0 {
+            cost.columns().for_each(|variable| problem.hessian[(variable, variable)] += damping);
+        }
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        self.equation().cost.write_rows(rows);
+    }
+}
+
+impl Equation {
+    /// Writes `b` and the damping for velocities.
+    fn request_velocity(&mut self) {
+        let Self { error, response, correction, .. } = self;
+        let Response { gain, max_speeds, damping, .. } = *response;
+        correction.zip_apply(error, |correction, error| *correction = error * gain);
+        let mut excess = 0.0_f64;
+        for (block, speed) in correction.as_slice().chunks(3).zip(max_speeds) {
+            if speed < f64::INFINITY {
+                excess = excess.max(length(block.iter().copied()) / speed);
+            }
+        }
+        if excess > 1.0 {
+            correction.apply(|correction| *correction /= excess);
+        }
+        self.select(false);
+        let Self { rate, cost, correction, .. } = self;
+        for ((desired, correction), rate) in cost.desired_mut().iter_mut().zip(&*correction).zip(&*rate) {
+            *desired = correction + rate;
+        }
+        self.damping = 0.0;
+        if damping > 0.0 {
+            self.select(true);
+            let weighted = self.cost.weights().iter().zip(&self.correction).map(|(w, c)| w * w * c);
+            self.damping = damping * length(weighted);
+        }
+    }
+}
+
+/// Length of a vector.
+pub(super) fn length(entries: impl Iterator<Item = f64>) -> f64 {
+    entries.map(|entry| entry * entry).sum::<f64>().sqrt()
+}

@@ -1,0 +1,74 @@
+//! The robot one tick ahead, and rows that return behind their limits.
+
+use motorium_robots::{Kinematics, Model};
+
+/// Numbers of rows that an [`InverseDynamics`](super::InverseDynamics) has room for besides contacts, torques
+/// and joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DynamicsRows {
+    /// Rows of tasks that are constraints.
+    pub constrained: usize,
+    /// Rows of limits.
+    pub limits: usize,
+}
+
+/// The robot one tick ahead, at its present velocity.
+#[derive(Debug)]
+pub(super) struct Predicted {
+    pub(super) kinematics: Kinematics,
+    pub(super) q: Vec<f64>,
+    pub(super) step: Vec<f64>,
+    /// True if it was computed in this tick.
+    pub(super) ready: bool,
+    /// Rows that must return behind their limit.
+    pub(super) returning: Vec<Return>,
+}
+
+/// A row that must return behind its limit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Return {
+    pub(super) row: usize,
+    /// Speed of its return.
+    pub(super) speed: f64,
+    /// Acceleration bounds that reach this speed, and bounds that keep the row in place.
+    pub(super) back: (f64, f64),
+    pub(super) stay: (f64, f64),
+    /// Requested fraction of the former; 0 to stay in place.
+    pub(super) share: f64,
+}
+
+impl Return {
+    /// Reduces the request if that can help, else lets the row stay in place.
+    pub(super) fn give_way(&mut self, eases: bool) {
+        self.share = if eases && self.share > LEAST { self.share * EASE } else { 0.0 };
+    }
+
+    /// Acceleration bounds: the row keeps at least its speed while it returns.
+    pub(super) fn bounds(&self) -> (f64, f64) {
+        let (Self { back, stay, share, .. }, mut bounds) = (*self, self.stay);
+        if share > 0.0 && back.0 > stay.0 {
+            let kept = stay.0.max(back.0.min(0.0));
+            bounds.0 = kept + share * (back.0 - kept);
+        }
+        if share > 0.0 && back.1 < stay.1 {
+            let kept = stay.1.min(back.1.max(0.0));
+            bounds.1 = kept + share * (back.1 - kept);
+        }
+        bounds
+    }
+}
+
+/// Factor by which a contradicted return is reduced, and fraction at which the row stays instead.
+const EASE: f64 = 0.125;
+const LEAST: f64 = 0.1;
+impl Predicted {
+    pub(super) fn new(model: &Model, limits: usize) -> Self {
+        Self {
+            returning: Vec::with_capacity(limits),
+            kinematics: Kinematics::new(model),
+            q: model.neutral(),
+            step: vec![0.0; model.nv()],
+            ready: false,
+        }
+    }
+}
