@@ -103,6 +103,8 @@ pub struct Articulation {
     pub(crate) rotors: Vec<RotorDrive>,
     /// Poses and velocities of the links in the current state.
     pub(crate) kinematics: Kinematics,
+    /// True if it is moved from outside: no force and no drive moves it.
+    pub(crate) placed: bool,
     q: Range<usize>,
     v: Range<usize>,
     joints: Range<usize>,
@@ -141,7 +143,7 @@ impl Articulation {
     }
 
     /// Recomputes everything that depends on the whole state.
-    fn refresh(&mut self, state: &mut State) {
+    pub(crate) fn refresh(&mut self, state: &mut State) {
         let (q, v) = (&state.q[self.q.clone()], &state.v[self.v.clone()]);
         let joints = self.drives.start..self.drives.start + self.joints.len();
         state.positions[joints.clone()].copy_from_slice(self.model.joints_of_q(q));
@@ -187,6 +189,8 @@ pub(crate) struct RobotState {
     v: Vec<f64>,
     efforts: Vec<f64>,
     commands: Vec<JointCommand>,
+    /// One entry per articulation.
+    placed: Vec<bool>,
     gravity: Vector3<f64>,
 }
 
@@ -204,6 +208,11 @@ impl State {
             tau_next: drive,
         }
     }
+
+    /// Sets the efforts of these drives to zero.
+    pub(crate) fn clear_efforts(&mut self, drives: Range<usize>) {
+        self.efforts[drives].fill(0.0);
+    }
 }
 
 impl Robot {
@@ -217,6 +226,7 @@ impl Robot {
             joints.extend(JointProperties::from_model(model, options.armature));
             articulations.push(Articulation {
                 kinematics: Kinematics::new(model),
+                placed: false,
                 q: q.len()..q.len() + model.nq(),
                 v: v..v + model.nv(),
                 joints: joint..joints.len(),
@@ -280,9 +290,10 @@ impl Robot {
         self.refresh();
     }
 
-    /// Sets the current state; efforts and commands become zero.
+    /// Sets the current state; efforts and commands become zero. No articulation is placed any more.
     pub(crate) fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.check(q, v)?;
+        self.articulations.iter_mut().for_each(|own| own.placed = false);
         self.state.q.copy_from_slice(q);
         self.state.v.copy_from_slice(v);
         self.state.efforts.fill(0.0);
@@ -322,6 +333,7 @@ impl Robot {
             v: self.state.v.clone(),
             efforts: self.state.efforts.clone(),
             commands: self.commands.clone(),
+            placed: self.articulations.iter().map(|own| own.placed).collect(),
             gravity: self.gravity,
         }
     }
@@ -331,6 +343,7 @@ impl Robot {
         let lengths = |q: &[f64], v: &[f64], commands: &[JointCommand]| [q.len(), v.len(), commands.len()];
         if lengths(&saved.q, &saved.v, &saved.commands)
             != lengths(&self.state.q, &self.state.v, &self.commands)
+            || saved.placed.len() != self.articulations.len()
         {
             return false;
         }
@@ -338,6 +351,7 @@ impl Robot {
         self.state.v.copy_from_slice(&saved.v);
         self.state.efforts.copy_from_slice(&saved.efforts);
         self.commands.copy_from_slice(&saved.commands);
+        self.articulations.iter_mut().zip(&saved.placed).for_each(|(own, placed)| own.placed = *placed);
         self.gravity = saved.gravity;
         self.refresh();
         true
