@@ -1,8 +1,9 @@
 //! Articulations that are moved from outside instead of by forces and drives.
 //!
-//! Every step of a placed articulation ends in its placed state to the bit. During the step its links move
-//! along the placed velocity and arrive at the placed configuration, so contacts see the same motion as if
-//! its drives had moved it there.
+//! Every step of a placed articulation ends in its placed state to the bit. During the step its links move to
+//! the placed configuration: from the end of the last step, so contacts see the same motion as if its drives
+//! had moved it there. If the placed velocity does not lead from there, as after a jump or if a state is
+//! placed again, the links approach the configuration along the placed velocity instead.
 
 use crate::robot::{Articulation, Robot};
 use crate::{JointCommand, ResetError};
@@ -41,14 +42,22 @@ impl Robot {
         core::mem::take(&mut self.articulations[articulation].placed)
     }
 
-    /// Moves the next state of placed articulations back to the start of a step of `dt` \[s\], from which
-    /// they arrive at their placed state.
+    /// Sets the next state of placed articulations to the start of a step of `dt` \[s\], with the velocity
+    /// that brings them from there to their placed configuration: the end of the last step with the mean
+    /// velocity if the placed one agrees with it, and otherwise the placed velocity.
     pub(crate) fn step_back(&mut self, dt: f64) {
         let Self { articulations, state, .. } = self;
         for own in articulations.iter().filter(|own| own.placed) {
-            let (v, v_next) = (&state.v[own.v()], &mut state.v_next[own.v()]);
+            let (q, v, last) = (&state.q[own.q()], &state.v[own.v()], &state.q_last[own.q()]);
+            let (q_next, v_next) = (&mut state.q_next[own.q()], &mut state.v_next[own.v()]);
+            own.model.difference(last, q, v_next);
+            v_next.iter_mut().for_each(|mean| *mean /= dt);
+            if is_continuous(v_next, v) {
+                q_next.copy_from_slice(last);
+                continue;
+            }
             v_next.iter_mut().zip(v).for_each(|(back, v)| *back = -dt * v);
-            own.model.integrate(&state.q[own.q()], v_next, &mut state.q_next[own.q()]);
+            own.model.integrate(q, v_next, q_next);
             v_next.copy_from_slice(v);
         }
     }
@@ -62,4 +71,15 @@ impl Robot {
             state.tau_next[own.drives()].fill(0.0);
         }
     }
+}
+
+/// Largest difference of the mean velocity of a continuous motion from the velocity at its end, as a share of
+/// the latter.
+const CONTINUOUS: f64 = 0.5;
+
+/// Returns `true` if a motion of mean velocity `mean` may end with velocity `v`.
+fn is_continuous(mean: &[f64], v: &[f64]) -> bool {
+    let squares = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(|x| x * x).sum::<f64>();
+    let apart = squares(&mut mean.iter().zip(v).map(|(mean, v)| mean - v));
+    apart <= CONTINUOUS * CONTINUOUS * squares(&mut v.iter().copied())
 }

@@ -174,6 +174,8 @@ pub(crate) struct State {
     pub(crate) v: Vec<f64>,
     pub(crate) q_next: Vec<f64>,
     pub(crate) v_next: Vec<f64>,
+    /// Configuration at the end of the last step (nq), from which placed articulations continue.
+    pub(crate) q_last: Vec<f64>,
     /// One entry per drive, as for velocities and efforts. A rotor has neither position nor velocity: both
     /// are zero.
     positions: Vec<f64>,
@@ -187,6 +189,7 @@ pub(crate) struct State {
 pub(crate) struct RobotState {
     q: Vec<f64>,
     v: Vec<f64>,
+    q_last: Vec<f64>,
     efforts: Vec<f64>,
     commands: Vec<JointCommand>,
     /// One entry per articulation.
@@ -200,6 +203,7 @@ impl State {
         Self {
             q_next: q.clone(),
             v_next: v.clone(),
+            q_last: q.clone(),
             q,
             v,
             positions: drive.clone(),
@@ -287,6 +291,7 @@ impl Robot {
         std::mem::swap(&mut state.q, &mut state.q_next);
         std::mem::swap(&mut state.v, &mut state.v_next);
         std::mem::swap(&mut state.efforts, &mut state.tau_next);
+        state.q_last.copy_from_slice(&state.q);
         self.refresh();
     }
 
@@ -295,6 +300,7 @@ impl Robot {
         self.check(q, v)?;
         self.articulations.iter_mut().for_each(|own| own.placed = false);
         self.state.q.copy_from_slice(q);
+        self.state.q_last.copy_from_slice(q);
         self.state.v.copy_from_slice(v);
         self.state.efforts.fill(0.0);
         self.commands.fill(JointCommand::default());
@@ -331,6 +337,7 @@ impl Robot {
         RobotState {
             q: self.state.q.clone(),
             v: self.state.v.clone(),
+            q_last: self.state.q_last.clone(),
             efforts: self.state.efforts.clone(),
             commands: self.commands.clone(),
             placed: self.articulations.iter().map(|own| own.placed).collect(),
@@ -349,6 +356,7 @@ impl Robot {
         }
         self.state.q.copy_from_slice(&saved.q);
         self.state.v.copy_from_slice(&saved.v);
+        self.state.q_last.copy_from_slice(&saved.q_last);
         self.state.efforts.copy_from_slice(&saved.efforts);
         self.commands.copy_from_slice(&saved.commands);
         self.articulations.iter_mut().zip(&saved.placed).for_each(|(own, placed)| own.placed = *placed);

@@ -203,10 +203,11 @@ pub trait Simulator {
     /// meet it as a body that moves with `v` and that nothing deflects.
     ///
     /// The articulation stays placed until [`release`](Self::release) or a [reset](Self::reset): forces,
-    /// commands, limits and contacts do not move it. During each step its links move along `v` and arrive at
-    /// `q`; after the step its state is `q` and `v` to the bit. To move it, place it before every step. A
-    /// step without another placement repeats the motion of the last one, so place a robot that stops with a
-    /// velocity of zero. Its drives have no effort.
+    /// commands, limits and contacts do not move it. During each step its links move to `q` from the end of
+    /// the last step, and after the step its state is `q` and `v` to the bit. To move it, place it before
+    /// every step. If `v` differs from the mean velocity of the step by more than half of its norm, as after
+    /// a jump or in a step without another placement, the links arrive at `q` along `v` instead: a jump
+    /// throws nothing away. Place a robot that stops with a velocity of zero. Its drives have no effort.
     ///
     /// # Errors
     ///

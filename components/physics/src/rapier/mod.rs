@@ -196,7 +196,9 @@ impl Engine for Rapier {
         let mut report = StepReport { near_contact: true, ..StepReport::default() };
         let placed = robot.first().placed;
         if self.stale {
-            self.multibody.set_positions(&robot.first().model, &mut self.scene, &robot.state.q_next);
+            let Self { multibody, scene, .. } = self;
+            let enclose = scene.enclosure();
+            enclose(&mut || multibody.set_positions(&robot.first().model, scene, &robot.state.q_next));
             self.overdriven.fill(false);
         }
         // The next step of a placed robot starts elsewhere.
