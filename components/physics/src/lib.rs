@@ -22,6 +22,7 @@ mod error;
 mod joint;
 mod mujoco;
 mod options;
+mod placed;
 mod properties;
 pub mod randomise;
 mod rapier;

@@ -103,6 +103,8 @@ pub struct Articulation {
     pub(crate) rotors: Vec<RotorDrive>,
     /// Poses and velocities of the links in the current state.
     pub(crate) kinematics: Kinematics,
+    /// True if it is moved from outside: no force and no drive moves it.
+    pub(crate) placed: bool,
     q: Range<usize>,
     v: Range<usize>,
     joints: Range<usize>,
@@ -141,7 +143,7 @@ impl Articulation {
     }
 
     /// Recomputes everything that depends on the whole state.
-    fn refresh(&mut self, state: &mut State) {
+    pub(crate) fn refresh(&mut self, state: &mut State) {
         let (q, v) = (&state.q[self.q.clone()], &state.v[self.v.clone()]);
         let joints = self.drives.start..self.drives.start + self.joints.len();
         state.positions[joints.clone()].copy_from_slice(self.model.joints_of_q(q));
@@ -172,6 +174,8 @@ pub(crate) struct State {
     pub(crate) v: Vec<f64>,
     pub(crate) q_next: Vec<f64>,
     pub(crate) v_next: Vec<f64>,
+    /// Configuration at the end of the last step (nq), from which placed articulations continue.
+    pub(crate) q_last: Vec<f64>,
     /// One entry per drive, as for velocities and efforts. A rotor has neither position nor velocity: both
     /// are zero.
     positions: Vec<f64>,
@@ -185,8 +189,11 @@ pub(crate) struct State {
 pub(crate) struct RobotState {
     q: Vec<f64>,
     v: Vec<f64>,
+    q_last: Vec<f64>,
     efforts: Vec<f64>,
     commands: Vec<JointCommand>,
+    /// One entry per articulation.
+    placed: Vec<bool>,
     gravity: Vector3<f64>,
 }
 
@@ -196,6 +203,7 @@ impl State {
         Self {
             q_next: q.clone(),
             v_next: v.clone(),
+            q_last: q.clone(),
             q,
             v,
             positions: drive.clone(),
@@ -203,6 +211,11 @@ impl State {
             efforts: drive.clone(),
             tau_next: drive,
         }
+    }
+
+    /// Sets the efforts of these drives to zero.
+    pub(crate) fn clear_efforts(&mut self, drives: Range<usize>) {
+        self.efforts[drives].fill(0.0);
     }
 }
 
@@ -217,6 +230,7 @@ impl Robot {
             joints.extend(JointProperties::from_model(model, options.armature));
             articulations.push(Articulation {
                 kinematics: Kinematics::new(model),
+                placed: false,
                 q: q.len()..q.len() + model.nq(),
                 v: v..v + model.nv(),
                 joints: joint..joints.len(),
@@ -277,13 +291,16 @@ impl Robot {
         std::mem::swap(&mut state.q, &mut state.q_next);
         std::mem::swap(&mut state.v, &mut state.v_next);
         std::mem::swap(&mut state.efforts, &mut state.tau_next);
+        state.q_last.copy_from_slice(&state.q);
         self.refresh();
     }
 
-    /// Sets the current state; efforts and commands become zero.
+    /// Sets the current state; efforts and commands become zero. No articulation is placed any more.
     pub(crate) fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.check(q, v)?;
+        self.articulations.iter_mut().for_each(|own| own.placed = false);
         self.state.q.copy_from_slice(q);
+        self.state.q_last.copy_from_slice(q);
         self.state.v.copy_from_slice(v);
         self.state.efforts.fill(0.0);
         self.commands.fill(JointCommand::default());
@@ -320,8 +337,10 @@ impl Robot {
         RobotState {
             q: self.state.q.clone(),
             v: self.state.v.clone(),
+            q_last: self.state.q_last.clone(),
             efforts: self.state.efforts.clone(),
             commands: self.commands.clone(),
+            placed: self.articulations.iter().map(|own| own.placed).collect(),
             gravity: self.gravity,
         }
     }
@@ -331,13 +350,16 @@ impl Robot {
         let lengths = |q: &[f64], v: &[f64], commands: &[JointCommand]| [q.len(), v.len(), commands.len()];
         if lengths(&saved.q, &saved.v, &saved.commands)
             != lengths(&self.state.q, &self.state.v, &self.commands)
+            || saved.placed.len() != self.articulations.len()
         {
             return false;
         }
         self.state.q.copy_from_slice(&saved.q);
         self.state.v.copy_from_slice(&saved.v);
+        self.state.q_last.copy_from_slice(&saved.q_last);
         self.state.efforts.copy_from_slice(&saved.efforts);
         self.commands.copy_from_slice(&saved.commands);
+        self.articulations.iter_mut().zip(&saved.placed).for_each(|(own, placed)| own.placed = *placed);
         self.gravity = saved.gravity;
         self.refresh();
         true

@@ -79,6 +79,13 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
+    /// Follows the first placement of an articulation, which its drives moved before: from now on no force
+    /// moves it. The robot is already in its placed state.
+    fn begin_placement(&mut self, robot: &Robot, articulation: usize);
+
+    /// Returns a placed articulation to its drives, from the robot's current state.
+    fn end_placement(&mut self, robot: &Robot, articulation: usize);
+
     /// Starts from the robot's current state, with the objects at rest at their poses in the world.
     fn reset(&mut self, robot: &Robot, world: &World);
 
@@ -283,7 +290,9 @@ impl<E: Engine> Simulator for Simulation<E> {
         let Self { robot, engine, world, .. } = self;
         StepError::check_commands(&robot.commands, &robot.names)?;
         robot.begin();
+        robot.step_back(dt);
         let result = engine.advance(robot, dt).and_then(|report| {
+            robot.arrive();
             robot.verify(dt)?;
             match engine.diverged_object() {
                 Some(object) => Err(StepError::ObjectDiverged { object: world.objects[object].name.clone() }),
@@ -309,6 +318,19 @@ impl<E: Engine> Simulator for Simulation<E> {
         self.engine.reset(&self.robot, &self.world);
         self.start_objects();
         Ok(())
+    }
+
+    fn place(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
+        if self.robot.place(articulation, q, v)? {
+            self.engine.begin_placement(&self.robot, articulation);
+        }
+        Ok(())
+    }
+
+    fn release(&mut self, articulation: usize) {
+        if self.robot.release(articulation) {
+            self.engine.end_placement(&self.robot, articulation);
+        }
     }
 
     fn capabilities(&self) -> Capabilities {

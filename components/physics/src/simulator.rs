@@ -52,11 +52,15 @@ pub struct RayHit<'a> {
 }
 
 /// The abilities of a simulator that only some engines have. Every engine supports robots with fixed bases,
-/// several of them as one model, free and fixed objects, contacts, rays, commands, reset, save and restore.
+/// several of them as one model, free and fixed objects, contacts, rays, commands, placement, reset, save and
+/// restore.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
     /// Robots with a floating base, and several of them in one world.
     pub floating_bases: bool,
+    /// Several [articulations](Simulator::articulations). Without it, [`Simulator::place`] places all robots
+    /// at once.
+    pub several_articulations: bool,
     /// Steps after the first do not allocate.
     pub allocation_free: bool,
     /// Torsional and rolling friction.
@@ -188,12 +192,67 @@ pub trait Simulator {
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
     /// Resets the robot to `q` (nq) and `v` (nv), and the objects to the poses and velocities of the world
-    /// description. Commands become zero efforts.
+    /// description. Commands become zero efforts, and no articulation is [placed](Self::place) any more.
     ///
     /// # Errors
     ///
     /// [`ResetError`]; nothing has changed then.
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
+
+    /// Places one articulation at `q` and `v` (its nq and nv). Objects and other articulations continue, and
+    /// meet it as a body that moves with `v` and that nothing deflects.
+    ///
+    /// The articulation stays placed until [`release`](Self::release) or a [reset](Self::reset): forces,
+    /// commands, limits and contacts do not move it. During each step its links move to `q` from the end of
+    /// the last step, and after the step its state is `q` and `v` to the bit. To move it, place it before
+    /// every step. If `v` differs from the mean velocity of the step by more than half of its norm, as after
+    /// a jump or in a step without another placement, the links arrive at `q` along `v` instead: a jump
+    /// throws nothing away. Place a robot that stops with a velocity of zero. Its drives have no effort.
+    ///
+    /// # Errors
+    ///
+    /// [`ResetError`]; nothing has changed then.
+    ///
+    /// # Panics
+    ///
+    /// If there is no articulation with this index.
+    ///
+    /// # Example
+    ///
+    /// A rod sweeps a ball away at 1 rad/s and loses no speed by it:
+    ///
+    /// ```
+    /// use motorium_physics::{ArticulatedSimulator, Object, ObjectShape, Options, Simulator, World};
+    /// use motorium_robots::load;
+    ///
+    /// let rod = load("pendulum", std::path::Path::new("."))?.model;
+    /// let ball = Object {
+    ///     name: "ball".to_owned(),
+    ///     shape: ObjectShape::Sphere { radius: 0.05 },
+    ///     mass: Some(0.5),
+    ///     position: [0.1, 0.0, -0.4],
+    ///     ..Object::default()
+    /// };
+    /// let world = World { objects: vec![ball], gravity: [0.0; 3], ..World::default() };
+    /// let mut simulation = ArticulatedSimulator::new(rod, world, &[0.3], Options::default())?;
+    /// let ball = simulation.object("ball").ok_or("no ball")?;
+    /// for step in 0..600 {
+    ///     simulation.place(0, &[0.3 - 1e-3 * f64::from(step)], &[-1.0])?;
+    ///     simulation.step(1e-3)?;
+    /// }
+    /// assert_eq!(simulation.velocities(), [-1.0]);
+    /// assert!(simulation.object_velocity(ball).0.norm() > 0.3);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    fn place(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
+
+    /// Returns a placed articulation to its drives, which continue from its state with commands of zero
+    /// effort. No effect on an articulation that is not placed.
+    ///
+    /// # Panics
+    ///
+    /// If there is no articulation with this index.
+    fn release(&mut self, articulation: usize);
 
     /// Returns the abilities of this engine.
     fn capabilities(&self) -> Capabilities;

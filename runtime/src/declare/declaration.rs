@@ -46,6 +46,9 @@ pub struct Declaration {
     /// Warnings about a valid but probably unintended configuration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<DeclareWarning>,
+    /// Facts about the component in this graph that its table does not show, one sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
 fn is_zero(number: &u64) -> bool {
@@ -114,6 +117,26 @@ impl Declare {
     /// Equal to `Setup::folder`.
     pub fn folder(&self) -> &Path {
         &self.placement.folder
+    }
+
+    /// Returns `true` if the component's `subscribe` table in the graph contains this port. For components
+    /// whose role depends on the wiring; equal to `Setup::subscribes`. Always `false` outside a graph.
+    ///
+    /// ```
+    /// use motorium::declare::{Declare, Placement};
+    ///
+    /// let placement = Placement { subscribed: vec!["follow".to_owned()], ..Placement::default() };
+    /// let declare = Declare::new(None).placed(placement);
+    /// assert!(declare.subscribes("follow") && !declare.subscribes("joint_command"));
+    /// ```
+    pub fn subscribes(&self, port: &str) -> bool {
+        self.placement.subscribed.iter().any(|subscribed| subscribed == port)
+    }
+
+    /// Adds a fact about the component in this graph that its table does not show. `motorium check` prints it
+    /// after the name of the component.
+    pub fn note(&mut self, fact: impl Into<String>) {
+        self.declaration.notes.push(fact.into());
     }
 
     /// Warns of a valid but probably unintended configuration. `motorium check` and `run` print the warning

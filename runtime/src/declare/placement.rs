@@ -34,10 +34,13 @@ pub struct Placement {
     pub clock: ClockKind,
     /// Folder in which relative paths of the `config` table start. Default the working directory.
     pub folder: PathBuf,
+    /// Ports in the component's `subscribe` table.
+    #[serde(default)]
+    pub subscribed: Vec<String>,
 }
 
 impl Default for Placement {
     fn default() -> Self {
-        Self { period: None, clock: ClockKind::Realtime, folder: PathBuf::from(".") }
+        Self { period: None, clock: ClockKind::Realtime, folder: PathBuf::from("."), subscribed: Vec::new() }
     }
 }

@@ -297,6 +297,9 @@ pub struct ComponentPlan {
     /// The safety of an actuator for which the graph overrides its `[safety]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<ActuatorSafety>,
+    /// Facts about the component in this graph that its table does not show, one sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Seed of its random numbers, derived from the run's seed and its name.
     pub seed: u64,
     /// True if it can be reset for a new episode.

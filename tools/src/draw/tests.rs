@@ -52,6 +52,7 @@ fn component(
         waits_ns: 0,
         folder: Default::default(),
         actuator,
+        notes: Vec::new(),
         seed: 0,
         on_overrun: OnOverrun::Skip,
         liveness: Default::default(),

@@ -1,5 +1,5 @@
-//! `graphs/panda-can-sim.toml` and `graphs/so101-sim.toml` as a user runs them: arms behind simulated buses
-//! and drives, in lockstep.
+//! `graphs/panda-can-sim.toml`, `graphs/panda-twin.toml` and `graphs/so101-sim.toml` as a user runs them: arms
+//! behind simulated buses and drives, in lockstep.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -54,6 +54,33 @@ fn two_runs_are_the_same_to_the_last_bit_also_with_faults() {
     assert_eq!(one["state_hash"], two["state_hash"]);
     assert_eq!(one["results"]["adapter"]["joints"]["panda_joint4"]["missing_replies"], 2);
     assert_eq!(one["results"]["adapter"]["tripped"], false);
+}
+
+#[test]
+fn twin_follows_the_measured_arm_and_pushes_its_cube() {
+    let report = run("graphs/panda-twin.toml", &[]);
+    let twin = &report["results"]["twin"];
+    // until the adapter has measured the arm
+    assert!(twin["steps_held"].as_u64().is_some_and(|steps| steps < 50), "{twin}");
+    assert_eq!((&twin["states_refused"], &twin["steps"]), (&Value::from(0), &Value::from(10_000)));
+    let cube = twin["objects"]["cube"]["position"][1].as_f64().expect("a number");
+    assert!((1.47..1.6).contains(&cube), "the hand pushes the cube from 1.46 m to {cube} m");
+    let component = report["components"].as_array().expect("a list").iter();
+    let mut twins = component.filter(|component| component["name"] == "twin");
+    let twin = twins.next().expect("the twin");
+    assert_eq!((&twin["allocations"], &twin["gate"]), (&Value::from(0), &Value::Null));
+}
+
+#[test]
+fn check_prints_that_a_twin_is_no_actuator() {
+    let output = Command::new(env!("CARGO_BIN_EXE_motorium"))
+        .args(["check", "graphs/panda-twin.toml"])
+        .current_dir(workspace())
+        .output()
+        .expect("the command starts");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{text}");
+    assert!(text.contains("`twin` moves its robot along followed states: no actuator"), "{text}");
 }
 
 #[test]

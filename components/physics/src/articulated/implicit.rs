@@ -100,6 +100,12 @@ impl ImplicitSolver {
         }
     }
 
+    /// Holds all velocities: no impulse changes them.
+    pub(super) fn hold(&mut self) {
+        self.held.fill(true);
+        self.impulse.fill(0.0);
+    }
+
     /// Returns `true` if the end velocity `x`, with the external impulses, confirms the modes. Otherwise the
     /// modes become the ones that `x` implies.
     pub(super) fn confirm(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {

@@ -344,6 +344,17 @@ impl JointSpaceIntegrator {
         events
     }
 
+    /// Begins a step of a robot that keeps its velocity `v`, whatever acts on it.
+    pub(super) fn hold(&mut self, v: &[f64]) {
+        self.v_next.as_mut_slice().copy_from_slice(v);
+        self.solver.hold();
+    }
+
+    /// Ends a step begun by [`hold`](Self::hold): advances `q` along `v`.
+    pub(super) fn finish_held(model: &Model, (q, v): (&mut [f64], &mut [f64]), h: f64) {
+        integrate_position(model, q, v, h);
+    }
+
     /// Returns the end velocity as a target of contact impulses.
     pub(super) fn target(&mut self) -> ImpulseTarget<'_> {
         let ImplicitSolver { factor, held, impulse, .. } = &mut self.solver;

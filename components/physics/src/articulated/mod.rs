@@ -8,6 +8,7 @@ mod integrator;
 mod laws;
 mod overlaps;
 mod part;
+mod placed;
 mod push;
 mod step;
 
@@ -131,6 +132,7 @@ impl Engine for Articulated {
 
     const CAPABILITIES: Capabilities = Capabilities {
         floating_bases: true,
+        several_articulations: true,
         allocation_free: true,
         rolling_friction: true,
         conveyors: true,
@@ -202,12 +204,16 @@ impl Engine for Articulated {
         self.parts[of].add_wrench(&robot.articulations[of], link, point, wrench);
     }
 
+    fn begin_placement(&mut self, _: &Robot, articulation: usize) {
+        self.parts[articulation].forget_drives();
+    }
+
+    fn end_placement(&mut self, _: &Robot, articulation: usize) {
+        self.parts[articulation].forget_drives();
+    }
+
     fn reset(&mut self, robot: &Robot, world: &World) {
-        for part in &mut self.parts {
-            part.integrator.forget();
-            part.actuators.reset();
-            part.external.fill(0.0);
-        }
+        self.parts.iter_mut().for_each(Part::forget_drives);
         self.scene.restart(world);
         self.place_colliders(robot);
     }
@@ -229,7 +235,8 @@ impl Engine for Articulated {
     }
 
     fn commit(&mut self, robot: &Robot, dt: f64) {
-        for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
+        let driven = self.parts.iter_mut().zip(&robot.articulations).filter(|(_, own)| !own.placed);
+        for (part, own) in driven {
             part.actuators.commit(&robot.commands[own.drives()], dt);
         }
         self.discard();
@@ -336,12 +343,21 @@ impl Articulated {
         self.scene.set_poses(|of| &robot.articulations[of].kinematics, &self.bases);
     }
 
+    /// Places all colliders according to the state at the start of a step.
+    fn place_start(&mut self, robot: &Robot) {
+        for (base, own) in self.bases.iter_mut().zip(&robot.articulations) {
+            *base = own.base_pose(&robot.state.q_next);
+        }
+        let parts = &self.parts;
+        self.scene.set_poses(|of| parts[of].start(&robot.articulations[of]), &self.bases);
+    }
+
     /// Places all colliders according to the next state of robots and objects.
     fn place_next(&mut self, robot: &Robot) {
         let parts = &self.parts;
         // An articulation that has not been stepped yet is still in its state at the start of the step.
         let of = |of: usize| {
-            if parts[of].h > 0.0 { &parts[of].kinematics } else { &robot.articulations[of].kinematics }
+            if parts[of].h > 0.0 { &parts[of].kinematics } else { parts[of].start(&robot.articulations[of]) }
         };
         self.scene.set_poses(of, &self.bases);
     }

@@ -63,6 +63,15 @@ impl Part {
     }
 }
 
+impl Part {
+    /// Clears everything that the last steps left in the drives.
+    pub(super) fn forget_drives(&mut self) {
+        self.integrator.forget();
+        self.actuators.reset();
+        self.external.fill(0.0);
+    }
+}
+
 impl MovedByImpulses for Part {
     fn target(&mut self) -> ImpulseTarget<'_> {
         self.integrator.target()

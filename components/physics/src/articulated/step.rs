@@ -17,14 +17,18 @@ impl Articulated {
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.scene.objects.begin();
         for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
-            part.actuators.begin(robot, &own.drives());
+            if own.placed {
+                part.begin_placed(own, &robot.state);
+            } else {
+                part.actuators.begin(robot, &own.drives());
+            }
         }
         let counts = [self.options.substeps, self.options.contact_iterations];
         let calm = self.scene.begin_calm(robot, dt, counts);
         let steps = if calm {
             1
         } else {
-            self.place_colliders(robot);
+            self.place_start(robot);
             let steps = self.scene.begin(dt, &robot.gravity, counts);
             self.scene.look_ahead(robot);
             steps
@@ -69,11 +73,14 @@ impl Articulated {
     ) -> Result<(), StepError> {
         let Robot { articulations, commands, state, gravity, .. } = robot;
         let Self { parts, scene, sums, .. } = self;
-        let kinematics =
-            |of: usize| if first { &articulations[of].kinematics } else { &parts[of].kinematics };
+        let kinematics = |of: usize| {
+            if first { parts[of].start(&articulations[of]) } else { &parts[of].kinematics }
+        };
         scene.prepare(articulations, kinematics, &state.v_next, gravity);
         for (of, (part, own)) in parts.iter_mut().zip(&*articulations).enumerate() {
-            if part.h > 0.0 {
+            if part.h > 0.0 && own.placed {
+                part.hold_velocity(own, state);
+            } else if part.h > 0.0 {
                 part.begin((own, first), (&commands[own.drives()], state), gravity, (scene, of));
             }
         }
@@ -99,12 +106,15 @@ impl Articulated {
             if settled {
                 break;
             }
-            for (of, part) in parts.iter_mut().enumerate() {
+            let driven =
+                parts.iter_mut().zip(&*articulations).enumerate().filter(|(_, (_, own))| !own.placed);
+            for (of, (part, _)) in driven {
                 part.pending |= scene.impulses.is_pending(of);
             }
         }
         for (part, own) in parts.iter_mut().zip(&*articulations).filter(|(part, _)| part.h > 0.0) {
-            let events = part.finish(own, state, gravity);
+            let events =
+                if own.placed { part.finish_placed(own, state) } else { part.finish(own, state, gravity) };
             part.saturated = if first { events.saturated } else { part.saturated.max(events.saturated) };
             part.at_limit = events.at_limit;
         }

@@ -34,6 +34,8 @@ pub(super) struct BuiltRobot {
     pub(super) articulation: usize,
     /// Range of the robot's drives in the simulation.
     pub(super) drives: Range<usize>,
+    /// True if the robot is moved along a state that it follows, not by commands.
+    pub(super) follows: bool,
 }
 
 impl BuiltRobot {
@@ -48,12 +50,12 @@ impl BuiltRobot {
     }
 }
 
-/// Loads the robots and builds their simulation. Relative paths of the configuration are resolved against
-/// `folder`.
+/// Loads the robots and builds their simulation. `follows` contains for each robot whether it follows a
+/// state. Relative paths of the configuration are resolved against `folder`.
 pub(super) fn build<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robot: Option<&RobotReference>,
-    robots: &[RobotReference],
+    (robots, follows): (&[RobotReference], &[bool]),
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     let mut config = config.clone();
@@ -61,10 +63,10 @@ pub(super) fn build<E: PhysicsEngine>(
     let located = located.map_err(|error| ConfigError::key("world", error.to_string()))?;
     let doubts = located.iter().map(|warning| format!("world: {warning}")).collect();
     let built = match (robot, robots) {
-        (Some(robot), _) => one(&config, robot, folder),
+        (Some(robot), _) => one(&config, (robot, follows[0]), folder),
         (None, []) => Err(ConfigError::new("it simulates a robot, but the component names none")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
-        (None, robots) => several(&config, robots, folder),
+        (None, robots) => several(&config, (robots, follows), folder),
     };
     Ok(Built { doubts, ..built? })
 }
@@ -97,7 +99,7 @@ pub(super) fn load(
 
 fn one<E: PhysicsEngine>(
     config: &PhysicsConfig,
-    robot: &RobotReference,
+    (robot, follows): (&RobotReference, bool),
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if let Some(name) = config.start.keys().next() {
@@ -120,15 +122,15 @@ fn one<E: PhysicsEngine>(
     let on_ground = if loaded.model.base().floating && base.is_none() { vec![0] } else { Vec::new() };
     E::prepare(&mut simulation, &on_ground);
     config.connect(&mut simulation)?;
-    let robot = BuiltRobot { name: None, loaded, articulation: 0, drives: 0..drives };
+    let robot = BuiltRobot { name: None, loaded, articulation: 0, drives: 0..drives, follows };
     Ok(Built { simulation, robots: vec![robot], on_ground, doubts: Vec::new() })
 }
 
-/// Builds several robots. Each robot with a floating base is an articulation. Robots with fixed bases share
-/// one articulation, with their trees next to each other in the world.
+/// Builds several robots. Each robot that has a floating base or follows is an articulation. The other robots
+/// with fixed bases share one articulation, with their trees next to each other in the world.
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
-    robots: &[RobotReference],
+    (robots, follows): (&[RobotReference], &[bool]),
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if config.position.is_some() || config.base.is_some() {
@@ -140,13 +142,24 @@ fn several<E: PhysicsEngine>(
         return Err(ConfigError::key(format!("start.{name}"), message));
     }
     let loaded = robots.iter().map(|robot| Placing::load(config, robot)).collect::<Result<Vec<_>, _>>()?;
-    let floats = |index: usize| loaded[index].loaded.model.base().floating;
-    let fixed: Vec<usize> = (0..loaded.len()).filter(|index| !floats(*index)).collect();
+    let alone = |index: usize| loaded[index].loaded.model.base().floating || follows[index];
+    let fixed: Vec<usize> = (0..loaded.len()).filter(|index| !alone(*index)).collect();
     // The articulation of the fixed robots takes the position of the first of them.
     let groups: Vec<Vec<usize>> = (0..loaded.len())
-        .filter(|index| floats(*index) || fixed.first() == Some(index))
-        .map(|index| if floats(index) { vec![index] } else { fixed.clone() })
+        .filter(|index| alone(*index) || fixed.first() == Some(index))
+        .map(|index| if alone(index) { vec![index] } else { fixed.clone() })
         .collect();
+    if let Some(robot) = robots.iter().zip(follows).find_map(|(robot, follows)| follows.then_some(robot))
+        && groups.len() > 1
+        && !E::CAPABILITIES.several_articulations
+    {
+        let message = format!(
+            "robot `{}` follows a state, but the {} engine moves all robots of a component together",
+            robot.name,
+            E::NAME
+        );
+        return Err(ConfigError::key("robots", message).advise("use `kind = \"physics.articulated\"`"));
+    }
     let (mut places, mut drives) = (vec![(0, 0..0); loaded.len()], 0);
     for (articulation, group) in groups.iter().enumerate() {
         for index in group {
@@ -161,7 +174,7 @@ fn several<E: PhysicsEngine>(
     }
     let setups = groups.iter().map(|group| {
         let members: Vec<&Placing> = group.iter().map(|index| &loaded[*index]).collect();
-        if floats(group[0]) { Ok(members[0].alone()) } else { together(&members) }
+        if alone(group[0]) { Ok(members[0].alone()) } else { together(&members) }
     });
     let mut setups = setups.collect::<Result<Vec<_>, _>>()?;
     set_actuators(config, &mut setups, folder)?;
@@ -174,12 +187,13 @@ fn several<E: PhysicsEngine>(
         (0..loaded.len()).filter(|index| loaded[*index].anywhere).map(|index| places[index].0).collect();
     E::prepare(&mut simulation, &anywhere);
     config.connect(&mut simulation)?;
-    let built = loaded.into_iter().zip(robots).zip(places);
-    let built = built.map(|((own, robot), (articulation, drives))| BuiltRobot {
+    let built = loaded.into_iter().zip(robots.iter().zip(follows)).zip(places);
+    let built = built.map(|((own, (robot, follows)), (articulation, drives))| BuiltRobot {
         name: Some(robot.name.clone()),
         loaded: own.loaded,
         articulation,
         drives,
+        follows: *follows,
     });
     let (robots, doubts) = (built.collect(), Vec::new());
     Ok(Built { simulation, robots, on_ground: anywhere, doubts })

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::ConfigError;
+use motorium::units::TimeSpan;
 use motorium_robots::{
     BaseMode, BasePose, FrictionCombine, Grain, Loaded, Model, PerJoint, Posture, Softness,
 };
@@ -63,6 +64,9 @@ pub struct PhysicsConfig {
     /// True: the commands come from drives that another component simulates, such as `can.drive_sim`, and are
     /// applied unchecked; that component's actuator checks them. Default false.
     pub plant: bool,
+    /// Age beyond which a state of `follow` or `follow_base` is stale: the robot then holds its last pose with
+    /// zero velocity. Default 20 ms.
+    pub follow_stale_after: Option<TimeSpan>,
 }
 
 /// The surface of a link. Missing keys keep the values of the other links.

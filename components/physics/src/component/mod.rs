@@ -3,6 +3,7 @@
 mod actuators;
 mod build;
 mod config;
+mod follow;
 mod limits;
 mod merging;
 mod objects;
@@ -15,7 +16,7 @@ mod truth;
 
 use motorium::component::{Checkpoint, Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::state::{self, BaseState, JointState};
+use motorium::state::{BaseState, JointState};
 use motorium::worker::Kind;
 use serde_json::json;
 
@@ -43,7 +44,8 @@ pub type RapierPhysics = PhysicsComponent<Rapier>;
 pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
 /// One or several simulated robots in one world. Each publishes its joint state, follows joint commands, and
-/// has its own ports and command gate. A robot with a floating base also publishes its base state.
+/// has its own ports and command gate. A robot with a floating base also publishes its base state. A robot
+/// whose `follow` or `follow_base` is wired is moved along these states instead of by commands.
 ///
 /// Every step passes the newest command through the [`CommandGate`], advances the simulation by the time
 /// since the last step, and publishes the state at its end. After skipped steps the simulation catches up on
@@ -83,11 +85,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
     type Config = PhysicsConfig;
 
     fn declare(config: &PhysicsConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        if !config.plant {
-            declare.actuator();
-        }
         // Report every possible configuration error now rather than later.
-        let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
+        let follows = follow::followers(declare.robots(), |port| declare.subscribes(port));
+        let robots = (declare.robots(), follows.as_slice());
+        let built = build::<E>(config, declare.robot(), robots, declare.folder())?;
         randomise::declare((&config.randomise, &config.connections), &built, declare)?;
         let Built { simulation, robots, doubts, .. } = built;
         for doubt in doubts {
@@ -100,8 +101,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         for warning in BuildWarning::summarise(&warnings) {
             declare.warn(warning);
         }
+        if follow::declare(config, &robots, declare)? && !config.plant {
+            declare.actuator();
+        }
         for robot in &robots {
-            declare.input::<state::JointCommand>(&robot.port("joint_command"), "commands of the drives");
             let doc = "positions, velocities and efforts after the step";
             declare.output::<JointState>(&robot.port("joint_state"), doc);
             if robot.loaded.model.base().floating {
@@ -115,8 +118,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 
     fn configure(config: PhysicsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let (one, several) = (setup.robot().ok().cloned(), setup.robots().to_vec());
+        let follows = follow::followers(&several, |port| setup.subscribes(port));
         let Built { mut simulation, robots, on_ground, .. } =
-            build::<E>(&config, one.as_ref(), &several, setup.folder())?;
+            build::<E>(&config, one.as_ref(), (&several, &follows), setup.folder())?;
         let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
         let (nq, nv) = (start_q.len(), start_v.len());
         let safe_states = SafeStates::new(&simulation);
@@ -135,7 +139,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         let pushes = Pushes::new(&config.pushes, simulation.articulations())?;
         let truth = Truth::open(&robots, &simulation, setup)?;
-        let robots = Actuated::open(robots, (&simulation, &starts), config.plant, setup)?;
+        let robots = Actuated::open(robots, (&simulation, &starts), &config, setup)?;
         Ok(Self {
             robots,
             truth,

@@ -12,8 +12,13 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::build::BuiltRobot;
+use super::config::PhysicsConfig;
+use super::follow::{self, Follower};
 use super::limits;
 use crate::{Engine, JointCommand, Simulation, Simulator};
+
+/// Default age beyond which a followed state is stale, ns.
+const FOLLOW_STALE_AFTER_NS: u64 = 20_000_000;
 
 /// One robot of the simulation, with its ports.
 pub(super) struct Actuated {
@@ -22,10 +27,14 @@ pub(super) struct Actuated {
     articulation: usize,
     /// Range of the robot's drives in the simulation.
     drives: Range<usize>,
-    command: Input<state::JointCommand>,
+    /// `None` for a robot that follows.
+    command: Option<Input<state::JointCommand>>,
+    /// Set for a robot that is moved along a state that it follows.
+    follower: Option<Follower>,
     state: Output<JointState>,
     base_state: Option<Output<BaseState>>,
-    /// `None` if the commands come from simulated drives, which check them elsewhere.
+    /// `None` if the commands come from simulated drives, which check them elsewhere, and for a robot that
+    /// follows.
     gate: Option<CommandGate>,
     /// Steps in the safe state.
     pub(super) safe: u64,
@@ -74,26 +83,33 @@ impl Actuated {
     pub(super) fn open<E: Engine>(
         robots: Vec<BuiltRobot>,
         (simulation, starts): (&Simulation<E>, &[[f64; 3]]),
-        plant: bool,
+        config: &PhysicsConfig,
         setup: &mut Setup,
     ) -> Result<Vec<Self>, ConfigureError> {
         let names = simulation.joint_names();
-        let limits =
-            robots.iter().map(|robot| limits::of_drives(&robot.loaded, &names[robot.drives.clone()]));
+        let driven = robots.iter().filter(|robot| !robot.follows && !config.plant);
+        let limits = driven.map(|robot| limits::of_drives(&robot.loaded, &names[robot.drives.clone()]));
         let limits: Result<Vec<_>, ConfigError> = limits.collect();
         let limits = limits.map_err(ConfigureError::Config)?;
-        let gates: Vec<_> = if plant {
-            limits.iter().map(|_| None).collect()
-        } else {
-            setup.command_gates(limits)?.into_iter().map(Some).collect()
-        };
+        let gates = if limits.is_empty() { Vec::new() } else { setup.command_gates(limits)? };
+        let mut gates = gates.into_iter();
+        let stale_after_ns = config.follow_stale_after.map_or(FOLLOW_STALE_AFTER_NS, |time| time.ns);
         let mut actuated = Vec::new();
-        for ((robot, gate), start) in robots.into_iter().zip(gates).zip(starts) {
+        for (robot, start) in robots.into_iter().zip(starts) {
+            let (mut command, mut follower, mut gate) = (None, None, None);
+            if robot.follows {
+                follower = Some(Follower::open(&robot, (simulation, stale_after_ns), setup)?);
+            } else {
+                command = Some(setup.input(&robot.port(follow::COMMAND))?);
+                // In the order of the robots that have one.
+                gate = if config.plant { None } else { gates.next() };
+            }
             let floating = robot.loaded.model.base().floating;
             let base_state =
                 if floating { Some(setup.named_output(&robot.port("base_state"))?) } else { None };
             actuated.push(Self {
-                command: setup.input(&robot.port("joint_command"))?,
+                command,
+                follower,
                 state: setup.named_output(&robot.port("joint_state"))?,
                 base_state,
                 name: robot.name,
@@ -111,16 +127,22 @@ impl Actuated {
         Ok(actuated)
     }
 
-    /// Applies the newest command after the gate's limits, or the safe state.
+    /// Applies the newest command after the gate's limits, or the safe state; moves a robot that follows along
+    /// its newest state.
     pub(super) fn apply_command<E: Engine>(
         &mut self,
         simulation: &mut Simulation<E>,
         safe_states: &mut SafeStates,
         (tick, factors): (&Tick, Option<&[[f64; 2]]>),
     ) {
+        if let Some(follower) = &mut self.follower {
+            follower.apply(simulation, tick.settling);
+            return;
+        }
+        let Some(command) = &mut self.command else { return };
         let factors = factors.map(|factors| &factors[self.drives.clone()]);
         let Some(gate) = &mut self.gate else {
-            apply_as_given(&mut self.command, &mut simulation.commands_mut()[self.drives.clone()], factors);
+            apply_as_given(command, &mut simulation.commands_mut()[self.drives.clone()], factors);
             return;
         };
         let (drives, own) = (self.drives.clone(), &simulation.articulations()[self.articulation]);
@@ -137,7 +159,7 @@ impl Actuated {
             velocity: &simulation.velocities()[drives.clone()],
             gravity: &mut of_drives,
         };
-        let verdict = gate.check_for(&mut self.command, measured, tick.dt());
+        let verdict = gate.check_for(command, measured, tick.dt());
         self.safe += u64::from(!tick.settling && matches!(verdict, Verdict::Safe { .. }));
         self.resuming += u64::from(verdict == Verdict::Resuming);
         let commands = &mut simulation.commands_mut()[drives];
@@ -171,7 +193,8 @@ impl Actuated {
         state.set_count(drives.len());
         state.position_mut().copy_from_slice(&simulation.positions()[drives.clone()]);
         state.velocity_mut().copy_from_slice(&simulation.velocities()[drives.clone()]);
-        state.effort_mut().copy_from_slice(&simulation.efforts()[drives]);
+        let efforts = self.follower.as_ref().map_or(&simulation.efforts()[drives], Follower::efforts);
+        state.effort_mut().copy_from_slice(efforts);
         state.publish()?;
         Ok(())
     }
@@ -180,6 +203,9 @@ impl Actuated {
     pub(super) fn reset<E: Engine>(&mut self, simulation: &Simulation<E>) {
         if let Some(gate) = &mut self.gate {
             gate.reset();
+        }
+        if let Some(follower) = &mut self.follower {
+            follower.reset(simulation);
         }
         (self.safe, self.resuming) = (0, 0);
         self.start = position(simulation, self.articulation);
@@ -201,7 +227,9 @@ impl Actuated {
                 &mut result["robots"][name]
             }
         };
-        if self.has_rotors {
+        if let Some(follower) = &self.follower {
+            follower.report(into);
+        } else if self.has_rotors {
             into["rotors_in_safe_state"] = json!("no thrust");
         }
         if self.base_state.is_some() {

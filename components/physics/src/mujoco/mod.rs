@@ -11,6 +11,7 @@ mod layout;
 mod library;
 mod mjcf;
 mod native;
+mod placed;
 mod step;
 
 use motorium_robots::{FrameId, Reference};
@@ -127,6 +128,7 @@ impl Engine for Mujoco {
 
     const CAPABILITIES: Capabilities = Capabilities {
         floating_bases: true,
+        several_articulations: true,
         allocation_free: true,
         rolling_friction: true,
         conveyors: false,
@@ -224,6 +226,14 @@ impl Engine for Mujoco {
         for (external, column) in self.external[own.v()].iter_mut().zip(jacobian.column_iter()) {
             *external += column.fixed_rows::<3>(0).dot(&force) + column.fixed_rows::<3>(3).dot(&torque);
         }
+    }
+
+    fn begin_placement(&mut self, robot: &Robot, articulation: usize) {
+        self.forget_drives(&robot.articulations[articulation]);
+    }
+
+    fn end_placement(&mut self, robot: &Robot, articulation: usize) {
+        self.forget_drives(&robot.articulations[articulation]);
     }
 
     fn reset(&mut self, _: &Robot, _: &World) {

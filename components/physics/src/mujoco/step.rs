@@ -7,6 +7,7 @@ use super::Mujoco;
 use super::compile::ObjectPlace;
 use super::contact::{Seen, Touch};
 use super::native::{Native, Parts};
+use super::placed;
 use crate::air::Air;
 use crate::articulated::Laws;
 use crate::joint::JointProperties;
@@ -64,6 +65,11 @@ impl Mujoco {
             for ((own, places), armatures) in
                 articulations.iter().zip(&self.places.articulations).zip(&self.armatures)
             {
+                placed::set_base_inertia(&mut self.native, places, own.placed);
+                if own.placed {
+                    placed::hold_joints(&mut self.native, places);
+                    continue;
+                }
                 let v = own.model.joints_of_v(&state.v_next[own.v()]);
                 for (index, body) in own.model.bodies().iter().enumerate() {
                     let (_, dof) = places.joints[index];
@@ -102,7 +108,7 @@ impl Mujoco {
         }
         self.read_state(articulations, state);
         let (mut saturated, mut at_limit) = (0, 0);
-        for own in &*articulations {
+        for own in articulations.iter().filter(|own| !own.placed) {
             let State { q_next, v_next, tau_next, .. } = state;
             let (q, v) = (own.model.joints_of_q(&q_next[own.q()]), own.model.joints_of_v(&v_next[own.v()]));
             let (joints, laws) = (&joints[own.joints()], &self.laws[own.joints()]);

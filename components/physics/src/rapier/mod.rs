@@ -11,6 +11,7 @@ pub(crate) mod convert;
 mod drives;
 mod inertia;
 mod multibody;
+mod placed;
 mod scene;
 mod shapes;
 
@@ -82,6 +83,7 @@ impl Engine for Rapier {
 
     const CAPABILITIES: Capabilities = Capabilities {
         floating_bases: false,
+        several_articulations: false,
         allocation_free: false,
         rolling_friction: false,
         conveyors: false,
@@ -168,6 +170,14 @@ impl Engine for Rapier {
         self.pushed = true;
     }
 
+    fn begin_placement(&mut self, robot: &Robot, _: usize) {
+        self.change_drives(robot, true);
+    }
+
+    fn end_placement(&mut self, robot: &Robot, _: usize) {
+        self.change_drives(robot, false);
+    }
+
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
         // A fresh scene: rapier warm-starts from old contacts, but a run must depend only on its start.
@@ -184,12 +194,20 @@ impl Engine for Rapier {
     fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.dt = dt;
         let mut report = StepReport { near_contact: true, ..StepReport::default() };
+        let placed = robot.first().placed;
         if self.stale {
-            self.multibody.set_positions(&robot.first().model, &mut self.scene, &robot.state.q);
+            let Self { multibody, scene, .. } = self;
+            let enclose = scene.enclosure();
+            enclose(&mut || multibody.set_positions(&robot.first().model, scene, &robot.state.q_next));
             self.overdriven.fill(false);
         }
-        self.stale = false;
-        self.multibody.set_velocity(&robot.first().model, &mut self.scene, &robot.state.v);
+        // The next step of a placed robot starts elsewhere.
+        self.stale = placed;
+        self.multibody.set_velocity(&robot.first().model, &mut self.scene, &robot.state.v_next);
+        if placed {
+            self.scene.step(dt, &robot.gravity, &self.pairs);
+            return Ok(report);
+        }
         self.command_drives(robot, self.scene.substep(dt))?;
         self.scene.step(dt, &robot.gravity, &self.pairs);
         self.read_state(robot, &mut report);

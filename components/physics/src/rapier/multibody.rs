@@ -90,10 +90,8 @@ impl Multibody {
             let dof = dof(multibody, link);
             multibody.frictions_mut()[dof] = MILLIGRAMS * body.joint.dynamics.friction;
             multibody.damping_mut()[dof] = MILLIGRAMS * body.joint.dynamics.damping;
-            if let Coordinate::Independent(column) = body.joint.coordinate {
-                multibody.armature_mut()[dof] = MILLIGRAMS * joints[column].armature;
-            }
         }
+        self.set_inertia(model, joints, scene, None);
         if let Some(handle) = self.joints.first() {
             let (multibody, _) =
                 scene.multibodies.get_mut(*handle).expect("the multibody stays for the scene's lifetime");
@@ -101,6 +99,26 @@ impl Multibody {
             // is fixed.
             multibody.forward_kinematics(&scene.bodies, true);
             self.displacement = vec![0.0; multibody.ndofs()];
+        }
+    }
+
+    /// Sets the inertia of every joint in addition to its links' \[kg m2 or kg\]; without a number, to the
+    /// joint's armature.
+    pub(super) fn set_inertia(
+        &self,
+        model: &Model,
+        joints: &[JointProperties],
+        scene: &mut Scene,
+        inertia: Option<f64>,
+    ) {
+        for (index, body) in model.bodies().iter().enumerate() {
+            let armature = match body.joint.coordinate {
+                Coordinate::Independent(column) => joints[column].armature,
+                Coordinate::Mimic { .. } => 0.0,
+            };
+            let (multibody, link) = self.link_mut(scene, index);
+            let dof = dof(multibody, link);
+            multibody.armature_mut()[dof] = MILLIGRAMS * inertia.unwrap_or(armature);
         }
     }
 

@@ -88,6 +88,7 @@ impl Parts<'_, '_> {
             robots: draft.robots.clone(),
             actuator: declaration.actuator,
             safety: self.actuators[index],
+            notes: declaration.notes.clone(),
             seed: component_seed(seed, draft.name),
             resets: declaration.resets,
             ends_episode: good_or(&draft.table.ends_episode, false),

@@ -19,7 +19,7 @@ use crate::graph::json::to_json;
 use crate::graph::model::{ComponentTable, GraphTable};
 use crate::graph::read::{At, Value, good, good_or};
 use crate::graph::source::Span;
-use crate::graph::values::{AnyTable, check_name};
+use crate::graph::values::{AnyTable, Named, check_name};
 use crate::nearest::suggest;
 use crate::plan::Program;
 use crate::worker::{ConfigProblem, DescribeRequest};
@@ -79,6 +79,7 @@ pub(super) fn resolve<'g, 'i>(
                 period: period_ns.map(Duration::from_nanos),
                 clock,
                 folder: context.sources.folder(&at.key).to_path_buf(),
+                subscribed: subscribed(table),
             },
             program: None,
             config: Json::Object(serde_json::Map::new()),
@@ -111,6 +112,12 @@ pub(super) fn resolve<'g, 'i>(
             .advise(format!("add `robot = \"{}\"` to a component, or leave the robot out", robot.name));
     }
     drafts
+}
+
+/// Returns the ports in the `subscribe` table of a component.
+fn subscribed(table: &ComponentTable<'_>) -> Vec<String> {
+    let wired = good(&table.subscribe).map(|Named(wired)| wired.as_slice()).unwrap_or_default();
+    wired.iter().map(|(port, _)| port.clone()).collect()
 }
 
 /// Warns of a world that no component reads.

@@ -134,6 +134,7 @@ pub(crate) fn graph(nodes: &[Node], spin_ns: u64, latencies: &[(usize, usize, u6
             waits_ns: 0,
             folder: Default::default(),
             actuator: false,
+            notes: Vec::new(),
             seed: 0,
             on_overrun: node.on_overrun,
             liveness: Default::default(),

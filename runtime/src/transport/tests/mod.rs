@@ -46,6 +46,7 @@ fn component(name: &str) -> ComponentPlan {
         waits_ns: 0,
         folder: Default::default(),
         actuator: false,
+        notes: Vec::new(),
         seed: 0,
         on_overrun: OnOverrun::Skip,
         liveness: Default::default(),

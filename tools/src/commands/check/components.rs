@@ -50,7 +50,18 @@ pub(super) fn describe(plan: &Plan) -> String {
             names(&component.outputs),
         ]);
     }
-    format!("{}\n{}", components.trim_fmt(), safe_within(plan))
+    format!("{}\n{}{}", components.trim_fmt(), safe_within(plan), notes(plan))
+}
+
+/// The facts that components state about themselves.
+fn notes(plan: &Plan) -> String {
+    let mut text = String::new();
+    for component in &plan.components {
+        for note in &component.notes {
+            let _ = writeln!(text, "`{}` {note}", component.name);
+        }
+    }
+    text
 }
 
 /// The time within which each actuator reaches its safe state, whatever loops on its core.
