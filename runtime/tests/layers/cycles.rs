@@ -12,7 +12,6 @@ const CYCLES: &[(&str, &str, &[&str])] = &[
     ("benches", "kill", &["outcome", "trial"]),
     ("components/can", "adapter", &["dialogue", "homing", "link"]),
     ("components/can", "component::adapter", &["config", "order"]),
-    ("components/can", "table", &["check", "current", "entries", "homing", "wire"]),
     ("components/control", "", &["cost", "ik", "levels", "tasks"]),
     ("components/control", "component", &["config", "conflicts", "objects", "setup", "torque"]),
     ("components/control", "component::tasks", &["held", "ramp"]),
