@@ -18,8 +18,6 @@ const CYCLES: &[(&str, &str, &[&str])] = &[
     ("components/control", "inverse_dynamics", &["control", "limits", "mixture", "reduced", "tasks"]),
     ("components/control", "solver::active_set", &["constraints", "iterate", "rounds"]),
     ("components/control", "solver::clarabel", &["layout", "scaling"]),
-    ("components/primitives", "", &["places", "rollout"]),
-    ("components/primitives", "promp", &["basis", "model"]),
     ("runtime", "state", &["field", "finite"]),
     ("tools", "commands::learn", &["train", "tune"]),
     ("tools/view", "", &["ask", "channels", "follow", "joined", "playback", "server"]),
