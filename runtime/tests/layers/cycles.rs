@@ -20,7 +20,6 @@ const CYCLES: &[(&str, &str, &[&str])] = &[
     ("components/control", "solver::clarabel", &["layout", "scaling"]),
     ("runtime", "state", &["field", "finite"]),
     ("tools", "commands::learn", &["train", "tune"]),
-    ("tools/view", "", &["ask", "channels", "follow", "joined", "playback", "server"]),
 ];
 
 /// Remaining children that use their parent and are used by it, by crate.
