@@ -2,9 +2,11 @@
 
 use motorium_robots::{ActuatorError, Model, TerrainError};
 
-use crate::properties::Surface;
-use crate::robot::{Articulation, BASE_BOUND};
+use crate::surface::Surface;
 use crate::{JointCommand, WorldError};
+
+/// Linear \[m/s\] and angular \[rad/s\] speed of a base beyond which the simulation is no longer meaningful.
+pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
 /// An error of a step. The state is the one before the step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -83,15 +85,6 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// Creates the error for entry `index` of an articulation's velocity, which moves no inertia.
-    pub(crate) fn singular(own: &Articulation, index: usize) -> Self {
-        let model = own.model();
-        let joint = index.saturating_sub(model.nv() - model.joint_count());
-        let name = model.joint_names().get(joint).map_or("the base", String::as_str).to_owned();
-        let joint = own.joints().start + joint;
-        Self::SingularMassMatrix { joint, name }
-    }
-
     /// Returns an error for the first invalid command.
     pub(crate) fn check_commands(commands: &[JointCommand], names: &[String]) -> Result<(), Self> {
         match commands.iter().position(|command| !command.is_valid()) {

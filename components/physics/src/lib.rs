@@ -14,12 +14,14 @@ mod air;
 mod articulated;
 mod batch;
 mod build;
+mod capabilities;
 mod command;
 mod component;
 mod connection;
 mod contact;
 mod error;
 mod joint;
+mod library_error;
 mod mujoco;
 mod options;
 mod placed;
@@ -29,14 +31,17 @@ mod rapier;
 mod rays;
 mod robot;
 mod rotors;
+mod shapes;
 mod simulation;
 mod simulator;
+mod surface;
 
 pub use articulated::{
     Articulated, ArticulatedSimulator, JointEvents, JointSpaceIntegrator, LinkForce, Singular,
 };
 pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
+pub use capabilities::Capabilities;
 pub use command::JointCommand;
 pub use component::{
     ActuatorConfig, ArticulatedPhysics, MujocoPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine,
@@ -45,16 +50,16 @@ pub use component::{
 pub use connection::{ConnectError, Connection, ConnectionKind};
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
+pub use library_error::LibraryError;
 pub use motorium_robots::{
     Conveyor, Copies, Grain, Ground, Object, ObjectShape, Softness, Terrain, TerrainLayer, World, WorldError,
 };
-pub use mujoco::{LibraryError, Mujoco, MujocoSimulator};
+pub use mujoco::{Mujoco, MujocoSimulator};
 pub use options::{Integrator, Options};
-pub use properties::{Properties, Surface};
+pub use properties::Properties;
 pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Articulation, Robot, RobotSetup};
 pub use rotors::RotorDrive;
 pub use simulation::{Engine, Simulation};
-pub use simulator::{
-    Capabilities, Contact, ForeignState, ObjectId, RayHit, SavedState, Simulator, StepReport,
-};
+pub use simulator::{Contact, ForeignState, ObjectId, RayHit, SavedState, Simulator, StepReport};
+pub use surface::Surface;

@@ -4,18 +4,7 @@ use motorium_robots::{ActuatorSettings, Appearance, Model, Terrain, World};
 use nalgebra::Vector3;
 
 use crate::joint::JointProperties;
-use crate::{Engine, ResetError, Simulation};
-
-/// The surface of one collider.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Surface {
-    /// Robot link, object, `ground` or `terrain`. A link with several shapes has one surface for each.
-    pub name: String,
-    /// Coefficient of friction. A contact uses the mean of both surfaces.
-    pub friction: f64,
-    /// Share of the approach speed kept after an impact. A contact uses the mean of both surfaces.
-    pub restitution: f64,
-}
+use crate::{Engine, ResetError, Simulation, Surface};
 
 /// The physical properties of a simulation that may change between two resets without a rebuild.
 ///

@@ -8,6 +8,7 @@ use motorium_robots::{
 };
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
+use crate::error::BASE_BOUND;
 use crate::joint::JointProperties;
 use crate::{JointCommand, Options, ResetError, RotorDrive, StepError};
 
@@ -74,9 +75,6 @@ impl RobotSetup {
         Ok(Self { rotors, collision_rules, friction, ..Self::from(model) })
     }
 }
-
-/// Linear \[m/s\] and angular \[rad/s\] speed of a base beyond which the simulation is no longer meaningful.
-pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
 /// An articulation: a kinematic tree with its own base.
 ///
@@ -420,4 +418,15 @@ impl Robot {
 pub(crate) fn base_pose(q: &[f64]) -> Isometry3<f64> {
     let rotation = UnitQuaternion::new_normalize(Quaternion::new(q[6], q[3], q[4], q[5]));
     Isometry3::from_parts(Translation3::new(q[0], q[1], q[2]), rotation)
+}
+
+impl StepError {
+    /// Creates the error for entry `index` of an articulation's velocity, which moves no inertia.
+    pub(crate) fn singular(own: &Articulation, index: usize) -> Self {
+        let model = own.model();
+        let joint = index.saturating_sub(model.nv() - model.joint_count());
+        let name = model.joint_names().get(joint).map_or("the base", String::as_str).to_owned();
+        let joint = own.joints().start + joint;
+        Self::SingularMassMatrix { joint, name }
+    }
 }

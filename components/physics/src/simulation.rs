@@ -3,8 +3,8 @@
 use motorium_robots::{ActuatorError, ActuatorSettings, FrameId};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
-use crate::properties::Surface;
 use crate::robot::{Articulation, Robot, RobotSetup, RobotState};
+use crate::surface::Surface;
 use crate::{
     BuildError, BuildWarning, Capabilities, ConnectError, Connection, ConnectionKind, Contact, ForeignState,
     JointCommand, ObjectId, Options, RayHit, ResetError, SavedState, Simulator, StepError, StepReport, World,

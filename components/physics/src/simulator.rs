@@ -5,7 +5,9 @@ use core::any::Any;
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::{Articulation, BuildWarning, ConnectError, Connection, JointCommand, ResetError, StepError};
+use crate::{
+    Articulation, BuildWarning, Capabilities, ConnectError, Connection, JointCommand, ResetError, StepError,
+};
 
 /// An object of the world. Look it up once with [`Simulator::object`], outside the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -49,35 +51,6 @@ pub struct RayHit<'a> {
     pub point: Point3<f64>,
     /// Unit normal of the surface at the hit point, in the world.
     pub normal: Vector3<f64>,
-}
-
-/// The abilities of a simulator that only some engines have. Every engine supports robots with fixed bases,
-/// several of them as one model, free and fixed objects, contacts, rays, commands, placement, reset, save and
-/// restore.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Capabilities {
-    /// Robots with a floating base, and several of them in one world.
-    pub floating_bases: bool,
-    /// Several [articulations](Simulator::articulations). Without it, [`Simulator::place`] places all robots
-    /// at once.
-    pub several_articulations: bool,
-    /// Steps after the first do not allocate.
-    pub allocation_free: bool,
-    /// Torsional and rolling friction.
-    pub rolling_friction: bool,
-    /// Surfaces of conveyors, which move along themselves.
-    pub conveyors: bool,
-    /// Compliant surfaces and direction-dependent friction.
-    pub textures: bool,
-    /// Contacts with the triangles of [meshes](motorium_robots::MeshCollision) of objects. Every engine
-    /// supports contacts with their convex parts.
-    pub triangles: bool,
-    /// Changes of physical [properties](crate::Properties) [during motion](crate::Simulation::change).
-    pub changes: bool,
-    /// A choice of integration methods.
-    pub integrators: bool,
-    /// [Connections](crate::Connection) between parts in addition to the joints of robots.
-    pub connections: bool,
 }
 
 /// A state of a simulator that includes everything its next steps depend on, warm starts included.

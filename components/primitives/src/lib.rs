@@ -40,7 +40,6 @@ pub mod file;
 pub mod gmm;
 pub mod kmp;
 pub mod mean;
-mod places;
 pub mod profile;
 pub mod promp;
 pub mod reach;

@@ -287,7 +287,7 @@ fn probabilistic(
         let noise = DMatrix::identity(dimensions, dimensions) * deviation * deviation;
         promp = promp.conditioned(phase, &DVector::from_vec(position), &noise)?;
     }
-    crate::places::met(&mut ProMpMean::from(promp.clone()), overrides)?;
+    met(&mut ProMpMean::from(promp.clone()), overrides)?;
     let variance = |phase: f64| Ok(promp.covariance_at(phase).diagonal());
     followed(file, ProMpMean::from(promp.clone()), Some(&variance), overrides, interval)
 }
@@ -304,7 +304,7 @@ fn kernelised(
         movement = movement.conditioned(phase, &DVector::from_vec(position), deviation)?;
     }
     let kmp = movement.kmp()?;
-    crate::places::met(&mut movement.running()?, overrides)?;
+    met(&mut movement.running()?, overrides)?;
     let variance = |phase: f64| Ok(kmp.covariance(&[phase])?.diagonal());
     followed(file, movement.running()?, Some(&variance), overrides, interval)
 }
@@ -338,12 +338,30 @@ fn conditions(kind: &'static str, overrides: &Override) -> Result<(), RolloutErr
 }
 
 /// Positions to pass: start, goal, via points.
-pub(crate) fn places(overrides: &Override) -> impl Iterator<Item = ViaPoint> {
+fn places(overrides: &Override) -> impl Iterator<Item = ViaPoint> {
     let ends =
         [(0.0, &overrides.start), (1.0, &overrides.goal)].into_iter().filter_map(|(phase, position)| {
             Some(ViaPoint { phase, position: position.clone()?, deviation: END_DEVIATION })
         });
     ends.chain(overrides.via.iter().cloned())
+}
+
+/// Maximum error of the mean at a conditioned position, in standard deviations.
+const MISSED: f64 = 3.0;
+
+/// Checks that a mean passes the positions it was conditioned on.
+fn met(mean: &mut impl MeanMovement, overrides: &Override) -> Result<(), RolloutError> {
+    let (mut reached, mut slope) = (vec![0.0; mean.dimensions()], vec![0.0; mean.dimensions()]);
+    for ViaPoint { phase, position, deviation } in places(overrides) {
+        mean.mean_into(phase, &mut reached, &mut slope);
+        for (dimension, (reached, wanted)) in reached.iter().zip(position).enumerate() {
+            let missed = (reached - wanted).abs();
+            if missed.is_nan() || missed > MISSED * deviation {
+                return Err(RolloutError::Unmet { phase, dimension, reached: *reached, wanted, deviation });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Variances of the dimensions at a phase.

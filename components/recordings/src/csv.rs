@@ -3,8 +3,10 @@
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
 use crate::error::{Place, RecordingError};
-use crate::names::{Clock, Columns};
-use crate::read::{Selection, Table};
+use crate::names::Columns;
+use crate::selection::Selection;
+use crate::table::Table;
+use crate::time::Clock;
 
 /// Reads a table. `separator` is found in the text if it is not given.
 pub(crate) fn table(

@@ -4,9 +4,10 @@ use serde_json::{Map, Value};
 
 use crate::Recording;
 use crate::error::{Place, RecordingError};
-use crate::names::{Clock, Columns, is_time};
-use crate::read::{Selection, Table};
-use crate::time::timed;
+use crate::names::{Columns, is_time};
+use crate::selection::Selection;
+use crate::table::Table;
+use crate::time::{Clock, timed};
 
 /// A JSON value with its place in the file.
 type Item = (Place, Value);

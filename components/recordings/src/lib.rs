@@ -58,13 +58,16 @@ mod json;
 mod names;
 mod read;
 pub mod retarget;
+mod selection;
 mod skeleton;
+mod table;
 mod time;
 
 pub use continuous::Removed;
 pub use error::{Place, RecordingError};
 pub use file::read_bounded;
-pub use read::{Selection, is_recording, read, read_all, read_text};
+pub use read::{is_recording, read, read_all, read_text};
+pub use selection::Selection;
 pub use skeleton::{Limb, Skeleton, Trunk};
 
 use nalgebra::DMatrix;

@@ -1,8 +1,8 @@
 //! Names of columns: times, velocities, and the channels a caller selects.
 
 use crate::error::{Place, RecordingError};
-use crate::read::Selection;
-use crate::time::Unit;
+use crate::selection::Selection;
+use crate::time::{Clock, Unit};
 
 /// Names of a column or field that holds the time, in s or in a unit that the size of its numbers shows; the
 /// first of them that exists is used.
@@ -16,17 +16,6 @@ const UNITS: [(&str, f64); 4] = [("_s", 1.0), ("_ms", 1e-3), ("_us", 1e-6), ("_n
 pub(crate) const STEP: [&str; 3] = ["dt_s", "dt", "frame_dt"];
 /// Columns of a table that `motorium export` writes, besides the time and the fields of the samples.
 const EXPORTED: [&str; 4] = ["sequence", "publish_time_ns", "source_time_ns", "episode"];
-
-/// The column that times come from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Clock {
-    /// Index of a column of times, and their unit.
-    Time(usize, Unit),
-    /// Index of a column of time steps, and their unit.
-    Step(usize, Unit),
-    /// A number of samples a second.
-    Rate(f64),
-}
 
 /// The unit of a time column of this name; `None` if it is not a time column.
 fn time_unit(name: &str) -> Option<Unit> {

@@ -2,44 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::DMatrix;
-
 use crate::error::{Place, RecordingError};
 use crate::file::read_bounded;
-use crate::names::{Clock, Columns};
-use crate::time::timed;
-use crate::{Recording, csv, json};
+use crate::{Recording, Selection, csv, json};
 
 /// Longest file, bytes: an hour of forty joints at 1 kHz as text.
 const LONGEST: u64 = 2 * 1024 * 1024 * 1024;
-
-/// The part of a file that is read; [`Default`] takes all channels of position.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Selection {
-    /// Field whose numbers are the channels, such as `velocity`: of a state buffer printed as JSON the field
-    /// of that name, of a table the columns `NAME_velocity`. Default `position` where there is one, else all
-    /// numbers.
-    pub field: Option<String>,
-    /// Names of the channels to keep, in this order; a name that ends in `*` stands for all that begin so.
-    /// Default all.
-    pub channels: Vec<String>,
-    /// Samples a second of recordings that hold no time. Default none: such recordings are refused.
-    pub rate: Option<f64>,
-}
-
-impl Selection {
-    /// The clock of recordings without times.
-    pub(crate) fn clock(&self) -> Result<Option<Clock>, RecordingError> {
-        match self.rate {
-            None => Ok(None),
-            Some(rate) if rate > 0.0 && rate.is_finite() => Ok(Some(Clock::Rate(rate))),
-            Some(value) => {
-                let expected = "a positive number of samples a second";
-                Err(RecordingError::OutOfRange { name: "rate", value, expected })
-            }
-        }
-    }
-}
 
 /// Reads the one recording of a file.
 ///
@@ -136,28 +104,4 @@ fn parse(name: &str, text: &str, selection: &Selection) -> Result<Vec<Recording>
         }
     }
     Ok(recordings)
-}
-
-/// Samples with their places, the number in their time column if there is one, and their channels.
-pub(crate) struct Table {
-    pub(crate) columns: Columns,
-    pub(crate) rows: Vec<(Place, Option<f64>, Vec<f64>)>,
-}
-
-impl Table {
-    pub(crate) fn recording(self, path: &str) -> Result<Recording, RecordingError> {
-        let Self { columns, rows } = self;
-        if rows.len() < 2 {
-            return Err(RecordingError::Malformed {
-                place: Box::new(Place::file(path)),
-                found: format!("{} samples", rows.len()),
-                expected: "at least 2".into(),
-                advice: None,
-            });
-        }
-        let clock = columns.clock.ok_or_else(|| RecordingError::NoTime { path: path.to_string() })?;
-        let times = timed(clock, rows.iter().map(|(place, time, _)| (place.clone(), *time)))?;
-        let values = DMatrix::from_fn(rows.len(), columns.channels.len(), |k, c| rows[k].2[c]);
-        Recording::new(columns.channels.into_iter().map(|(_, name)| name).collect(), times, values)
-    }
 }

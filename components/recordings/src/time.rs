@@ -1,7 +1,6 @@
 //! Units of time: named by a column, or recognised by the size of its numbers.
 
 use crate::error::{Place, RecordingError};
-use crate::names::Clock;
 
 /// Unit of the numbers of a time column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,6 +9,17 @@ pub(crate) enum Unit {
     Named(f64),
     /// The size of the numbers shows it.
     Recognised,
+}
+
+/// The column that times come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Clock {
+    /// Index of a column of times, and their unit.
+    Time(usize, Unit),
+    /// Index of a column of time steps, and their unit.
+    Step(usize, Unit),
+    /// A number of samples a second.
+    Rate(f64),
 }
 
 /// Seconds since 1970 of the years 2001 to 2286; 10^3, 10^6 and 10^9 times as much in ms, us and ns.

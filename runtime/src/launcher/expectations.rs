@@ -1,38 +1,10 @@
 //! The verdict on the expectations of a graph, from the report of its run.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::Report;
+use super::{ExpectationReport, Report};
 use crate::nearest::suggest;
 use crate::plan::Expectation;
-
-/// One expectation in the report.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct ExpectationReport {
-    /// The figure, such as `controller.position_error_m`.
-    pub figure: String,
-    /// The condition, such as `<= 0.001`.
-    pub condition: String,
-    /// Value of the figure; `null` if missing.
-    pub found: Value,
-    /// True if the value meets the condition.
-    pub met: bool,
-    /// The reason for a figure without a value, as text.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub problem: Option<String>,
-}
-
-impl core::fmt::Display for ExpectationReport {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Self { figure, condition, found, problem, .. } = self;
-        match problem {
-            Some(problem) => write!(f, "expected `{figure}` {condition}: {problem}"),
-            None => write!(f, "expected `{figure}` {condition}, found {found}"),
-        }
-    }
-}
 
 /// The verdict on an expectation.
 pub(super) fn verdict(expectation: &Expectation, report: &Report) -> ExpectationReport {

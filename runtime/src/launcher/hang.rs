@@ -2,6 +2,7 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
+use super::lost_steps::LostShare;
 use super::supervision::Supervision;
 use super::watchdog::{Counters, Overdue};
 use super::{Event, Hosting, Launch};
@@ -87,22 +88,5 @@ impl Launch {
         self.warnings.extend(self.guard.missing());
         self.warnings.iter().for_each(|warning| observe(Event::Warning(warning)));
         self.supervision = supervision;
-    }
-}
-
-/// A share of lost steps, printed in percent.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct LostShare(pub(super) f64);
-
-impl LostShare {
-    /// Of all steps that were due.
-    pub(super) fn new(steps: u64, skipped: u64) -> Self {
-        Self(skipped as f64 / (steps + skipped).max(1) as f64)
-    }
-}
-
-impl core::fmt::Display for LostShare {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{:.1} %", 100.0 * self.0)
     }
 }

@@ -1,7 +1,5 @@
 //! The share of its steps that a component loses, as a pure function of its counters and the time.
 
-use super::hang::LostShare;
-
 /// Interval over which the share is computed, ns.
 const SPAN_NS: u64 = 1_000_000_000;
 /// Least time between two warnings of one component, ns.
@@ -42,6 +40,23 @@ impl LostSteps {
         }
         self.quiet_until_ns = now_ns + QUIET_NS;
         Some(share)
+    }
+}
+
+/// A share of lost steps, printed in percent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LostShare(pub(super) f64);
+
+impl LostShare {
+    /// Of all steps that were due.
+    pub(super) fn new(steps: u64, skipped: u64) -> Self {
+        Self(skipped as f64 / (steps + skipped).max(1) as f64)
+    }
+}
+
+impl core::fmt::Display for LostShare {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{:.1} %", 100.0 * self.0)
     }
 }
 

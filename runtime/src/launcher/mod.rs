@@ -14,12 +14,14 @@ mod episodes;
 mod error;
 mod event;
 mod event_log;
+mod exit;
 mod expectations;
 pub mod guard;
 mod guarding;
 mod hang;
 mod idle_states;
 mod lockstep;
+mod logged_event;
 mod lost_steps;
 mod neighbours;
 mod options;
@@ -61,12 +63,14 @@ use supervision::Supervision;
 pub use cores::{CoreReport, CoreWatch};
 pub use error::LaunchError;
 pub use event::Event;
-pub use event_log::{LoggedEvent, REPORTED_EVENTS, logged};
-pub use expectations::ExpectationReport;
+pub use event_log::REPORTED_EVENTS;
+pub use exit::Exit;
 pub(crate) use lockstep::Limit;
+pub use logged_event::{LoggedEvent, logged};
 pub use options::{Hosting, Options};
 pub use report::{
-    ComponentReport, EdgeReport, EpisodeReport, Exit, LatencyReport, REPORT_VERSION, Report, steps_per_second,
+    ComponentReport, EdgeReport, EpisodeReport, ExpectationReport, LatencyReport, REPORT_VERSION, Report,
+    steps_per_second,
 };
 pub use status::{ComponentStatus, Status};
 

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CoreReport, ExpectationReport, Launch, LoggedEvent};
+use super::{CoreReport, Exit, Launch, LoggedEvent};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan, Plan};
 use crate::region::{ComponentBlock, GateReport, Misses, Region, Stalls};
@@ -15,21 +15,6 @@ use crate::telemetry::Percentiles;
 
 /// Version of the report's format; raised when a field changes its meaning or goes.
 pub const REPORT_VERSION: u32 = 2;
-
-/// The end of a run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", tag = "kind")]
-pub enum Exit {
-    /// Its duration was over.
-    Finished,
-    /// A signal requested the end.
-    Interrupted,
-    /// Something failed; the robot was brought to its safe state.
-    SafeStop {
-        /// The failure.
-        reason: String,
-    },
-}
 
 /// The report of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -209,6 +194,32 @@ pub(super) fn latencies(plan: &Plan, region: &Region) -> Vec<LatencyReport> {
             count: block.latency.count(),
         })
         .collect()
+}
+
+/// One expectation in the report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ExpectationReport {
+    /// The figure, such as `controller.position_error_m`.
+    pub figure: String,
+    /// The condition, such as `<= 0.001`.
+    pub condition: String,
+    /// Value of the figure; `null` if missing.
+    pub found: serde_json::Value,
+    /// True if the value meets the condition.
+    pub met: bool,
+    /// The reason for a figure without a value, as text.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub problem: Option<String>,
+}
+
+impl core::fmt::Display for ExpectationReport {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { figure, condition, found, problem, .. } = self;
+        match problem {
+            Some(problem) => write!(f, "expected `{figure}` {condition}: {problem}"),
+            None => write!(f, "expected `{figure}` {condition}, found {found}"),
+        }
+    }
 }
 
 impl Launch {

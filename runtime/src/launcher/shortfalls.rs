@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::hang::LostShare;
+use super::lost_steps::LostShare;
 use super::{Event, Launch};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan};

@@ -2,10 +2,8 @@
 
 #![allow(unsafe_code)] // `Field` promises facts about bytes in shared memory; only plain numbers get it here.
 
-use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
-
-use super::FieldLayout;
 use super::finite::{self, Checked, Numbers, are_finite, are_plainly_finite};
+use super::{Digest, FieldLayout};
 
 /// Number of bytes written before they are checked, small enough for the nearest cache.
 const PART: usize = 8 * 1024;
@@ -79,39 +77,6 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// Like [`digest`](Self::digest), for many consecutive values.
     fn digest_all(values: &[Self], digest: &mut Digest) {
         values.iter().for_each(|value| value.digest(digest));
-    }
-}
-
-/// A running 64-bit digest (XXH3) of published content, equal for equal runs.
-pub struct Digest(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
-
-impl Default for Digest {
-    fn default() -> Self {
-        // Without heap memory, since an output starts a new one in a step.
-        Self(RawHasher::new(SecretBuffer::default()))
-    }
-}
-
-impl Digest {
-    /// Adds bytes.
-    pub fn write(&mut self, bytes: &[u8]) {
-        core::hash::Hasher::write(&mut self.0, bytes);
-    }
-
-    /// Adds an integer.
-    pub fn write_u64(&mut self, value: u64) {
-        self.write(&value.to_le_bytes());
-    }
-
-    /// The digest of everything written so far.
-    pub fn finish(&self) -> u64 {
-        core::hash::Hasher::finish(&self.0)
-    }
-}
-
-impl core::fmt::Debug for Digest {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "Digest({:016x})", self.finish())
     }
 }
 

@@ -4,8 +4,8 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use super::latest::{StateReader, TopicMemory};
+use super::layout::same_layout;
 use super::stream::StreamReader;
-use super::topic::same_layout;
 use super::{Connect, InputPlace, Participant, PortError, refused};
 use crate::context::{Context, ReadEffects};
 use crate::declare::TopicPattern;

@@ -7,9 +7,9 @@ use core::ptr::NonNull;
 use std::rc::Rc;
 
 use super::latest::StateWriter;
+use super::layout::same_layout;
 use super::publication::{TopicWriter, checked};
 use super::stream::{Lent, StreamWriter};
-use super::topic::same_layout;
 use super::{Connect, OutputPlace, Participant, PortError, refused};
 use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};

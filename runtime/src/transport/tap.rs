@@ -3,8 +3,7 @@
 use iceoryx2::node::Node;
 
 use super::latest::{self, TopicMemory};
-use super::stream::{Queue, parts, receive};
-use super::topic::open_queue;
+use super::stream::{Queue, open_queue, parts, receive};
 use super::{PortError, refused};
 use crate::declare::TopicPattern;
 use crate::domain::{Domain, Shared};

@@ -3,6 +3,8 @@
 //! outgrows its ceiling.
 
 mod crates;
+mod cycles;
+mod modules;
 mod paths;
 mod size;
 mod tokens;

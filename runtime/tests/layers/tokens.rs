@@ -163,7 +163,7 @@ pub(crate) fn product(tokens: Vec<Token>) -> Vec<Token> {
 }
 
 /// The end of an attribute that begins here.
-fn attribute(tokens: &[Token], at: usize) -> Option<usize> {
+pub(crate) fn attribute(tokens: &[Token], at: usize) -> Option<usize> {
     (tokens.get(at)?.is("#") && tokens.get(at + 1)?.is("[")).then(|| closing(tokens, at + 1))
 }
 
@@ -175,7 +175,7 @@ fn is_test(attribute: &[Token]) -> bool {
 }
 
 /// The end of what an opening bracket begins.
-fn closing(tokens: &[Token], open: usize) -> usize {
+pub(crate) fn closing(tokens: &[Token], open: usize) -> usize {
     let mut depth = 0;
     for (at, token) in tokens.iter().enumerate().skip(open) {
         match token {

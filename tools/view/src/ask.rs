@@ -11,7 +11,7 @@ use foxglove::websocket::{
 };
 use foxglove::websocket::{PlaybackControlRequest, PlaybackState};
 
-use crate::playback::Shared;
+use crate::player::Shared;
 use crate::rights::Rights;
 
 /// A request of a viewer.

@@ -20,6 +20,7 @@ use crate::cores::stand_aside;
 use crate::joined::{Joined, named, newest};
 use crate::parameters;
 use crate::request::Request;
+use crate::schemas::{RUN, RUN_SCHEMA};
 use crate::server::Server;
 
 /// Poll interval for the start and end of runs.
@@ -30,12 +31,10 @@ const SLOWLY: Duration = Duration::from_millis(500);
 /// Options of a run under check: it continues until the check is complete and is then ended.
 const CHECKED_FOR: [&str; 3] = ["--for", "10min", "--no-expect"];
 
-/// Names of the channels that exist independently of the run.
-pub(crate) const RUN: &str = "/motorium/run";
+/// Name of the channel of times, which exists independently of the run.
 const TIMES: &str = "/motorium/top";
 /// JSON Schema of the times, the same as for `motorium top --json`.
 const TIMES_SCHEMA: &str = include_str!("../schema/top.schema.json");
-pub(crate) const RUN_SCHEMA: &str = include_str!("../schema/run.schema.json");
 
 /// The thread that follows the run.
 #[derive(Debug)]

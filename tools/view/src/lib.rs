@@ -11,8 +11,8 @@
 //! | `front` | the port: files of the page, WebSockets |
 //! | `server`, `ask`, `rights`, `assets` | protocol server: channels, services, parameters, files, token |
 //! | `follow`, `joined`, `parameters` | the run: finding it, reading it |
-//! | `playback` | a recording in place of a run |
-//! | `channels`, `graph`, `world` | the description of a graph and its topics |
+//! | `playback`, `player` | a recording in place of a run, and the place in it |
+//! | `channels`, `schemas`, `graph`, `world` | the description of a graph and its topics |
 //! | `children`, `cores` | commands of `motorium` that it starts; keeping off the real-time cores |
 //! | `watch` | a client that looks at everything, for measurements |
 //! | `browser`, `check` | a look at the page in a headless browser |
@@ -30,8 +30,10 @@ mod graph;
 mod joined;
 mod parameters;
 mod playback;
+mod player;
 mod request;
 mod rights;
+mod schemas;
 mod server;
 mod watch;
 
@@ -95,7 +97,7 @@ fn serve(request: Request) -> anyhow::Result<ExitCode> {
     let rights = Arc::new(rights::Rights::new(token.clone()));
     let opened = request.recording.as_deref().map(playback::open).transpose()?;
     let (recording, times) = opened.unzip();
-    let player = times.map(|times| Arc::new(Mutex::new(playback::Player::new(times))));
+    let player = times.map(|times| Arc::new(Mutex::new(player::Player::new(times))));
     let asks_to = ask::Asks { sender, rights, player: player.clone() };
     let server = Arc::new(runtime.block_on(server::Server::start(asks_to, times))?);
     let port = front.port();

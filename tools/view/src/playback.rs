@@ -1,11 +1,9 @@
 //! A recording instead of a run: its samples, sent to subscribers at the requested pace.
 
-mod player;
-
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -19,16 +17,14 @@ use serde_json::json;
 
 use crate::ask::Ask;
 use crate::channels::Channels;
-use crate::follow::{RUN, RUN_SCHEMA};
+use crate::player::Player;
 use crate::request::Request;
+use crate::schemas::{PLACE_SCHEMA, RUN, RUN_SCHEMA};
 use crate::server::Server;
-pub(crate) use player::Player;
 
 /// Time between two reports of the place that is shown.
 const REPORT_PERIOD: Duration = Duration::from_millis(100);
 const PLACE: &str = "/motorium/playback";
-/// JSON Schema of the place.
-pub(crate) const PLACE_SCHEMA: &str = include_str!("../../schema/playback.schema.json");
 const NO_RUN: &str = "this is a recording: nothing runs";
 
 /// A recording that is shown.
@@ -231,6 +227,3 @@ impl<'r> Playback<'r> {
         .to_string()
     }
 }
-
-/// A player that the listeners of the server share with the thread that plays.
-pub(crate) type Shared = Arc<Mutex<Player>>;

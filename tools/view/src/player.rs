@@ -1,5 +1,6 @@
 //! The place in a recording that is shown, and how it moves.
 
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use foxglove::websocket::{PlaybackCommand, PlaybackControlRequest, PlaybackState, PlaybackStatus};
@@ -122,6 +123,9 @@ impl Player {
         self.start_ns + self.place as u64
     }
 }
+
+/// A player that the listeners of the server share with the thread that plays.
+pub(crate) type Shared = Arc<Mutex<Player>>;
 
 #[cfg(test)]
 mod tests {

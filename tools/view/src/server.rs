@@ -10,7 +10,8 @@ use foxglove::{ChannelBuilder, Context, RawChannel, Schema, WebSocketServer, Web
 
 use crate::ask::{self, Asks, Command};
 use crate::assets::Assets;
-use crate::playback::{PLACE_SCHEMA, Shared};
+use crate::player::Shared;
+use crate::schemas::PLACE_SCHEMA;
 
 /// The server.
 pub(crate) struct Server {

@@ -8,7 +8,8 @@ use foxglove::messages::RawImage;
 use mcap::records::Record;
 use motorium::state::Stamp;
 
-use super::reader::{ReadError, Recording, Source};
+use super::reader::{ReadError, Recording};
+use super::recorded::Source;
 use super::records::Records;
 use crate::foxglove::DerivedError;
 

@@ -31,6 +31,7 @@ mod machine;
 mod order;
 mod outcome;
 mod reader;
+mod recorded;
 mod recorder;
 mod records;
 mod recover;
@@ -55,7 +56,8 @@ pub use lerobot::{
     Camera, Dataset, DatasetCounts, DatasetError, usual_cameras, usual_signals, write_lerobot,
 };
 pub use order::InOrder;
-pub use reader::{ReadError, RecordedPictures, RecordedTopic, Recording};
+pub use reader::{ReadError, Recording};
+pub use recorded::{RecordedPictures, RecordedTopic};
 pub use recover::{Recovered, recover};
 pub use replaced::{ease_in, loggers, replaced, replayed};
 pub use replay::{Eased, Replay, ReplayConfig, replay_kind};

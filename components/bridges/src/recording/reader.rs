@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use mcap::{MAGIC, McapError};
 use memmap2::Mmap;
 use motorium::plan::Plan;
-use motorium::state::TypeLayout;
 
 use super::framing::Summary;
+use super::recorded::{RecordedPictures, RecordedTopic, Source};
 use super::records::Records;
 use super::scan::Scan;
 use super::{COUNTS, PLAN, RECOVERED, RUN};
-use crate::foxglove::{Derived, DerivedError};
+use crate::foxglove::DerivedError;
 
 /// A recording, opened for reading.
 ///
@@ -35,45 +35,6 @@ pub struct Recording {
     map: Mmap,
     summary: Summary,
     scan: Scan,
-}
-
-/// A topic of a recording.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RecordedTopic {
-    /// Its name.
-    pub name: String,
-    /// Layout of its samples.
-    pub layout: TypeLayout,
-    /// Number of its samples in the file.
-    pub samples: u64,
-    pub(super) derived: Derived,
-}
-
-/// The pictures of a camera in a recording.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct RecordedPictures {
-    /// Name of their topic.
-    pub topic: String,
-    /// Name of their channel in the file, whose messages are `foxglove.RawImage`.
-    pub channel: String,
-    /// Number of the pictures in the file.
-    pub count: u64,
-}
-
-/// The source of a message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Source {
-    /// Index among the topics.
-    Topic(usize),
-    /// Index among the pictures.
-    Pictures(usize),
-}
-
-impl RecordedTopic {
-    /// The messages of its exact channel.
-    pub fn derived(&self) -> &Derived {
-        &self.derived
-    }
 }
 
 fn describe(error: &McapError) -> String {

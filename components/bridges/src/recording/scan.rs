@@ -6,7 +6,7 @@ use mcap::records::Record;
 use motorium::state::TypeLayout;
 
 use super::framing::Summary;
-use super::reader::{RecordedPictures, RecordedTopic, Source};
+use super::recorded::{RecordedPictures, RecordedTopic, Source};
 use super::records::{Damage, Records};
 use super::{COUNTS, KEPT, LAYOUT, TOPIC};
 use crate::foxglove::Derived;

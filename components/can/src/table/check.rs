@@ -2,6 +2,7 @@
 
 use core::f64::consts::TAU;
 
+use super::refusal::Refusal;
 use super::{BusEntry, BusKind, ControlMode, DriveEntry, Protocol, Table};
 use super::{current, homing, wire};
 use crate::Range;
@@ -11,9 +12,6 @@ use crate::servo::{FAST_AROUND, FAST_HEAD, LONGEST};
 
 /// Mistake: the entry and its index, the value found, the advice.
 pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
-
-/// Value found, and advice.
-pub(super) type Refusal = (String, &'static str);
 
 /// Largest number of servos on one serial line, all of whose numbers fit into one packet.
 const SERVOS: usize = 50;

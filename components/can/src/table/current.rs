@@ -1,6 +1,6 @@
 //! Current limit of a drive, in its own units.
 
-use super::check::Refusal;
+use super::refusal::Refusal;
 use super::{DriveEntry, Protocol};
 
 /// Largest number in a Dynamixel's current register.

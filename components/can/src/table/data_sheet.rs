@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 use std::io;
 
-use super::check::Refusal;
+use super::refusal::Refusal;
 use super::{ControlMode, DriveEntry, HomingBy};
 use crate::cia402::eds::Eds;
 use crate::cia402::{Mapping, Mode, Node, Object, Service};

@@ -1,94 +1,8 @@
 //! Homing of drives whose position is unknown after power-up.
 
+use super::refusal::Refusal;
+use super::{ControlMode, DriveEntry, HomingBy, HomingEntry, Protocol};
 use core::f64::consts::TAU;
-
-use motorium::units::TimeSpan;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-use super::check::Refusal;
-use super::{ControlMode, DriveEntry, Protocol};
-
-/// The homing of a drive. Velocities, efforts and positions are joint quantities.
-///
-/// ```
-/// use motorium_can::{HomingBy, Table};
-///
-/// let text = r#"
-/// [[bus]]
-/// name    = "can0"
-/// bitrate = 1_000_000
-///
-/// [[drive]]
-/// joint    = "elbow"
-/// bus      = "can0"
-/// protocol = "damiao"
-/// node     = 1
-/// watchdog = "20 ms"
-/// ranges   = { position = 12.5, velocity = 30.0, torque = 10.0 }
-/// homing   = { by = "stop", velocity = -0.3, effort = 1.0, position = -1.6 }
-/// "#;
-/// let homing = Table::parse(text)?.drives[0].homing.clone().ok_or("it has one")?;
-/// assert_eq!((homing.by, homing.timeout().as_secs()), (HomingBy::Stop, 20));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HomingEntry {
-    /// Finder of the mark: "drive", the drive with its own procedure (ODrive, CiA 402; for servos, the offset
-    /// stored in them), or "stop", the adapter, which moves the joint slowly against its mechanical stop (MIT
-    /// family, moteus, and drives commanded by torque).
-    pub by: HomingBy,
-    /// Joints with a lower number are homed before those with a higher one; joints with the same number are
-    /// homed together. Default 0.
-    pub order: Option<u8>,
-    /// Time after which an unfinished homing has failed. Default 20 s.
-    pub timeout: Option<TimeSpan>,
-    /// The procedure of an ODrive: "endstop" (axis state 11) or "index" (axis state 6). Default "endstop".
-    pub procedure: Option<HomingProcedure>,
-    /// The method, object 0x6098. Required for CiA 402.
-    pub method: Option<i8>,
-    /// Velocity towards the mark, rad/s or m/s. For CiA 402, object 0x6099:01, positive; for "stop", with the
-    /// sign of its direction. Required for both.
-    pub velocity: Option<f64>,
-    /// Velocity at the mark, object 0x6099:02, rad/s or m/s. Required for CiA 402.
-    pub creep_velocity: Option<f64>,
-    /// Acceleration, object 0x609A, rad/s2 or m/s2. Required for CiA 402.
-    pub acceleration: Option<f64>,
-    /// The homing offset stored in a servo, which is compared before the servo is enabled, steps. Required
-    /// for servos.
-    pub steps: Option<i32>,
-    /// Effort against the stop, N m or N. Required for "stop".
-    pub effort: Option<f64>,
-    /// Position of the joint at its stop, rad or m. Required for "stop".
-    pub position: Option<f64>,
-    /// Distance by which the joint moves away from the stop again, rad or m. Default 0.05. For "stop".
-    pub back_off: Option<f64>,
-    /// Largest energy with which the joint may hit its stop, J, computed with the inertia of the robot model.
-    /// Default 0.1. For "stop".
-    pub energy: Option<f64>,
-}
-
-/// The part that finds the mark of a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HomingBy {
-    /// The drive, with its own procedure.
-    Drive,
-    /// The adapter, at the mechanical stop of the joint.
-    Stop,
-}
-
-/// A procedure of an ODrive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HomingProcedure {
-    /// To the switch at an end of the range.
-    #[default]
-    Endstop,
-    /// To the index of the encoder.
-    Index,
-}
 
 /// Objects of a CiA 402 homing, in units of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -99,35 +13,6 @@ pub(crate) struct HomingObjects {
     pub(crate) velocities: [u32; 2],
     /// 0x609A, increments per second squared.
     pub(crate) acceleration: u32,
-}
-
-/// Default timeout of a homing.
-const TIMEOUT: TimeSpan = TimeSpan { ns: 20_000_000_000 };
-/// Default energy limit at a stop, J: the energy of half a kilogram metre squared at 0.6 rad/s.
-const ENERGY: f64 = 0.1;
-/// Default distance for backing off from a stop, rad or m.
-const BACK_OFF: f64 = 0.05;
-
-impl HomingEntry {
-    /// Time after which the homing has failed.
-    pub fn timeout(&self) -> core::time::Duration {
-        self.timeout.unwrap_or(TIMEOUT).into()
-    }
-
-    /// Distance by which the joint moves away from its stop, rad or m.
-    pub fn back_off(&self) -> f64 {
-        self.back_off.unwrap_or(BACK_OFF)
-    }
-
-    /// Largest energy with which the joint may hit its stop, J.
-    pub fn energy(&self) -> f64 {
-        self.energy.unwrap_or(ENERGY)
-    }
-
-    /// Final joint position of a homing at a stop, rad or m; `None` for another homing.
-    pub fn end(&self) -> Option<f64> {
-        Some(self.position? - self.velocity?.signum() * self.back_off())
-    }
 }
 
 impl DriveEntry {

@@ -5,6 +5,8 @@ mod current;
 mod data_sheet;
 mod entries;
 mod homing;
+mod homing_entry;
+mod refusal;
 mod wire;
 
 use core::ops::Range as Span;
@@ -24,7 +26,7 @@ pub use entries::{
     BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry, ReferenceEntry,
 };
 pub(crate) use homing::HomingObjects;
-pub use homing::{HomingBy, HomingEntry, HomingProcedure};
+pub use homing_entry::{HomingBy, HomingEntry, HomingProcedure};
 
 /// Drive table, as read from its TOML file.
 ///

@@ -3,7 +3,7 @@
 
 use core::f64::consts::TAU;
 
-use super::check::Refusal;
+use super::refusal::Refusal;
 use super::{BusEntry, ControlMode, DriveEntry, Protocol, Table};
 use crate::damiao;
 use crate::frame::{Form, Id};

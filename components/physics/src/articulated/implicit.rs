@@ -3,7 +3,7 @@
 use motorium_robots::{MassFactor, Model};
 use nalgebra::DMatrix;
 
-use super::JointEvents;
+use super::events::JointEvents;
 use super::laws::{Friction, Laws, Mode, START};
 use crate::JointCommand;
 use crate::joint::JointProperties;

@@ -4,6 +4,7 @@
 use motorium_robots::{Dynamics, Model};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
 
+use super::events::JointEvents;
 use super::implicit::{GUESSES, ImplicitSolver, Singular, Start};
 use super::laws::Mode;
 use crate::contact::ImpulseTarget;
@@ -87,15 +88,6 @@ pub struct JointSpaceIntegrator {
     q_middle: Vec<f64>,
     v_middle: Vec<f64>,
     v_mean: Vec<f64>,
-}
-
-/// Counts of joints on a limit at the end of an integration step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct JointEvents {
-    /// Joints whose drive is at its effort limit.
-    pub saturated: usize,
-    /// Joints held by a limit stop.
-    pub at_limit: usize,
 }
 
 impl JointSpaceIntegrator {

@@ -3,6 +3,7 @@
 
 mod actuators;
 mod connect;
+mod events;
 mod implicit;
 mod integrator;
 mod laws;
@@ -16,17 +17,18 @@ use motorium_robots::{ActuatorError, ActuatorSettings, FrameId};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::contact::{Colliders, ContactScene, ImpulseSums, SceneState};
-use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
+use crate::surface::Surface;
 use crate::{
     BuildError, BuildWarning, Capabilities, ConnectError, Connection, Contact, Options, RayHit, ResetError,
     StepError, StepReport, World,
 };
 use actuators::ActuatorsState;
+pub use events::JointEvents;
 pub use implicit::Singular;
-pub use integrator::{JointEvents, JointSpaceIntegrator};
+pub use integrator::JointSpaceIntegrator;
 pub(crate) use laws::{Drive, Laws, Mode};
 use part::Part;
 

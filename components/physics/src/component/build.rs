@@ -7,12 +7,12 @@ use std::path::Path;
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium::telemetry::set_apart;
-use motorium_robots::{BasePose, LoadOptions, Loaded, RobotSource};
+use motorium_robots::Loaded;
 use nalgebra::Translation3;
 
 use super::actuators;
 use super::config::{self, PhysicsConfig};
-use super::placing::{Placing, together};
+use super::placing::{Placing, load, together};
 use crate::{Articulated, ArticulatedSimulator, Engine, Mujoco, Rapier, RobotSetup, Simulation, Simulator};
 
 /// The simulation of a component and its robots.
@@ -69,32 +69,6 @@ pub(super) fn build<E: PhysicsEngine>(
         (None, robots) => several(&config, (robots, follows), folder),
     };
     Ok(Built { doubts, ..built? })
-}
-
-pub(super) fn load(
-    config: &PhysicsConfig,
-    robot: &RobotReference,
-) -> Result<(RobotSetup, Loaded), ConfigError> {
-    let options = LoadOptions { base: config.base_mode(), ..LoadOptions::default() };
-    let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy });
-    let source = RobotSource {
-        name: &robot.name,
-        text: &robot.urdf,
-        base: &robot.base,
-        pose,
-        profile: robot.profile.as_deref(),
-        packages: &robot.package_path,
-        settings: robot.settings.as_ref(),
-    };
-    let loaded = source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))?;
-    let setup = RobotSetup::from_loaded(&loaded).map_err(|error| ConfigError::new(error.to_string()))?;
-    let model = &loaded.model;
-    let drives = model.joint_count() + setup.rotors.len();
-    if drives > MAX_JOINTS || (drives == 0 && !model.base().floating) {
-        let message = format!("robot `{}` has {drives} joints, expected 1 to {MAX_JOINTS}", robot.name);
-        return Err(ConfigError::new(message).advise("make joints that need not move fixed in its URDF"));
-    }
-    Ok((setup, loaded))
 }
 
 fn one<E: PhysicsEngine>(

@@ -3,12 +3,39 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::{ConfigError, RobotReference};
-use motorium_robots::{Loaded, Model, Placed, Srdf};
+use motorium::state::MAX_JOINTS;
+use motorium_robots::{BasePose, LoadOptions, Loaded, Model, Placed, RobotSource, Srdf};
 use nalgebra::{Isometry3, Translation3};
 
-use super::build::load;
 use super::config::{self, PhysicsConfig};
 use crate::{RobotSetup, RotorDrive};
+
+/// Loads a robot, with at most as many drives as a message holds.
+pub(super) fn load(
+    config: &PhysicsConfig,
+    robot: &RobotReference,
+) -> Result<(RobotSetup, Loaded), ConfigError> {
+    let options = LoadOptions { base: config.base_mode(), ..LoadOptions::default() };
+    let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy });
+    let source = RobotSource {
+        name: &robot.name,
+        text: &robot.urdf,
+        base: &robot.base,
+        pose,
+        profile: robot.profile.as_deref(),
+        packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
+    };
+    let loaded = source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))?;
+    let setup = RobotSetup::from_loaded(&loaded).map_err(|error| ConfigError::new(error.to_string()))?;
+    let model = &loaded.model;
+    let drives = model.joint_count() + setup.rotors.len();
+    if drives > MAX_JOINTS || (drives == 0 && !model.base().floating) {
+        let message = format!("robot `{}` has {drives} joints, expected 1 to {MAX_JOINTS}", robot.name);
+        return Err(ConfigError::new(message).advise("make joints that need not move fixed in its URDF"));
+    }
+    Ok((setup, loaded))
+}
 
 /// One of several robots with its start.
 pub(super) struct Placing {

@@ -4,8 +4,8 @@ use motorium_robots::{JointKind, Model};
 
 use super::bounds::{FORESIGHT, Motions, margin};
 use super::colliders::{Collider, Owner};
-use super::detect::Pair;
 use super::near_pairs::{NearPairs, SKIN};
+use super::pair::Pair;
 use super::parties::Least;
 use crate::robot::Articulation;
 

@@ -4,36 +4,13 @@ use motorium_robots::Kinematics;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::colliders::{Collider, Member, Owner};
-use super::detect::{ContactPoint, UNKNOWN};
 use super::objects::FreeBody;
+use super::point::{ContactPoint, Held, UNKNOWN};
 use super::surface::SurfaceLaw;
 use crate::ConnectionKind;
 
 /// Key bit of connections.
 const CONNECTION: u64 = 1 << 61;
-
-/// Share of an error that is corrected in a step, and the largest correction speed \[m/s, rad/s\].
-const SHARE: f64 = 0.2;
-const FASTEST: (f64, f64) = (0.5, 5.0);
-
-/// A bilateral contact point: the constrained directions and their drift.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Held {
-    /// True if the orientation is constrained, false if the position is.
-    pub(super) turning: bool,
-    /// Error of the first part relative to the second, world axes \[m or rad\].
-    error: Vector3<f64>,
-}
-
-impl Held {
-    /// Returns the velocity of the first part relative to the second that corrects the error in a step of `h`
-    /// \[s\].
-    pub(super) fn velocity(&self, h: f64) -> Vector3<f64> {
-        let velocity = self.error * (-SHARE / h);
-        let most = if self.turning { FASTEST.1 } else { FASTEST.0 };
-        velocity * (most / velocity.norm().max(most))
-    }
-}
 
 /// A connection of two parts.
 #[derive(Clone, Debug)]

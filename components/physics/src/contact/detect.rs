@@ -6,12 +6,14 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::bounds::{self, Motions, margin};
 use super::calm::Calm;
 use super::colliders::{Collider, Colliders, Owner};
-use super::connections::{Connections, Held};
+use super::connections::Connections;
 use super::features::ContactGeometry;
 use super::narrow;
 use super::near_pairs::NearPairs;
 use super::objects::FreeBody;
+use super::pair::Pair;
 use super::parties::{Least, Parties};
+use super::point::{ContactPoint, Motion, ROUNDING, UNKNOWN};
 use super::surface::SurfaceLaw;
 use super::terrain;
 use crate::robot::{Articulation, Robot};
@@ -20,66 +22,6 @@ use crate::robot::{Articulation, Robot};
 /// deepest are kept.
 const MOST: usize = 96;
 const MOST_EACH: usize = 16;
-
-/// A point where two surfaces touch, or may soon touch.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ContactPoint {
-    /// Key, which is stable for the same features of the same two colliders.
-    pub(crate) key: u64,
-    /// Indices of the two colliders; the normal points from the second to the first.
-    pub(crate) colliders: (usize, usize),
-    pub(crate) owners: (Owner, Owner),
-    /// Position in the world \[m\], halfway between the surfaces.
-    pub(crate) point: Point3<f64>,
-    /// Unit vector in the world.
-    pub(crate) normal: Vector3<f64>,
-    /// Distance between the surfaces \[m\], negative for penetration.
-    pub(crate) distance: f64,
-    /// Bound of the relative speed of the surfaces \[m/s\].
-    pub(crate) speed: f64,
-    pub(crate) law: SurfaceLaw,
-    /// Set for a connection of two parts, which is bilateral, not a contact.
-    pub(crate) held: Option<Held>,
-    /// Length of the integration step of its impulse \[s\].
-    pub(crate) h: f64,
-    /// True if neither side moves: the point and its force come from an earlier integration step.
-    pub(crate) kept: bool,
-}
-
-/// Two colliders that may touch.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Pair {
-    /// Index in the pairs of the collision model.
-    pub(super) index: usize,
-    pub(super) first: usize,
-    pub(super) second: usize,
-    /// Origins farther apart than this distance are not near each other \[m\]; infinite for a half-space.
-    pub(super) reach: f64,
-    pub(super) half_space: bool,
-    /// The kinds of parties.
-    pub(super) parties: Parties,
-    /// Index of the applicable motion bound.
-    pub(super) part: usize,
-    /// The pair needs no measurement until the sum of both travelled distances reaches this \[m\].
-    pub(super) until: f64,
-}
-
-/// The state of a collider in the next integration step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Motion {
-    Moves,
-    /// Part of the world, or asleep.
-    Rests,
-    /// The step of the collider is complete.
-    Done,
-}
-
-/// Placeholder for the step length of a contact point that has not taken part in a step yet \[s\]; not zero,
-/// because forces are divided by it.
-pub(super) const UNKNOWN: f64 = 1.0;
-
-/// Error of a measured distance \[m\].
-pub(super) const ROUNDING: f64 = 1e-6;
 
 /// A workspace for contact detection. Nothing allocates after [`new`](Self::new).
 ///

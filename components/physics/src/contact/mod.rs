@@ -8,6 +8,7 @@
 //! contact. [Impulses](impulses) sets up the problem of the impulses at these points, so that surfaces do not
 //! overlap and friction stays in its [cone](cone). A [scene] owns all of these.
 
+mod answer;
 mod axes;
 mod bounds;
 mod boxes;
@@ -25,11 +26,14 @@ mod islands;
 mod narrow;
 mod near_pairs;
 mod newton;
+mod newton_room;
 mod normals;
 mod objects;
 mod outermost;
+mod pair;
 mod parties;
 mod patch;
+mod point;
 mod properties;
 mod scene;
 mod site;

@@ -7,8 +7,8 @@ use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::boxes;
 use super::colliders::Collider;
-use super::detect::Pair;
 use super::features::{ContactGeometry, Feature};
+use super::pair::{AHEAD, Pair};
 use super::patch;
 use super::surfaces;
 
@@ -18,10 +18,6 @@ const MISSED: f64 = 1e-4;
 
 /// Feature number of the nearest points of a pair.
 const NEAREST: u32 = u32::MAX >> 1;
-
-/// Distances beyond the margin are measured up to this value \[m\], so that they need no new measurement for
-/// a while.
-pub(super) const AHEAD: f64 = 0.05;
 
 /// Passes the contact points of a pair closer than `margin` \[m\] to `found`: true if the surface is on the
 /// first collider, the feature number, the point, the normal and the distance. Returns a lower bound of the

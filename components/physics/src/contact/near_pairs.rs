@@ -3,7 +3,8 @@
 use motorium_robots::Collisions;
 
 use super::bounds::{Motions, margin};
-use super::detect::{Pair, ROUNDING};
+use super::pair::Pair;
+use super::point::ROUNDING;
 
 /// Pairs within this distance of their margin are listed \[m\].
 pub(super) const SKIN: f64 = 0.08;

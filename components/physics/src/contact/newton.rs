@@ -1,59 +1,14 @@
 //! Newton steps over all contact points at once.
 
-use super::cone::{COMPLIANCE, ConeSolver, dot};
-use super::impulses::DENSE;
+use super::answer::COMPLIANCE;
+use super::cone::{ConeSolver, dot};
+use super::newton_room::{MOST_UNKNOWNS, Mode, Newton};
 
 /// Number of times that a Newton step opens points that would pull.
 const OPENINGS: usize = 4;
 
 /// A contact point on the edge of its cone that is slower than this \[m/s\] counts as sticking.
 const STANDING: f64 = 1e-9;
-
-/// Largest number of unknowns of a Newton step; beyond it, sweeps cost less.
-const MOST_UNKNOWNS: usize = 3 * DENSE;
-
-/// Workspace of the Newton steps.
-#[derive(Clone, Debug)]
-pub(super) struct Newton {
-    /// Rows of the unknowns.
-    unknowns: Vec<usize>,
-    /// Rows of the normals of points to be opened.
-    opening: Vec<usize>,
-    modes: Vec<Mode>,
-    system: Vec<f64>,
-    step: Vec<f64>,
-    /// Impulses and velocities before the step.
-    pub(super) lambda: Vec<f64>,
-    pub(super) velocity: Vec<f64>,
-}
-
-/// The mode of a contact point under pressure.
-#[derive(Clone, Copy, Debug)]
-enum Mode {
-    /// Frictionless: its normal is the only unknown.
-    Smooth,
-    Stick,
-    /// Direction and speed of the slip.
-    Slip([f64; 2], f64),
-    /// A connection: like a sticking point, but it may also pull.
-    Held,
-}
-
-impl Newton {
-    /// Creates a workspace for up to `most` contact points.
-    pub(super) fn new(most: usize) -> Self {
-        let rows = 3 * most;
-        Self {
-            unknowns: Vec::with_capacity(rows),
-            opening: Vec::with_capacity(most),
-            modes: Vec::with_capacity(most),
-            system: vec![0.0; MOST_UNKNOWNS * MOST_UNKNOWNS],
-            step: vec![0.0; rows],
-            lambda: vec![0.0; rows],
-            velocity: vec![0.0; rows],
-        }
-    }
-}
 
 impl ConeSolver {
     /// Solves the equations of the current modes for all contact points under pressure. Points that would

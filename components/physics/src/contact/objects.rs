@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use motorium_robots::ObjectMass;
 
 use super::colliders::Owner;
-use super::detect::ContactPoint;
+use super::point::ContactPoint;
 use crate::air::Air;
 use crate::{Integrator, World};
 

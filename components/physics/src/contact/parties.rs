@@ -2,7 +2,7 @@
 //! contacts with the ground.
 
 use super::colliders::Owner;
-use super::detect::ContactPoint;
+use super::point::ContactPoint;
 
 /// The kinds of parties that a pair brings into contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

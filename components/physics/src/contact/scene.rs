@@ -8,10 +8,11 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
 use super::connections::{Connections, Joined};
-use super::detect::{ContactPoint, Detector, DetectorState, Motion};
+use super::detect::{Detector, DetectorState};
 use super::impulses::{Impulses, Known};
 use super::objects::{FreeBody, Objects};
 use super::parties::{Least, NEAR};
+use super::point::{ContactPoint, Motion};
 use super::sums::ImpulseSums;
 use crate::robot::{Articulation, Robot};
 use crate::{Options, Surface, World};

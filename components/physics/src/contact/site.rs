@@ -2,12 +2,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::answer::PointAnswer;
 use super::axes::axes;
 use super::colliders::Owner;
-use super::cone::PointAnswer;
-use super::connections::Held;
-use super::detect::ContactPoint;
 use super::objects::FreeBody;
+use super::point::{ContactPoint, Held};
 use super::surface::SurfaceLaw;
 
 /// The bodies that meet at a contact point, and their motion there.

@@ -12,8 +12,8 @@ use nalgebra::{IsometryMatrix3, Point3, Vector3};
 use super::colliders::Collider;
 use super::features::{ContactGeometry, Feature};
 use super::hulls::{Faces, SIDES};
-use super::narrow::AHEAD;
 use super::normals::Normals;
+use super::pair::AHEAD;
 
 /// Largest number of triangles in different planes that a feature touches at once.
 const MOST: usize = 4;

@@ -9,9 +9,9 @@ use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::bounds::Motions;
 use super::colliders::{Collider, Colliders, Owner};
-use super::detect::{ContactPoint, Motion, UNKNOWN};
 use super::features::{ContactGeometry, Feature};
 use super::normals::Normals;
+use super::point::{ContactPoint, Motion, UNKNOWN};
 use super::surface::SurfaceLaw;
 
 /// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.

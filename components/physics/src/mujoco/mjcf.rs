@@ -12,8 +12,8 @@ use nalgebra::{Isometry3, Vector3};
 use super::contact;
 use crate::World;
 use crate::contact::{Collider, Colliders, Owner};
-use crate::rapier::rapier_shape;
 use crate::robot::Robot;
+use crate::shapes::rapier_shape;
 
 /// Law of joint friction: with time constant and impedance at MuJoCo's bounds, a joint sticks.
 const FRICTION: &str = r#"solreffriction="0.002 1" solimpfriction="0.9999 0.9999 0.001""#;

@@ -19,18 +19,17 @@ use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{Drive, Laws};
 use crate::contact::{Colliders, ImpulseSums};
-use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
+use crate::surface::Surface;
 use crate::{
-    BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
-    World,
+    BuildError, BuildWarning, Capabilities, Contact, LibraryError, Options, RayHit, ResetError, StepError,
+    StepReport, World,
 };
 use compile::{ObjectPlace, Places, armatures};
 use contact::{Seen, Touch};
 use library::Library;
-pub use library::LibraryError;
 use native::{Native, Parts};
 use step::pose_at;
 

@@ -2,6 +2,7 @@
 
 mod config;
 mod quantity;
+mod share;
 mod start;
 
 use core::hash::Hasher as _;
@@ -18,8 +19,9 @@ pub use config::{
 pub(crate) use quantity::check_ties;
 use quantity::quantities;
 pub use quantity::{Property, Quantity};
+use share::{Share, shares};
+use start::Scene;
 pub use start::Start;
-use start::{Scene, Share, shares};
 
 use crate::{Engine, Properties, Simulation, Simulator};
 

@@ -3,7 +3,7 @@
 use motorium_robots::{ActuatorSettings, Connection};
 
 use super::config::{Allowed, Interval, RandomiseConfig, TerrainIntervals};
-use super::start::{shares, vary};
+use super::share::shares;
 use super::{RandomisedRobot, RangeError};
 use crate::Properties;
 
@@ -371,4 +371,17 @@ fn of_base(
         list.0.push(Quantity { property, part: 0, path, interval, robot: Some(index) });
     }
     Ok(())
+}
+
+/// Multiplies a setting of an actuator.
+pub(super) fn vary(settings: &mut ActuatorSettings, property: Property, value: f64) {
+    match property {
+        Property::ActuatorDelay => settings.delay *= value,
+        Property::ActuatorLag => settings.lag *= value,
+        Property::ActuatorRateLimit => settings.rate_limit = settings.rate_limit.map(|rate| rate * value),
+        Property::ActuatorBacklash => {
+            settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.backlash *= value);
+        }
+        _ => settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.stiffness *= value),
+    }
 }

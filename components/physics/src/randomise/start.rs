@@ -1,23 +1,10 @@
 //! The start of an episode with sampled properties.
 
-use motorium_robots::{ActuatorSettings, BodyFactors, Model};
+use motorium_robots::{BodyFactors, Model};
 
-use super::RandomisedRobot;
-use super::quantity::{Property, Quantity};
+use super::quantity::{Property, Quantity, vary};
+use super::share::Share;
 use crate::{Properties, Surface};
-
-/// A robot's part of the models of a simulation.
-#[derive(Clone, Debug)]
-pub(super) struct Share {
-    /// Index of the articulation that the robot is, or is part of.
-    articulation: usize,
-    /// Index of its first body.
-    bodies: usize,
-    /// Index of its first joint.
-    pub(super) joints: usize,
-    /// Prefix of its link names.
-    prefix: String,
-}
 
 /// Nominal properties and start, to which samples are applied.
 pub(super) struct Scene<'a> {
@@ -42,21 +29,6 @@ pub struct Start {
     pub moved: bool,
     /// Per articulation and joint: factors of the gains commanded to the drive and of its strength.
     pub drives: Vec<Vec<[f64; 2]>>,
-}
-
-/// Returns each robot's part of the model of its articulation.
-pub(super) fn shares(robots: &[RandomisedRobot]) -> Vec<Share> {
-    let share = |(index, robot): (usize, &RandomisedRobot)| {
-        // Robots in one articulation keep their order.
-        let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
-        Share {
-            articulation: robot.articulation,
-            bodies: before().map(|other| other.model.bodies().len()).sum(),
-            joints: before().map(|other| other.model.joint_count()).sum(),
-            prefix: robot.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default(),
-        }
-    };
-    robots.iter().enumerate().map(share).collect()
 }
 
 impl Scene<'_> {
@@ -166,19 +138,6 @@ impl Scene<'_> {
                 surface.restitution = value;
             }
         }
-    }
-}
-
-/// Multiplies a setting of an actuator.
-pub(super) fn vary(settings: &mut ActuatorSettings, property: Property, value: f64) {
-    match property {
-        Property::ActuatorDelay => settings.delay *= value,
-        Property::ActuatorLag => settings.lag *= value,
-        Property::ActuatorRateLimit => settings.rate_limit = settings.rate_limit.map(|rate| rate * value),
-        Property::ActuatorBacklash => {
-            settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.backlash *= value);
-        }
-        _ => settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.stiffness *= value),
     }
 }
 

@@ -3,9 +3,7 @@
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::math::{Pose, Rotation, Vector};
 
-pub(crate) fn vector(v: &Vector3<f64>) -> Vector {
-    Vector::new(v.x, v.y, v.z)
-}
+pub(crate) use crate::shapes::vector;
 
 pub(crate) fn vector_back(v: Vector) -> Vector3<f64> {
     Vector3::new(v.x, v.y, v.z)

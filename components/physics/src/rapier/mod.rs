@@ -20,10 +20,10 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{JointSpaceIntegrator, Mode};
 use crate::contact::{Colliders, Owner};
-use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
+use crate::surface::Surface;
 use crate::{
     BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
     World,
@@ -33,7 +33,6 @@ pub use scene::Enclose;
 use scene::{Scene, SceneState};
 use shapes::PairTable;
 use shapes::collider_shape;
-pub(crate) use shapes::rapier_shape;
 
 /// A robot with a fixed base in a world, simulated by the [`Rapier`] engine.
 pub type RapierSimulator = Simulation<Rapier>;

@@ -1,9 +1,6 @@
 //! Conversion of convex shapes to rapier's, and rapier's filter for pairs of colliders.
 
-use std::f64::consts::FRAC_PI_2;
-
-use motorium_robots::ConvexShape;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 use rapier3d_f64::geometry::{ColliderHandle, SharedShape, TriMeshFlags};
 use rapier3d_f64::math::Vector;
 use rapier3d_f64::pipeline::{PairFilterContext, PhysicsHooks};
@@ -11,26 +8,7 @@ use rapier3d_f64::prelude::SolverFlags;
 
 use super::convert;
 use crate::contact::Collider;
-
-/// Returns the rapier shape and its frame in the frame of `shape`; `None` for a hull without volume.
-pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
-    let upright = match shape {
-        ConvexShape::Sphere { radius } => SharedShape::ball(*radius),
-        ConvexShape::Box { half } => SharedShape::cuboid(half.x, half.y, half.z),
-        ConvexShape::Capsule { radius, half_length } => SharedShape::capsule_z(*half_length, *radius),
-        ConvexShape::Hull { points } => {
-            let points: Vec<Vector> = points.iter().map(convert::vector).collect();
-            SharedShape::convex_hull(&points)?
-        }
-        ConvexShape::HalfSpace => SharedShape::halfspace(Vector::Z),
-        ConvexShape::Cylinder { radius, half_length } => {
-            // Rapier's cylinders have their axis along y.
-            let shape = SharedShape::cylinder(*half_length, *radius);
-            return Some((shape, Isometry3::rotation(Vector3::x() * FRAC_PI_2)));
-        }
-    };
-    Some((upright, Isometry3::identity()))
-}
+use crate::shapes::rapier_shape;
 
 /// Returns the shape of a collider and its frame; its triangles, if it touches by them.
 pub(super) fn collider_shape(collider: &Collider) -> Option<(SharedShape, Isometry3<f64>)> {

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::model::ProMpError;
+use super::error::ProMpError;
 use crate::ValueError;
 
 /// Normalised basis functions over the phase, `phi_i(p) = b_i(p) / sum_j b_j(p)`.

@@ -3,7 +3,8 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::basis::ProMpBasis;
-use super::model::{ProMp, ProMpError, symmetrise};
+use super::error::ProMpError;
+use super::model::{ProMp, symmetrise};
 use crate::ValueError;
 
 /// Estimator of the distribution of the weights.

@@ -14,13 +14,15 @@
 //! - [`ProMpRunner`] follows the mean at the control rate without allocating.
 
 mod basis;
+mod error;
 mod fit;
 mod model;
 mod product;
 mod run;
 
 pub use basis::ProMpBasis;
+pub use error::ProMpError;
 pub use fit::{Learning, ProMpFit};
-pub use model::{Observed, ProMp, ProMpError, StoredProMp};
+pub use model::{Observed, ProMp, StoredProMp};
 pub use product::blend;
 pub use run::{ProMpMean, ProMpRunner};

@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::basis::ProMpBasis;
+use super::error::ProMpError;
 use crate::ValueError;
 
 /// A probabilistic primitive; see the [module](super). Serialises as [`StoredProMp`].
@@ -44,31 +45,6 @@ pub enum Observed {
     Position,
     /// Velocity with respect to phase: the velocity in time multiplied by the duration.
     Velocity,
-}
-
-/// An error of creating or conditioning a primitive.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ProMpError {
-    /// A number, vector or matrix is invalid.
-    #[error(transparent)]
-    Value(#[from] ValueError),
-    /// Too few demonstrations to estimate the variation.
-    #[error("{found} demonstrations, expected at least 2: one alone does not show how the movement varies")]
-    TooFew {
-        /// Value found.
-        found: usize,
-    },
-    /// A matrix is not a covariance.
-    #[error("{name} is not positive definite: give it a larger variance, or the fit a larger jitter")]
-    NotPositive {
-        /// The matrix.
-        name: &'static str,
-    },
-    /// The primitives are incompatible.
-    #[error(
-        "the primitives differ in their basis or number of dimensions, so their weights cannot be combined"
-    )]
-    Different,
 }
 
 impl ProMp {

@@ -2,7 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::model::{ProMp, ProMpError, symmetrise};
+use super::error::ProMpError;
+use super::model::{ProMp, symmetrise};
 use crate::ValueError;
 
 impl ProMp {

@@ -1,6 +1,7 @@
 //! Execution of the mean of a probabilistic primitive.
 
-use super::model::{ProMp, ProMpError};
+use super::error::ProMpError;
+use super::model::ProMp;
 use crate::mean::{MeanMovement, MeanRunner};
 
 /// A [`ProMp`] with scratch memory for its evaluation.

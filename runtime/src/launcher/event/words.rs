@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::Event;
 use crate::launcher::Exit;
-use crate::launcher::hang::LostShare;
+use crate::launcher::lost_steps::LostShare;
 use crate::plan::ClockKind;
 use crate::region::{Latch, Misses, Refusal};
 use crate::units::TimeSpan;

@@ -1,8 +1,7 @@
 //! The dimensions of the memory of a topic, computed from the plan.
 
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU32, AtomicU64};
 
-use super::memory::Preface;
 use super::protocol::{Head, Pin};
 use crate::atomics::Native;
 use crate::declare::TopicPattern;
@@ -19,6 +18,15 @@ pub(super) const PAGE: usize = 4096;
 pub(super) const TIMES: usize = 2;
 /// Bytes of the words before each value, which share a cache line with its beginning.
 const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
+
+/// First words of the memory, which describe its content.
+#[derive(Debug)]
+#[repr(C, align(64))]
+pub(super) struct Preface {
+    pub(super) magic: AtomicU64,
+    pub(super) dimensions: AtomicU64,
+    pub(super) waiting: AtomicU32,
+}
 
 /// Offsets in the memory of a topic, computed from the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,8 +3,8 @@
 #![allow(unsafe_code)] // the one place where mapped bytes become the words and slots of a topic
 
 use core::ptr::NonNull;
+use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
-use std::sync::atomic::{AtomicU32, AtomicU64};
 
 use iceoryx2::node::Node;
 use iceoryx2_bb_posix::access_mode::AccessMode;
@@ -14,7 +14,7 @@ use iceoryx2_cal::named_concept::{
 use iceoryx2_cal::shared_memory::{SharedMemory as _, SharedMemoryBuilder as _};
 use iceoryx2_cal::shm_allocator::bump_allocator::{self, BumpAllocator};
 
-use super::dimensions::{Dimensions, LINE, PAGE, SIDE_PINS};
+use super::dimensions::{Dimensions, LINE, PAGE, Preface, SIDE_PINS};
 use super::notify::{self, Futex};
 use super::protocol::{Head, Newest, Pin, Reuse, Words, newest};
 use crate::atomics::Native;
@@ -32,15 +32,6 @@ type Configuration = <Storage as NamedConceptMgmt>::Configuration;
 const MAGIC: u64 = 0x6d6f_746f_746f_0002;
 /// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
 const LARGE: usize = 16 * 1024;
-
-/// First words of the memory, which describe its content.
-#[derive(Debug)]
-#[repr(C, align(64))]
-pub(super) struct Preface {
-    magic: AtomicU64,
-    dimensions: AtomicU64,
-    waiting: AtomicU32,
-}
 
 /// The words before each value.
 #[derive(Debug)]

@@ -2,11 +2,14 @@
 
 mod reader;
 mod sample;
+mod service;
 mod slices;
 mod writer;
 
 pub(crate) use reader::StreamReader;
-pub(crate) use sample::{Bytes, Header, Queue, Received, Sender, parts, receive};
+pub(crate) use sample::{Queue, Received, parts, receive};
+pub(crate) use service::open_queue;
+pub(super) use service::{Samples, builder, layout_attribute};
 pub use slices::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use writer::{Lent, StreamWriter};
 

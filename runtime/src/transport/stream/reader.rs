@@ -10,10 +10,10 @@ use iceoryx2::port::update_connections::UpdateConnections;
 
 use super::Connect;
 use super::sample::{Queue, Received, parts, receive, values};
+use super::service::open_queue;
 use crate::context::Context;
 use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
-use crate::transport::topic::open_queue;
 use crate::transport::{InputPlace, Participant, PortError};
 
 /// A reader of one stream of values, or slices of them, with a queue of its own.

@@ -6,8 +6,8 @@ use super::{Connect, Lent, StreamReader, StreamWriter};
 use crate::context::{Context, ReadEffects};
 use crate::declare::{StepError, TopicPattern};
 use crate::state::{Digest, Stamp, StateBuffer};
+use crate::transport::layout::same_layout;
 use crate::transport::publication::{TopicWriter, checked};
-use crate::transport::topic::same_layout;
 use crate::transport::{InputPlace, OutputPlace, Participant, PortError, refused};
 
 /// An input port that reads every slice of a stream, in order and in place.

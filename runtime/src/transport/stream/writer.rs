@@ -10,10 +10,10 @@ use iceoryx2::sample_mut::SampleMut;
 
 use super::Connect;
 use super::sample::{Bytes, Header, Sender, as_bytes, exposed, values};
+use super::service::open_sender;
 use crate::domain::Shared;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
-use crate::transport::topic::open_sender;
 use crate::transport::{Participant, PortError};
 
 /// The one writer of a stream of values, or of slices of them.

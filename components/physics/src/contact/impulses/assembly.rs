@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use super::super::cone::PointAnswer;
+use super::super::answer::PointAnswer;
 use super::super::site::{Couple, ObjectRow, Side};
 use super::super::sweeps::{Island, Reduced};
 use super::{IMMOVABLE, Impulses};

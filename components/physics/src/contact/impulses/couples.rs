@@ -4,8 +4,8 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::axes::axes;
 use super::super::colliders::Owner;
-use super::super::detect::ContactPoint;
 use super::super::objects::FreeBody;
+use super::super::point::ContactPoint;
 use super::super::site::Site;
 use super::Impulses;
 

@@ -14,9 +14,10 @@ use nalgebra::{Point3, Vector3};
 
 use super::colliders::Owner;
 use super::cone::ConeSolver;
-use super::detect::ContactPoint;
 use super::islands::Islands;
+use super::newton_room::{DENSE, DENSE_FREE};
 use super::objects::FreeBody;
+use super::point::ContactPoint;
 use super::site::{Mobility, ObjectRow, Side, Site};
 use super::sweeps::Room;
 use crate::robot::{Articulation, Robot};
@@ -32,12 +33,6 @@ const FASTEST_RECOVERY: f64 = 0.5;
 /// Smallest mobility of a contact point (its diagonal entry of W) relative to the mobility of free bodies
 /// with the masses of both parties. Below this value the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
-
-/// Largest number of contact points of an island whose Delassus matrix is formed: with a robot, whose joints
-/// couple all of its points, and with free objects only, which couple few. For free objects that rest and
-/// whose sweeps do not settle, the matrix is formed up to the first number.
-pub(super) const DENSE: usize = 60;
-const DENSE_FREE: usize = 12;
 
 /// Contact impulses of one step over the Delassus matrix `W = J A^-1 J'`.
 ///

@@ -3,8 +3,8 @@
 use core::ops::Range;
 
 use super::super::colliders::Owner;
-use super::super::detect::ContactPoint;
 use super::super::objects::FreeBody;
+use super::super::point::ContactPoint;
 use super::super::site::Side;
 use super::Impulses;
 

@@ -1,0 +1,72 @@
+//! Logged events of a run, with names and times.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::plan::Plan;
+use crate::region::{EventKind, EventRecord, EventSeverity, Region};
+
+/// A logged event of a run.
+///
+/// ```
+/// use motorium::launcher::LoggedEvent;
+///
+/// let text = r#"{"time_s": 1.25, "severity": "warning", "component": "physics", "kind": "refused", "value": 3.0,
+///     "text": "`physics` refused 3 commands: 3 beyond a limit"}"#;
+/// let event: LoggedEvent = serde_json::from_str(text)?;
+/// assert_eq!(event.component.as_deref(), Some("physics"));
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LoggedEvent {
+    /// Real time of the event or its detection since the first step, s; negative before it.
+    pub time_s: f64,
+    /// In lockstep: simulated time in its episode, s; `null` in real time.
+    #[serde(default)]
+    pub simulated_s: Option<f64>,
+    /// Number of the episode; `null` in logs of versions that did not number episodes of real time.
+    #[serde(default)]
+    pub episode: Option<u64>,
+    /// Its severity.
+    pub severity: EventSeverity,
+    /// Affected component; `null` for the whole run.
+    pub component: Option<String>,
+    /// Its kind.
+    pub kind: EventKind,
+    /// Value as defined by its kind; otherwise 0.
+    pub value: f64,
+    /// Some words for people.
+    pub text: String,
+}
+
+impl LoggedEvent {
+    /// A record of the log of a run of this plan.
+    pub fn from_record(record: EventRecord, plan: &Plan, region: &Region) -> Self {
+        // Before the first step, only the time of the run's creation is known.
+        let start_ns = match region.header().start_ns.load(Relaxed) {
+            0 => region.events().opened_ns(),
+            start_ns => start_ns,
+        };
+        Self {
+            time_s: record.time_ns.wrapping_sub(start_ns) as i64 as f64 * 1e-9,
+            simulated_s: record.simulated_ns.map(|ns| ns as f64 * 1e-9),
+            episode: Some(record.episode),
+            severity: record.severity,
+            component: record
+                .component
+                .and_then(|index| plan.components.get(index))
+                .map(|component| component.name.clone()),
+            kind: record.kind,
+            value: record.value,
+            text: record.text,
+        }
+    }
+}
+
+/// Returns the events of a run that are still in its log, oldest first, and the number of lost ones.
+pub fn logged(plan: &Plan, region: &Region) -> (Vec<LoggedEvent>, u64) {
+    let (records, lost) = region.events().all();
+    (records.into_iter().map(|record| LoggedEvent::from_record(record, plan, region)).collect(), lost)
+}

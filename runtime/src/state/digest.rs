@@ -1,0 +1,36 @@
+//! Digests of published content.
+
+use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
+
+/// A running 64-bit digest (XXH3) of published content, equal for equal runs.
+pub struct Digest(RawHasher<&'static [u8; DEFAULT_SECRET_LENGTH]>);
+
+impl Default for Digest {
+    fn default() -> Self {
+        // Without heap memory, since an output starts a new one in a step.
+        Self(RawHasher::new(SecretBuffer::default()))
+    }
+}
+
+impl Digest {
+    /// Adds bytes.
+    pub fn write(&mut self, bytes: &[u8]) {
+        core::hash::Hasher::write(&mut self.0, bytes);
+    }
+
+    /// Adds an integer.
+    pub fn write_u64(&mut self, value: u64) {
+        self.write(&value.to_le_bytes());
+    }
+
+    /// The digest of everything written so far.
+    pub fn finish(&self) -> u64 {
+        core::hash::Hasher::finish(&self.0)
+    }
+}
+
+impl core::fmt::Debug for Digest {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "Digest({:016x})", self.finish())
+    }
+}
