@@ -42,13 +42,13 @@
 //!
 //! | modules | contents |
 //! |---|---|
-//! | `algebra`, [`lie`], `mesh`, `surface`, `terrain` | spatial algebra, triangle meshes, frictions, height fields |
+//! | `algebra`, [`lie`], `mesh`, `surface`, `terrain` | spatial algebra, meshes, frictions, height fields |
 //! | `model` | links, joints, inertias, shapes |
-//! | `configuration`, `kinematics`, `dynamics`, `per_joint`, `srdf` | algorithms on a model; collision rules |
+//! | `configuration`, `kinematics`, `dynamics`, `per_joint`, `srdf` | algorithms; collision rules |
 //! | `geometry` | distances between links |
 //! | `profile`, `options` | poses, gains, end effectors; options of loading |
 //! | `urdf`, `mjcf`, `world` | readers of files |
-//! | `load`, `catalogue`, `settings`, `draft`, `drawn`, `rays` | robots ready to use, and what is derived from them |
+//! | `load`, `catalogue`, `settings`, `draft`, `drawn`, `rays` | robots ready to use, and their pictures and rays |
 
 mod actuator;
 mod algebra;

@@ -5,7 +5,8 @@
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - R)^2] - entropy H
-//! A_t = sum_k (discount lambda)^k d_(t+k),   d_t = reward_t + discount V(o_(t+1)) - V(o_t),   R_t = A_t + V(o_t)
+//! A_t = sum_k (discount lambda)^k d_(t+k),   R_t = A_t + V(o_t)
+//! d_t = reward_t + discount V(o_(t+1)) - V(o_t)
 //! ```
 //!
 //! With `lambda = 1` returns are the rewards to the end of the piece and the value that follows. The code is

@@ -54,8 +54,8 @@ pub(crate) fn check_empty(folder: &Path) -> Result<(), FolderError> {
     Ok(())
 }
 
-/// The folder to which the robot of a task in a file is relative: the file's, or for the copy in the folder of a
-/// run the first file's.
+/// The folder to which the robot of a task in a file is relative: the file's, or for the copy in the folder
+/// of a run the first file's.
 pub(crate) fn base(file: &Path) -> PathBuf {
     #[derive(serde::Deserialize)]
     struct Description {

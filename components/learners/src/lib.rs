@@ -2,7 +2,8 @@
 //!
 //! - [`task`], [`environment`]: definitions of tasks, and worlds in which to learn them.
 //! - [`component`]: the same task in a graph, `learner.task`.
-//! - [`learner`]: the trait, the runs and the checkpoints of all gradient learners, and their list.
+//! - [`learner`]: the trait and the checkpoints of all gradient learners, and their names.
+//! - [`training`]: runs of any of them in a folder.
 //! - [`ppo`], [`a2c`], [`reinforce`]: learners from the steps of the newest policy.
 //! - [`sac`], [`td3`], [`ddpg`], [`dqn`]: learners from a [`replay`] buffer.
 //! - [`imitation`]: behaviour cloning and DAgger.
@@ -35,6 +36,7 @@ mod sha256;
 pub mod task;
 pub mod td3;
 mod trained;
+pub mod training;
 pub mod tuning;
 
 pub use component::kinds;

@@ -6,7 +6,8 @@
 //!
 //! ```text
 //! L   = -E[A ln pi(a | o)] + value / 2 E[(V - G)^2] - entropy H
-//! G_t = sum_(k >= t) discount^(k - t) reward_k,   A_t = G_t - V(o_t), with mean 0 and deviation 1 in an update
+//! G_t = sum_(k >= t) discount^(k - t) reward_k
+//! A_t = G_t - V(o_t), with mean 0 and deviation 1 in an update
 //! ```
 //!
 //! Returns end with the episode, truncated or not: the value is a baseline alone. A world whose episode ends

@@ -15,8 +15,8 @@ impl MotionLibrary {
     /// keeps as many eigenforces as `truncation` specifies.
     ///
     /// The method is iterative reweighting. With the error `r_k` that `n` eigenforces leave in movement `k`,
-    /// in the metric of the library, the next eigenforces come from the movements scaled by `c_k`, with
-    /// `c_k = (r_k / median + 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a
+    /// in the metric of the library, the next eigenforces come from the movements scaled by `c_k`, with `c_k
+    /// = (r_k / median + 0.1)^(-1/2)`. This makes `sum r_k^2 c_k^2` about `sum r_k`. As in any library, a
     /// singular value is the norm of its eigenforce's weights. The weights of different eigenforces are
     /// correlated, however, so splitting and merging such a library is approximate.
     ///

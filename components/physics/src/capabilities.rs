@@ -8,7 +8,7 @@ pub struct Capabilities {
     /// Robots with a floating base, and several of them in one world.
     pub floating_bases: bool,
     /// Several [articulations](crate::Simulator::articulations). Without it,
-    /// [`Simulator::place`](crate::Simulator::place) places all robots at once.
+    /// [`Simulator::place_at`](crate::Simulator::place_at) places all robots at once.
     pub several_articulations: bool,
     /// Steps after the first do not allocate.
     pub allocation_free: bool,

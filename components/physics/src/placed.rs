@@ -9,7 +9,7 @@ use crate::robot::{Articulation, Robot};
 use crate::{JointCommand, ResetError};
 
 impl Articulation {
-    /// Returns `true` if the articulation is [placed](crate::Simulator::place), so that no force moves it.
+    /// Returns `true` if the articulation is [placed](crate::Simulator::place_at), so that no force moves it.
     pub fn is_placed(&self) -> bool {
         self.placed
     }
@@ -18,7 +18,7 @@ impl Articulation {
 impl Robot {
     /// Sets the state of one articulation, which no force moves from then on. Returns `true` if its drives
     /// moved it before.
-    pub(crate) fn place(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<bool, ResetError> {
+    pub(crate) fn place_at(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<bool, ResetError> {
         let own = &mut self.articulations[articulation];
         let expected = (own.q().len(), own.v().len());
         if (q.len(), v.len()) != expected {

@@ -320,8 +320,8 @@ impl<E: Engine> Simulator for Simulation<E> {
         Ok(())
     }
 
-    fn place(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
-        if self.robot.place(articulation, q, v)? {
+    fn place_at(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
+        if self.robot.place_at(articulation, q, v)? {
             self.engine.begin_placement(&self.robot, articulation);
         }
         Ok(())

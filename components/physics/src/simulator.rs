@@ -165,7 +165,7 @@ pub trait Simulator {
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
     /// Resets the robot to `q` (nq) and `v` (nv), and the objects to the poses and velocities of the world
-    /// description. Commands become zero efforts, and no articulation is [placed](Self::place) any more.
+    /// description. Commands become zero efforts, and no articulation is [placed](Self::place_at) any more.
     ///
     /// # Errors
     ///
@@ -210,14 +210,14 @@ pub trait Simulator {
     /// let mut simulation = ArticulatedSimulator::new(rod, world, &[0.3], Options::default())?;
     /// let ball = simulation.object("ball").ok_or("no ball")?;
     /// for step in 0..600 {
-    ///     simulation.place(0, &[0.3 - 1e-3 * f64::from(step)], &[-1.0])?;
+    ///     simulation.place_at(0, &[0.3 - 1e-3 * f64::from(step)], &[-1.0])?;
     ///     simulation.step(1e-3)?;
     /// }
     /// assert_eq!(simulation.velocities(), [-1.0]);
     /// assert!(simulation.object_velocity(ball).0.norm() > 0.3);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    fn place(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
+    fn place_at(&mut self, articulation: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError>;
 
     /// Returns a placed articulation to its drives, which continue from its state with commands of zero
     /// effort. No effect on an articulation that is not placed.

@@ -177,7 +177,8 @@ impl Setup {
         Ok(input)
     }
 
-    /// Returns `true` if the graph wires this input, as [`Declare::subscribes`](crate::declare::Declare) does.
+    /// Returns `true` if the graph wires this input, as [`Declare::subscribes`](crate::declare::Declare)
+    /// does.
     pub fn subscribes(&self, port: &str) -> bool {
         self.component().inputs.iter().any(|input| input.port == port && input.topic.is_some())
     }

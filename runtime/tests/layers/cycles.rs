@@ -12,14 +12,8 @@ const CYCLES: &[(&str, &str, &[&str])] = &[
     ("benches", "kill", &["outcome", "trial"]),
     ("components/can", "adapter", &["dialogue", "homing", "link"]),
     ("components/can", "component::adapter", &["config", "order"]),
-    ("components/control", "", &["cost", "ik", "levels", "tasks"]),
-    ("components/control", "component", &["config", "conflicts", "objects", "setup", "torque"]),
-    ("components/control", "component::tasks", &["held", "ramp"]),
-    ("components/control", "inverse_dynamics", &["control", "limits", "mixture", "reduced", "tasks"]),
-    ("components/control", "solver::active_set", &["constraints", "iterate", "rounds"]),
     ("components/control", "solver::clarabel", &["layout", "scaling"]),
     ("runtime", "state", &["field", "finite"]),
-    ("tools", "commands::learn", &["train", "tune"]),
 ];
 
 /// Remaining children that use their parent and are used by it, by crate.
@@ -27,12 +21,12 @@ const PARENTS: &[(&str, usize)] = &[
     ("benches", 1),
     ("components/bridges", 4),
     ("components/can", 25),
-    ("components/control", 21),
+    ("components/control", 22),
     ("components/learners", 1),
     ("components/models", 5),
     ("components/physics", 6),
     ("robots", 14),
-    ("runtime", 40),
+    ("runtime", 39),
     ("tools", 20),
 ];
 

@@ -1,5 +1,5 @@
-//! `graphs/panda-can-sim.toml`, `graphs/panda-twin.toml` and `graphs/so101-sim.toml` as a user runs them: arms
-//! behind simulated buses and drives, in lockstep.
+//! `graphs/panda-can-sim.toml`, `graphs/panda-twin.toml` and `graphs/so101-sim.toml` as a user runs them:
+//! arms behind simulated buses and drives, in lockstep.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

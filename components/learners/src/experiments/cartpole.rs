@@ -1,8 +1,8 @@
 //! A cart-pole balanced by imitation and by reinforcement, each alone and one after the other.
 //!
-//! The demonstrator holds the pole upright, but pushes a little to one side and ignores the cart, which runs off
-//! its track. A policy learns from a short demonstration and then from rewards, or from rewards alone: a linear
-//! policy by [`Power`], a network by [`Ppo`].
+//! The demonstrator holds the pole upright, but pushes a little to one side and ignores the cart, which runs
+//! off its track. A policy learns from a short demonstration and then from rewards, or from rewards alone: a
+//! linear policy by [`Power`], a network by [`Ppo`].
 //!
 //! Source: Delhaisse's thesis, 2019, section 2.4.4, figure 2.32. The demonstration and the settings are not
 //! stated there.
@@ -185,8 +185,8 @@ enum Done {
 }
 
 impl Study {
-    /// Runs a study of the cart-pole task, whose robot is relative to `base`, on several threads. `observe` is
-    /// called after each trial and each demonstrator. The result does not depend on the number of threads.
+    /// Runs a study of the cart-pole task, whose robot is relative to `base`, on several threads. `observe`
+    /// is called after each trial and each demonstrator. The result does not depend on the number of threads.
     ///
     /// # Errors
     ///

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
 use motorium_library::statistics::mean_and_error;
 
-/// Runs jobs on several threads and returns their results in the order of the jobs. `build` makes the worker of
-/// a thread, `work` does a job with it. After a failure no further job starts.
+/// Runs jobs on several threads and returns their results in the order of the jobs. `build` makes the worker
+/// of a thread, `work` does a job with it. After a failure no further job starts.
 ///
 /// # Errors
 ///

@@ -1,8 +1,9 @@
-//! The parts that gradient learners share: the [`Learner`] trait, its runs in folders, and checkpoints.
+//! The parts that gradient learners share: the [`Learner`] trait and checkpoints.
 //!
-//! A learner steps many worlds of a task and updates its networks. [`Algorithm`] names all of them and builds
-//! one from the settings of a task. Learners repeat to the bit: random numbers depend on the seed and on
-//! counters alone, and the sums of a gradient run over fixed chunks of samples on any number of threads.
+//! A learner steps many worlds of a task and updates its networks. [`Algorithm`] names all of them, and
+//! [`training`](crate::training) starts one by its name. Learners repeat to the bit: random numbers depend on
+//! the seed and on counters alone, and the sums of a gradient run over fixed chunks of samples on any number
+//! of threads.
 
 mod algorithm;
 mod checkpoint;
@@ -10,7 +11,6 @@ mod chunks;
 mod episodes;
 mod network;
 mod normaliser;
-mod run;
 mod schedule;
 mod settings;
 
@@ -22,7 +22,6 @@ pub(crate) use chunks::{CHUNK, map_chunks};
 pub(crate) use episodes::Episodes;
 pub use network::{Head, TrainedNetwork};
 pub use normaliser::Normaliser;
-pub use run::{Run, RunError, Summary};
 pub use schedule::LinearSchedule;
 pub(crate) use settings::{Check, read_settings};
 
@@ -135,6 +134,3 @@ pub(crate) fn check_finite(update: u64, term: &'static str, value: f64) -> Resul
 pub(crate) fn layer_sizes(inputs: usize, hidden: &[usize], outputs: usize) -> Vec<usize> {
     core::iter::once(inputs).chain(hidden.iter().copied()).chain([outputs]).collect()
 }
-
-#[cfg(test)]
-mod tests;

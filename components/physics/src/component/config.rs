@@ -64,8 +64,8 @@ pub struct PhysicsConfig {
     /// True: the commands come from drives that another component simulates, such as `can.drive_sim`, and are
     /// applied unchecked; that component's actuator checks them. Default false.
     pub plant: bool,
-    /// Age beyond which a state of `follow` or `follow_base` is stale: the robot then holds its last pose with
-    /// zero velocity. Default 20 ms.
+    /// Age beyond which a state of `follow` or `follow_base` is stale: the robot then holds its last pose
+    /// with zero velocity. Default 20 ms.
     pub follow_stale_after: Option<TimeSpan>,
 }
 

@@ -136,7 +136,7 @@ impl Follower {
             self.held += u64::from(any(&[Found::Stale, Found::Refused]));
             self.refused += u64::from(any(&[Found::Refused]));
         }
-        let placed = simulation.place(self.articulation, &self.q, &self.v);
+        let placed = simulation.place_at(self.articulation, &self.q, &self.v);
         debug_assert!(placed.is_ok(), "{placed:?}: topics contain finite numbers, and the rest was checked");
     }
 

@@ -127,8 +127,8 @@ impl Actuated {
         Ok(actuated)
     }
 
-    /// Applies the newest command after the gate's limits, or the safe state; moves a robot that follows along
-    /// its newest state.
+    /// Applies the newest command after the gate's limits, or the safe state; moves a robot that follows
+    /// along its newest state.
     pub(super) fn apply_command<E: Engine>(
         &mut self,
         simulation: &mut Simulation<E>,

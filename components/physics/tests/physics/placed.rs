@@ -34,9 +34,9 @@ fn cube(simulation: &dyn Simulator) -> Vector3<f64> {
 /// A state of the robot and the position of the cube after a step.
 type Sample = (Vec<f64>, Vec<f64>, Vector3<f64>);
 
-/// A box between two walls in the path of a rod that hangs down to 5 cm above the ground. The walls leave it a
-/// quarter of a millimetre on each side: a box turns away from a single point that pushes it. Nothing but the
-/// ground has friction, and the box is too long to tip over.
+/// A box between two walls in the path of a rod that hangs down to 5 cm above the ground. The walls leave it
+/// a quarter of a millimetre on each side: a box turns away from a single point that pushes it. Nothing but
+/// the ground has friction, and the box is too long to tip over.
 fn box_below_the_rod() -> World {
     let smooth = |object| Object { friction: 0.0, ..object };
     let wall =
@@ -69,7 +69,7 @@ fn placed_rod_pushes_a_box_as_a_driven_one() {
         let mut twin = simulate();
         let mut worst = 0.0_f64;
         for (q, v, position) in &live {
-            twin.place(0, q, v).unwrap();
+            twin.place_at(0, q, v).unwrap();
             twin.step(DT).unwrap();
             assert_eq!((twin.configuration(), twin.velocity()), (q.as_slice(), v.as_slice()), "{engine:?}");
             worst = worst.max((cube(&*twin) - position).norm());
@@ -90,7 +90,7 @@ fn placed_state_ends_every_step_to_the_bit() {
             let q: Vec<f64> = home.iter().enumerate().map(|(i, q)| q + wave(i, 0.0)).collect();
             let v: Vec<f64> = (0..home.len()).map(|i| 7.0 * wave(i, 1.6)).collect();
             simulation.commands_mut().fill(JointCommand::effort(30.0));
-            simulation.place(0, &q, &v).unwrap();
+            simulation.place_at(0, &q, &v).unwrap();
             assert_eq!((simulation.positions(), simulation.velocities()), (q.as_slice(), v.as_slice()));
             for _ in 0..2 {
                 let report = simulation.step(DT).unwrap();
@@ -130,7 +130,7 @@ fn objects_and_other_robots_continue_across_placements() {
         let (mut free, mut placed) = (two_rods(engine), two_rods(engine));
         for step in 0..200 {
             let angle = 0.5 + 1e-3 * f64::from(step);
-            placed.place(0, &[angle], &[1.0]).unwrap();
+            placed.place_at(0, &[angle], &[1.0]).unwrap();
             free.step(DT).unwrap();
             placed.step(DT).unwrap();
             let apart = (cube(&*free) - cube(&*placed)).norm();
@@ -150,7 +150,7 @@ fn placed_robot_pushes_another_robot() {
         simulation.set_gravity(Vector3::zeros());
         for step in 0..1200 {
             let angle = 0.5 - 1e-3 * f64::from(step);
-            simulation.place(0, &[angle], &[-1.0]).unwrap();
+            simulation.place_at(0, &[angle], &[-1.0]).unwrap();
             simulation.step(DT).unwrap();
             assert_eq!((simulation.positions()[0], simulation.velocities()[0]), (angle, -1.0), "{engine}");
         }
@@ -176,7 +176,7 @@ fn placed_base_pushes_a_ball_along() {
         v[0] = 0.5;
         for step in 0..1500 {
             q[0] = 0.5 * DT * f64::from(step);
-            simulation.place(0, &q, &v).unwrap();
+            simulation.place_at(0, &q, &v).unwrap();
             simulation.step(DT).unwrap();
             assert_eq!((simulation.configuration(), simulation.velocity()), (&q[..], &v[..]), "{engine}");
         }
@@ -191,7 +191,7 @@ fn released_rod_falls_from_its_placed_state() {
         let simulate = || engine.simulate(rod(), World::default(), &[0.0], Options::default());
         let (mut falling, mut released) = (simulate(), simulate());
         falling.reset(&[0.8], &[0.5]).unwrap();
-        released.place(0, &[0.8], &[0.5]).unwrap();
+        released.place_at(0, &[0.8], &[0.5]).unwrap();
         for _ in 0..20 {
             released.step(DT).unwrap();
         }
@@ -211,7 +211,7 @@ fn released_rod_falls_from_its_placed_state() {
 fn reset_ends_a_placement() {
     for engine in engines() {
         let mut simulation = engine.simulate(rod(), World::default(), &[0.0], Options::default());
-        simulation.place(0, &[0.8], &[0.0]).unwrap();
+        simulation.place_at(0, &[0.8], &[0.0]).unwrap();
         assert!(simulation.articulations()[0].is_placed());
         simulation.step(DT).unwrap();
         assert_eq!(simulation.positions(), [0.8], "{engine:?}: it does not fall");
@@ -228,7 +228,7 @@ fn saved_placement_continues_to_the_bit() {
         let mut simulation = engine.simulate(rod(), cube_below_the_rod(), &[0.2], Options::default());
         let sweep = |simulation: &mut dyn Simulator, steps: core::ops::Range<u32>| {
             for step in steps {
-                simulation.place(0, &[0.2 - 5e-4 * f64::from(step)], &[-0.5]).unwrap();
+                simulation.place_at(0, &[0.2 - 5e-4 * f64::from(step)], &[-0.5]).unwrap();
                 simulation.step(DT).unwrap();
             }
             (simulation.positions().to_vec(), cube(simulation))
@@ -248,9 +248,9 @@ fn saved_placement_continues_to_the_bit() {
 fn invalid_placements_change_nothing() {
     for engine in engines() {
         let mut simulation = engine.simulate(rod(), World::default(), &[0.3], Options::default());
-        let long = simulation.place(0, &[0.1, 0.2], &[0.0]).unwrap_err();
+        let long = simulation.place_at(0, &[0.1, 0.2], &[0.0]).unwrap_err();
         assert!(matches!(long, ResetError::Length { positions: 2, velocities: 1, expected: (1, 1) }));
-        let missing = simulation.place(0, &[f64::NAN], &[0.0]).unwrap_err();
+        let missing = simulation.place_at(0, &[f64::NAN], &[0.0]).unwrap_err();
         assert!(matches!(missing, ResetError::NotFinite { joint: 0, .. }), "{missing}");
         assert_eq!(simulation.positions(), [0.3], "{engine:?}");
         assert!(!simulation.articulations()[0].is_placed(), "{engine:?}");
@@ -266,7 +266,7 @@ fn steps_of_a_placed_robot_allocate_nothing() {
         if step == 20 {
             before = allocations().own;
         }
-        simulation.place(0, &[0.2 - 3e-4 * f64::from(step)], &[-0.3]).unwrap();
+        simulation.place_at(0, &[0.2 - 3e-4 * f64::from(step)], &[-0.3]).unwrap();
         simulation.step(DT).unwrap();
     }
     assert_eq!(allocations().own - before, 0);

@@ -9,9 +9,9 @@
 //! - [`Classic`](Variant::Classic): `T^2 y'' = K (g - y) - D T y' + f`, with
 //!   `f = s sum(psi_i w_i) / sum(psi_i)`.
 //! - [`GoalSafe`](Variant::GoalSafe): `T^2 y'' = K (g - y) - D T y' - K (g - y0) s + K f`, with the same `f`.
-//! - [`QuinticGoal`](Variant::QuinticGoal): `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`, with
-//!   `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the quintic
-//!   from the start state to rest at `g`.
+//! - [`QuinticGoal`](Variant::QuinticGoal): `T^2 y'' = K (g(t) - y) + D T (g'(t) - y') + T^2 g''(t) + f`,
+//!   with `f = (s - s(1)) / (1 - s(1)) sum(psi_i w_i) / sum(psi_i)` until the end, then 0, and `g(t)` the
+//!   quintic from the start state to rest at `g`.
 //! - [`FinalVelocity`](Variant::FinalVelocity): the same, but `g(t)` passes `g` with a given velocity and
 //!   continues with it.
 //!

@@ -3,14 +3,14 @@
 mod compare;
 mod evaluate;
 mod list;
+pub(crate) mod threads;
 mod train;
 mod tune;
 
 use std::process::ExitCode;
 
-pub(crate) use train::threads;
-
-/// Policies that learn a task: train one, continue a training run, evaluate and compare policies, list tasks; tune a graph.
+/// Policies that learn a task: train one, continue a training run, evaluate and compare policies, list tasks;
+/// tune a graph.
 ///
 /// Example: motorium learn train tasks/cart-pole.toml --seed 1 --output out/cart-pole
 #[derive(Debug, clap::Args)]

@@ -5,11 +5,13 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use motorium_learners::learner::{Progress, Run};
+use motorium_learners::learner::Progress;
+use motorium_learners::training::Run;
 use motorium_learners::tuning::Tuning;
 use motorium_learners::{imitation, learner};
 use serde_json::json;
 
+use super::threads::threads;
 use super::tune;
 use crate::out::{errln, outln};
 
@@ -115,12 +117,6 @@ fn steps(text: &str) -> Result<u64, String> {
     let value: f64 =
         text.replace('_', "").parse().map_err(|_| "expected a number, such as 2e5".to_owned())?;
     if (1.0..=1e15).contains(&value) { Ok(value as u64) } else { Err("expected 1 to 1e15".to_owned()) }
-}
-
-/// Threads of a run: all cores if not given.
-pub(crate) fn threads(given: Option<u32>) -> usize {
-    let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    given.map_or_else(cores, |threads| threads as usize)
 }
 
 impl Train {

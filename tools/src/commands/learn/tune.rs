@@ -17,7 +17,7 @@ use motorium_learners::tuning::{self, Parameter, Progress, Settings, Subject, Tu
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::train::threads;
+use super::threads::threads;
 use crate::commands::loading::graph_file;
 use crate::complete;
 use crate::failure::Failure;

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::writer::FigureWriter;
 use crate::chart::{Chart, Series};
-use crate::commands::learn::threads;
+use crate::commands::learn::threads::threads;
 
 /// The task.
 const TASK: &str = include_str!("../../../tasks/cart-pole.toml");
@@ -22,8 +22,8 @@ const SOLVED: f64 = 475.0;
 /// Balancing a cart-pole by imitation and reinforcement, Delhaisse's thesis (2019), figure 2.32.
 ///
 /// A linear policy learns by PoWER and a network by PPO, each after imitating a demonstrator that lets the
-/// cart run off its track, and from scratch. Writes the returns as CSV and SVG (bars: standard errors over seeds), and reports
-/// which claims hold.
+/// cart run off its track, and from scratch. Writes the returns as CSV and SVG (bars: standard errors over
+/// seeds), and reports which claims hold.
 ///
 /// Example: motorium reproduce cartpole --output out/
 #[derive(Debug, clap::Args)]

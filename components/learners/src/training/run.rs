@@ -3,7 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `task.toml` | the task |
-//! | `run.json` | algorithm, seed, number of steps, and the folder of the task, to which its robot is relative |
+//! | `run.json` | algorithm, seed, steps, and the folder to which the robot of the task is relative |
 //! | `checkpoint.safetensors` | networks, optimiser, statistics, counters and running episodes |
 //! | `progress.csv` | one line an update |
 //! | `policy.toml`, `policy.onnx` | the policy, at every checkpoint |
@@ -14,10 +14,10 @@ use std::path::{Path, PathBuf};
 use motorium_robots::ModelWarning;
 use serde::{Deserialize, Serialize};
 
-use super::{Algorithm, CheckpointError, Learner, LearnerError, Progress};
 use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
 use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
+use crate::learner::{Algorithm, CheckpointError, Learner, LearnerError, Progress};
 use crate::task::Task;
 
 const CHECKPOINT: &str = "checkpoint.safetensors";
@@ -100,7 +100,7 @@ fn build(
     run: (u64, usize),
 ) -> Result<(Box<dyn Learner>, Vec<ModelWarning>), RunError> {
     let scene = Scene::load(task, base)?;
-    let learner = algorithm.learner(task, &scene, steps, run).map_err(|error| match error {
+    let learner = super::start(algorithm, task, &scene, steps, run).map_err(|error| match error {
         EnvironmentError::Task(source) => FolderError::Task { file: file.to_path_buf(), source }.into(),
         other => RunError::Environment(other),
     })?;

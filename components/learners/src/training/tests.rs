@@ -7,10 +7,10 @@ use motorium_models::policy::PolicyFolder;
 use rand::RngExt as _;
 
 use super::*;
-use crate::environment::{Environment, Scene};
+use crate::environment::Environment;
 use crate::evaluation::evaluate;
 use crate::random::{Counter, Purpose};
-use crate::task::{Task, TaskError};
+use crate::task::TaskError;
 
 const CART_POLE: &str = include_str!("../../../../tasks/cart-pole.toml");
 const PENDULUM: &str = include_str!("../../../../tasks/pendulum.toml");
@@ -26,8 +26,8 @@ fn scene(task: &Task) -> Scene {
     Scene::load(task, Path::new(".")).expect("a robot of the catalogue")
 }
 
-fn start(algorithm: Algorithm, task: &Task, run: (u64, usize)) -> Result<Box<dyn Learner>, EnvironmentError> {
-    algorithm.learner(task, &scene(task), None, run)
+fn begin(algorithm: Algorithm, task: &Task, run: (u64, usize)) -> Result<Box<dyn Learner>, EnvironmentError> {
+    start(algorithm, task, &scene(task), None, run)
 }
 
 fn finish(learner: &mut dyn Learner) -> String {
@@ -58,7 +58,7 @@ fn mean_return(task: &Task, mut act: impl FnMut(&[f32]) -> Vec<f32>) -> f64 {
 /// Mean returns of random actions and of the exported policy of a finished run.
 fn returns(algorithm: Algorithm, text: &str, algorithms: &str) -> [f64; 2] {
     let task = task(text, algorithms);
-    let mut learner = start(algorithm, &task, (1, 2)).expect("a run");
+    let mut learner = begin(algorithm, &task, (1, 2)).expect("a run");
     finish(&mut *learner);
     let mut program = Model::read(&learner.policy().to_onnx(&[]))
         .and_then(|model| model.program(1))
@@ -159,7 +159,7 @@ fn tiny(algorithm: Algorithm) -> String {
 fn all_algorithms_repeat_on_any_number_of_threads() {
     for algorithm in Algorithm::ALL {
         let task = task(CART_POLE, &tiny(algorithm));
-        let run = |seed, threads| finish(&mut *start(algorithm, &task, (seed, threads)).expect("a run"));
+        let run = |seed, threads| finish(&mut *begin(algorithm, &task, (seed, threads)).expect("a run"));
         let first = run(1, 1);
         assert_eq!(run(1, 1), first, "{algorithm:?}");
         assert_eq!(run(1, 2), first, "{algorithm:?}");
@@ -172,13 +172,13 @@ fn all_algorithms_repeat_on_any_number_of_threads() {
 fn all_algorithms_resume_bit_for_bit() {
     for algorithm in Algorithm::ALL {
         let task = task(CART_POLE, &tiny(algorithm));
-        let straight = finish(&mut *start(algorithm, &task, (1, 1)).expect("a run"));
-        let mut half = start(algorithm, &task, (1, 2)).expect("a run");
+        let straight = finish(&mut *begin(algorithm, &task, (1, 1)).expect("a run"));
+        let mut half = begin(algorithm, &task, (1, 2)).expect("a run");
         half.advance().expect("an update");
         half.advance().expect("an update");
         assert!(!half.is_finished(), "{algorithm:?}");
         let checkpoint = half.checkpoint().expect("a checkpoint");
-        let mut resumed = start(algorithm, &task, (77, 1)).expect("a run");
+        let mut resumed = begin(algorithm, &task, (77, 1)).expect("a run");
         resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
         assert_eq!(resumed.weights_sha256(), half.weights_sha256(), "{algorithm:?}");
         assert_eq!(resumed.checkpoint().expect("a checkpoint"), checkpoint, "{algorithm:?}");
@@ -220,14 +220,14 @@ fn runs_write_policies_that_load() {
 /// Values of an update.
 fn run_measures(algorithm: Algorithm) -> usize {
     let task = task(CART_POLE, &tiny(algorithm));
-    start(algorithm, &task, (1, 1)).expect("a run").measures().len()
+    begin(algorithm, &task, (1, 1)).expect("a run").measures().len()
 }
 
 #[test]
 fn checkpoints_of_other_algorithms_are_refused() {
     let task = task(CART_POLE, &[Algorithm::Td3, Algorithm::Ddpg].map(tiny).join("\n"));
-    let checkpoint = start(Algorithm::Td3, &task, (1, 1)).expect("a run").checkpoint().expect("a checkpoint");
-    let mut other = start(Algorithm::Ddpg, &task, (1, 1)).expect("a run");
+    let checkpoint = begin(Algorithm::Td3, &task, (1, 1)).expect("a run").checkpoint().expect("a checkpoint");
+    let mut other = begin(Algorithm::Ddpg, &task, (1, 1)).expect("a run");
     let error = other.restore(&checkpoint).expect_err("another algorithm");
     assert!(matches!(&error, CheckpointError::Mismatch { what, .. } if what == "algorithm"), "{error}");
 }
@@ -238,7 +238,7 @@ fn losses_that_are_not_finite_name_their_term() {
         let mut settings = tiny(algorithm);
         settings.push_str("\nrate = 1e38");
         let task = task(CART_POLE, &settings);
-        let mut learner = start(algorithm, &task, (1, 2)).expect("a run");
+        let mut learner = begin(algorithm, &task, (1, 2)).expect("a run");
         let failure =
             core::iter::from_fn(|| (!learner.is_finished()).then(|| learner.advance())).find_map(Result::err);
         let Some(LearnerError::NotFinite { term, value, .. }) = failure else {
@@ -250,7 +250,7 @@ fn losses_that_are_not_finite_name_their_term() {
 
 #[test]
 fn settings_of_all_algorithms_are_checked() {
-    let key = |algorithm: Algorithm, text: &str| match start(algorithm, &task(CART_POLE, text), (1, 1)).err()
+    let key = |algorithm: Algorithm, text: &str| match begin(algorithm, &task(CART_POLE, text), (1, 1)).err()
     {
         Some(EnvironmentError::Task(TaskError::Value { key, .. })) => key,
         other => panic!("{algorithm:?}: {other:?}"),
@@ -263,11 +263,11 @@ fn settings_of_all_algorithms_are_checked() {
     assert_eq!(key(Algorithm::Dqn, "[dqn]\nbins = 300"), "algorithms.dqn.bins");
     assert_eq!(key(Algorithm::A2c, "[a2c]\nlambda = 2"), "algorithms.a2c.lambda");
     assert_eq!(key(Algorithm::Reinforce, "[reinforce]\nhidden = []"), "algorithms.reinforce.hidden");
-    let unknown = start(Algorithm::Sac, &task(CART_POLE, "[sac]\ntemperatures = 1"), (1, 1)).err();
+    let unknown = begin(Algorithm::Sac, &task(CART_POLE, "[sac]\ntemperatures = 1"), (1, 1)).err();
     assert!(matches!(&unknown, Some(EnvironmentError::Task(TaskError::Parse(_)))), "{unknown:?}");
     let mut unbounded = task(CART_POLE, "");
     unbounded.action.remove("clip");
-    let error = start(Algorithm::Td3, &unbounded, (1, 1)).err();
+    let error = begin(Algorithm::Td3, &unbounded, (1, 1)).err();
     let Some(EnvironmentError::Task(TaskError::Value { key, .. })) = error else { panic!("{error:?}") };
     assert_eq!(key, "action.clip");
 }

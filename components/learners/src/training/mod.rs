@@ -1,0 +1,71 @@
+//! Training by any [`Algorithm`]: a learner by its name, and runs in folders.
+
+mod run;
+
+pub use run::{Run, RunError, Summary};
+
+use crate::a2c::A2cSettings;
+use crate::ddpg::DdpgSettings;
+use crate::dqn::DqnSettings;
+use crate::environment::{EnvironmentError, Scene};
+use crate::learner::{Algorithm, Learner, read_settings};
+use crate::ppo::{Ppo, PpoSettings};
+use crate::reinforce::ReinforceSettings;
+use crate::sac::SacSettings;
+use crate::task::Task;
+use crate::td3::Td3Settings;
+
+/// Returns a learner before its first step, with the settings of the task; `steps` replaces theirs.
+///
+/// # Errors
+///
+/// [`EnvironmentError`].
+pub fn start(
+    algorithm: Algorithm,
+    task: &Task,
+    scene: &Scene,
+    steps: Option<u64>,
+    (seed, threads): (u64, usize),
+) -> Result<Box<dyn Learner>, EnvironmentError> {
+    let (table, run, build) = (&task.algorithms, (seed, threads), || scene.simulation());
+    Ok(match algorithm {
+        Algorithm::Ppo => {
+            let mut settings = PpoSettings::from_table(table)?;
+            settings.steps = steps.unwrap_or(settings.steps);
+            Box::new(Ppo::new(task, settings, run, build)?)
+        }
+        Algorithm::A2c => {
+            let mut settings: A2cSettings = read_settings(table, algorithm)?;
+            settings.steps = steps.unwrap_or(settings.steps);
+            Box::new(settings.learner(task, run, build)?)
+        }
+        Algorithm::Reinforce => {
+            let mut settings: ReinforceSettings = read_settings(table, algorithm)?;
+            settings.steps = steps.unwrap_or(settings.steps);
+            Box::new(settings.learner(task, run, build)?)
+        }
+        Algorithm::Sac => {
+            let mut settings: SacSettings = read_settings(table, algorithm)?;
+            settings.replay.steps = steps.unwrap_or(settings.replay.steps);
+            Box::new(settings.learner(task, run, build)?)
+        }
+        Algorithm::Td3 => {
+            let mut settings: Td3Settings = read_settings(table, algorithm)?;
+            settings.replay.steps = steps.unwrap_or(settings.replay.steps);
+            Box::new(settings.learner(task, run, build)?)
+        }
+        Algorithm::Ddpg => {
+            let mut settings: DdpgSettings = read_settings(table, algorithm)?;
+            settings.replay.steps = steps.unwrap_or(settings.replay.steps);
+            Box::new(settings.learner(task, run, build)?)
+        }
+        Algorithm::Dqn => {
+            let mut settings: DqnSettings = read_settings(table, algorithm)?;
+            settings.replay.steps = steps.unwrap_or(settings.replay.steps);
+            Box::new(settings.learner(task, run, build)?)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests;
