@@ -98,7 +98,8 @@ impl Collisions {
     /// let mut solids = CollisionModel::new(&panda, &CollisionOptions::default())?;
     /// let cube = |side: f64| Geometry::Box { size: Vector3::repeat(side) };
     /// solids.add_obstacle("table", Isometry3::translation(2.0, 0.0, 0.0), cube(1.0), MeshMode::default())?;
-    /// solids.add_free_object("crate", Isometry3::translation(2.1, 0.0, 0.62), cube(0.2), MeshMode::default())?;
+    /// let pose = Isometry3::translation(2.1, 0.0, 0.62);
+    /// solids.add_free_object("crate", pose, cube(0.2), MeshMode::default())?;
     /// let mut distances = Collisions::new(&solids);
     /// let nearest = distances.distance(&solids, solids.pairs().len() - 1);
     /// let mut corners = Vec::new();
