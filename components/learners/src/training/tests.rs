@@ -9,6 +9,7 @@ use rand::RngExt as _;
 use super::*;
 use crate::environment::Environment;
 use crate::evaluation::evaluate;
+use crate::learner::{CheckpointError, LearnerError, UnknownAlgorithm};
 use crate::random::{Counter, Purpose};
 use crate::task::TaskError;
 

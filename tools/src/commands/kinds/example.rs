@@ -9,6 +9,9 @@ use serde_json::{Map, Value as Json};
 use super::keys::Definitions;
 use super::source::KindSource;
 
+/// Inputs that replace another input of the example: a robot follows a state or commands.
+const REPLACEMENTS: [&str; 2] = ["follow", "follow_base"];
+
 /// The longest line of a fragment, in characters.
 const WIDTH: usize = 100;
 
@@ -123,7 +126,9 @@ pub(super) fn fragment(
     }
     let mut tables = String::new();
     for (key, direction) in [("subscribe", Direction::Input), ("publish", Direction::Output)] {
-        let ports = declaration.ports.iter().filter(|port| port.direction == direction);
+        let is_used = |name: &str| name.split('.').all(|part| !REPLACEMENTS.contains(&part));
+        let ports =
+            declaration.ports.iter().filter(|port| port.direction == direction && is_used(&port.name));
         // a port `ROBOT.PORT` is one key, and its topic has a name without dots
         let wire = |port: &str| {
             let key = if port.contains('.') { format!("{port:?}") } else { port.to_string() };
