@@ -1,5 +1,7 @@
 //! Elementwise activation functions.
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::{Backward, Forward, Layer};
 use crate::arithmetic::Real;
 
@@ -22,8 +24,83 @@ pub enum Function {
     Softsign,
 }
 
+/// Runs a loop with the function as a constant, so that it vectorises.
+macro_rules! with_constant {
+    ($function:expr, $constant:ident => $body:expr) => {
+        match $function {
+            Function::Relu => {
+                let $constant = Function::Relu;
+                $body
+            }
+            Function::Elu(alpha) => {
+                let $constant = Function::Elu(alpha);
+                $body
+            }
+            Function::LeakyRelu(alpha) => {
+                let $constant = Function::LeakyRelu(alpha);
+                $body
+            }
+            Function::Tanh => {
+                let $constant = Function::Tanh;
+                $body
+            }
+            Function::Sigmoid => {
+                let $constant = Function::Sigmoid;
+                $body
+            }
+            Function::Softplus => {
+                let $constant = Function::Softplus;
+                $body
+            }
+            Function::Softsign => {
+                let $constant = Function::Softsign;
+                $body
+            }
+        }
+    };
+}
+
+/// The loop of [`Function::apply`].
+struct Values<'a>(Function, &'a mut [f32]);
+
+impl WithSimd for Values<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self(function, numbers) = self;
+        with_constant!(function, f => numbers.iter_mut().for_each(|x| *x = f.value(*x)));
+    }
+}
+
+/// The loop of [`Function::scale_by_slopes`].
+struct Slopes<'a>(Function, &'a mut [f32], &'a [f32]);
+
+impl WithSimd for Slopes<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self(function, gradients, values) = self;
+        with_constant!(function, f => {
+            gradients.iter_mut().zip(values).for_each(|(g, y)| *g *= f.slope_at_value(*y));
+        });
+    }
+}
+
 impl Function {
+    /// Replaces each number by the value at it.
+    pub(crate) fn apply(self, numbers: &mut [f32]) {
+        Arch::new().dispatch(Values(self, numbers));
+    }
+
+    /// Multiplies each gradient by the derivative where the value is the number in `values`.
+    pub(crate) fn scale_by_slopes(self, gradients: &mut [f32], values: &[f32]) {
+        Arch::new().dispatch(Slopes(self, gradients, values));
+    }
+
     /// Returns the value at `x`.
+    #[inline(always)]
     pub(crate) fn value<T: Real>(self, x: T) -> T {
         let (zero, one) = (T::default(), T::from_f64(1.0));
         match self {
@@ -50,6 +127,7 @@ impl Function {
     }
 
     /// Returns the derivative where the value is `y`, which determines it.
+    #[inline(always)]
     pub(crate) fn slope_at_value<T: Real>(self, y: T) -> T {
         let one = T::from_f64(1.0);
         match self {
@@ -64,6 +142,7 @@ impl Function {
     }
 
     /// Returns the derivative at `x`, where the value is `y`.
+    #[inline(always)]
     fn slope<T: Real>(self, x: T, y: T) -> T {
         let (zero, one) = (T::default(), T::from_f64(1.0));
         match self {
@@ -129,6 +208,27 @@ impl Layer for Activation {
         let values = pass.input.iter().zip(pass.output).zip(pass.gradient);
         for (((x, y), g), out) in values.zip(pass.input_gradient) {
             *out = *g * self.function.slope(*x, *y);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Function;
+
+    #[test]
+    fn loops_have_the_bits_of_single_numbers() {
+        use Function::{Elu, LeakyRelu, Relu, Sigmoid, Softplus, Softsign, Tanh};
+        let numbers: Vec<f32> = (-200..=200).map(|k| 0.03 * k as f32).collect();
+        for function in [Relu, Elu(0.7), LeakyRelu(0.1), Tanh, Sigmoid, Softplus, Softsign] {
+            let mut values = numbers.clone();
+            function.apply(&mut values);
+            let mut gradients = numbers.clone();
+            function.scale_by_slopes(&mut gradients, &values);
+            for ((x, y), g) in numbers.iter().zip(&values).zip(&gradients) {
+                assert_eq!(y.to_bits(), function.value(*x).to_bits(), "{function:?} at {x}");
+                assert_eq!(g.to_bits(), (x * function.slope_at_value(*y)).to_bits(), "{function:?} at {x}");
+            }
         }
     }
 }
