@@ -40,6 +40,7 @@ const OFTEN: Duration = Duration::from_millis(5);
 #[serde(deny_unknown_fields)]
 pub struct RecordConfig {
     /// Path of the file, relative to the folder of the graph; an existing file is replaced.
+    #[schemars(extend("format" = "path"))]
     pub output: PathBuf,
     /// Names of the topics; `*` matches any characters. Default: all topics of single values.
     #[serde(default = "all")]
@@ -58,6 +59,7 @@ pub struct RecordConfig {
     pub last: Option<TimeSpan>,
     /// Files to attach to the recording. Default none.
     #[serde(default)]
+    #[schemars(extend("format" = "path"))]
     pub attach: Vec<PathBuf>,
 }
 

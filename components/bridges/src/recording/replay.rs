@@ -27,6 +27,7 @@ use crate::foxglove::robot_of_topic;
 #[serde(deny_unknown_fields)]
 pub struct ReplayConfig {
     /// The recording, relative to the folder of the graph.
+    #[schemars(extend("format" = "path"))]
     pub recording: PathBuf,
     /// Name of the component in the recorded graph, whose ports this component has.
     pub component: String,

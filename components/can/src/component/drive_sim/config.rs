@@ -25,6 +25,7 @@ use crate::{BusEntry, DriveEntry};
 #[serde(deny_unknown_fields)]
 pub struct DriveSimulationConfig {
     /// The drive table: the file that the adapter reads, too. Instead of `bus` and `drive`.
+    #[schemars(extend("format" = "path"))]
     pub drives: Option<String>,
     /// The buses, if there is no drive table file.
     #[serde(default)]
