@@ -47,6 +47,8 @@ pub enum Purpose {
     Replay = 12,
     /// Noise of the actions in a gradient.
     Noise = 13,
+    /// Pushes on a robot.
+    Push = 14,
 }
 
 /// Position of a random number in a training run.

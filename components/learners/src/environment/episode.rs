@@ -72,7 +72,13 @@ impl Episode {
     ) -> Step {
         self.actions.extend_from_slice(action);
         self.trial.act(&stage.terms, action.iter().map(|number| f64::from(*number)));
-        let is_stepped = stage.advance(simulation, action, &self.drives);
+        let counter = Counter {
+            seed: self.seed,
+            world: self.world,
+            episode: self.number,
+            step: self.trial.step() as u64,
+        };
+        let is_stepped = stage.advance(simulation, (counter, action), &self.drives);
         let state = stage.state(simulation, &mut self.forces);
         let step = self.trial.judge(&stage.terms, &state, is_stepped);
         self.trial.write(&mut self.observation);

@@ -3,17 +3,21 @@
 use motorium_models::policy::{ActionKind, BaseMotion, projected_gravity};
 use motorium_physics::randomise::{Draws, RandomiseConfig, Start};
 use motorium_physics::{Engine, JointCommand, Simulation, Simulator as _};
+use motorium_robots::FrameId;
+use nalgebra::{Point3, Vector3};
 use rand::RngExt as _;
 
 use super::EnvironmentError;
 use crate::random::{Counter, Purpose};
-use crate::task::{RobotState, Task, TaskError, Terms};
+use crate::task::{Pushes, RobotState, Task, TaskError, Terms};
 
 /// All that the worlds of a task share.
 #[derive(Debug)]
 pub(super) struct Stage {
     pub(super) terms: Terms,
     draws: Option<Draws>,
+    /// Pushes, and the link of the base.
+    pushes: Option<(Pushes, FrameId)>,
     position: Vec<f64>,
     velocity: Vec<f64>,
     velocity_spread: f64,
@@ -48,9 +52,20 @@ impl Stage {
             .then(|| Draws::for_one_robot(&task.randomise, simulation))
             .transpose()
             .map_err(TaskError::Range)?;
+        let pushes = match task.pushes {
+            None => None,
+            Some(_) if !simulation.model().base().floating => {
+                let expected = "a robot with a floating base";
+                return Err(TaskError::value("pushes", "a robot with a fixed base", expected));
+            }
+            Some(pushes) => {
+                simulation.model().frame(&simulation.model().frames()[0].name).ok().map(|base| (pushes, base))
+            }
+        };
         Ok(Self {
             terms,
             draws,
+            pushes,
             position,
             velocity,
             velocity_spread: task.start.velocity_spread,
@@ -101,12 +116,13 @@ impl Stage {
         Ok(())
     }
 
-    /// Applies an action for one step of the policy; false where physics could not make it. `drives` are the
-    /// factors of the gain and of the strength of each drive.
+    /// Applies an action for a step of the policy, whose number in its episode is the step of the counter;
+    /// false where physics could not make it. `drives` are the factors of the gain and of the strength of each
+    /// drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,
-        action: &[f32],
+        (counter, action): (Counter, &[f32]),
         drives: &[[f64; 2]],
     ) -> bool {
         let targets = self.terms.targets();
@@ -124,7 +140,20 @@ impl Stage {
                 ActionKind::Position => JointCommand::hold(value, kp, kd),
             };
         }
-        (0..self.decimation).all(|_| simulation.step(self.step).is_ok())
+        (0..self.decimation).all(|physics_step| {
+            if let Some((pushes, base)) = self.pushes {
+                let steps = counter.step * self.decimation as u64 + physics_step as u64;
+                if let Some([x, y]) = pushes.force(counter, steps as f64 * self.step) {
+                    simulation.apply_wrench(
+                        base,
+                        Point3::origin(),
+                        Vector3::new(x, y, 0.0),
+                        Vector3::zeros(),
+                    );
+                }
+            }
+            simulation.step(self.step).is_ok()
+        })
     }
 
     /// The state of the robot. `forces` is memory for a number of each link whose contacts are measured.

@@ -6,7 +6,7 @@ use motorium_physics::{ArticulatedSimulator, BuildError, Options, Simulator as _
 use motorium_robots::load;
 
 use super::*;
-use crate::task::Task;
+use crate::task::{Task, TaskError};
 
 const TEXT: &str = r#"
 title = "Balance"
@@ -231,4 +231,52 @@ fn free_steps_precede_the_first_observation() {
     // the pole falls by a fraction of g dt^2
     let moved = (with[1] - without[1]).abs();
     assert!(moved > 1e-7 && moved < 1e-3, "{moved}");
+}
+
+/// Motion of the base of a falling quadruped after three seconds, in a task with these lines.
+fn fallen(lines: &str) -> [f64; 3] {
+    let text = format!(
+        r#"
+        title = "Fall"
+        robot = "quadruped"
+        step = 0.005
+        decimation = 4
+        duration = 3.0
+        observations = [{{ term = "base_linear_velocity" }}]
+        rewards = [{{ term = "alive" }}]
+        start = {{ position = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.8, -1.6, 0.0, 0.8, -1.6, 0.0, -0.8, 1.6, 0.0, -0.8, 1.6] }}
+        action = {{ joints = ["front_left_knee"], kind = "effort", default_pose = [0.0] }}
+        {lines}
+        "#
+    );
+    let task = Task::parse(&text).expect("a task");
+    let model = load("quadruped", Path::new(".")).expect("a robot of the catalogue").model;
+    let simulation =
+        ArticulatedSimulator::new(model, World::default(), &task.start.position, Options::default());
+    let mut environment = Environment::new(&task, simulation.expect("a simulation"), 1, 0).expect("it fits");
+    environment.run_episode(|_, action| action.fill(0.0)).expect("an episode");
+    let velocity = environment.simulation().velocity();
+    [velocity[0], velocity[1], velocity[2]]
+}
+
+#[test]
+fn a_push_moves_the_base_sideways() {
+    let [x, y, _] = fallen("");
+    assert!(x.hypot(y) < 1e-9, "{x} {y}");
+    let pushes = "pushes = { force = 20.0, interval = 2.5 }";
+    let [x, y, z] = fallen(pushes);
+    assert!(x.hypot(y) > 0.05, "{x} {y}");
+    assert_eq!(fallen(pushes), [x, y, z]);
+}
+
+#[test]
+fn pushes_need_a_floating_base() {
+    let task = Task::parse(&format!("{TEXT}[pushes]\nforce = 1.0")).expect("a task");
+    let refused = Environment::new(&task, simulation().expect("a simulation"), 1, 0);
+    let expected = "pushes";
+    assert!(
+        matches!(&refused, Err(EnvironmentError::Task(TaskError::Value { key, .. })) if key == expected),
+        "{:?}",
+        refused.err()
+    );
 }

@@ -33,6 +33,7 @@
 //! ```
 
 mod command;
+mod push;
 mod quantity;
 mod terms;
 mod trial;
@@ -43,6 +44,7 @@ use motorium_robots::World;
 use serde::Deserialize;
 
 pub use command::{CommandRanges, Curriculum};
+pub use push::Pushes;
 pub use quantity::{Quantity, Reward, Shape, Termination, Verdict};
 pub use terms::{Outcome, RobotState, Terms};
 pub use trial::{End, Step, Trial};
@@ -81,6 +83,8 @@ pub struct Task {
     pub terminations: Vec<Termination>,
     /// Desired velocities of the base. Default: the task has no commands.
     pub command: Option<CommandRanges>,
+    /// Pushes on the base in training. Default: none.
+    pub pushes: Option<Pushes>,
     /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
@@ -184,6 +188,9 @@ impl Task {
         task.policy()?;
         if let Some(command) = &task.command {
             command.check()?;
+        }
+        if let Some(pushes) = &task.pushes {
+            pushes.check()?;
         }
         task.reward_range()?;
         for (index, termination) in task.terminations.iter().enumerate() {
