@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use motorium_robots::ModelWarning;
 use rand::RngExt as _;
 use serde::Serialize;
 
@@ -36,6 +37,9 @@ pub struct Evaluation {
     pub successes: usize,
     /// Return of each episode.
     pub returns: Vec<f64>,
+    /// Warnings of elements of the world's file that are left out.
+    #[serde(skip)]
+    pub warnings: Vec<ModelWarning>,
 }
 
 /// The errors of an evaluation.
@@ -77,8 +81,8 @@ pub fn evaluate(
     let invalid = |source| EvaluationError::Task { file: task_file.to_path_buf(), source };
     let task = Task::parse(&files::read_text(task_file)?).map_err(invalid)?;
     let mut network = trained::load(folder, &task)?;
-    let simulation =
-        Scene::load(&task, &folder::base(task_file))?.simulation().map_err(EnvironmentError::from)?;
+    let scene = Scene::load(&task, &folder::base(task_file))?;
+    let simulation = scene.simulation().map_err(EnvironmentError::from)?;
     let mut environment = Environment::new(&task, simulation, seed, 0)?;
     let (mut returns, mut steps, mut failures, mut successes) = (vec![], 0_usize, 0, 0);
     for _ in 0..episodes {
@@ -103,6 +107,7 @@ pub fn evaluate(
         failures,
         successes,
         returns,
+        warnings: scene.warnings().to_vec(),
     })
 }
 
@@ -210,6 +215,7 @@ mod tests {
             failures: 0,
             successes: 0,
             returns,
+            warnings: vec![],
         }
     }
 

@@ -10,6 +10,8 @@ use crate::task::{NETWORK, Task, TaskError};
 pub(crate) const TASK: &str = "task.toml";
 /// File that describes a run.
 pub(crate) const RUN: &str = "run.json";
+/// File from which a run is continued.
+pub(crate) const CHECKPOINT: &str = "checkpoint.safetensors";
 /// File with a line for each update or iteration.
 pub(crate) const PROGRESS: &str = "progress.csv";
 
@@ -30,12 +32,15 @@ pub enum FolderError {
     /// The folder holds a run already.
     #[error(
         "{} holds a training run, expected a folder without one\n\
-         help: continue it with `motorium learn resume {}`, or choose another folder",
-        folder.display(), folder.display()
+         help: {}choose another folder",
+        folder.display(),
+        if *has_checkpoint { format!("continue it with `motorium learn resume {}`, or ", folder.display()) } else { String::new() }
     )]
     Exists {
         /// The folder.
         folder: PathBuf,
+        /// True if the run can be continued.
+        has_checkpoint: bool,
     },
 }
 
@@ -49,7 +54,8 @@ pub(crate) fn read_task(file: &Path) -> Result<(Task, String), FolderError> {
 /// Checks that a folder holds no run.
 pub(crate) fn check_empty(folder: &Path) -> Result<(), FolderError> {
     if folder.join(RUN).exists() {
-        return Err(FolderError::Exists { folder: folder.to_path_buf() });
+        let has_checkpoint = folder.join(CHECKPOINT).exists();
+        return Err(FolderError::Exists { folder: folder.to_path_buf(), has_checkpoint });
     }
     Ok(())
 }

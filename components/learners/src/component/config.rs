@@ -1,6 +1,7 @@
 //! The `config` table of `learner.task`.
 
 use motorium::units::TimeSpan;
+use motorium_robots::World;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -15,6 +16,10 @@ pub struct LearnerTaskConfig {
     /// File of the task, relative to the graph file.
     #[schemars(extend("format" = "path"))]
     pub task: String,
+    /// Gravity, ground and objects around the robot, compared with the task's. Default: the world of the
+    /// graph.
+    #[serde(default)]
+    pub world: World,
     /// Age from which a measurement is too old to be judged, at least 1 ms. Default "100 ms".
     #[serde(default = "hundred_ms")]
     pub state_timeout: TimeSpan,

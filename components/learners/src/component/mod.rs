@@ -16,7 +16,7 @@ use motorium::state::{
 use motorium::transport::{Input, Output};
 use motorium::worker::Kind;
 use motorium_models::policy::{BaseMotion, projected_gravity};
-use motorium_robots::{BasePose, RobotSource};
+use motorium_robots::{BasePose, Object, RobotSource, World};
 use score::Score;
 use serde_json::json;
 
@@ -91,6 +91,8 @@ enum Phase {
 /// A task checked for a robot.
 struct Loaded {
     task: Task,
+    /// Its world, with its files read.
+    world: World,
     terms: Terms,
     joints: usize,
     links: Vec<u32>,
@@ -115,6 +117,10 @@ fn load(
     })?;
     let invalid = |error: TaskError| ConfigError::key("task", format!("{}: {error}", file.display()));
     let task = Task::parse(&text).map_err(invalid)?;
+    let mut world = task.world.clone();
+    world
+        .locate(file.parent().unwrap_or(base))
+        .map_err(|error| ConfigError::key("task", format!("{}: `world`: {error}", file.display())))?;
     let loaded = RobotSource {
         name: &robot.name,
         text: &robot.urdf,
@@ -137,7 +143,18 @@ fn load(
     }
     let index = |name: &String| loaded.model.frames().iter().position(|frame| frame.name == *name);
     let links = terms.links().iter().filter_map(index).map(|index| index as u32).collect();
-    Ok(Loaded { joints: loaded.model.joint_count(), links, task, terms })
+    Ok(Loaded { joints: loaded.model.joint_count(), links, task, world, terms })
+}
+
+/// A ground or an object that the world of a task has and another world lacks.
+fn missing(task: &World, graph: &World) -> Option<String> {
+    let has_ground = |world: &World| world.ground.is_some() || world.terrain.is_some();
+    if has_ground(task) && !has_ground(graph) {
+        return Some("a ground".to_owned());
+    }
+    let names = |object: &Object| graph.objects.iter().any(|other| other.name == object.name);
+    let object = task.objects.iter().find(|object| !names(object))?;
+    Some(format!("an object `{}`", object.name))
 }
 
 impl Component for LearnerTask {
@@ -148,7 +165,7 @@ impl Component for LearnerTask {
     type Config = LearnerTaskConfig;
 
     fn declare(config: &LearnerTaskConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let Loaded { task, terms, .. } = load(config, declare.folder(), declare.robot())?;
+        let Loaded { task, terms, world: task_world, .. } = load(config, declare.folder(), declare.robot())?;
         if let Some(period) = declare.period() {
             let found = period.as_secs_f64().recip();
             if (found / task.rate() - 1.0).abs() > 1e-3 {
@@ -156,6 +173,14 @@ impl Component for LearnerTask {
                 return Err(ConfigError::key("task", message)
                     .advise(format!("write `rate = \"{} Hz\"` for the component", task.rate())));
             }
+        }
+        let mut world = config.world.clone();
+        world.locate(declare.folder()).map_err(|error| ConfigError::key("world", error.to_string()))?;
+        if let Some(missing) = missing(&task_world, &world) {
+            declare
+                .warn(format!("the task's world has {missing}, the graph's does not"))
+                .key("task")
+                .advise("add it to the `[world]` of the graph, unless the robot is real");
         }
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.input::<Action>("action", "action of the policy");

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use motorium_physics::Articulated;
+use motorium_robots::ModelWarning;
 use serde::Serialize;
 
 use super::{Algorithm, Imitation, ImitationError, ImitationSettings, Progress};
@@ -50,6 +51,7 @@ pub struct Run {
     folder: PathBuf,
     algorithm: Algorithm,
     task: Task,
+    warnings: Vec<ModelWarning>,
     imitation: Imitation<Articulated>,
     progress: String,
     last: Option<Progress>,
@@ -91,12 +93,18 @@ impl Run {
         files::write(&folder.join(RUN), description.to_string().as_bytes())?;
         let progress = "iteration,labels,beta,episodes,mean_return,loss\n".to_owned();
         let folder = folder.to_path_buf();
-        Ok(Self { folder, algorithm, task, imitation, progress, last: None })
+        let warnings = scene.warnings().to_vec();
+        Ok(Self { folder, algorithm, task, warnings, imitation, progress, last: None })
     }
 
     /// The task.
     pub fn task(&self) -> &Task {
         &self.task
+    }
+
+    /// Warnings of elements of the world's file that are left out.
+    pub fn warnings(&self) -> &[ModelWarning] {
+        &self.warnings
     }
 
     /// Makes one iteration and writes the policy. Returns `None` once all iterations are made.

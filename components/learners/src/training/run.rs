@@ -16,11 +16,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::files::{self, FileError};
-use crate::folder::{self, FolderError, PROGRESS, RUN, TASK};
+use crate::folder::{self, CHECKPOINT, FolderError, PROGRESS, RUN, TASK};
 use crate::learner::{Algorithm, CheckpointError, Learner, LearnerError, Progress};
 use crate::task::Task;
 
-const CHECKPOINT: &str = "checkpoint.safetensors";
 const HEADER: &str = "update,steps,episodes,mean_return,mean_length";
 
 /// The errors of a run.
@@ -39,6 +38,16 @@ pub enum RunError {
         file: PathBuf,
         /// Defect.
         message: String,
+    },
+    /// The run cannot be continued.
+    #[error(
+        "{} has no {CHECKPOINT}: a run of imitation cannot be continued\n\
+         help: train again into another folder",
+        folder.display()
+    )]
+    NoCheckpoint {
+        /// The folder.
+        folder: PathBuf,
     },
     /// The robot cannot be loaded.
     #[error(transparent)]
@@ -149,6 +158,9 @@ impl Run {
     pub fn resume(folder: &Path, threads: usize) -> Result<Self, RunError> {
         let file = folder.join(RUN);
         let bytes = files::read(&file)?;
+        if !folder.join(CHECKPOINT).exists() {
+            return Err(RunError::NoCheckpoint { folder: folder.to_path_buf() });
+        }
         let description: Description = serde_json::from_slice(&bytes)
             .map_err(|error| RunError::Description { file: file.clone(), message: error.to_string() })?;
         let (task, _) = folder::read_task(&folder.join(TASK))?;

@@ -201,6 +201,9 @@ fn runs_write_policies_that_load() {
         while run.advance().expect("an update").is_some() {}
         let trained = run.summary();
         assert_eq!(trained.algorithm, algorithm);
+        let taken = Run::create(algorithm, &file, &folder, (1, 2), None).err();
+        let expected = matches!(taken, Some(RunError::Folder(FolderError::Exists { has_checkpoint: true, .. })));
+        assert!(expected, "{algorithm:?}: {taken:?}");
         // a finished run has nothing left to do
         let mut resumed = Run::resume(&folder, 1).expect("the run");
         assert_eq!(resumed.advance().expect("no update"), None);
@@ -215,6 +218,33 @@ fn runs_write_policies_that_load() {
         assert!(progress.lines().all(|line| columns(line) == 5 + run_measures(algorithm)), "{progress}");
         assert_eq!(progress.lines().count() as u64, 1 + trained.updates, "{algorithm:?}");
     }
+    std::fs::remove_dir_all(&base).expect("the folder");
+}
+
+#[test]
+fn runs_of_imitation_are_not_continued() {
+    let base = std::env::temp_dir().join(format!("motorium-imitation-{}", std::process::id()));
+    let (expert, folder, file) = (base.join("expert"), base.join("clone"), base.join("task.toml"));
+    std::fs::create_dir_all(&base).expect("a folder");
+    let text = CART_POLE.split("[algorithms").next().expect("the task before its settings");
+    let settings = "[algorithms.ppo]\nsteps = 64\nworlds = 2\nhorizon = 32\nhidden = [4]\n\
+                    [algorithms.dagger]\nsteps = 20\niterations = 1\nepochs = 1\nhidden = [4]\n";
+    std::fs::write(&file, format!("{text}\n{settings}")).expect("a file");
+    let mut trained = Run::create(Algorithm::Ppo, &file, &expert, (1, 1), None).expect("a run");
+    while trained.advance().expect("an update").is_some() {}
+    let begin = || {
+        let paths = (file.as_path(), expert.as_path());
+        imitation::Run::create(paths, &folder, (1, 1), (imitation::Algorithm::Clone, None))
+    };
+    let first = begin().expect("a run").advance().expect("an iteration");
+    assert!(first.is_some_and(|first| first.loss.is_finite()), "{first:?}");
+    let taken = begin().err();
+    let is_refused = |error: &imitation::RunError| {
+        matches!(error, imitation::RunError::Folder(FolderError::Exists { has_checkpoint: false, .. }))
+    };
+    assert!(taken.as_ref().is_some_and(is_refused), "{taken:?}");
+    let resumed = Run::resume(&folder, 1).err();
+    assert!(matches!(resumed, Some(RunError::NoCheckpoint { .. })), "{resumed:?}");
     std::fs::remove_dir_all(&base).expect("the folder");
 }
 

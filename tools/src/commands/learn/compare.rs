@@ -45,6 +45,7 @@ impl Compare {
                 .with_context(|| policy.display().to_string())
         });
         let found: Vec<Evaluation> = evaluated.collect::<anyhow::Result<_>>()?;
+        super::warn(&found[0].warnings);
         if let Some(file) = &self.curves {
             let series = self.policies.iter().map(|policy| curve(policy));
             let chart = Chart {

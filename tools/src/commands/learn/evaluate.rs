@@ -34,6 +34,7 @@ impl Evaluate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let task = self.task.unwrap_or_else(|| self.policy.join("task.toml"));
         let found = evaluate(&self.policy, &task, self.episodes as usize, self.seed)?;
+        super::warn(&found.warnings);
         if self.json {
             outln!("{}", serde_json::to_string(&found)?);
             return Ok(ExitCode::SUCCESS);

@@ -9,6 +9,10 @@ mod tune;
 
 use std::process::ExitCode;
 
+use motorium_robots::ModelWarning;
+
+use crate::out::errln;
+
 /// Policies that learn a task: train one, continue a training run, evaluate and compare policies, list tasks;
 /// tune a graph.
 ///
@@ -27,6 +31,13 @@ enum Command {
     Compare(compare::Compare),
     Tune(tune::Tune),
     List(list::List),
+}
+
+/// Prints the warnings of the world's file of a task.
+fn warn(warnings: &[ModelWarning]) {
+    for warning in warnings {
+        errln!("warning: world: {warning}");
+    }
 }
 
 impl Learn {

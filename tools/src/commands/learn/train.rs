@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::threads::threads;
 use super::tune;
-use crate::out::{errln, outln};
+use crate::out::outln;
 
 /// Time between two lines of progress.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -151,6 +151,7 @@ impl Train {
         let began = Instant::now();
         let extent = (algorithm, self.steps);
         let mut run = imitation::Run::create((&self.task, expert), &self.output, seed, extent)?;
+        super::warn(run.warnings());
         while let Some(progress) = run.advance()? {
             let imitation::Progress { iteration, labels, beta, mean_return, loss, .. } = progress;
             let mean =
@@ -193,9 +194,7 @@ impl Resume {
 
 /// Trains to the end, with a line of progress a second on standard error.
 fn finish(mut run: Run, json: bool) -> anyhow::Result<ExitCode> {
-    for warning in run.warnings() {
-        errln!("warning: world: {warning}");
-    }
+    super::warn(run.warnings());
     let (first, began) = (run.steps().0, Instant::now());
     let mut printed = began;
     while let Some(progress) = run.advance()? {
