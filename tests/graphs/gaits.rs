@@ -1,7 +1,13 @@
 //! Walking robots: whole graphs.
 
+use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
+
+use motorium::graph::{self, Machine};
+use motorium::launcher::Options;
+use motorium::session::Session;
+use motorium::state::{BaseState, TwistTarget};
 
 use crate::support::{MOTORIUM, Run, machine, run, signal, workspace};
 use rustix::process::Signal;
@@ -114,5 +120,138 @@ fn the_quadruped_trots_up_a_slope_by_sensing_with_its_feet() {
     assert!(moved > 2.0, "it went {moved} m ahead");
     for component in &ended.report().components {
         assert_eq!(component.allocations, Some(0), "{}", component.name);
+    }
+}
+
+#[test]
+fn the_quadruped_trots_on_its_policy() {
+    let graph = workspace().join("graphs/quadruped-policy.toml");
+    let ended = run(&graph, &["--clock", "lockstep"]);
+    // 5 m through five pushes, by its expectations
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let report = ended.report();
+    assert_eq!(report.expectations.len(), 4);
+    for component in &report.components {
+        assert_eq!(component.allocations, Some(0), "{}", component.name);
+        assert_eq!(component.allocations_apart.unwrap_or(0), 0, "{}", component.name);
+    }
+    assert_eq!(report.state_hash, run(&graph, &["--clock", "lockstep"]).report().state_hash);
+}
+
+/// A course: commands, forward and left, m/s, and turn, rad/s, each with its duration, s.
+const COURSE: [(f64, [f64; 3]); 3] =
+    [(14.0, [0.4, 0.0, 0.0]), (11.5, [0.0, 0.2, 0.0]), (7.0, [0.0, 0.0, 0.5])];
+
+/// Pushes of 1.5 N s along the course, in the heading at its start.
+const PUSHES: &str = r#"
+pushes = [
+    { at = "4 s", duration = "100 ms", force = [0.0, 15.0, 0.0] },
+    { at = "8 s", duration = "100 ms", force = [-15.0, 0.0, 0.0] },
+    { at = "12 s", duration = "100 ms", force = [0.0, -15.0, 0.0] },
+    { at = "20 s", duration = "100 ms", force = [0.0, -15.0, 0.0] },
+    { at = "29 s", duration = "100 ms", force = [15.0, 0.0, 0.0] },
+]
+"#;
+
+/// Motion of a quadruped on the course.
+#[derive(Debug, Default)]
+struct Course {
+    /// Distance of each part along its command, from the pose at its start, m, and the last angle, rad.
+    travel: [f64; 3],
+    /// Root of the mean square of the velocity error, averaged over strides: in the plane, m/s, and about the
+    /// vertical, rad/s.
+    errors: [f64; 2],
+    lowest: f64,
+    largest_tilt: f64,
+}
+
+/// Sends a quadruped along the course; `component` of the graph follows the topic at its port.
+fn course(folder: &Path, graph: &str, (component, port): (&str, &str)) -> Course {
+    let below = workspace().join("graphs").join(graph);
+    let path = folder.join(format!("course-{graph}"));
+    let text = format!(
+        r#"
+extends = "{}"
+clock   = "lockstep"
+
+[component.physics.config]
+{PUSHES}
+[component.commands]
+kind    = "sensor.udp"
+rate    = "100 Hz"
+publish = {{ value = "quadruped/command" }}
+config  = {{ type = "motorium.TwistTarget", port = 7400 }}
+
+[component.{component}.subscribe]
+{port} = "quadruped/command"
+"#,
+        below.display()
+    );
+    let registry = motorium_tools::registry();
+    let checked = graph::check(&path, text, &[], &registry, &Machine::detect());
+    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let options = Options::inline().standing_in_for("commands");
+    let mut session = Session::launch(plan, &registry, &options).expect("it starts");
+    let mut found = Course { lowest: f64::INFINITY, ..Course::default() };
+    let (mut reference, mut differences) = ([0.0; 3], Vec::new());
+    let period = Duration::from_millis(10);
+    // both stand, or trot on the spot, for 1.5 s
+    let mut time = Duration::ZERO;
+    for (part, (seconds, command)) in [(1.5, [0.0; 3])].into_iter().chain(COURSE).enumerate() {
+        let [forward, left, turn] = command;
+        let end = time + Duration::from_secs_f64(seconds);
+        let (mut start, mut angle) = (None, 0.0);
+        while time < end {
+            let target = TwistTarget { linear: [forward, left, 0.0], angular: [0.0, 0.0, turn] };
+            session.publish("quadruped/command", &target).expect("it is published");
+            time += period;
+            session.step_until(time).expect("it steps");
+            let base = session.read::<BaseState>("quadruped/true_base_state").expect("a topic");
+            let base = base.expect("a state").value;
+            let [x, y, z, w] = base.orientation;
+            let heading = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
+            let tilt = (1.0 - 2.0 * (x * x + y * y)).clamp(-1.0, 1.0).acos();
+            found.lowest = found.lowest.min(base.position[2]);
+            found.largest_tilt = found.largest_tilt.max(tilt);
+            if part == 0 {
+                continue;
+            }
+            let (from, ahead) = *start.get_or_insert((base.position, heading));
+            let moved = [base.position[0] - from[0], base.position[1] - from[1]];
+            let along = [
+                ahead.cos() * moved[0] + ahead.sin() * moved[1],
+                ahead.cos() * moved[1] - ahead.sin() * moved[0],
+            ];
+            angle += 0.01 * base.angular_velocity[2];
+            found.travel[part - 1] = [along[0], along[1], angle][part - 1];
+            // the reference of `control.mpc` accelerates by 1 m/s2 and 1 rad/s2
+            let measured = [base.linear_velocity[0], base.linear_velocity[1], base.angular_velocity[2]];
+            for (reference, command) in reference.iter_mut().zip(command) {
+                *reference += (command - *reference).clamp(-0.01, 0.01);
+            }
+            differences.push([0, 1, 2].map(|k| measured[k] - reference[k]));
+        }
+    }
+    // a stride has 36 periods
+    let strides = differences.windows(36).map(|stride| {
+        [0, 1, 2].map(|k| stride.iter().map(|difference| difference[k]).sum::<f64>() / stride.len() as f64)
+    });
+    let squares = strides.map(|[x, y, turn]| [x * x + y * y, turn * turn]);
+    let sum = squares.fold([0.0; 2], |sum, square| [sum[0] + square[0], sum[1] + square[1]]);
+    found.errors = sum.map(|sum| (sum / (differences.len() - 35) as f64).sqrt());
+    found
+}
+
+#[test]
+fn policy_tracks_its_command_through_pushes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let teacher = course(folder.path(), "quadruped-mpc.toml", ("planner", "target"));
+    let policy = course(folder.path(), "quadruped-policy.toml", ("policy", "command"));
+    for found in [&teacher, &policy] {
+        assert!(found.lowest > 0.18 && found.largest_tilt < 0.8, "{found:?}");
+        assert!(found.travel[0] > 5.0 && found.travel[1] > 2.0 && found.travel[2] > 3.0, "{found:?}");
+    }
+    for (found, known) in policy.errors.iter().zip(teacher.errors) {
+        assert!(*found <= 1.5 * known, "policy {policy:?}, teacher {teacher:?}");
     }
 }

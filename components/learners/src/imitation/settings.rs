@@ -24,6 +24,8 @@ pub struct ImitationSettings {
     pub minibatch: usize,
     /// Learning rate of Adam, above 0. Default 1e-3.
     pub rate: f64,
+    /// True to lower the learning rate linearly to 0 over the passes of an iteration. Default false.
+    pub anneal: bool,
     /// Hidden units of each layer; none for a linear policy. Default 64 and 64.
     pub hidden: Vec<usize>,
 }
@@ -39,6 +41,7 @@ impl Default for ImitationSettings {
             epochs: 50,
             minibatch: 128,
             rate: 1e-3,
+            anneal: false,
             hidden: vec![64, 64],
         }
     }
@@ -59,6 +62,11 @@ impl ImitationSettings {
         };
         settings.check()?;
         Ok(settings)
+    }
+
+    /// Learning rate in a pass over the labels, counted from 0.
+    pub(super) fn rate_in(&self, epoch: u64) -> f64 {
+        if self.anneal { self.rate * (1.0 - epoch as f64 / self.epochs as f64) } else { self.rate }
     }
 
     /// Checks all settings.

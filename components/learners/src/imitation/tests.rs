@@ -76,7 +76,7 @@ fn the_expert_acts_with_the_scheduled_probability() {
     let betas: Vec<f64> = (0..3).map(|_| imitation.advance().expect("an iteration").beta).collect();
     assert_eq!(betas, [1.0, 0.5, 0.25]);
     // a label for every step of every world
-    assert_eq!(imitation.labels.len(), 2 * 3 * 400);
+    assert_eq!(imitation.regression.labels(), 3 * 400);
 }
 
 #[test]
