@@ -78,7 +78,7 @@ impl Perceptron {
     /// Returns all parameters: for each layer the weights, column by column, then the bias.
     pub fn to_vec(&self) -> Vec<f32> {
         let slices = self.layers.iter().flat_map(|layer| [layer.weights.as_slice(), layer.bias.as_slice()]);
-        slices.flatten().copied().collect()
+        joined(slices, self.parameters())
     }
 
     /// Replaces all parameters, in the order of [`to_vec`](Self::to_vec).
@@ -113,7 +113,7 @@ impl Perceptron {
         for (index, layer) in self.layers.iter().enumerate() {
             let mut output = layer.forward(&values[index]);
             if index + 1 < self.layers.len() {
-                output.iter_mut().for_each(|value| *value = self.function.value(*value));
+                self.function.apply(output.as_mut_slice());
             }
             values.push(output);
         }
@@ -133,7 +133,7 @@ impl Perceptron {
             }
         }
         let slices = found.iter().rev().flat_map(|g| [g.weights.as_slice(), g.bias.as_slice()]);
-        slices.flatten().copied().collect()
+        joined(slices, self.parameters())
     }
 
     /// Gradient of a loss by the inputs, one sample a column, from its gradient by the outputs.
@@ -148,9 +148,16 @@ impl Perceptron {
     /// The gradient before the activation that made the input of a layer, from the gradient by its output.
     fn backward(&self, layer: &Linear, input: &DMatrix<f32>, output: &DMatrix<f32>) -> DMatrix<f32> {
         let mut gradient = layer.backward(output);
-        gradient.iter_mut().zip(input.iter()).for_each(|(g, y)| *g *= self.function.slope_at_value(*y));
+        self.function.multiply_slopes(input.as_slice(), gradient.as_mut_slice());
         gradient
     }
+}
+
+/// Slices one after the other, `count` numbers in all.
+fn joined<'a>(slices: impl Iterator<Item = &'a [f32]>, count: usize) -> Vec<f32> {
+    let mut out = Vec::with_capacity(count);
+    slices.for_each(|slice| out.extend_from_slice(slice));
+    out
 }
 
 /// A matrix with orthonormal rows or columns, uniformly distributed.
