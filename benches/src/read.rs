@@ -5,16 +5,28 @@ use std::path::Path;
 use motorium::graph::{self, Machine};
 use motorium::os::{Request, apply, monotonic_ns, prefault_stack};
 use motorium::plan::SchedulingClass;
-use motorium::testing::{Endpoint, TopicSet};
+use motorium::run_folder::RunFolder;
+use motorium::session::TopicReader;
+use motorium::testing::{Endpoint, TopicSet, TopicSetError};
+use motorium::transport::Output;
 use motorium::worker::Registry;
 
 use crate::MeasureError;
 use crate::payload::{Payload, PayloadVisitor, with_payload};
 
+/// The reader of a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reader {
+    /// A component of the graph.
+    Component,
+    /// A program outside the graph.
+    Outside,
+}
+
 /// Publishes values of a size and reads each once; the time of each read, ns, and the priority read back.
 pub(crate) fn newest(
     registry: &Registry,
-    bytes: usize,
+    (bytes, reader): (usize, Reader),
     reads: usize,
     core: usize,
     fifo: u8,
@@ -40,7 +52,7 @@ config = {{ bytes = {bytes} }}
     let path = topics.path();
     let measured = std::thread::scope(|scope| {
         // A separate thread, whose priority and core end with it.
-        scope.spawn(move || with_payload(bytes, Reads { topics: path, reads, core, fifo })).join()
+        scope.spawn(move || with_payload(bytes, Reads { topics: path, reader, reads, core, fifo })).join()
     });
     measured
         .map_err(|_| MeasureError::Ended("the reader has panicked".to_string()))?
@@ -49,6 +61,7 @@ config = {{ bytes = {bytes} }}
 
 struct Reads<'a> {
     topics: &'a Path,
+    reader: Reader,
     reads: usize,
     core: usize,
     fifo: u8,
@@ -62,22 +75,50 @@ impl PayloadVisitor for Reads<'_> {
         let (applied, _) = apply(&Request { class, cores: vec![self.core], lock_memory: false });
         prefault_stack();
         let writer = Endpoint::join(self.topics, "writer")?;
-        let reader = Endpoint::join(self.topics, "reader")?;
-        let (mut output, mut input) = (writer.output::<P>("out")?, reader.input::<P>("in")?);
-        let mut samples = Vec::with_capacity(self.reads);
-        for round in 0..self.reads + 10 {
-            let failed = |error: &dyn core::fmt::Display| MeasureError::Ended(error.to_string());
-            output.loan().map_err(|error| failed(&error))?.publish().map_err(|error| failed(&error))?;
-            let began = monotonic_ns();
-            let is_there = core::hint::black_box(input.latest()).is_some();
-            let took = monotonic_ns() - began;
-            if !is_there {
-                return Err(MeasureError::Ended("nothing was read".to_string()));
+        let output = writer.output::<P>("out")?;
+        let samples = match self.reader {
+            Reader::Component => {
+                let reader = Endpoint::join(self.topics, "reader")?;
+                let mut input = reader.input::<P>("in")?;
+                samples(self.reads, output, || core::hint::black_box(input.latest()).is_some())
             }
-            if round >= 10 {
-                samples.push(took);
+            Reader::Outside => {
+                let mut reader = outside(self.topics)?;
+                samples(self.reads, output, || {
+                    reader.poll() && matches!(core::hint::black_box(reader.value::<P>()), Ok(Some(_)))
+                })
             }
-        }
-        Ok((samples, u32::from(applied.fifo_priority)))
+        };
+        Ok((samples?, u32::from(applied.fifo_priority)))
     }
+}
+
+/// A reader of the first topic of a run, as programs outside its graph open it.
+fn outside(run: &Path) -> Result<TopicReader, TopicSetError> {
+    let folder = RunFolder::open(run);
+    let plan = folder.plan()?;
+    Ok(TopicReader::open(&folder.domain()?, &plan.topics[0])?)
+}
+
+/// Publishes a value before each read; the times of the reads, ns.
+fn samples<P: Payload>(
+    reads: usize,
+    mut output: Output<P>,
+    mut read: impl FnMut() -> bool,
+) -> Result<Vec<u64>, MeasureError> {
+    let mut samples = Vec::with_capacity(reads);
+    for round in 0..reads + 10 {
+        let failed = |error: &dyn core::fmt::Display| MeasureError::Ended(error.to_string());
+        output.loan().map_err(|error| failed(&error))?.publish().map_err(|error| failed(&error))?;
+        let began = monotonic_ns();
+        let is_there = read();
+        let took = monotonic_ns() - began;
+        if !is_there {
+            return Err(MeasureError::Ended("nothing was read".to_string()));
+        }
+        if round >= 10 {
+            samples.push(took);
+        }
+    }
+    Ok(samples)
 }

@@ -137,6 +137,15 @@ fn a_missing_program_is_named_with_its_installation() {
     assert!(installed.complaint().contains("did you mean `bridge.iceoryx2`?"));
     installed.graph("nobody.push", "");
     assert!(installed.complaint().contains("unknown kind `nobody.push`"));
+    for (kind, program) in [
+        ("device.push", "motorium-devices"),
+        ("ros2.push", "motorium-ros2"),
+        ("zenoh.push", "motorium-zenoh"),
+    ] {
+        installed.graph(kind, "");
+        let text = installed.complaint();
+        assert!(text.contains(&format!("kind `{kind}` is of the program `{program}`")), "{text}");
+    }
     installed.graph("view.push", "");
     let text = installed.complaint();
     assert!(

@@ -7,8 +7,13 @@ use motorium::worker::{Kind, Registry, RobotSource, Sibling};
 use motorium_robots::{LoadError, ModelWarning};
 
 /// Programs that host further kinds, separate because of their dependencies.
-const SIBLINGS: &[Sibling] =
-    &[VIEWER, Sibling { family: "bridge", program: "motorium-bridges", install: None }];
+const SIBLINGS: &[Sibling] = &[
+    VIEWER,
+    Sibling { family: "bridge", program: "motorium-bridges", install: None },
+    Sibling { family: "device", program: "motorium-devices", install: None },
+    Sibling { family: "ros2", program: "motorium-ros2", install: None },
+    Sibling { family: "zenoh", program: "motorium-zenoh", install: None },
+];
 
 /// The program of `motorium view`.
 const VIEWER: Sibling = Sibling { family: "view", program: "motorium-view", install: Some(INSTALL_VIEWER) };

@@ -17,26 +17,30 @@ pub(crate) const NAME: &str = "energy";
 /// Prints the rows; compared with MuJoCo's Euler integrator if `compared`.
 pub(crate) fn print(compared: bool) -> Result<(), String> {
     for (robot, seconds) in [("pendulum", 100), ("humanoid", 30)] {
-        let turns = seconds * 1000 / STEPS;
+        let turns = seconds * turns_per_second(1);
         let (text, floats) = (without_losses(robot)?, robot == "humanoid");
         let file = scratch(robot, &text)?;
-        let [euler, midpoint] = [Integrator::Euler, Integrator::Midpoint]
-            .map(|integrator| drift(&energies(&text, floats, turns, integrator), floats));
-        print!("{NAME}, {robot}, {seconds} s: {euler}; midpoint rule: {midpoint}");
+        let both = |ms: usize| {
+            let [euler, midpoint] = [Integrator::Euler, Integrator::Midpoint]
+                .map(|integrator| drift(&energies(&text, floats, (seconds, ms), integrator), floats, ms));
+            format!("{euler}; midpoint rule: {midpoint}")
+        };
+        print!("{NAME}, {robot}, {seconds} s: {}", both(1));
         if compared {
             let mut peer = Peer::start("mujoco", "energy", usize::from(floats), &file)?;
             let mut theirs = Vec::with_capacity(turns);
             for _ in 0..turns {
                 theirs.extend(peer.turn()?);
             }
-            print!("; mujoco (Euler): {}", drift(&theirs, floats));
+            print!("; mujoco (Euler): {}", drift(&theirs, floats, 1));
         }
         println!();
         if floats {
             // Long after Euler's method has lost the motion.
-            let turns = 100_000 / STEPS;
-            let midpoint = drift(&energies(&text, floats, turns, Integrator::Midpoint), floats);
+            let midpoint = drift(&energies(&text, floats, (100, 1), Integrator::Midpoint), floats, 1);
             println!("{NAME}, {robot}, 100 s: midpoint rule: {midpoint}");
+        } else {
+            println!("{NAME}, {robot}, {seconds} s, steps of 5 ms: {}", both(5));
         }
         // A leftover temporary file is harmless.
         let _ = std::fs::remove_file(file);
@@ -45,8 +49,8 @@ pub(crate) fn print(compared: bool) -> Result<(), String> {
 }
 
 /// The largest deviation and the change from the first to the last second, relative to the energy that moves.
-fn drift(energies: &[f64], floats: bool) -> String {
-    let second = 1000 / STEPS;
+fn drift(energies: &[f64], floats: bool, ms: usize) -> String {
+    let second = turns_per_second(ms);
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let (first, last) = (mean(&energies[..second]), mean(&energies[energies.len() - second..]));
     // A pendulum's potential energy is zero at its hinge: only the energy above its lowest point can be
@@ -54,6 +58,11 @@ fn drift(energies: &[f64], floats: bool) -> String {
     let scale = if floats { first } else { first + 0.5 * 9.81 };
     let far = energies.iter().fold(0.0_f64, |most, energy| most.max((energy - first).abs()));
     format!("drift {:+.2e}, largest deviation {:.2e}", (last - first) / scale, far / scale)
+}
+
+/// Turns of a second of steps of `ms` \[ms\].
+fn turns_per_second(ms: usize) -> usize {
+    1000 / (ms * STEPS)
 }
 
 /// The URDF of a robot of the catalogue, its joints without ends, friction and damping.
@@ -69,8 +78,8 @@ fn scratch(robot: &str, text: &str) -> Result<PathBuf, String> {
     Ok(file)
 }
 
-/// Kinetic and potential energy \[J\] after each turn.
-fn energies(text: &str, floats: bool, turns: usize, integrator: Integrator) -> Vec<f64> {
+/// Kinetic and potential energy \[J\] after each turn of a number of `seconds` in steps of `ms` \[ms\].
+fn energies(text: &str, floats: bool, (seconds, ms): (usize, usize), integrator: Integrator) -> Vec<f64> {
     let base = if floats { BaseMode::Floating } else { BaseMode::Fixed };
     let options = LoadOptions { base, ..LoadOptions::default() };
     let model =
@@ -94,10 +103,11 @@ fn energies(text: &str, floats: bool, turns: usize, integrator: Integrator) -> V
     simulation.commands_mut().fill(JointCommand::default());
     let mut dynamics = Dynamics::new(&model);
     let turn = |_| {
-        (0..STEPS).for_each(|_| _ = simulation.step(1e-3).expect("it does not diverge"));
+        let dt = 1e-3 * ms as f64;
+        (0..STEPS).for_each(|_| _ = simulation.step(dt).expect("it does not diverge"));
         energy(&mut dynamics, &model, &simulation, gravity.into())
     };
-    (0..turns).map(turn).collect()
+    (0..seconds * turns_per_second(ms)).map(turn).collect()
 }
 
 /// Velocity of a joint at the start \[rad/s\], by its name, as the driver of the peers has it.

@@ -1,9 +1,11 @@
 //! Time of one simulated millisecond, for robots of the catalogue and a pile of boxes. With `--peers`,
-//! alternating with MuJoCo and PyBullet in one run. Then the steps per second of a batch, and the energy of
-//! lossless motions.
+//! alternating with MuJoCo and PyBullet in one run. Then the steps per second of a batch, the parts of its
+//! steps, longer steps, and the energy of lossless motions.
 
 mod batch;
 mod energy;
+mod lanes;
+mod lengths;
 mod peers;
 mod scenes;
 mod talos;
@@ -15,6 +17,9 @@ use scenes::{Scene, scenes};
 /// Turns of each side, and steps timed together in a turn.
 const TURNS: usize = 120;
 const STEPS: usize = 25;
+
+/// A name, and a function that prints the rows with this name, compared with peers or alone.
+type Row = (&'static str, fn(bool) -> Result<(), String>);
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -29,7 +34,13 @@ fn main() {
     } else {
         alone(&mut scenes);
     }
-    for (name, print) in [(batch::NAME, batch::print as fn(bool) -> _), (energy::NAME, energy::print)] {
+    let rows: [Row; 4] = [
+        (batch::NAME, batch::print),
+        (batch::NAME, lanes::print),
+        (batch::NAME, lengths::print),
+        (energy::NAME, energy::print),
+    ];
+    for (name, print) in rows {
         if wanted(name) {
             result = result.and_then(|()| print(compared));
         }

@@ -4,6 +4,7 @@ use super::{Bench, Outcome, Samples};
 use crate::graphs::{self, Ran};
 use crate::pair::{self, PingPong, Transport};
 use crate::raw_chain::{self, RawChain};
+use crate::read::Reader;
 use crate::{Distribution, MeasureError, read, timer};
 
 /// One thing to measure.
@@ -35,7 +36,7 @@ enum Kind {
     FanOut { readers: usize },
     Gate { gated: bool },
     Panda,
-    Read { bytes: usize },
+    Read { bytes: usize, reader: Reader },
 }
 
 /// Time between two round trips of a paced ping-pong, ns: the receiver sleeps deeply.
@@ -108,7 +109,11 @@ pub fn catalogue() -> Vec<Case> {
         add(name, checked, false, ping_pong(PlainBlockingChecked, true, bytes, false));
     }
     let what = "reading the newest state of 1 MiB without touching its bytes".to_string();
-    add("read.newest.1048576".into(), what, true, Kind::Read { bytes: 1_048_576 });
+    add("read.newest.1048576".into(), what, true, Kind::Read { bytes: 1_048_576, reader: Reader::Component });
+    for bytes in [512, 1_048_576] {
+        let what = format!("the same from outside the graph, {}", size(bytes));
+        add(format!("read.outside.{bytes}"), what, true, Kind::Read { bytes, reader: Reader::Outside });
+    }
     for bytes in [64, 512, 4096, 65_536, 1_048_576] {
         let size = size(bytes);
         let quick = bytes == 512;
@@ -206,9 +211,9 @@ impl Case {
         let core = bench.places.realtime;
         match &self.kind {
             Kind::Clock => Ok(Outcome::from_samples(timer::clock(), 0)),
-            Kind::Read { bytes } => {
+            Kind::Read { bytes, reader } => {
                 let reads = bench.samples.min(10_000);
-                let (took, fifo) = read::newest(bench.registry, *bytes, reads, core, bench.fifo)?;
+                let (took, fifo) = read::newest(bench.registry, (*bytes, *reader), reads, core, bench.fifo)?;
                 Ok(Outcome::from_samples(took, fifo))
             }
             Kind::Timer => {

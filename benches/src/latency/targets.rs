@@ -100,6 +100,20 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
         "read.newest.1048576",
     ),
     (
+        "reading the newest state of 512 B from outside the graph, p50",
+        0.2,
+        "us",
+        |seen| Some(seen.get("read.outside.512")?.ns.p50 as f64 * 1e-3),
+        "read.outside.512",
+    ),
+    (
+        "reading the newest state of 1 MiB from outside the graph, p50",
+        0.2,
+        "us",
+        |seen| Some(seen.get("read.outside.1048576")?.ns.p50 as f64 * 1e-3),
+        "read.outside.1048576",
+    ),
+    (
         "release lateness at 1 kHz, p99 / p50 of plain clock_nanosleep",
         0.01,
         "",

@@ -49,17 +49,28 @@ fn raw_slices_meet_typed_ones_in_place() {
 }
 
 #[test]
-fn a_raw_stream_loses_nothing_that_its_queue_holds() {
-    let bench = Bench::new(Wrench::layout(), TopicPattern::Stream { capacity: 16 });
-    let (mut output, mut input) = (raw_output(&bench), raw_input(&bench));
-    let mut next = 1;
-    for round in 0..1_000 {
-        (0..10).for_each(|_| output.publish(&vec![0; Wrench::layout().size]).unwrap());
-        while let Some(read) = input.next_unread() {
-            assert_eq!((read.stamp.sequence, read.count), (next, 1), "in round {round}");
-            next += 1;
+fn raw_ports_lose_none_of_a_million_values() {
+    for (layout, pattern) in [
+        (Wrench::layout(), TopicPattern::Stream { capacity: 16 }),
+        (f32::layout(), TopicPattern::Slices { capacity: 16, longest: 8 }),
+    ] {
+        let bytes = vec![0; layout.size];
+        let bench = Bench::new(layout, pattern);
+        let (mut output, mut input) = (raw_output(&bench), raw_input(&bench));
+        let mut next = 1;
+        for round in 0..100_000 {
+            (0..10).for_each(|_| output.publish(&bytes).unwrap());
+            while let Some(read) = input.next_unread() {
+                assert_eq!((read.stamp.sequence, read.count), (next, 1), "in round {round}");
+                next += 1;
+            }
         }
+        assert_eq!((next, input.lost()), (1_000_001, 0), "{pattern:?}");
     }
-    assert_eq!((next, input.lost()), (10_001, 0));
-    assert!(matches!(output.publish(&[]), Err(RawError::Length { found: 0, longest: 1 })));
+}
+
+#[test]
+fn a_raw_stream_refuses_an_empty_value() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::Stream { capacity: 16 });
+    assert!(matches!(raw_output(&bench).publish(&[]), Err(RawError::Length { found: 0, longest: 1 })));
 }

@@ -36,7 +36,8 @@ use weights::LiveWeights;
 /// the current goal.
 ///
 /// In real time a new episode interrupts the current movement. The target stops and starts from its current
-/// pose towards the first goal, with the weights that have arrived.
+/// pose towards the first goal, with the weights that have arrived. Relative goals stay where they were in the
+/// first episode.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,
@@ -136,7 +137,8 @@ impl Component for DmpPolicy {
         let last_ns = self.last_ns.replace(now_ns);
         if self.reach.phase() == ReachPhase::Waiting {
             match self.left_at.take() {
-                Some(pose) => self.begin_at(pose)?,
+                // Relative goals keep their reference: each episode has the same goals.
+                Some(pose) => self.reach.start(pose).map_err(refused)?,
                 None => {
                     let Some(start) = self.start_pose.find()? else { return Ok(()) };
                     self.begin(start)?;

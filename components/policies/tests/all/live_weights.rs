@@ -253,6 +253,48 @@ fn weights_are_taken_at_an_episode_of_real_time() {
 }
 
 #[test]
+fn relative_goals_are_equal_in_every_real_time_episode() {
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds());
+    let text = r#"
+name = "goals"
+clock = "realtime"
+
+[component.policy]
+kind = "policy.dmp"
+rate = "500 Hz"
+schedule = "normal"
+publish = { target = "target" }
+
+[component.policy.config]
+start = { position = [0.0, 0.0, 0.0] }
+goals = [
+    { offset = [0.1, 0.0, 0.0], duration = "20 ms" },
+    { offset = [0.0, 0.2, 0.0], duration = "20 ms" },
+]
+"#;
+    let checked = graph::check(Path::new("goals.toml"), text.to_owned(), &[], &registry, &Machine::detect());
+    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let mut session = Session::launch(plan, &registry, &Options::threads().leaving_signals()).unwrap();
+    for episode in 0..3 {
+        if episode > 0 {
+            assert_eq!(session.begin_episode(episode).unwrap(), episode);
+        }
+        let last = loop {
+            session.step_until(session.time() + Duration::from_millis(2)).unwrap();
+            let read = session.read::<PoseTarget>("target").unwrap();
+            let arrived = |target: &PoseTarget| target.goal == 2 * (episode + 1) && target.at_goal == 1;
+            if let Some(read) = read.filter(|read| read.stamp.episode == episode && arrived(&read.value)) {
+                break read.value.position;
+            }
+        };
+        for (found, goal) in last.iter().zip([0.1, 0.2, 0.0]) {
+            assert!((found - goal).abs() < 1e-6, "episode {episode}: {last:?}");
+        }
+    }
+    assert_eq!(session.stop().exit, Exit::Finished);
+}
+
+#[test]
 fn a_shape_of_weights_says_how_many_kernels_or_names_a_file() {
     let refuse = |shape: serde_json::Value| {
         let goal = json!({ "position": [0.1, 0.0, 0.0], "duration": "1 s", "shape": { "weights": shape } });
