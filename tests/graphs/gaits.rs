@@ -127,15 +127,57 @@ fn the_quadruped_trots_up_a_slope_by_sensing_with_its_feet() {
 fn the_quadruped_trots_on_its_policy() {
     let graph = workspace().join("graphs/quadruped-policy.toml");
     let ended = run(&graph, &["--clock", "lockstep"]);
-    // 5 m through five pushes, by its expectations
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let report = ended.report();
-    assert_eq!(report.expectations.len(), 4);
+    assert_eq!(report.expectations.len(), 3);
+    // through five pushes
+    let moved = report.results["physics"]["base_travel_x_m"].as_f64().expect("a number");
+    assert!(moved > 5.0, "it went {moved} m ahead");
     for component in &report.components {
         assert_eq!(component.allocations, Some(0), "{}", component.name);
         assert_eq!(component.allocations_apart.unwrap_or(0), 0, "{}", component.name);
     }
     assert_eq!(report.state_hash, run(&graph, &["--clock", "lockstep"]).report().state_hash);
+}
+
+/// Distance that the quadruped walked by its trained policy, forwards and to the left, m, and its lowest
+/// height, m.
+fn walked(arguments: &[&str]) -> [f64; 3] {
+    let graph = workspace().join("graphs/quadruped-ppo.toml");
+    let ended = run(&graph, &[&["--clock", "lockstep"][..], arguments].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let report = ended.report();
+    for component in report.components.iter().filter(|component| component.name != "physics") {
+        assert_eq!(component.allocations, Some(0), "{}", component.name);
+    }
+    let physics = &report.results["physics"];
+    ["base_travel_x_m", "base_travel_y_m", "base_height_lowest_m"]
+        .map(|key| physics[key].as_f64().unwrap_or_else(|| panic!("no {key} in {physics}")))
+}
+
+#[test]
+fn the_quadruped_walks_on_its_trained_policy() {
+    let [forward, left, _] = walked(&[]);
+    assert!(forward > 5.0 && left.abs() < 1.0, "{forward} m forward, {left} m to the left");
+    let sideways = ["--set", "component.policy.config.command=[0.0, 0.2, 0.0]", "--for", "8s"];
+    let [forward, left, _] = walked(&sideways);
+    assert!(left > 1.0 && forward.abs() < 0.5, "{forward} m forward, {left} m to the left");
+}
+
+#[test]
+fn the_trained_policy_walks_on_simulated_drives() {
+    let overlay = workspace().join("graphs/overlays/quadruped-can.toml");
+    let [forward, left, _] = walked(&["--with", overlay.to_str().expect("a path")]);
+    assert!(forward > 5.0 && left.abs() < 1.5, "{forward} m forward, {left} m to the left");
+}
+
+#[test]
+fn the_quadruped_stands_on_simulated_drives() {
+    let overlay = workspace().join("graphs/overlays/quadruped-can.toml");
+    let graph = workspace().join("graphs/quadruped-stand.toml");
+    let ended = run(&graph, &["--with", overlay.to_str().expect("a path"), "--for", "2s"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(!ended.report().expectations.is_empty());
 }
 
 /// A course: commands, forward and left, m/s, and turn, rad/s, each with its duration, s.

@@ -9,6 +9,8 @@ use rand::RngExt as _;
 use super::*;
 use crate::environment::Environment;
 use crate::evaluation::evaluate;
+use crate::folder::FolderError;
+use crate::imitation;
 use crate::learner::{CheckpointError, LearnerError, UnknownAlgorithm};
 use crate::random::{Counter, Purpose};
 use crate::task::TaskError;
@@ -202,7 +204,8 @@ fn runs_write_policies_that_load() {
         let trained = run.summary();
         assert_eq!(trained.algorithm, algorithm);
         let taken = Run::create(algorithm, &file, &folder, (1, 2), None).err();
-        let expected = matches!(taken, Some(RunError::Folder(FolderError::Exists { has_checkpoint: true, .. })));
+        let expected =
+            matches!(taken, Some(RunError::Folder(FolderError::Exists { has_checkpoint: true, .. })));
         assert!(expected, "{algorithm:?}: {taken:?}");
         // a finished run has nothing left to do
         let mut resumed = Run::resume(&folder, 1).expect("the run");
