@@ -293,11 +293,7 @@ config = { policy = "policy" }
 #[test]
 fn a_quadruped_without_actions_stands_in_its_environment() {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks"));
-    let mut text = std::fs::read_to_string(folder.join("quadruped-velocity.toml")).unwrap();
-    // without the table of pushes
-    let from = text.find("[pushes]").unwrap();
-    let to = from + text[from..].find("\n[action]").unwrap();
-    text.replace_range(from..to, "");
+    let text = std::fs::read_to_string(folder.join("quadruped-velocity.toml")).unwrap();
     let task = Task::parse(&text).unwrap();
     let simulation = Scene::load(&task, folder).unwrap().simulation().unwrap();
     let mut environment = Environment::new(&task, simulation, 1, 0).unwrap();
