@@ -140,7 +140,8 @@ fn the_quadruped_trots_on_its_policy() {
     assert_eq!(report.state_hash, run(&graph, &["--clock", "lockstep"]).report().state_hash);
 }
 
-/// Distance that the quadruped walked by its trained policy, forwards and to the left, m, and its heading, rad.
+/// Distance that the quadruped walked by its trained policy, forwards and to the left, m, and its heading,
+/// rad.
 fn walked(arguments: &[&str]) -> [f64; 3] {
     let graph = workspace().join("graphs/quadruped-ppo.toml");
     let ended = run(&graph, &[&["--clock", "lockstep"][..], arguments].concat());

@@ -1,5 +1,5 @@
-//! Many quadrupeds that stand on flat ground in a batch: steps of single robots in a second, and the cost of calls
-//! and resets.
+//! Many quadrupeds that stand on flat ground in a batch: steps of single robots in a second, and the cost of
+//! calls and resets.
 
 use std::path::Path;
 use std::time::Instant;
@@ -80,8 +80,8 @@ fn resets() {
         (batch.with_data(|world| world as u64), draws)
     });
     let mut sides = sides.map(|(batch, draws)| (batch, draws, Vec::new()));
-    // In turns, so that a slow moment of the machine affects both. The threads of a side sleep during the other's
-    // turns; the first pass wakes them.
+    // In turns, so that a slow moment of the machine affects both. The threads of a side sleep during the
+    // other's turns; the first pass wakes them.
     for turn in 0..TURNS as u64 {
         for (batch, draws, times) in &mut sides {
             let mut start = Instant::now();

@@ -1,5 +1,5 @@
-//! The parts of a step that worlds of one model compute with the same instructions, each world in a lane of a vector
-//! register, and the speed-up that lanes can give at most (Amdahl 1967).
+//! The parts of a step that worlds of one model compute with the same instructions, each world in a lane of a
+//! vector register, and the speed-up that lanes can give at most (Amdahl 1967).
 
 use std::hint::black_box;
 use std::time::Instant;

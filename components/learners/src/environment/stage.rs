@@ -117,8 +117,8 @@ impl Stage {
     }
 
     /// Applies an action for a step of the policy, whose number in its episode is the step of the counter;
-    /// false where physics could not make it. `drives` are the factors of the gain and of the strength of each
-    /// drive.
+    /// false where physics could not make it. `drives` are the factors of the gain and of the strength of
+    /// each drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,

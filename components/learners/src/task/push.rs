@@ -44,7 +44,8 @@ impl Pushes {
         Ok(())
     }
 
-    /// Horizontal force at a time of an episode \[N\], or `None` between pushes. The counter is the episode's.
+    /// Horizontal force at a time of an episode \[N\], or `None` between pushes. The counter is the
+    /// episode's.
     pub(crate) fn force(&self, counter: Counter, time: f64) -> Option<[f64; 2]> {
         let number = (time / self.interval).floor();
         let mut random = Counter { step: number as u64, ..counter }.stream(Purpose::Push);

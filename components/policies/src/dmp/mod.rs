@@ -36,8 +36,8 @@ use weights::LiveWeights;
 /// the current goal.
 ///
 /// In real time a new episode interrupts the current movement. The target stops and starts from its current
-/// pose towards the first goal, with the weights that have arrived. Relative goals stay where they were in the
-/// first episode.
+/// pose towards the first goal, with the weights that have arrived. Relative goals stay where they were in
+/// the first episode.
 #[derive(Debug)]
 pub struct DmpPolicy {
     target: Output<PoseTarget>,

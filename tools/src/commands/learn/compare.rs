@@ -7,6 +7,7 @@ use anyhow::{Context as _, ensure};
 use motorium_learners::evaluation::{Comparison, Evaluation, compare, evaluate};
 use serde_json::json;
 
+use super::warnings::warn;
 use crate::chart::{Chart, Series};
 use crate::out::outln;
 
@@ -45,7 +46,7 @@ impl Compare {
                 .with_context(|| policy.display().to_string())
         });
         let found: Vec<Evaluation> = evaluated.collect::<anyhow::Result<_>>()?;
-        super::warn(&found[0].warnings);
+        warn(&found[0].warnings);
         if let Some(file) = &self.curves {
             let series = self.policies.iter().map(|policy| curve(policy));
             let chart = Chart {

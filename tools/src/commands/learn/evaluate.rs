@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use motorium_learners::evaluation::evaluate;
 
+use super::warnings::warn;
 use crate::out::outln;
 
 /// Run a policy on a task without exploration, and print its returns.
@@ -34,7 +35,7 @@ impl Evaluate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let task = self.task.unwrap_or_else(|| self.policy.join("task.toml"));
         let found = evaluate(&self.policy, &task, self.episodes as usize, self.seed)?;
-        super::warn(&found.warnings);
+        warn(&found.warnings);
         if self.json {
             outln!("{}", serde_json::to_string(&found)?);
             return Ok(ExitCode::SUCCESS);

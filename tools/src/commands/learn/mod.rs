@@ -6,12 +6,9 @@ mod list;
 pub(crate) mod threads;
 mod train;
 mod tune;
+mod warnings;
 
 use std::process::ExitCode;
-
-use motorium_robots::ModelWarning;
-
-use crate::out::errln;
 
 /// Policies that learn a task: train one, continue a training run, evaluate and compare policies, list tasks;
 /// tune a graph.
@@ -31,13 +28,6 @@ enum Command {
     Compare(compare::Compare),
     Tune(tune::Tune),
     List(list::List),
-}
-
-/// Prints the warnings of the world's file of a task.
-fn warn(warnings: &[ModelWarning]) {
-    for warning in warnings {
-        errln!("warning: world: {warning}");
-    }
 }
 
 impl Learn {

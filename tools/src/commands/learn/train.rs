@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::threads::threads;
 use super::tune;
+use super::warnings::warn;
 use crate::out::outln;
 
 /// Time between two lines of progress.
@@ -151,7 +152,7 @@ impl Train {
         let began = Instant::now();
         let extent = (algorithm, self.steps);
         let mut run = imitation::Run::create((&self.task, expert), &self.output, seed, extent)?;
-        super::warn(run.warnings());
+        warn(run.warnings());
         while let Some(progress) = run.advance()? {
             let imitation::Progress { iteration, labels, beta, mean_return, loss, .. } = progress;
             let mean =
@@ -194,7 +195,7 @@ impl Resume {
 
 /// Trains to the end, with a line of progress a second on standard error.
 fn finish(mut run: Run, json: bool) -> anyhow::Result<ExitCode> {
-    super::warn(run.warnings());
+    warn(run.warnings());
     let (first, began) = (run.steps().0, Instant::now());
     let mut printed = began;
     while let Some(progress) = run.advance()? {

@@ -1,0 +1,12 @@
+//! Warnings of the world of a task.
+
+use motorium_robots::ModelWarning;
+
+use crate::out::errln;
+
+/// Prints the warnings of elements of the world's file that are left out.
+pub(super) fn warn(warnings: &[ModelWarning]) {
+    for warning in warnings {
+        errln!("warning: world: {warning}");
+    }
+}
