@@ -29,7 +29,7 @@ use motorium_models::policy::{
     BaseMotion, JointTargets, Measurements, Numbers, Observer, Policy, PolicyFolder, PolicyNetwork,
     projected_gravity,
 };
-use motorium_tools::registry;
+use motorium_tools::{allowed_cores, registry};
 
 /// Distil the trot of `control.mpc` into a network.
 #[derive(Debug, clap::Parser)]
@@ -340,15 +340,6 @@ fn judge(rollouts: &[Rollout]) -> (usize, [f64; 2]) {
     (falls, sum.map(|sum| sum / rollouts.len().max(1) as f64))
 }
 
-/// The cores that this program may run on.
-fn allowed_cores() -> Vec<usize> {
-    let online = Machine::detect().cores().to_vec();
-    match rustix::thread::sched_getaffinity(None) {
-        Ok(allowed) => online.into_iter().filter(|core| allowed.is_set(*core)).collect(),
-        Err(_) => online,
-    }
-}
-
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     let recipe = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(RECIPE);
@@ -360,7 +351,7 @@ fn main() -> anyhow::Result<()> {
     let folder = std::path::absolute(&arguments.output)?;
     std::fs::write(folder.join("policy.toml"), description)?;
 
-    let cores = allowed_cores();
+    let cores = allowed_cores(&Machine::detect());
     let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
     let teacher =
         Teacher { text: read(&file)?, file, folder: folder.clone(), cores: cores[..sessions].to_vec() };

@@ -23,7 +23,7 @@ use motorium::state::{BaseState, JointCommand};
 use motorium_learners::search::{
     CrossEntropy, CrossEntropySettings, Evaluation, Search as _, Start, Workers, maximise,
 };
-use motorium_tools::registry;
+use motorium_tools::{allowed_cores, registry};
 
 /// Tune the trot of the quadruped by a black-box search.
 #[derive(Debug, clap::Parser)]
@@ -195,15 +195,6 @@ fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -
     Ok(here - start.unwrap_or(here))
 }
 
-/// The cores that this program may run on.
-fn allowed_cores() -> Vec<usize> {
-    let online = Machine::detect().cores().to_vec();
-    match rustix::thread::sched_getaffinity(None) {
-        Ok(allowed) => online.into_iter().filter(|core| allowed.is_set(*core)).collect(),
-        Err(_) => online,
-    }
-}
-
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(GRAPH);
@@ -213,7 +204,7 @@ fn main() -> anyhow::Result<()> {
         .map_err(|error| anyhow::anyhow!(error.render(false)))?;
     let legs = Legs::from_plan(&checked.plan)?;
     // `taskset` leaves fewer
-    let cores = allowed_cores();
+    let cores = allowed_cores(&Machine::detect());
     let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
     let seconds = arguments.seconds.max(EASE + 0.5);
     let (mean, deviation) = (Gait::START.to_vec(), Gait::DEVIATION.to_vec());

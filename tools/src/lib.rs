@@ -29,6 +29,8 @@ use std::process::ExitCode;
 use clap::FromArgMatches as _;
 use motorium::program::{Program, run_worker};
 
+pub use rollout::allowed_cores;
+
 /// The description of the command line: every command, option and help text.
 pub fn command() -> clap::Command {
     numeric(<commands::Cli as clap::CommandFactory>::command())

@@ -182,7 +182,7 @@ impl Rollout {
 }
 
 /// The cores that this program may run on.
-pub(crate) fn allowed_cores(machine: &Machine) -> Vec<usize> {
+pub fn allowed_cores(machine: &Machine) -> Vec<usize> {
     let online = machine.cores();
     let allowed = rustix::thread::sched_getaffinity(None);
     let is_allowed = |core: &&usize| allowed.as_ref().is_ok_and(|allowed| allowed.is_set(**core));

@@ -38,7 +38,7 @@ pub struct Regression {
     inputs: usize,
     observations: Vec<f32>,
     labels: Vec<f32>,
-    /// Observations of which the normaliser knows.
+    /// Numbers of the observations that the normaliser includes.
     normalised: usize,
     fits: u64,
 }
@@ -92,7 +92,7 @@ impl Regression {
     ///
     /// # Panics
     ///
-    /// If the numbers are no whole rows, or the numbers of rows differ.
+    /// If the numbers are not whole rows, or the numbers of rows differ.
     pub fn push(&mut self, observations: &[f32], labels: &[f32]) {
         let rows = observations.len() / self.inputs;
         assert_eq!((rows * self.inputs, rows * self.active.len()), (observations.len(), labels.len()));
