@@ -247,6 +247,7 @@ fn roll_out(
             command,
             last_action: &zeros,
             heights: &[],
+            points: &[],
             time: acted as f64 * period,
         });
         observer.write(&mut observation);

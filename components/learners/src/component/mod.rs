@@ -10,8 +10,8 @@ use std::path::Path;
 use motorium::component::{Component, ConfigureError, Episode, EpisodeEnd, RunClock, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{
-    Action, BaseState, Contacts, JointState, MAX_ACTION, MAX_OBSERVATION, Observation, Reward, StateBuffer,
-    TwistTarget,
+    Action, BaseState, Contacts, JointState, MAX_ACTION, MAX_OBSERVATION, Observation, PoseTarget, Reward,
+    StateBuffer, TwistTarget,
 };
 use motorium::transport::{Input, Output};
 use motorium::worker::Kind;
@@ -42,6 +42,7 @@ pub struct LearnerTask {
     observation: Output<Observation>,
     reward: Output<Reward>,
     command: Option<Output<TwistTarget>>,
+    target: Option<Output<PoseTarget>>,
     episode_end: Option<EpisodeEnd>,
     clock: RunClock,
     /// Age from which a measurement is too old \[ns\].
@@ -133,6 +134,13 @@ fn load(
     .load()
     .map_err(|error| ConfigError::new(error.to_string()))?;
     let terms = Terms::new(&task, &loaded.model).map_err(invalid)?;
+    if let Some(object) = terms.objects().first() {
+        let message =
+            format!("\"{object}\" is no link, and positions of objects are judged in training only");
+        return Err(
+            ConfigError::key("task", message).advise("evaluate the policy with `motorium learn evaluate`")
+        );
+    }
     for (what, found, most) in
         [("observation", terms.inputs(), MAX_OBSERVATION), ("action", terms.actions(), MAX_ACTION)]
     {
@@ -197,8 +205,11 @@ impl Component for LearnerTask {
             CAPACITY,
             "reward of each step, and the end of the episode",
         );
-        if terms.has_commands() {
+        if terms.has_velocity_commands() {
             declare.output::<TwistTarget>("command", "desired velocity of the base, in its own axes");
+        }
+        if terms.has_target() {
+            declare.output::<PoseTarget>("target", "position of the target in the world");
         }
         declare.may_end_episodes();
         Ok(())
@@ -218,7 +229,8 @@ impl Component for LearnerTask {
             inputs,
             observation: setup.output("observation")?,
             reward: setup.output("reward")?,
-            command: terms.has_commands().then(|| setup.output("command")).transpose()?,
+            command: terms.has_velocity_commands().then(|| setup.output("command")).transpose()?,
+            target: terms.has_target().then(|| setup.output("target")).transpose()?,
             episode_end: setup.episode_end(),
             clock: setup.clock(),
             state_timeout: config.state_timeout.ns,
@@ -262,6 +274,7 @@ impl Component for LearnerTask {
             base,
             height,
             forces: &self.forces,
+            objects: &[],
         };
         let (terms, trial) = (&self.terms, &mut self.trial);
         let since = if let Phase::Running { since } = self.phase { since } else { u64::MAX };
@@ -345,6 +358,10 @@ impl LearnerTask {
             let [forward, left, turn] = self.trial.command();
             let linear = [forward, left, 0.0];
             output.send(&TwistTarget { linear, angular: [0.0, 0.0, turn] })?;
+        }
+        if let Some(output) = &mut self.target {
+            let (position, orientation) = (self.trial.command(), [0.0, 0.0, 0.0, 1.0]);
+            output.send(&PoseTarget { position, orientation, ..PoseTarget::default() })?;
         }
         self.trial.write(&mut self.numbers);
         let mut observation = self.observation.loan()?;

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use motorium_physics::{Engine, Simulation, Simulator as _};
 
 use super::EnvironmentError;
-use super::stage::Stage;
+use super::stage::{Stage, Surroundings};
 use crate::random::{Counter, Purpose};
-use crate::task::{End, Step, Task, Terms, Trial};
+use crate::task::{End, Rhythm, Step, Task, Terms, Trial};
 
 /// The running episode of a world, without its simulation.
 #[derive(Clone, Debug)]
@@ -23,10 +23,11 @@ pub(super) struct Episode {
     pub(super) observation: Vec<f32>,
     /// All actions of the episode, from which it can be replayed.
     pub(super) actions: Vec<f32>,
+    rhythm: Option<Rhythm>,
     /// Factors of the gain and of the strength of each drive.
     drives: Vec<[f64; 2]>,
-    /// Memory for the force on each link whose contacts are measured.
-    forces: Vec<f64>,
+    /// Memory for the measurements of links and objects.
+    surroundings: Surroundings,
 }
 
 impl Episode {
@@ -39,8 +40,9 @@ impl Episode {
             trial: Trial::new(terms),
             observation: vec![0.0; terms.inputs()],
             actions: Vec::with_capacity(terms.actions() * terms.steps()),
+            rhythm: terms.rhythm(),
             drives: vec![[1.0; 2]; drives],
-            forces: vec![0.0; terms.links().len()],
+            surroundings: Surroundings::new(terms),
         }
     }
 
@@ -54,10 +56,13 @@ impl Episode {
     ) -> Result<(), EnvironmentError> {
         (self.number, self.level) = (number, level);
         self.actions.clear();
+        if let Some(rhythm) = &mut self.rhythm {
+            rhythm.reset();
+        }
         let counter = Counter { seed: self.seed, world: self.world, episode: number, step: 0 };
         let seed = seed.unwrap_or_else(|| counter.number(Purpose::Start));
         stage.begin(simulation, (counter, seed), &mut self.drives)?;
-        let state = stage.state(simulation, &mut self.forces);
+        let state = stage.state(simulation, &mut self.surroundings);
         self.trial.begin(&stage.terms, (counter, level), &state);
         self.trial.write(&mut self.observation);
         Ok(())
@@ -78,8 +83,9 @@ impl Episode {
             episode: self.number,
             step: self.trial.step() as u64,
         };
+        let action = (self.trial.action(), self.rhythm.as_mut());
         let is_stepped = stage.advance(simulation, (counter, action), &self.drives);
-        let state = stage.state(simulation, &mut self.forces);
+        let state = stage.state(simulation, &mut self.surroundings);
         let step = self.trial.judge(&stage.terms, &state, is_stepped);
         self.trial.write(&mut self.observation);
         step
@@ -217,7 +223,7 @@ impl<E: Engine> Environment<E> {
         &self.episode.observation
     }
 
-    /// The command in force: forward, left \[m/s\], turn \[rad/s\].
+    /// The command in force: forward, left \[m/s\], turn \[rad/s\], or the position of the target \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.episode.trial.command()
     }

@@ -50,4 +50,6 @@ pub enum EnvironmentError {
 }
 
 #[cfg(test)]
+mod samples;
+#[cfg(test)]
 mod tests;

@@ -2,19 +2,21 @@
 
 use motorium_models::policy::{ActionKind, BaseMotion, projected_gravity};
 use motorium_physics::randomise::{Draws, RandomiseConfig, Start};
-use motorium_physics::{Engine, JointCommand, Simulation, Simulator as _};
+use motorium_physics::{Engine, JointCommand, ObjectId, Simulation, Simulator as _};
 use motorium_robots::FrameId;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt as _;
 
 use super::EnvironmentError;
 use crate::random::{Counter, Purpose};
-use crate::task::{Pushes, RobotState, Task, TaskError, Terms};
+use crate::task::{PointMotion, Pushes, Rhythm, RobotState, Task, TaskError, Terms};
 
 /// All that the worlds of a task share.
 #[derive(Debug)]
 pub(super) struct Stage {
     pub(super) terms: Terms,
+    /// The objects whose motion is measured.
+    objects: Vec<ObjectId>,
     draws: Option<Draws>,
     /// Pushes, and the link of the base.
     pushes: Option<(Pushes, FrameId)>,
@@ -27,10 +29,35 @@ pub(super) struct Stage {
     step: f64,
 }
 
+/// Memory for the measurements of a state around its joints.
+#[derive(Clone, Debug)]
+pub(super) struct Surroundings {
+    /// Force on each link whose contacts are measured.
+    forces: Vec<f64>,
+    /// Motion of each object that is measured.
+    objects: Vec<PointMotion>,
+}
+
+impl Surroundings {
+    pub(super) fn new(terms: &Terms) -> Self {
+        Self {
+            forces: vec![0.0; terms.links().len()],
+            objects: vec![PointMotion::default(); terms.objects().len()],
+        }
+    }
+}
+
 impl Stage {
     /// A task at a simulation, which is left at the start of an episode without randomisation.
     pub(super) fn new<E: Engine>(task: &Task, simulation: &mut Simulation<E>) -> Result<Self, TaskError> {
         let terms = Terms::new(task, simulation.model())?;
+        let objects = terms.objects().iter().map(|name| {
+            simulation.object(name).ok_or_else(|| {
+                let expected = "a link of the robot, an object of the world, or \"target\"";
+                TaskError::value("points", format!("\"{name}\""), expected)
+            })
+        });
+        let objects = objects.collect::<Result<_, _>>()?;
         let (nq, nv) = (simulation.configuration().len(), simulation.velocity().len());
         let position = task.start.position.clone();
         let velocity = task.start.velocity.clone().unwrap_or_else(|| vec![0.0; nv]);
@@ -64,6 +91,7 @@ impl Stage {
         };
         Ok(Self {
             terms,
+            objects,
             draws,
             pushes,
             position,
@@ -116,13 +144,13 @@ impl Stage {
         Ok(())
     }
 
-    /// Applies an action for a step of the policy, whose number in its episode is the step of the counter;
-    /// false where physics could not make it. `drives` are the factors of the gain and of the strength of
-    /// each drive.
+    /// Applies an action within its bounds for a step of the policy, by the pattern generator where the task
+    /// has one; false where physics could not make it. The step of the counter is its number in the episode.
+    /// `drives` are the factors of the gain and of the strength of each drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,
-        (counter, action): (Counter, &[f32]),
+        (counter, (action, mut rhythm)): (Counter, (&[f64], Option<&mut Rhythm>)),
         drives: &[[f64; 2]],
     ) -> bool {
         let targets = self.terms.targets();
@@ -131,7 +159,7 @@ impl Stage {
         for (index, ((target, action), [kp, kd])) in
             targets.targets().iter().zip(action).zip(gains).enumerate()
         {
-            let value = targets.target(index, f64::from(*action));
+            let value = targets.target(index, *action);
             let [gain, strength] = drives[target.joint];
             let (kp, kd) = (kp * gain * strength, kd * gain * strength);
             commands[target.joint] = match kind {
@@ -140,28 +168,40 @@ impl Stage {
                 ActionKind::Position => JointCommand::hold(value, kp, kd),
             };
         }
-        (0..self.decimation).all(|physics_step| {
+        if let Some(rhythm) = &mut rhythm
+            && !rhythm.command(targets, action)
+        {
+            return false;
+        }
+        (0..self.decimation as u64).all(|physics_step| {
+            if let Some(rhythm) = &mut rhythm {
+                rhythm.step(self.step);
+                let commands = simulation.commands_mut();
+                for (index, position) in rhythm.targets() {
+                    commands[targets.targets()[index].joint].position = position;
+                }
+            }
             if let Some((pushes, base)) = self.pushes {
-                let steps = counter.step * self.decimation as u64 + physics_step as u64;
-                if let Some([x, y]) = pushes.force(counter, steps as f64 * self.step) {
-                    simulation.apply_wrench(
-                        base,
-                        Point3::origin(),
-                        Vector3::new(x, y, 0.0),
-                        Vector3::zeros(),
-                    );
+                let time = (counter.step * self.decimation as u64 + physics_step) as f64 * self.step;
+                if let Some([x, y]) = pushes.force(counter, time) {
+                    let force = Vector3::new(x, y, 0.0);
+                    simulation.apply_wrench(base, Point3::origin(), force, Vector3::zeros());
                 }
             }
             simulation.step(self.step).is_ok()
         })
     }
 
-    /// The state of the robot. `forces` is memory for a number of each link whose contacts are measured.
+    /// The state of the robot and of objects, with memory for measurements.
     pub(super) fn state<'a, E: Engine>(
         &self,
         simulation: &'a Simulation<E>,
-        forces: &'a mut [f64],
+        Surroundings { forces, objects }: &'a mut Surroundings,
     ) -> RobotState<'a> {
+        for (motion, id) in objects.iter_mut().zip(&self.objects) {
+            motion.position = simulation.object_pose(*id).translation.vector.into();
+            motion.velocity = simulation.object_velocity(*id).0.into();
+        }
         let links = self.terms.links();
         if !links.is_empty() {
             forces.fill(0.0);
@@ -189,6 +229,7 @@ impl Stage {
             base,
             height,
             forces,
+            objects,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Commands of a task: desired velocities of a base, sampled in time.
+//! Commands of a task: desired velocities of a base or positions of a target, sampled in time.
 
 use rand::RngExt as _;
 use serde::Deserialize;
@@ -6,8 +6,8 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Ranges of the desired velocity of a base, sampled uniformly at the start of an episode and after every
-/// interval.
+/// Ranges of the desired velocity of a base, or of the position of a target, sampled uniformly at the start of
+/// an episode and after every interval.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandRanges {
@@ -20,17 +20,21 @@ pub struct CommandRanges {
     /// Rate of turn to the left \[rad/s\]. Default: 0.
     #[serde(default)]
     pub turn: [f64; 2],
+    /// Position of the target: ranges of x, y and z in the world \[m\]. Default: the task has no target, but
+    /// desired velocities.
+    pub target: Option<[[f64; 2]; 3]>,
     /// Time after which a command is replaced by the next \[s\], above 0. Default: 5.
     #[serde(default = "five")]
     pub interval: f64,
-    /// Probability of a command to stand still, 0 to 1. Default: 0.
+    /// Probability of a command to stand still, 0 to 1; of velocities only. Default: 0.
     #[serde(default)]
     pub standing: f64,
     /// Growth of the ranges in training. Default: the full ranges from the start.
     pub curriculum: Option<Curriculum>,
 }
 
-/// Ranges that grow linearly with the steps of a training run.
+/// Ranges that grow linearly with the steps of a training run: of velocities around 0, of a target around the
+/// middle.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curriculum {
@@ -53,6 +57,18 @@ impl CommandRanges {
                 let expected = "a lower and a higher velocity";
                 return Err(TaskError::value(format!("command.{key}"), format!("{range:?}"), expected));
             }
+        }
+        for (axis, range) in ["x", "y", "z"].into_iter().zip(self.target.iter().flatten()) {
+            let [low, high] = *range;
+            if !(low <= high && low.is_finite() && high.is_finite()) {
+                let expected = format!("a lower and a higher {axis}");
+                return Err(TaskError::value("command.target", format!("{range:?}"), expected));
+            }
+        }
+        let has_velocities = [self.forward, self.left, self.turn] != [[0.0; 2]; 3] || self.standing != 0.0;
+        if self.target.is_some() && has_velocities {
+            let expected = "either a target or velocities with `standing`";
+            return Err(TaskError::value("command", "both", expected));
         }
         if !(self.interval > 0.0 && self.interval.is_finite()) {
             return Err(TaskError::value("command.interval", self.interval, "a time above 0 s"));
@@ -79,9 +95,16 @@ impl CommandRanges {
     }
 
     /// The command whose number in its episode is the step of the counter: forward, left \[m/s\], turn
-    /// \[rad/s\]. All ranges are multiplied by `level`.
+    /// \[rad/s\], or x, y and z of the target \[m\]. All ranges are multiplied by `level`: of velocities
+    /// around 0, of a target around the middle.
     pub(super) fn sample(&self, counter: Counter, level: f64) -> [f64; 3] {
         let mut random = counter.stream(Purpose::Command);
+        if let Some(target) = self.target {
+            return target.map(|[low, high]| {
+                let share: f64 = random.random();
+                f64::midpoint(low, high) + level * (share - 0.5) * (high - low)
+            });
+        }
         if random.random::<f64>() < self.standing {
             return [0.0; 3];
         }

@@ -33,19 +33,23 @@
 //! ```
 
 mod command;
+mod points;
 mod push;
 mod quantity;
+mod rhythm;
 mod terms;
 mod trial;
 
-use motorium_models::policy::{Policy, PolicyError};
+use motorium_models::policy::{Pattern, Policy, PolicyError};
 use motorium_physics::randomise::{RandomiseConfig, RangeError};
 use motorium_robots::World;
 use serde::Deserialize;
 
 pub use command::{CommandRanges, Curriculum};
+pub use points::{PointMotion, Points};
 pub use push::Pushes;
 pub use quantity::{Quantity, Reward, Shape, Termination, Verdict};
+pub use rhythm::Rhythm;
 pub use terms::{Outcome, RobotState, Terms};
 pub use trial::{End, Step, Trial};
 
@@ -76,12 +80,14 @@ pub struct Task {
     pub observations: Vec<toml::Value>,
     /// Action, as in `policy.toml`.
     pub action: toml::Table,
+    /// Pattern generator that the action commands, as in `policy.toml`. Default: the action commands the joints.
+    pub pattern: Option<Pattern>,
     /// Terms of the reward; it is their sum.
     pub rewards: Vec<Reward>,
     /// Conditions that end an episode.
     #[serde(default)]
     pub terminations: Vec<Termination>,
-    /// Desired velocities of the base. Default: the task has no commands.
+    /// Desired velocities of the base, or positions of a target. Default: the task has no commands.
     pub command: Option<CommandRanges>,
     /// Pushes on the base in training. Default: none.
     pub pushes: Option<Pushes>,
@@ -221,6 +227,11 @@ impl Task {
         table.insert("robot".into(), self.robot.clone().into());
         table.insert("observations".into(), toml::Value::Array(self.observations.clone()));
         table.insert("action".into(), toml::Value::Table(self.action.clone()));
+        if let Some(pattern) = &self.pattern {
+            let pattern =
+                toml::Value::try_from(pattern).map_err(|error| TaskError::Parse(error.to_string()))?;
+            table.insert("pattern".into(), pattern);
+        }
         toml::to_string(&table).map_err(|error| TaskError::Parse(error.to_string()))
     }
 

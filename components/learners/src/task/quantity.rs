@@ -42,6 +42,12 @@ pub enum Quantity {
     BaseHeight,
     /// Sum of the forces of contacts on `links` in the last physics step \[N\].
     ContactForce,
+    /// Distance of the first of `points` from the second, or from the origin of the world \[m\].
+    Distance,
+    /// Height of the first of `points` above the second, or in the world \[m\].
+    Height,
+    /// Speed of the first of `points` relative to the second, or in the world \[m/s\].
+    Speed,
 }
 
 /// Function that maps a quantity to a reward.
@@ -71,6 +77,8 @@ pub struct Reward {
     pub joints: Option<Vec<String>>,
     /// Links of `contact_force`.
     pub links: Option<Vec<String>>,
+    /// One or two points of `distance`, `height` and `speed`: links, objects, or `target`.
+    pub points: Option<Vec<String>>,
     /// Subtracted from the quantity. Default: 0.
     #[serde(default)]
     pub target: f64,
@@ -109,6 +117,8 @@ pub struct Termination {
     pub joints: Option<Vec<String>>,
     /// Links of `contact_force`.
     pub links: Option<Vec<String>>,
+    /// One or two points of `distance`, `height` and `speed`: links, objects, or `target`.
+    pub points: Option<Vec<String>>,
     /// Ends the episode while the quantity is outside of this range.
     pub outside: Option<[f64; 2]>,
     /// Ends the episode while the quantity is inside this range.
@@ -129,12 +139,13 @@ pub(super) struct Subject<'a> {
     pub(super) joint: Option<&'a String>,
     pub(super) joints: Option<&'a Vec<String>>,
     pub(super) links: Option<&'a Vec<String>>,
+    pub(super) points: Option<&'a Vec<String>>,
 }
 
 impl Subject<'_> {
     /// Checks that the parts fit the quantity. Keys in errors begin with `key`.
     fn check(self, key: &str) -> Result<(), TaskError> {
-        let Self { term, joint, joints, links } = self;
+        let Self { term, joint, joints, links, points } = self;
         let takes_one =
             matches!(term, Quantity::JointPosition | Quantity::JointVelocity | Quantity::JointEffort);
         match joint {
@@ -147,6 +158,7 @@ impl Subject<'_> {
         for (names, part, takes) in [
             (joints, "joint", term == Quantity::JointCosine),
             (links, "link", term == Quantity::ContactForce),
+            (points, "point", term.needs_points()),
         ] {
             let key = || format!("{key}.{part}s");
             match names {
@@ -163,7 +175,14 @@ impl Subject<'_> {
                 _ => {}
             }
         }
-        Ok(())
+        match points.map(Vec::as_slice) {
+            None | Some([_]) => Ok(()),
+            Some([first, second]) if first != second => Ok(()),
+            Some(found) => {
+                let expected = "one point, or two different ones";
+                Err(TaskError::value(format!("{key}.points"), found.join(", "), expected))
+            }
+        }
     }
 }
 
@@ -182,7 +201,8 @@ impl Quantity {
             | Self::JointVelocity
             | Self::JointEffort
             | Self::VerticalVelocity
-            | Self::BaseHeight => [f64::NEG_INFINITY, f64::INFINITY],
+            | Self::BaseHeight
+            | Self::Height => [f64::NEG_INFINITY, f64::INFINITY],
             Self::Action => [0.0, largest],
             Self::ActionChange => [0.0, clip.map_or(f64::INFINITY, |[low, high]| high - low)],
             Self::Tilt => [0.0, PI],
@@ -191,7 +211,9 @@ impl Quantity {
             | Self::VelocityError
             | Self::TurnError
             | Self::RollPitchRate
-            | Self::ContactForce => [0.0, f64::INFINITY],
+            | Self::ContactForce
+            | Self::Distance
+            | Self::Speed => [0.0, f64::INFINITY],
         }
     }
 
@@ -214,6 +236,9 @@ impl Quantity {
             Self::Tilt => "tilt",
             Self::BaseHeight => "base_height",
             Self::ContactForce => "contact_force",
+            Self::Distance => "distance",
+            Self::Height => "height",
+            Self::Speed => "speed",
         }
     }
 
@@ -230,17 +255,23 @@ impl Quantity {
         )
     }
 
-    /// True if the quantity depends on the command.
+    /// True if the quantity depends on the desired velocity of the base.
     pub(super) fn needs_command(self) -> bool {
         matches!(self, Self::VelocityError | Self::TurnError)
+    }
+
+    /// True if the quantity is measured at points.
+    pub(super) fn needs_points(self) -> bool {
+        matches!(self, Self::Distance | Self::Height | Self::Speed)
     }
 }
 
 impl Reward {
     /// The quantity and its parts.
     pub(super) fn subject(&self) -> Subject<'_> {
-        let Self { term, joint, joints, links, .. } = self;
-        Subject { term: *term, joint: joint.as_ref(), joints: joints.as_ref(), links: links.as_ref() }
+        let Self { term, joint, joints, links, points, .. } = self;
+        let (joint, joints, links) = (joint.as_ref(), joints.as_ref(), links.as_ref());
+        Subject { term: *term, joint, joints, links, points: points.as_ref() }
     }
 
     /// Checks the term and derives its range, weight included.
@@ -306,8 +337,9 @@ impl Reward {
 impl Termination {
     /// The quantity and its parts.
     pub(super) fn subject(&self) -> Subject<'_> {
-        let Self { term, joint, joints, links, .. } = self;
-        Subject { term: *term, joint: joint.as_ref(), joints: joints.as_ref(), links: links.as_ref() }
+        let Self { term, joint, joints, links, points, .. } = self;
+        let (joint, joints, links) = (joint.as_ref(), joints.as_ref(), links.as_ref());
+        Subject { term: *term, joint, joints, links, points: points.as_ref() }
     }
 
     pub(super) fn check(&self, index: usize) -> Result<(), TaskError> {

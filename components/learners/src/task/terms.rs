@@ -1,12 +1,12 @@
 //! The terms of a task at the joints and links of a robot.
 
-use motorium_models::policy::{
-    ActionKind, BaseMotion, JointTargets, Measurements, Numbers, Observer, Policy, Term,
-};
+use motorium_models::policy::{ActionKind, BaseMotion, JointTargets, Numbers, Observer, Policy, Term};
 use motorium_robots::Model;
 
+use super::points::Pair;
 use super::quantity::Subject;
-use super::{CommandRanges, Quantity, Reward, Task, TaskError, Termination, Verdict};
+use super::rhythm::Rhythm;
+use super::{CommandRanges, PointMotion, Points, Quantity, Reward, Task, TaskError, Termination, Verdict};
 use crate::random::Counter;
 
 /// Reward and end of a step.
@@ -33,6 +33,8 @@ pub struct RobotState<'a> {
     pub height: f64,
     /// Sum of the forces of contacts on each of [`Terms::links`] \[N\].
     pub forces: &'a [f64],
+    /// Motion of each of [`Terms::objects`].
+    pub objects: &'a [PointMotion],
 }
 
 /// The terms of a task with their joints and links resolved, for one robot. They need no simulation: an
@@ -45,29 +47,33 @@ pub struct Terms {
     /// Gains of each joint of the action.
     gains: Vec<[f64; 2]>,
     inputs: usize,
+    rhythm: Option<Rhythm>,
     rewards: Vec<(Measured, Reward)>,
     terminations: Vec<(Measured, Termination)>,
     /// Links whose contacts are measured.
     links: Vec<String>,
+    points: Points,
     commands: Option<CommandRanges>,
     /// Steps of the policy after which a command is replaced.
     command_steps: usize,
     steps: usize,
 }
 
-/// A quantity and the indices of the joints or links that it measures.
+/// A quantity, and the indices of the joints or links or the points that it measures.
 #[derive(Clone, Debug)]
 struct Measured {
     quantity: Quantity,
     parts: Vec<usize>,
+    pair: Option<Pair>,
 }
 
-/// Actions of an episode within their bounds, and the command of the step.
+/// Actions of an episode within their bounds, and the command and the points of the step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Actions<'a> {
     pub(super) newest: &'a [f64],
     pub(super) before: &'a [f64],
     pub(super) command: [f64; 3],
+    pub(super) points: &'a Points,
 }
 
 impl Terms {
@@ -79,6 +85,8 @@ impl Terms {
     pub fn new(task: &Task, robot: &Model) -> Result<Self, TaskError> {
         let policy = task.policy()?;
         let names = robot.joint_names();
+        let mut points = Points::new(&policy, robot)?;
+        let has_velocities = task.command.as_ref().is_some_and(|command| command.target.is_none());
         let has_base = robot.base().floating;
         for (number, observation) in policy.observations.iter().enumerate() {
             let (key, found) = (format!("observations[{number}].term"), observation.term.name());
@@ -88,7 +96,9 @@ impl Terms {
                 {
                     "a term that a robot with a fixed base has"
                 }
-                Term::Command if task.command.is_none() => "a term that the task has, or a table `[command]`",
+                Term::Command if !has_velocities => {
+                    "a term that the task has, or a table `[command]` with velocities"
+                }
                 Term::HeightScan => "a term that needs no other component",
                 _ => continue,
             };
@@ -100,8 +110,8 @@ impl Terms {
                 let expected = "a quantity that a robot with a fixed base has";
                 return Err(TaskError::value(key + ".term", subject.term.name(), expected));
             }
-            if subject.term.needs_command() && task.command.is_none() {
-                let expected = "a quantity that the task has, or a table `[command]`";
+            if subject.term.needs_command() && !has_velocities {
+                let expected = "a quantity that the task has, or a table `[command]` with velocities";
                 return Err(TaskError::value(key + ".term", subject.term.name(), expected));
             }
             let joint = |name: &String| {
@@ -128,7 +138,9 @@ impl Terms {
             for part in subject.links.into_iter().flatten().map(link) {
                 parts.push(part?);
             }
-            Ok(Measured { quantity: subject.term, parts })
+            let pair =
+                subject.points.map(|names| points.pair(&format!("{key}.points"), names)).transpose()?;
+            Ok(Measured { quantity: subject.term, parts, pair })
         };
         let rewards = task.rewards.iter().enumerate().map(|(index, reward)| {
             Ok((resolve(format!("rewards[{index}]"), reward.subject())?, reward.clone()))
@@ -139,15 +151,21 @@ impl Terms {
             Ok((resolve(key, termination.subject())?, termination.clone()))
         });
         let terminations = terminations.collect::<Result<Vec<_>, TaskError>>()?;
+        if points.has_target() && task.command.as_ref().is_none_or(|command| command.target.is_none()) {
+            let expected = "points that the task has, or a table `[command]` with a `target`";
+            return Err(TaskError::value("points", "\"target\"", expected));
+        }
         let command_steps = task.command.as_ref().map_or(0.0, |ranges| ranges.interval * task.rate());
         Ok(Self {
             observer: Observer::new(&policy, names)?,
             targets: policy.joint_targets(names)?,
             gains: gains(&policy)?,
             inputs: policy.inputs()?,
+            rhythm: Rhythm::new(&policy)?,
             rewards,
             terminations,
             links,
+            points,
             commands: task.command.clone(),
             command_steps: (command_steps.round() as usize).max(1),
             steps: task.steps(),
@@ -167,12 +185,13 @@ impl Terms {
 
     /// Numbers of an action.
     pub fn actions(&self) -> usize {
-        self.targets.targets().len()
+        self.policy.outputs()
     }
 
-    /// For each number of an action, true if it moves a joint: its scale is not 0.
+    /// For each number of an action, true if it moves a joint: its scale is not 0, or it commands the pattern.
     pub fn active_actions(&self) -> Vec<bool> {
-        self.targets.targets().iter().map(|target| target.scale != 0.0).collect()
+        let joints = self.targets.targets();
+        (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()
     }
 
     /// Steps of the policy in the longest episode.
@@ -185,6 +204,11 @@ impl Terms {
         &self.links
     }
 
+    /// Objects whose motion is measured.
+    pub fn objects(&self) -> &[String] {
+        self.points.objects()
+    }
+
     /// True if a term needs the motion or the pose of the base.
     pub fn needs_base(&self) -> bool {
         let observes = |term| {
@@ -195,9 +219,14 @@ impl Terms {
             || self.terminations.iter().any(|(measured, _)| measured.quantity.needs_base())
     }
 
-    /// True if the task has commands.
-    pub fn has_commands(&self) -> bool {
-        self.commands.is_some()
+    /// True if the task has desired velocities of the base.
+    pub fn has_velocity_commands(&self) -> bool {
+        self.commands.as_ref().is_some_and(|ranges| ranges.target.is_none())
+    }
+
+    /// True if the task has a target.
+    pub fn has_target(&self) -> bool {
+        self.commands.as_ref().is_some_and(|ranges| ranges.target.is_some())
     }
 
     /// Targets of the joints.
@@ -210,8 +239,18 @@ impl Terms {
         (self.policy.action.kind, &self.gains)
     }
 
+    /// The pattern generator at the start of an episode, if the task has one.
+    pub(crate) fn rhythm(&self) -> Option<Rhythm> {
+        self.rhythm.clone()
+    }
+
     pub(super) fn observer(&self) -> Observer {
         self.observer.clone()
+    }
+
+    /// The points of all terms, before they are located.
+    pub(super) fn points(&self) -> Points {
+        self.points.clone()
     }
 
     /// Factor of the ranges of commands after some steps of a training run.
@@ -227,29 +266,19 @@ impl Terms {
         Some(ranges.sample(Counter { step: number, ..counter }, level))
     }
 
-    /// Measurements of an observation at a step of an episode.
-    pub(super) fn measurements<'a>(
-        &self,
-        state: &RobotState<'a>,
-        actions: Actions<'a>,
-        step: usize,
-    ) -> Measurements<'a> {
-        Measurements {
-            positions: state.positions,
-            velocities: state.velocities,
-            base: state.base,
-            command: actions.command,
-            last_action: actions.newest,
-            heights: &[],
-            time: step as f64 / self.policy.rate,
-        }
+    /// Time of a step in its episode \[s\].
+    pub(super) fn time(&self, step: usize) -> f64 {
+        step as f64 / self.policy.rate
     }
 
     fn measure(&self, measured: &Measured, state: &RobotState<'_>, actions: Actions<'_>) -> f64 {
         let parts = &measured.parts;
         let joints = self.targets.targets().iter().map(|target| target.joint);
-        let root_mean = |sum: f64| (sum / self.actions() as f64).sqrt();
+        let root_mean = |sum: f64, count: usize| (sum / count as f64).sqrt();
+        let (numbers, count) = (self.actions(), self.targets.targets().len());
         let [forward, left, turn] = actions.command;
+        let motion = || measured.pair.map_or_else(PointMotion::default, |pair| actions.points.motion(pair));
+        let norm = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
         let BaseMotion { linear_velocity: [vx, vy, vz], angular_velocity: [wx, wy, wz], gravity } =
             state.base;
         match measured.quantity {
@@ -258,15 +287,15 @@ impl Terms {
             Quantity::JointVelocity => state.velocities[parts[0]],
             Quantity::JointEffort => state.efforts[parts[0]],
             Quantity::JointCosine => parts.iter().map(|joint| state.positions[*joint]).sum::<f64>().cos(),
-            Quantity::Action => root_mean(actions.newest.iter().map(|a| a.powi(2)).sum()),
+            Quantity::Action => root_mean(actions.newest.iter().map(|a| a.powi(2)).sum(), numbers),
             Quantity::ActionChange => {
                 let pairs = actions.newest.iter().zip(actions.before);
-                root_mean(pairs.map(|(a, b)| (a - b).powi(2)).sum())
+                root_mean(pairs.map(|(a, b)| (a - b).powi(2)).sum(), numbers)
             }
-            Quantity::Effort => root_mean(joints.map(|joint| state.efforts[joint].powi(2)).sum()),
+            Quantity::Effort => root_mean(joints.map(|joint| state.efforts[joint].powi(2)).sum(), count),
             Quantity::PoseError => {
                 let pairs = joints.zip(&self.policy.action.default_pose);
-                root_mean(pairs.map(|(joint, pose)| (state.positions[joint] - pose).powi(2)).sum())
+                root_mean(pairs.map(|(joint, pose)| (state.positions[joint] - pose).powi(2)).sum(), count)
             }
             Quantity::VelocityError => ((vx - forward).powi(2) + (vy - left).powi(2)).sqrt(),
             Quantity::TurnError => (wz - turn).abs(),
@@ -275,6 +304,9 @@ impl Terms {
             Quantity::Tilt => (-gravity[2]).clamp(-1.0, 1.0).acos(),
             Quantity::BaseHeight => state.height,
             Quantity::ContactForce => parts.iter().map(|link| state.forces[*link]).sum(),
+            Quantity::Distance => norm(motion().position),
+            Quantity::Height => motion().position[2],
+            Quantity::Speed => norm(motion().velocity),
         }
     }
 

@@ -123,6 +123,7 @@ fn quantities_of_a_base_match_their_definitions() {
         base,
         height: 0.25,
         forces: &[2.0, 3.5],
+        objects: &[],
     };
     for (term, expected) in [
         ("term = \"velocity_error\"", 0.5),
@@ -161,6 +162,49 @@ fn terms_that_a_robot_lacks_are_refused() {
     let text = TEXT.replace("{ term = \"alive\", weight = 2.0 }", "{ term = \"tilt\" }");
     let error = Terms::new(&Task::parse(&text).expect("a task"), &cart).expect_err("no base").to_string();
     assert!(error.starts_with("`rewards[0].term`: found tilt, expected"), "{error}");
+}
+
+#[test]
+fn mistakes_in_points_and_targets_are_named() {
+    const REACHER: &str = include_str!("../../../../tasks/reacher.toml");
+    let distance = "term = \"distance\", points = [\"target\", \"fingertip\"], clip";
+    let key = |from: &str, to: &str| {
+        assert!(REACHER.contains(from), "{from}");
+        match Task::parse(&REACHER.replacen(from, to, 1)) {
+            Err(TaskError::Value { key, .. } | TaskError::Policy(PolicyError::Value { key, .. })) => key,
+            other => panic!("{to}: {other:?}"),
+        }
+    };
+    assert_eq!(key(distance, "term = \"distance\", clip"), "rewards[0].points");
+    assert_eq!(key(distance, "term = \"distance\", points = [\"a\", \"a\"], clip"), "rewards[0].points");
+    assert_eq!(key("{ term = \"action\",", "{ term = \"action\", points = [\"a\"],"), "rewards[2].points");
+    assert_eq!(key("points = [\"target\"], ", ""), "observations[2].points");
+    assert_eq!(key("points = [\"target\"], ", "points = [], "), "observations[2].points");
+    assert_eq!(
+        key("\"joint_positions\",", "\"joint_positions\", points = [\"target\"],"),
+        "observations[0].points"
+    );
+    assert_eq!(key("target = [[-0.14", "target = [[0.15"), "command.target");
+    assert_eq!(key("interval = 2.5", "forward = [0.0, 1.0]"), "command");
+    assert_eq!(key("interval = 2.5", "standing = 0.1"), "command");
+}
+
+#[test]
+fn targets_grow_around_their_middle() {
+    let target = Some([[0.0, 2.0], [-1.0, 1.0], [0.5, 0.5]]);
+    let ranges: CommandRanges = toml::from_str("interval = 1.0").expect("ranges");
+    let ranges = CommandRanges { target, ..ranges };
+    let counter = |step| crate::random::Counter { step, ..crate::random::Counter::default() };
+    let sampled: Vec<[f64; 3]> = (0..500).map(|step| ranges.sample(counter(step), 0.5)).collect();
+    for (axis, [low, high]) in [[0.5, 1.5], [-0.5, 0.5], [0.5, 0.5]].into_iter().enumerate() {
+        let values = || sampled.iter().map(|target| target[axis]);
+        let (least, most) =
+            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+        assert!(
+            low <= least && least <= low + 0.02 && high - 0.02 <= most && most <= high,
+            "{axis}: {least} {most}"
+        );
+    }
 }
 
 #[test]

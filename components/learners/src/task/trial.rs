@@ -1,9 +1,9 @@
 //! One attempt at a task: actions and measured states in, observations and rewards out.
 
-use motorium_models::policy::Observer;
+use motorium_models::policy::{Measurements, Observer};
 
 use super::terms::Actions;
-use super::{RobotState, Terms, Verdict};
+use super::{Points, RobotState, Terms, Verdict};
 use crate::random::Counter;
 
 /// End of an episode.
@@ -45,6 +45,7 @@ pub struct Trial {
     newest: Vec<f64>,
     before: Vec<f64>,
     command: [f64; 3],
+    points: Points,
     counter: Counter,
     level: f64,
     step: usize,
@@ -60,6 +61,7 @@ impl Trial {
             newest: zeros.clone(),
             before: zeros,
             command: [0.0; 3],
+            points: terms.points(),
             counter: Counter::default(),
             level: 1.0,
             step: 0,
@@ -73,7 +75,8 @@ impl Trial {
         (self.step, self.total) = (0, 0.0);
         self.newest.fill(0.0);
         self.before.fill(0.0);
-        self.command = terms.new_command(counter, level, 0).unwrap_or_default();
+        self.set_command(terms.new_command(counter, level, 0).unwrap_or_default());
+        self.points.locate((state.positions, state.velocities), state.objects);
         self.observer.reset();
         self.observe(terms, state);
     }
@@ -94,9 +97,12 @@ impl Trial {
     /// Judges the state after the step. A step that physics could not make (`is_stepped` false) is a failure.
     pub fn judge(&mut self, terms: &Terms, state: &RobotState<'_>, is_stepped: bool) -> Step {
         self.step += 1;
+        self.points.locate((state.positions, state.velocities), state.objects);
         let outcome = terms.evaluate(state, self.actions());
         self.total += outcome.reward;
-        self.command = terms.new_command(self.counter, self.level, self.step).unwrap_or(self.command);
+        if let Some(command) = terms.new_command(self.counter, self.level, self.step) {
+            self.set_command(command);
+        }
         self.observe(terms, state);
         let verdict = if is_stepped { outcome.end } else { Some(Verdict::Failure) };
         let end = match verdict {
@@ -127,17 +133,36 @@ impl Trial {
         self.total
     }
 
-    /// The command in force: forward, left \[m/s\], turn \[rad/s\].
+    /// The action of the last step within its bounds.
+    pub(crate) fn action(&self) -> &[f64] {
+        &self.newest
+    }
+
+    /// The command in force: forward, left \[m/s\], turn \[rad/s\], or the position of the target \[m\].
     pub fn command(&self) -> [f64; 3] {
         self.command
     }
 
     fn actions(&self) -> Actions<'_> {
-        Actions { newest: &self.newest, before: &self.before, command: self.command }
+        let Self { newest, before, command, points, .. } = self;
+        Actions { newest, before, command: *command, points }
+    }
+
+    fn set_command(&mut self, command: [f64; 3]) {
+        self.command = command;
+        self.points.set_target(command);
     }
 
     fn observe(&mut self, terms: &Terms, state: &RobotState<'_>) {
-        let actions = Actions { newest: &self.newest, before: &self.before, command: self.command };
-        self.observer.observe(&terms.measurements(state, actions, self.step));
+        self.observer.observe(&Measurements {
+            positions: state.positions,
+            velocities: state.velocities,
+            base: state.base,
+            command: self.command,
+            last_action: &self.newest,
+            heights: &[],
+            points: self.points.observed(),
+            time: terms.time(self.step),
+        });
     }
 }

@@ -149,7 +149,7 @@ impl PolicyNetwork {
         if !is_row(&found, expected) {
             return Err(NetworkMismatch::Inputs { found, expected });
         }
-        let (found, expected) = (shape(program.outputs().first()), policy.action.joints.len());
+        let (found, expected) = (shape(program.outputs().first()), policy.outputs());
         if !is_row(&found, expected) {
             return Err(NetworkMismatch::Outputs { found, expected });
         }

@@ -167,7 +167,7 @@ pub fn import_mjlab(bytes: &[u8], options: ImportOptions) -> Result<Policy, Impo
     };
     let observations = list("observation_names")?.iter().map(term).collect::<Result<_, _>>()?;
     let ImportOptions { rate, history, robot } = options;
-    let mut policy = Policy { network: NETWORK.to_owned(), rate, robot, observations, action };
+    let mut policy = Policy { network: NETWORK.to_owned(), rate, robot, observations, action, pattern: None };
     // the rest of the input is the height scan
     let width = |policy: &Policy| -> usize {
         policy.observations.iter().map(|term| policy.width(term) * term.history).sum()

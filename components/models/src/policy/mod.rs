@@ -32,6 +32,7 @@ mod folder;
 mod import;
 mod numbers;
 mod observer;
+mod pattern;
 mod targets;
 
 use serde::{Deserialize, Serialize};
@@ -44,6 +45,7 @@ pub use import::{ImportError, ImportOptions, import_mjlab, import_weights};
 pub use numbers::Numbers;
 use numbers::one;
 pub use observer::{BaseMotion, Measurements, Observer, projected_gravity};
+pub use pattern::{Pattern, PatternJoint};
 pub use targets::{JointTarget, JointTargets};
 
 /// A policy as described by `policy.toml`.
@@ -60,6 +62,8 @@ pub struct Policy {
     pub observations: Vec<Observation>,
     /// Definition of the network's outputs.
     pub action: Action,
+    /// Pattern generator that the action commands. Default: the action commands the joints directly.
+    pub pattern: Option<Pattern>,
 }
 
 /// A part of the observation.
@@ -80,12 +84,19 @@ pub struct Observation {
     pub rays: Option<usize>,
     /// Duration of one gait cycle \[s\], above 0; only for the phase.
     pub period: Option<f64>,
+    /// A point, and the point that it is relative to; the origin of the world if not given. Only for the
+    /// position and the velocity of a point. A point is the origin of a link, the centre of an object, or
+    /// [`TARGET`].
+    pub points: Option<Vec<String>>,
 }
+
+/// The name of the target among [`Observation::points`].
+pub const TARGET: &str = "target";
 
 impl Observation {
     /// Creates a term without bounds and history, with the factor 1.
     pub fn new(term: Term) -> Self {
-        Self { term, scale: one(), clip: None, history: single(), rays: None, period: None }
+        Self { term, scale: one(), clip: None, history: single(), rays: None, period: None, points: None }
     }
 }
 
@@ -111,6 +122,10 @@ pub enum Term {
     HeightScan,
     /// Sine and cosine of the gait phase.
     Phase,
+    /// Position of a point, relative to another if there are two, in world axes \[m\].
+    PointPosition,
+    /// Velocity of a point, relative to another if there are two, in world axes \[m/s\].
+    PointVelocity,
 }
 
 impl Term {
@@ -126,16 +141,21 @@ impl Term {
             Self::LastAction => "last_action",
             Self::HeightScan => "height_scan",
             Self::Phase => "phase",
+            Self::PointPosition => "point_position",
+            Self::PointVelocity => "point_velocity",
         }
     }
 
-    /// Returns the message that carries the quantity; `None` for quantities that the policy computes.
+    /// Returns the message that carries the quantity; `None` for quantities that the policy computes. The
+    /// target of a point is carried by another message, `motorium.PoseTarget`.
     pub fn message(self) -> Option<&'static str> {
         Some(match self {
             Self::BaseLinearVelocity => "motorium.BaseState",
             Self::BaseAngularVelocity | Self::ProjectedGravity => "motorium.ImuSample",
             Self::Command => "motorium.TwistTarget",
-            Self::JointPositions | Self::JointVelocities => "motorium.JointState",
+            Self::JointPositions | Self::JointVelocities | Self::PointPosition | Self::PointVelocity => {
+                "motorium.JointState"
+            }
             Self::HeightScan => "motorium.HeightScan",
             Self::LastAction | Self::Phase => return None,
         })
@@ -213,6 +233,9 @@ impl Policy {
             return wrong("rate", format!("found {}, expected a rate above 0 Hz", self.rate));
         }
         self.action.check("action.")?;
+        if let Some(pattern) = &self.pattern {
+            pattern.check(self)?;
+        }
         for (index, observation) in self.observations.iter().enumerate() {
             let key = |name: &str| format!("observations[{index}].{name}");
             if !(1..=64).contains(&observation.history) {
@@ -249,6 +272,19 @@ impl Policy {
                     return wrong(&key("period"), "missing, expected the cycle of the gait in s".to_owned());
                 }
             }
+            let is_point = matches!(observation.term, Term::PointPosition | Term::PointVelocity);
+            match observation.points.as_deref() {
+                None if !is_point => {}
+                Some([_]) if is_point => {}
+                Some([first, second]) if is_point && first != second => {}
+                Some(_) if !is_point => {
+                    return wrong(&key("points"), "expected for points only".to_owned());
+                }
+                found => {
+                    let found = found.map_or_else(|| "none".to_owned(), |points| format!("{points:?}"));
+                    return wrong(&key("points"), format!("found {found}, expected one or two points"));
+                }
+            }
             observation.scale.check(&key("scale"), self.width(observation))?;
         }
         self.inputs().map(drop)
@@ -257,13 +293,22 @@ impl Policy {
     /// Returns the size of one step of a term.
     pub fn width(&self, observation: &Observation) -> usize {
         match observation.term {
-            Term::BaseLinearVelocity | Term::BaseAngularVelocity | Term::ProjectedGravity | Term::Command => {
-                3
-            }
-            Term::JointPositions | Term::JointVelocities | Term::LastAction => self.action.joints.len(),
+            Term::BaseLinearVelocity
+            | Term::BaseAngularVelocity
+            | Term::ProjectedGravity
+            | Term::Command
+            | Term::PointPosition
+            | Term::PointVelocity => 3,
+            Term::JointPositions | Term::JointVelocities => self.action.joints.len(),
+            Term::LastAction => self.outputs(),
             Term::HeightScan => observation.rays.unwrap_or(0),
             Term::Phase => 2,
         }
+    }
+
+    /// Returns the number of the network's outputs: one for each joint, and those of the pattern.
+    pub fn outputs(&self) -> usize {
+        self.action.joints.len() + self.pattern.as_ref().map_or(0, |_| Pattern::OUTPUTS)
     }
 
     /// Returns the size of the whole observation, histories included.

@@ -49,6 +49,8 @@ pub struct Measurements<'a> {
     pub last_action: &'a [f64],
     /// Heights around the robot \[m\].
     pub heights: &'a [f32],
+    /// The position or velocity of each term of a point, in the order of the observations.
+    pub points: &'a [[f64; 3]],
     /// Time since the start of the episode \[s\].
     pub time: f64,
 }
@@ -134,9 +136,10 @@ impl Observer {
     /// # Panics
     ///
     /// If there are fewer joints than [`joints`](Self::joints), another number of actions than the policy
-    /// has, or of heights than [`heights`](Self::heights), and a term reads them.
+    /// has, or of heights than [`heights`](Self::heights), or too few points, and a term reads them.
     pub fn observe(&mut self, measured: &Measurements<'_>) {
         let Self { terms, assembly, joints, scratch } = self;
+        let mut points = measured.points.iter();
         for (index, (term, period)) in terms.iter().enumerate() {
             let values = &mut scratch[..assembly.width(index)];
             match term {
@@ -159,6 +162,9 @@ impl Observer {
                     assert_eq!(values.len(), measured.heights.len(), "heights of the scan");
                     let heights = measured.heights.iter().map(|height| f64::from(*height));
                     values.iter_mut().zip(heights).for_each(|(value, height)| *value = height);
+                }
+                Term::PointPosition | Term::PointVelocity => {
+                    values.copy_from_slice(points.next().expect("a vector for each term of a point"));
                 }
                 Term::Phase => {
                     let (sin, cos) = (TAU * measured.time / period).sin_cos();

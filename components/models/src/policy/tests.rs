@@ -165,3 +165,47 @@ fn recurrent_states_carry_over_and_reset() {
     let error = PolicyNetwork::new(&policy, program).expect_err("another width");
     assert_eq!(error, NetworkMismatch::Inputs { found: vec![1, 3], expected: 2 });
 }
+
+const WALK: &str = r#"
+network = "policy.onnx"
+rate = 10.0
+observations = [{ term = "joint_positions" }, { term = "last_action" }]
+[action]
+joints = ["left", "right"]
+default_pose = [0.0, 0.0]
+clip = [-2.0, 2.0]
+[pattern]
+gait = "walk"
+frequency = [1.0, 3.0]
+amplitude = [0.0, 1.5]
+legs = [[{ joint = "left", amplitude = 0.1 }], [{ joint = "right", amplitude = 0.1, phase = 1.0 }]]
+"#;
+
+#[test]
+fn patterns_add_two_outputs() {
+    let policy = Policy::parse(WALK).expect("a policy");
+    assert_eq!((policy.outputs(), policy.inputs()), (4, Ok(6)));
+    let pattern = policy.pattern.as_ref().expect("a pattern");
+    assert_eq!(pattern.parameters([-2.0, 2.0], [-2.0, 2.0]), [1.0, 1.5]);
+    assert_eq!(pattern.parameters([0.0, 0.0], [-2.0, 2.0]), [2.0, 0.75]);
+    assert_eq!(Policy::parse(&policy.to_toml().expect("a file")), Ok(policy));
+}
+
+#[test]
+fn mistakes_in_patterns_are_named() {
+    for (from, to, expected) in [
+        ("clip = [-2.0, 2.0]", "", "action.clip"),
+        ("clip =", "kind = \"effort\"\nclip =", "action.kind"),
+        ("frequency = [1.0, 3.0]", "frequency = [3.0, 1.0]", "pattern.frequency"),
+        ("amplitude = [0.0, 1.5]", "amplitude = [0.0, 2.5]", "pattern.amplitude"),
+        ("gait =", "coupling = -1.0\ngait =", "pattern.coupling"),
+        ("{ joint = \"right\"", "{ joint = \"left\"", "pattern.legs"),
+        ("{ joint = \"right\"", "{ joint = \"hip\"", "pattern.legs"),
+    ] {
+        assert!(WALK.contains(from), "{from}");
+        match Policy::parse(&WALK.replace(from, to)) {
+            Err(PolicyError::Value { key, .. }) => assert_eq!(key, expected),
+            other => panic!("{to}: {other:?}"),
+        }
+    }
+}

@@ -11,6 +11,7 @@ use motorium::component::{Component, ConfigureError, Episode, RunClock, Setup, T
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::state::{Action, ActionChunk, MAX_ACTION};
 use motorium::units::TimeSpan;
+use motorium_learners::task::Rhythm;
 use motorium_models::policy::{Action as PolicyAction, ActionKind, Numbers, PolicyError, PolicyFolder};
 use motorium_primitives::dmp::{Jet, Quintic};
 use motorium_primitives::profile::Follower;
@@ -21,13 +22,14 @@ use crate::joint_command::{
 };
 use crate::motion_limits::MotionLimitsConfig;
 use crate::network::refused;
-use source::{Actions, Chunks, Source};
+use source::{Actions, Chunks, PatternActions, Source};
 
 /// Commands the joints of a robot from the newest action of a policy, or from chunks of actions.
 ///
 /// The joints of the policy are resolved by name; joints that it does not command hold their initial
 /// positions. An action is followed while it is younger than `hold`. Afterwards the joints ease to the
-/// default pose, hold, or receive no more commands. With limits, setpoints respect velocities and
+/// default pose, hold, or receive no more commands. The action of a policy with a pattern commands a pattern
+/// generator, which moves the joints. With limits, setpoints respect velocities and
 /// accelerations even if the actions jump; chunks always use limits.
 #[derive(Debug)]
 pub struct JointTargetsPolicy {
@@ -69,6 +71,9 @@ enum State {
 /// A configuration checked against a robot.
 struct Checked {
     action: PolicyAction,
+    rhythm: Option<Rhythm>,
+    /// Number of outputs of the network.
+    outputs: usize,
     rate: f64,
     joints: CommandedJoints,
     follower: Option<Follower>,
@@ -95,15 +100,23 @@ impl Component for JointTargetsPolicy {
 
     fn configure(config: JointTargetsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let Checked { action, rate, joints, follower, when_stale, hold } =
+        let Checked { action, rhythm, outputs, rate, joints, follower, when_stale, hold } =
             check(&config, setup.folder(), Some(&robot))?;
         let count = action.joints.len();
         // the writer uses the order of the policy and converts it to the order of the robot
         let targets =
             action.joint_targets(&action.joints).map_err(|error| ConfigError::new(error.to_string()))?;
-        let source = match config.chunks {
-            Some(chunks) => Source::Chunks(Chunks::new(setup.input("chunk")?, targets, chunks)),
-            None => Source::Actions(Actions::new(setup.input("action")?, targets, config.interpolate, rate)),
+        let source = match (config.chunks, rhythm) {
+            (Some(chunks), _) => Source::Chunks(Chunks::new(setup.input("chunk")?, targets, chunks)),
+            (None, Some(rhythm)) => Source::Pattern(Box::new(PatternActions::new(
+                setup.input("action")?,
+                targets,
+                rhythm,
+                outputs,
+            ))),
+            (None, None) => {
+                Source::Actions(Actions::new(setup.input("action")?, targets, config.interpolate, rate))
+            }
         };
         let command = JointCommandConfig {
             ease: TimeSpan { ns: 0 },
@@ -155,6 +168,7 @@ impl Component for JointTargetsPolicy {
             self.enter(next);
         }
         self.elapsed += tick.dt();
+        self.source.advance(tick.dt());
         match self.kind {
             ActionKind::Position => self.command_positions(now, tick.dt()),
             _ if next != State::Following => Ok(()),
@@ -249,7 +263,7 @@ fn check(
     robot: Option<&RobotReference>,
 ) -> Result<Checked, ConfigError> {
     let robot = required(robot)?;
-    let (action, rate) = read(&config.policy, base)?;
+    let Read { action, rate, rhythm, outputs } = read(&config.policy, base)?;
     let period = rate.recip();
     let hold = config.hold.map_or(1.5 * period, TimeSpan::as_secs_f64);
     if !(period..3600.0).contains(&hold) {
@@ -270,6 +284,16 @@ fn check(
     for (key, is_given) in [("chunks", config.chunks.is_some()), ("limits", config.limits.is_some())] {
         if is_given && !is_position {
             return Err(ConfigError::key(key, "actions are not positions, expected to be left out"));
+        }
+    }
+    for (key, is_given) in [
+        ("chunks", config.chunks.is_some()),
+        ("limits", config.limits.is_some()),
+        ("interpolate", config.interpolate),
+    ] {
+        if is_given && rhythm.is_some() {
+            let message = "the policy has a `pattern`, expected to be left out";
+            return Err(ConfigError::key(key, message));
         }
     }
     if config.chunks.is_some() && config.interpolate {
@@ -308,36 +332,50 @@ fn check(
         let ranges = indices.iter().map(|joint| [lower[*joint], upper[*joint]]).collect();
         Follower::new(indices.iter().map(|joint| limits[*joint]).collect(), ranges)
     });
-    Ok(Checked { action, rate, joints, follower, when_stale, hold: (hold * 1e9) as u64 })
+    let hold = (hold * 1e9) as u64;
+    Ok(Checked { action, rhythm, outputs, rate, joints, follower, when_stale, hold })
 }
 
-/// Reads the action and the rate of a policy.
-fn read(source: &PolicySource, base: &Path) -> Result<(PolicyAction, f64), ConfigError> {
-    let (action, rate) = match source {
+/// The parts of a policy that command joints.
+struct Read {
+    action: PolicyAction,
+    rate: f64,
+    rhythm: Option<Rhythm>,
+    outputs: usize,
+}
+
+/// Reads the action, the rate and the pattern of a policy.
+fn read(source: &PolicySource, base: &Path) -> Result<Read, ConfigError> {
+    let read = match source {
         PolicySource::Folder(folder) => {
             let folder = PolicyFolder::read(&base.join(folder)).map_err(|error| refused("policy", &error))?;
-            (folder.policy.action, folder.policy.rate)
+            let policy = folder.policy;
+            let rhythm =
+                Rhythm::new(&policy).map_err(|error| ConfigError::key("policy", error.to_string()))?;
+            let outputs = policy.outputs();
+            Read { action: policy.action, rate: policy.rate, rhythm, outputs }
         }
         PolicySource::Table(ActionTable { rate, action }) => {
             action.check("policy.action.").map_err(|error| match error {
                 PolicyError::Value { key, message } => ConfigError::key(key, message),
                 other => ConfigError::key("policy", other.to_string()),
             })?;
-            (action.clone(), *rate)
+            let outputs = action.joints.len();
+            Read { action: action.clone(), rate: *rate, rhythm: None, outputs }
         }
     };
-    if !(0.1..=1e4).contains(&rate) {
+    let Read { rate, outputs, .. } = &read;
+    if !(0.1..=1e4).contains(rate) {
         return Err(ConfigError::key(
             "policy",
             format!("a rate of {rate} Hz, expected from 0.1 to 10000 Hz"),
         ));
     }
-    let count = action.joints.len();
-    if count > MAX_ACTION {
-        let message = format!("{count} joints, but an action holds {MAX_ACTION}");
+    if *outputs > MAX_ACTION {
+        let message = format!("{outputs} joints, but an action holds {MAX_ACTION}");
         return Err(ConfigError::key("policy", message));
     }
-    Ok((action, rate))
+    Ok(read)
 }
 
 /// Returns the gains of all joints: the policy's, or the profile's if the policy has none.

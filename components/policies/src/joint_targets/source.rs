@@ -4,6 +4,7 @@ use motorium::component::RunClock;
 use motorium::declare::StepError;
 use motorium::state::{Action, ActionChunk, MAX_CHUNK};
 use motorium::transport::Input;
+use motorium_learners::task::Rhythm;
 use motorium_models::policy::{Chunk, ChunkArrival, ChunkError, ChunkPlan, ChunkTiming, JointTargets};
 use serde_json::json;
 
@@ -14,6 +15,19 @@ use super::ChunksConfig;
 pub(super) enum Source {
     Actions(Actions),
     Chunks(Chunks),
+    Pattern(Box<PatternActions>),
+}
+
+/// A pattern generator whose parameters are the newest action.
+#[derive(Debug)]
+pub(super) struct PatternActions {
+    input: Input<Action>,
+    targets: JointTargets,
+    rhythm: Rhythm,
+    /// The newest action within its bounds, and its time, ns since the run began.
+    newest: Vec<f64>,
+    time: Option<u64>,
+    received: u64,
 }
 
 /// The newest action and the previous one.
@@ -64,6 +78,7 @@ impl Source {
                 actions.before.copy_from_slice(position);
             }
             Self::Chunks(chunks) => chunks.plan.start(position),
+            Self::Pattern(_) => {}
         }
     }
 
@@ -73,6 +88,16 @@ impl Source {
         match self {
             Self::Actions(actions) => actions.poll(now),
             Self::Chunks(chunks) => Ok(chunks.poll(now, clock)),
+            Self::Pattern(pattern) => pattern.poll(),
+        }
+    }
+
+    /// Advances a pattern generator that has an action by a time, s.
+    pub(super) fn advance(&mut self, dt: f64) {
+        if let Self::Pattern(pattern) = self
+            && pattern.time.is_some()
+        {
+            pattern.rhythm.step(dt);
         }
     }
 
@@ -81,6 +106,7 @@ impl Source {
         match self {
             Self::Actions(actions) => actions.sample(now, targets),
             Self::Chunks(chunks) => chunks.plan.sample(now, targets),
+            Self::Pattern(pattern) => pattern.sample(targets),
         }
     }
 
@@ -88,6 +114,10 @@ impl Source {
         match self {
             Self::Actions(actions) => (actions.time, actions.received) = (None, 0),
             Self::Chunks(chunks) => chunks.counts = Counts::default(),
+            Self::Pattern(pattern) => {
+                (pattern.time, pattern.received) = (None, 0);
+                pattern.rhythm.reset();
+            }
         }
     }
 
@@ -95,6 +125,38 @@ impl Source {
         match self {
             Self::Actions(actions) => json!({ "actions": actions.received }),
             Self::Chunks(chunks) => chunks.counts.result(),
+            Self::Pattern(pattern) => json!({ "actions": pattern.received }),
+        }
+    }
+}
+
+impl PatternActions {
+    pub(super) fn new(input: Input<Action>, targets: JointTargets, rhythm: Rhythm, outputs: usize) -> Self {
+        Self { input, targets, rhythm, newest: vec![0.0; outputs], time: None, received: 0 }
+    }
+
+    fn poll(&mut self) -> Result<Option<u64>, StepError> {
+        let Some(action) = self.input.next_unread() else { return Ok(self.time) };
+        if action.count() != self.newest.len() {
+            return Err(StepError::failed("the action has another number of outputs than the policy"));
+        }
+        for (newest, value) in self.newest.iter_mut().zip(action.value()) {
+            *newest = self.targets.clipped(*value);
+        }
+        if !self.rhythm.command(&self.targets, &self.newest) {
+            return Err(StepError::failed("the action has a number that is not finite"));
+        }
+        self.time = Some(action.time_ns());
+        self.received += 1;
+        Ok(self.time)
+    }
+
+    fn sample(&self, targets: &mut [f64]) {
+        for (joint, target) in targets.iter_mut().enumerate() {
+            *target = self.targets.target(joint, self.newest[joint]);
+        }
+        for (joint, target) in self.rhythm.targets() {
+            targets[joint] = target;
         }
     }
 }

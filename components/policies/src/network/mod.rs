@@ -9,9 +9,11 @@ use std::path::Path;
 use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{
-    Action, BaseEstimate, BaseState, HeightScan, ImuSample, JointState, MAX_ACTION, MAX_HEIGHTS, TwistTarget,
+    Action, BaseEstimate, BaseState, HeightScan, ImuSample, JointState, MAX_ACTION, MAX_HEIGHTS, PoseTarget,
+    TwistTarget,
 };
 use motorium::transport::{Input, Output, ParameterArray, Reading};
+use motorium_learners::task::Points;
 use motorium_models::policy::{
     BaseMotion, JointTargets, Measurements, Observer, Policy, PolicyError, PolicyFolder, PolicyFolderError,
     PolicyNetwork, Term, projected_gravity,
@@ -30,6 +32,7 @@ use crate::joint_command::required;
 pub struct NetworkPolicy {
     network: PolicyNetwork,
     observer: Observer,
+    points: Points,
     policy: Policy,
     targets: JointTargets,
     inputs: Inputs,
@@ -53,6 +56,7 @@ struct Inputs {
     imu: Option<Input<ImuSample>>,
     command: Option<Input<TwistTarget>>,
     heights: Option<Input<HeightScan>>,
+    target: Option<Input<PoseTarget>>,
 }
 
 /// An input port.
@@ -80,7 +84,9 @@ impl NetworkPolicyConfig {
                 AttitudeSource::BaseEstimate => Port::BaseEstimate,
             },
             Term::Command => Port::Command,
-            Term::JointPositions | Term::JointVelocities => Port::Joints,
+            Term::JointPositions | Term::JointVelocities | Term::PointPosition | Term::PointVelocity => {
+                Port::Joints
+            }
             Term::HeightScan => Port::Heights,
             Term::LastAction | Term::Phase => return None,
         })
@@ -97,6 +103,7 @@ struct Loaded {
     network: PolicyNetwork,
     targets: JointTargets,
     observer: Observer,
+    points: Points,
 }
 
 pub(crate) fn refused(key: &str, error: &PolicyFolderError) -> ConfigError {
@@ -129,9 +136,9 @@ fn load(
     let folder = PolicyFolder::read(&base.join(&config.policy)).map_err(|error| refused("policy", &error))?;
     let network = folder.network().map_err(|error| refused("policy", &error))?;
     let policy = folder.policy;
-    let outputs = policy.action.joints.len();
+    let outputs = policy.outputs();
     if outputs > MAX_ACTION {
-        let message = format!("{outputs} joints, but an action holds {MAX_ACTION}");
+        let message = format!("{outputs} outputs, but an action holds {MAX_ACTION}");
         return Err(ConfigError::key("policy", message));
     }
     if let Some(rays) =
@@ -148,7 +155,14 @@ fn load(
     };
     let targets = policy.joint_targets(model.joint_names()).map_err(invalid)?;
     let observer = Observer::new(&policy, model.joint_names()).map_err(invalid)?;
-    Ok(Loaded { policy, network, targets, observer })
+    let points =
+        Points::new(&policy, &model).map_err(|error| ConfigError::key("policy", error.to_string()))?;
+    if let Some(object) = points.objects().first() {
+        let message = format!("\"{object}\" is no link of the robot, and no topic has the motion of objects");
+        return Err(ConfigError::key("policy", message)
+            .advise("name links or \"target\" in `points`, or evaluate it with `motorium learn evaluate`"));
+    }
+    Ok(Loaded { policy, network, targets, observer, points })
 }
 
 impl Component for NetworkPolicy {
@@ -158,7 +172,7 @@ impl Component for NetworkPolicy {
     type Config = NetworkPolicyConfig;
 
     fn declare(config: &NetworkPolicyConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let Loaded { policy, .. } = load(config, declare.folder(), declare.robot())?;
+        let Loaded { policy, points, .. } = load(config, declare.folder(), declare.robot())?;
         if let Some(period) = declare.period() {
             let found = period.as_secs_f64().recip();
             if (found / policy.rate - 1.0).abs() > 1e-3 {
@@ -182,6 +196,9 @@ impl Component for NetworkPolicy {
         if config.needs(&policy, Port::Heights) {
             declare.input::<HeightScan>("heights", "heights of the surface around the robot");
         }
+        if points.has_target() {
+            declare.input::<PoseTarget>("target", "position of the target in the world");
+        }
         if config.needs(&policy, Port::Command) {
             declare.optional_input::<TwistTarget>("command", "desired velocity of the base, in its own axes");
         }
@@ -198,7 +215,8 @@ impl Component for NetworkPolicy {
 
     fn configure(config: NetworkPolicyConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let Loaded { policy, network, targets, observer } = load(&config, setup.folder(), Some(&robot))?;
+        let Loaded { policy, network, targets, observer, points } =
+            load(&config, setup.folder(), Some(&robot))?;
         let needs = |port| config.needs(&policy, port);
         let inputs = Inputs {
             joints: needs(Port::Joints).then(|| setup.input("joint_state")).transpose()?,
@@ -207,6 +225,7 @@ impl Component for NetworkPolicy {
             imu: needs(Port::Imu).then(|| setup.input("imu")).transpose()?,
             command: needs(Port::Command).then(|| setup.input("command")).transpose()?,
             heights: needs(Port::Heights).then(|| setup.input("heights")).transpose()?,
+            target: points.has_target().then(|| setup.input("target")).transpose()?,
         };
         let [roll, pitch, yaw] = config.imu_rpy;
         Ok(Self {
@@ -214,12 +233,13 @@ impl Component for NetworkPolicy {
             output: setup.output("action")?,
             default_command: setup.parameter_array("command")?,
             imu_rotation: UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-            last_action: vec![0.0; policy.action.joints.len()],
+            last_action: vec![0.0; policy.outputs()],
             episode: 0,
             steps: 0,
             waiting: 0,
             network,
             observer,
+            points,
             policy,
             targets,
             config,
@@ -268,13 +288,14 @@ impl NetworkPolicy {
     /// Reads all terms into the assembly. Returns `false` and leaves the assembly unchanged while a
     /// measurement is missing or too old.
     fn observe(&mut self) -> Result<bool, StepError> {
-        let Self { inputs, policy, config, observer, .. } = self;
+        let Self { inputs, policy, config, observer, points, .. } = self;
         let longest = config.state_timeout.ns;
         let is_ready = is_fresh(&mut inputs.joints, longest)
             && is_fresh(&mut inputs.base_state, longest)
             && is_fresh(&mut inputs.base_estimate, longest)
             && is_fresh(&mut inputs.imu, longest)
-            && is_fresh(&mut inputs.heights, longest);
+            && is_fresh(&mut inputs.heights, longest)
+            && is_fresh(&mut inputs.target, longest);
         if !is_ready {
             return Ok(false);
         }
@@ -304,13 +325,25 @@ impl NetworkPolicy {
                 "the height scan has another number of heights than the policy has rays",
             ));
         }
+        let positions = joints.as_ref().map_or(&[][..], |state| state.position());
+        let velocities = joints.as_ref().map_or(&[][..], |state| state.velocity());
+        if let Some(target) = current(&inputs.target) {
+            points.set_target(target.position);
+        }
+        if points.joints() > positions.len() {
+            return Err(StepError::failed(
+                "the joint state has another number of joints than the robot's model",
+            ));
+        }
+        points.locate((positions, velocities), &[]);
         observer.observe(&Measurements {
-            positions: joints.as_ref().map_or(&[][..], |state| state.position()),
-            velocities: joints.as_ref().map_or(&[][..], |state| state.velocity()),
+            positions,
+            velocities,
             base: BaseMotion { linear_velocity, angular_velocity, gravity },
             command,
             last_action: &self.last_action,
             heights,
+            points: points.observed(),
             time: self.steps as f64 / policy.rate,
         });
         Ok(true)

@@ -9,7 +9,7 @@ use motorium::state::{Action, BaseState, ImuSample, JointState};
 use motorium::transport::{Input, Output};
 use motorium::worker::Kind;
 use motorium_models::{inference::Unary, onnx};
-use motorium_policies::NetworkPolicy;
+use motorium_policies::{JointTargetsPolicy, NetworkPolicy};
 use serde_json::json;
 
 use crate::support;
@@ -226,6 +226,42 @@ fn a_missing_policy_is_refused_with_its_file() {
     assert_eq!(error.key.as_deref(), Some("policy"));
     assert!(error.message.contains("nowhere/policy.toml: "), "{}", error.message);
     assert!(error.advice.unwrap().contains("folder with policy.toml"));
+}
+
+#[test]
+fn points_on_objects_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), [0, 1]);
+    let point = "{ term = \"point_position\", points = [\"ball\", \"link3\"] }";
+    let terms = TERMS.replace("{ term = \"base_linear_velocity\" }", point);
+    std::fs::write(folder.path().join("policy.toml"), terms).unwrap();
+    let error = support::refusal::<NetworkPolicy>(
+        json!({ "policy": folder.path() }),
+        Some("planar-3r"),
+        folder.path(),
+    );
+    assert_eq!(error.key.as_deref(), Some("policy"));
+    assert!(error.message.starts_with("\"ball\" is no link of the robot"), "{}", error.message);
+}
+
+#[test]
+fn joint_targets_of_a_pattern_have_no_limits() {
+    const PATTERN: &str = r#"
+[pattern]
+gait = "GAIT"
+frequency = [1.0, 2.0]
+amplitude = [0.0, 1.0]
+legs = [[{ joint = "joint1", amplitude = 0.1 }], [{ joint = "joint3", amplitude = 0.1 }]]
+"#;
+    let folder = tempfile::tempdir().unwrap();
+    let key = |gait: &str, config: serde_json::Value| {
+        let text = format!("{TERMS}{}", PATTERN.replace("GAIT", gait));
+        std::fs::write(folder.path().join("policy.toml"), text).unwrap();
+        support::refusal::<JointTargetsPolicy>(config, Some("planar-3r"), folder.path()).key.unwrap()
+    };
+    assert_eq!(key("walk", json!({ "policy": folder.path(), "interpolate": true })), "interpolate");
+    assert_eq!(key("walk", json!({ "policy": folder.path(), "limits": {} })), "limits");
+    assert_eq!(key("trot", json!({ "policy": folder.path() })), "policy", "two legs do not trot");
 }
 
 #[test]

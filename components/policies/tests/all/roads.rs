@@ -4,15 +4,17 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
 
+use motorium::declare::RobotReference;
 use motorium::graph::{self, Machine};
 use motorium::launcher::Options;
 use motorium::session::{self, Session};
-use motorium::state::{Observation, Randomisation, Reward, TwistTarget};
+use motorium::state::{BaseState, Observation, Randomisation, Reward, TwistTarget};
 use motorium::worker::{Registry, RobotSource};
 use motorium_learners::environment::{Environment, Scene};
 use motorium_learners::task::{End, Task};
 use motorium_models::policy::PolicyFolder;
 use motorium_models::{inference::Unary, onnx};
+use motorium_physics::Simulator as _;
 
 /// Numbers of an episode as bits.
 #[derive(Debug, Default, PartialEq)]
@@ -30,7 +32,7 @@ fn bits(numbers: &[f64]) -> Vec<u64> {
 /// Writes a policy with two layers of random weights, at most `largest`, for a task.
 fn write_policy(task: &Task, folder: &Path, largest: f32) {
     let policy = task.policy().unwrap();
-    let (inputs, outputs) = (policy.inputs().unwrap(), policy.action.joints.len());
+    let (inputs, outputs) = (policy.inputs().unwrap(), policy.outputs());
     let mut state = 7_u64;
     let mut random = |count: usize| -> Vec<f32> {
         (0..count)
@@ -55,6 +57,7 @@ fn graph_text(task: &toml::Table, plant: bool) -> String {
     let policy_hz = physics_hz / decimation as f64;
     let (robot, position) = (&task["robot"], &task["start"]["position"]);
     let randomise = toml::to_string(&task["randomise"]).unwrap();
+    let target = if task.contains_key("command") { ", target = \"target\"" } else { "" };
     format!(
         r#"
 name = "roads"
@@ -85,14 +88,14 @@ robot = "one"
 rate = "{policy_hz} Hz"
 ends_episode = true
 subscribe = {{ joint_state = "state", action = "action" }}
-publish = {{ observation = "observation", reward = "reward" }}
+publish = {{ observation = "observation", reward = "reward"{target} }}
 config = {{ task = "task.toml" }}
 
 [component.policy]
 kind = "policy.network"
 robot = "one"
 rate = "{policy_hz} Hz"
-subscribe = {{ joint_state = "state" }}
+subscribe = {{ joint_state = "state"{target} }}
 publish = {{ action = "action" }}
 config = {{ policy = "policy" }}
 
@@ -179,12 +182,24 @@ fn environment_episode(task: &Task, folder: &Path, seed: u64) -> Record {
     record
 }
 
-/// A task of the project in a folder, with a random policy, without the spread of velocities that physics in
-/// a graph does not have.
+/// A task of the project in a folder, with its robot and a random policy, without the spread of velocities that
+/// physics in a graph does not have. A target has one place: in a graph it depends on the name of the component.
 fn prepare(name: &str, folder: &Path) -> (Task, toml::Table) {
-    let file = format!("{}/../../tasks/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    let mut table: toml::Table = std::fs::read_to_string(file).unwrap().parse().unwrap();
+    let tasks = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks"));
+    let mut table: toml::Table =
+        std::fs::read_to_string(tasks.join(format!("{name}.toml"))).unwrap().parse().unwrap();
     table["start"].as_table_mut().unwrap().remove("velocity_spread");
+    if let Some(command) = table.get_mut("command") {
+        command["target"] = toml::Value::try_from([[0.07, 0.07], [-0.11, -0.11], [0.0, 0.0]]).unwrap();
+    }
+    let robot = table["robot"].as_str().unwrap();
+    if tasks.join(robot).is_file() {
+        std::fs::create_dir(folder.join(name)).unwrap();
+        // the model and its profile
+        for file in [Path::new(robot).to_path_buf(), Path::new(robot).with_extension("toml")] {
+            std::fs::copy(tasks.join(&file), folder.join(&file)).unwrap();
+        }
+    }
     let text = toml::to_string(&table).unwrap();
     std::fs::write(folder.join("task.toml"), &text).unwrap();
     let task = Task::parse(&text).unwrap();
@@ -195,7 +210,7 @@ fn prepare(name: &str, folder: &Path) -> (Task, toml::Table) {
 #[test]
 fn graphs_and_environments_agree_to_the_bit() {
     let mut ends = HashSet::new();
-    for name in ["cart-pole", "pendulum", "acrobot"] {
+    for name in ["cart-pole", "pendulum", "acrobot", "reacher"] {
         let folder = tempfile::tempdir().unwrap();
         let (task, table) = prepare(name, folder.path());
         let episodes = graph_episodes(folder.path(), graph_text(&table, true), &[11, 12, 11]);
@@ -299,6 +314,89 @@ fn a_quadruped_without_actions_stands_in_its_environment() {
     let mut environment = Environment::new(&task, simulation, 1, 0).unwrap();
     let episode = environment.run_episode(|_, action| action.fill(0.0)).unwrap();
     assert_eq!((episode.steps, episode.end), (task.steps(), End::Truncated));
+}
+
+#[test]
+fn tasks_with_objects_are_refused_in_graphs() {
+    let [kind] = motorium_learners::kinds();
+    let tasks = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks"));
+    let robot = RobotReference {
+        name: "paddles".into(),
+        urdf: "../graphs/ping-pong/paddles.urdf".into(),
+        base: tasks.into(),
+        ..RobotReference::default()
+    };
+    let config = serde_json::json!({ "task": tasks.join("ping-pong.toml") });
+    let error = kind.declare(config, Some(robot)).unwrap_err().error;
+    assert_eq!(error.key.as_deref(), Some("task"));
+    assert!(error.message.starts_with("\"red ball\" is no link"), "{}", error.message);
+}
+
+#[test]
+fn a_quadruped_walks_by_the_pattern_of_its_policy() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks/quadruped-cpg.toml");
+    let text = std::fs::read_to_string(file).unwrap();
+    // zero actions command the middle of all ranges
+    let task = Task::parse(&text).unwrap();
+    std::fs::write(folder.path().join("task.toml"), text).unwrap();
+    write_policy(&task, &folder.path().join("policy"), 0.0);
+    let graph = r#"
+name = "walk"
+clock = "lockstep"
+duration = "60 s"
+
+[robot.one]
+urdf = "quadruped"
+
+[component.physics]
+kind = "physics.articulated"
+robot = "one"
+rate = "200 Hz"
+subscribe = { joint_command = "command" }
+publish = { joint_state = "state", base_state = "base", contacts = "contacts" }
+config = { plant = true, world = { ground = {} } }
+
+[component.task]
+kind = "learner.task"
+robot = "one"
+rate = "10 Hz"
+ends_episode = true
+subscribe = { joint_state = "state", base_state = "base", contacts = "contacts", action = "action" }
+publish = { observation = "observation", reward = "reward", command = "desired" }
+config = { task = "task.toml" }
+
+[component.policy]
+kind = "policy.network"
+robot = "one"
+rate = "10 Hz"
+subscribe = { joint_state = "state", base_state = "base", command = "desired" }
+publish = { action = "action" }
+config = { policy = "policy", attitude = "base_state" }
+
+[component.drives]
+kind = "policy.joint_targets"
+robot = "one"
+trigger = "state"
+subscribe = { joint_state = "state", action = "action" }
+publish = { joint_command = "command" }
+config = { policy = "policy" }
+"#;
+    let mut session = launch(folder.path(), graph.to_owned());
+    session.read::<Reward>("reward").unwrap();
+    session.step_until(Duration::from_millis(5990)).unwrap();
+    let reward = session.read::<Reward>("reward").unwrap().unwrap().value;
+    assert!(!reward.is_last() && reward.step >= 57, "it does not fall: {reward:?}");
+    let travelled = session.read::<BaseState>("base").unwrap().unwrap().value.position[0];
+    // the environment of training walks as far
+    let simulation = Scene::load(&task, folder.path()).unwrap().simulation().unwrap();
+    let mut environment = Environment::new(&task, simulation, 1, 0).unwrap();
+    environment.reset().unwrap();
+    for _ in 0..60 {
+        environment.step(&[0.0; 14]);
+    }
+    let expected = environment.simulation().configuration()[0];
+    assert!(travelled > 0.4 && (travelled - expected).abs() < 0.25, "{travelled} m, {expected} m");
 }
 
 #[test]

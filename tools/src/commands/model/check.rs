@@ -39,6 +39,16 @@ struct Report {
     inputs: usize,
     terms: Vec<Term>,
     joints: Vec<Joint>,
+    /// Outputs after the joints', which command a pattern generator.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pattern: Vec<PatternOutput>,
+}
+
+#[derive(Debug, Serialize)]
+struct PatternOutput {
+    name: &'static str,
+    policy_index: usize,
+    range: [f64; 2],
 }
 
 #[derive(Debug, Serialize)]
@@ -99,7 +109,16 @@ impl Check {
             default: policy.action.default_pose[policy_index],
         };
         let joints = targets.targets().iter().enumerate().map(joint).collect();
-        let report = Report { robot: name, rate_hz: policy.rate, inputs: first, terms, joints };
+        let ranges = policy
+            .pattern
+            .iter()
+            .flat_map(|pattern| [("frequency", pattern.frequency), ("amplitude", pattern.amplitude)]);
+        let pattern = ranges.enumerate().map(|(index, (name, range))| {
+            let policy_index = policy.action.joints.len() + index;
+            PatternOutput { name, policy_index, range }
+        });
+        let pattern = pattern.collect();
+        let report = Report { robot: name, rate_hz: policy.rate, inputs: first, terms, joints, pattern };
         if self.json {
             outln!("{}", serde_json::to_string(&report)?);
         } else {
@@ -117,5 +136,8 @@ fn print(report: &Report) {
     }
     for Joint { name, policy_index, robot_index, scale, default } in &report.joints {
         outln!("  action {policy_index} -> joint {robot_index} {name}: {default} + {scale} x action");
+    }
+    for PatternOutput { name, policy_index, range: [low, high] } in &report.pattern {
+        outln!("  action {policy_index} -> {name} of the pattern: {low} to {high}");
     }
 }

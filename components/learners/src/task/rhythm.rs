@@ -1,0 +1,97 @@
+//! The pattern generator of a task: an action commands its frequency, its amplitude and the centre of each
+//! joint's oscillation.
+
+use motorium_models::policy::{JointTargets, Pattern, Policy};
+use motorium_primitives::cpg::{Gait, NetworkSettings, Node, PhaseNetwork};
+
+use super::TaskError;
+
+/// The phase-amplitude network of a [`Pattern`], as in `policy.cpg`: the same in environments and in
+/// `policy.joint_targets`. Only [`new`](Self::new) and [`clone`](Clone::clone) allocate.
+#[derive(Clone, Debug)]
+pub struct Rhythm {
+    network: PhaseNetwork,
+    /// The network at the start of an episode.
+    start: PhaseNetwork,
+    pattern: Pattern,
+    clip: [f64; 2],
+    /// For each node its joint, by the index in the action, and its amplitude.
+    nodes: Vec<(usize, f64)>,
+}
+
+impl Rhythm {
+    /// The pattern generator of a policy; `None` if it has none.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`] where the gait is unknown or not defined for the number of legs.
+    pub fn new(policy: &Policy) -> Result<Option<Self>, TaskError> {
+        let Some(pattern) = policy.pattern.clone() else { return Ok(None) };
+        let legs = pattern.legs.len();
+        let gaits = Gait::for_legs(legs);
+        let phases = gaits.iter().find(|gait| gait.name() == pattern.gait).map(|gait| gait.phases(legs));
+        let Some(Ok(phases)) = phases else {
+            let names: Vec<&str> = gaits.iter().map(|gait| gait.name()).collect();
+            let expected = if names.is_empty() {
+                format!("two, four or six legs, not {legs}")
+            } else {
+                format!("a gait of {legs} legs: {}", names.join(", "))
+            };
+            return Err(TaskError::value("pattern.gait", format!("\"{}\"", pattern.gait), expected));
+        };
+        let action = &policy.action;
+        let (mut nodes, mut joints) = (Vec::new(), Vec::new());
+        for (leg, phase) in pattern.legs.iter().zip(phases) {
+            for joint in leg {
+                let Some(index) = action.joints.iter().position(|name| *name == joint.joint) else {
+                    continue;
+                };
+                joints.push((index, joint.amplitude));
+                nodes.push(Node {
+                    amplitude: joint.amplitude,
+                    offset: action.default_pose[index],
+                    phase: phase + joint.phase,
+                });
+            }
+        }
+        let weights = PhaseNetwork::all_to_all(&nodes, pattern.coupling);
+        let frequency = f64::midpoint(pattern.frequency[0], pattern.frequency[1]);
+        let settings = NetworkSettings { frequency, ..NetworkSettings::default() };
+        let network = PhaseNetwork::new(&nodes, weights, settings)
+            .map_err(|error| TaskError::value("pattern", error, "a pattern generator"))?;
+        let clip = action.clip.unwrap_or([-1.0, 1.0]);
+        Ok(Some(Self { start: network.clone(), network, pattern, clip, nodes: joints }))
+    }
+
+    /// Returns to the start of an episode: at rest, without an amplitude.
+    pub fn reset(&mut self) {
+        self.network.clone_from(&self.start);
+    }
+
+    /// Commands the parameters of an action within its bounds: a number for each joint, then frequency and
+    /// amplitude. False for numbers that are not finite.
+    ///
+    /// # Panics
+    ///
+    /// If the action has fewer numbers.
+    pub fn command(&mut self, targets: &JointTargets, action: &[f64]) -> bool {
+        let outputs = [0, 1].map(|index| action[targets.targets().len() + index]);
+        let [frequency, scale] = self.pattern.parameters(outputs, self.clip);
+        let Self { network, nodes, .. } = self;
+        network.set_frequency(frequency).is_ok()
+            && nodes.iter().enumerate().all(|(node, (joint, amplitude))| {
+                let centre = targets.target(*joint, action[*joint]);
+                network.set_amplitude_offset(node, scale * amplitude, centre).is_ok()
+            })
+    }
+
+    /// Advances by a time \[s\].
+    pub fn step(&mut self, dt: f64) {
+        self.network.step(dt);
+    }
+
+    /// Joint of each oscillation, by its index in the action, and its target.
+    pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.nodes.iter().map(|(joint, _)| *joint).zip(self.network.output().iter().copied())
+    }
+}
