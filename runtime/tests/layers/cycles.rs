@@ -23,7 +23,7 @@ const PARENTS: &[(&str, usize)] = &[
     ("components/can", 25),
     ("components/control", 22),
     ("components/learners", 1),
-    ("components/models", 5),
+    ("components/models", 4),
     ("components/physics", 6),
     ("robots", 14),
     ("runtime", 39),

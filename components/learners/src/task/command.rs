@@ -6,8 +6,8 @@ use serde::Deserialize;
 use super::TaskError;
 use crate::random::{Counter, Purpose};
 
-/// Ranges of the desired velocity of a base, or of the position of a target, sampled uniformly at the start of
-/// an episode and after every interval.
+/// Ranges of the desired velocity of a base, or of the position of a target, sampled uniformly at the start
+/// of an episode and after every interval.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandRanges {

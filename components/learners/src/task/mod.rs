@@ -80,7 +80,8 @@ pub struct Task {
     pub observations: Vec<toml::Value>,
     /// Action, as in `policy.toml`.
     pub action: toml::Table,
-    /// Pattern generator that the action commands, as in `policy.toml`. Default: the action commands the joints.
+    /// Pattern generator that the action commands, as in `policy.toml`. Default: the action commands the
+    /// joints.
     pub pattern: Option<Pattern>,
     /// Terms of the reward; it is their sum.
     pub rewards: Vec<Reward>,

@@ -1,5 +1,5 @@
-//! Points whose positions and velocities a task or a policy observes: origins of links, centres of objects, and
-//! the target.
+//! Points whose positions and velocities a task or a policy observes: origins of links, centres of objects,
+//! and the target.
 
 use motorium_models::policy::{Policy, TARGET, Term};
 use motorium_robots::{FrameId, Kinematics, Model};

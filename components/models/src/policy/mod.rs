@@ -28,6 +28,7 @@
 mod action;
 mod assembly;
 mod chunk;
+mod error;
 mod folder;
 mod import;
 mod numbers;
@@ -40,6 +41,7 @@ use serde::{Deserialize, Serialize};
 pub use action::{Action, ActionKind};
 pub use assembly::Assembly;
 pub use chunk::{Chunk, ChunkArrival, ChunkError, ChunkPlan, ChunkTiming};
+pub use error::PolicyError;
 pub use folder::{NetworkMismatch, PolicyFolder, PolicyFolderError, PolicyNetwork};
 pub use import::{ImportError, ImportOptions, import_mjlab, import_weights};
 pub use numbers::Numbers;
@@ -170,35 +172,6 @@ fn is_ordered(clip: &Option<[f64; 2]>) -> bool {
     clip.is_none_or(|[low, high]| low < high)
 }
 
-/// The policy is invalid.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum PolicyError {
-    /// The file does not parse.
-    #[error("line {line}, column {column}: {message}")]
-    Parse {
-        /// Line, from 1.
-        line: usize,
-        /// Column, from 1.
-        column: usize,
-        /// The defect and the expected syntax.
-        message: String,
-    },
-    /// A value is out of range.
-    #[error("`{key}`: {message}")]
-    Value {
-        /// The key.
-        key: String,
-        /// The value found and the value expected.
-        message: String,
-    },
-    /// The joints of the policy and the robot differ.
-    #[error("{message}; help: rename the joints in `action.joints`, in the order of the network's outputs")]
-    Joints {
-        /// The missing joints.
-        message: String,
-    },
-}
-
 impl Policy {
     /// Parses the text of a `policy.toml`.
     ///
@@ -234,7 +207,7 @@ impl Policy {
         }
         self.action.check("action.")?;
         if let Some(pattern) = &self.pattern {
-            pattern.check(self)?;
+            pattern.check(&self.action)?;
         }
         for (index, observation) in self.observations.iter().enumerate() {
             let key = |name: &str| format!("observations[{index}].{name}");
@@ -306,7 +279,8 @@ impl Policy {
         }
     }
 
-    /// Returns the number of the network's outputs: one for each joint, and those of the pattern.
+    /// Returns the number of the network's outputs: one for each joint, and [`Pattern::OUTPUTS`] with a
+    /// pattern.
     pub fn outputs(&self) -> usize {
         self.action.joints.len() + self.pattern.as_ref().map_or(0, |_| Pattern::OUTPUTS)
     }

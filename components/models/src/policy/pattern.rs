@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ActionKind, Policy, PolicyError};
+use super::{Action, ActionKind, PolicyError};
 
 /// A central pattern generator between the network and the drives. Each number of the action for a joint then
 /// commands the centre of the joint's oscillation, and two more numbers command the frequency and the
@@ -53,14 +53,14 @@ impl Pattern {
         [value(outputs[0], self.frequency), value(outputs[1], self.amplitude)]
     }
 
-    pub(super) fn check(&self, policy: &Policy) -> Result<(), PolicyError> {
+    pub(super) fn check(&self, action: &Action) -> Result<(), PolicyError> {
         let wrong =
             |key: &str, message: String| Err(PolicyError::Value { key: format!("pattern.{key}"), message });
-        if policy.action.clip.is_none() {
+        if action.clip.is_none() {
             let (key, message) = ("action.clip".to_owned(), "missing, expected for a pattern".to_owned());
             return Err(PolicyError::Value { key, message });
         }
-        if policy.action.kind != ActionKind::Position {
+        if action.kind != ActionKind::Position {
             let key = "action.kind".to_owned();
             return Err(PolicyError::Value { key, message: "expected position for a pattern".to_owned() });
         }
@@ -78,7 +78,7 @@ impl Pattern {
         }
         let joints: Vec<&PatternJoint> = self.legs.iter().flatten().collect();
         for (index, PatternJoint { joint, amplitude, phase }) in joints.iter().copied().enumerate() {
-            if !policy.action.joints.contains(joint) {
+            if !action.joints.contains(joint) {
                 return wrong("legs", format!("found \"{joint}\", expected a joint of the action"));
             }
             if joints[..index].iter().any(|other| other.joint == *joint) {

@@ -182,8 +182,9 @@ fn environment_episode(task: &Task, folder: &Path, seed: u64) -> Record {
     record
 }
 
-/// A task of the project in a folder, with its robot and a random policy, without the spread of velocities that
-/// physics in a graph does not have. A target has one place: in a graph it depends on the name of the component.
+/// A task of the project in a folder, with its robot and a random policy, without the spread of velocities
+/// that physics in a graph does not have. A target has one place: in a graph it depends on the name of the
+/// component.
 fn prepare(name: &str, folder: &Path) -> (Task, toml::Table) {
     let tasks = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks"));
     let mut table: toml::Table =
