@@ -5,21 +5,18 @@ use std::process::ExitCode;
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::program::{Program, run_worker};
-use motorium::worker::{Kind, Registry, RobotSource};
+use motorium::worker::{Registry, RobotSource};
 use motorium_benches::Role;
 use motorium_benches::host::Loader;
 use motorium_benches::latency::{Bench, Case, catalogue, targets};
-use motorium_benches::relay::Relay;
 use motorium_benches::timer::Places;
 
 fn no_robots(_: &RobotReference) -> Result<Vec<String>, ConfigError> {
     Err(ConfigError::new("this program knows no robots"))
 }
 
-/// The components of chains and of the measurement of the command gate.
 fn registry() -> Registry {
-    let kinds = [Kind::of::<Relay>()].into_iter().chain(motorium_benches::gate::kinds());
-    Registry::new(RobotSource { check: no_robots }, kinds)
+    Registry::new(RobotSource { check: no_robots }, motorium_benches::kinds())
 }
 
 fn main() -> ExitCode {

@@ -34,6 +34,14 @@ pub enum MeasureError {
     /// The graph of a measurement ended early.
     #[error("the graph of the measurement ended early: {0}")]
     Ended(String),
+    /// Values of a queue were not read.
+    #[error("{lost} values were lost, {read} were read, expected every value")]
+    Lost {
+        /// Number of missing values.
+        lost: u64,
+        /// Number of values read.
+        read: u64,
+    },
     /// The user requested the end.
     #[error("interrupted")]
     Interrupted,

@@ -27,14 +27,14 @@ const NOTED: usize = 1 << 16;
 /// Returns the kinds of both components, for the host program.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
-pub fn kinds() -> [Kind; 2] {
+pub(crate) fn kinds() -> [Kind; 2] {
     [Kind::of::<Commander>(), Kind::of::<Actuator>()]
 }
 
 /// The `config` table of `bench.commander`.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct CommanderConfig {}
+pub(crate) struct CommanderConfig {}
 
 /// Commands all joints along a slow wave, well within their limits.
 struct Commander {
@@ -73,7 +73,7 @@ impl Component for Commander {
 /// The `config` table of `bench.actuator`.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct ActuatorConfig {
+pub(crate) struct ActuatorConfig {
     /// True if the commands pass through the gate.
     gated: bool,
 }

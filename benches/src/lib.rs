@@ -3,8 +3,9 @@
 //! `motorium bench latency` runs them; `cargo bench -p motorium-benches` runs the measurements of the models.
 
 pub mod distribution;
+mod episodes;
 mod error;
-pub mod gate;
+mod gate;
 pub mod graphs;
 pub mod host;
 pub mod kill;
@@ -14,11 +15,20 @@ pub mod payload;
 pub mod peers;
 mod processes;
 mod raw_chain;
+mod raw_ports;
 mod read;
-pub mod relay;
+mod relay;
 mod role;
 pub mod timer;
 
 pub use distribution::Distribution;
 pub use error::MeasureError;
 pub use role::Role;
+
+use motorium::worker::Kind;
+
+/// Returns the kinds of the measured components, for the program that hosts them.
+pub fn kinds() -> impl Iterator<Item = Kind> {
+    let kinds = [relay::kind(), episodes::kind()].into_iter();
+    kinds.chain(gate::kinds()).chain(raw_ports::kinds())
+}

@@ -15,7 +15,7 @@ use crate::payload::{Payload, PayloadVisitor, SIZES, with_payload};
 /// The `config` table of `bench.relay`.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RelayConfig {
+pub(crate) struct RelayConfig {
     /// Size of the payload: 64, 512, 4096, 65536 or 1048576 bytes.
     #[serde(default = "default_bytes")]
     bytes: usize,
@@ -28,13 +28,13 @@ fn default_bytes() -> usize {
 /// Returns the kind of the component, for the host program.
 // Not inlined, as required by `Kind::of`.
 #[inline(never)]
-pub fn kind() -> Kind {
+pub(crate) fn kind() -> Kind {
     Kind::of::<Relay>()
 }
 
 /// Reads all of a payload and writes all of the next. Without an input it is the head of a chain, without an
 /// output its tail, and the one that measures.
-pub struct Relay {
+pub(crate) struct Relay {
     ports: Box<dyn Ports>,
     passes_on: bool,
     way: Histogram,

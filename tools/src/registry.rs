@@ -33,9 +33,12 @@ pub(crate) fn registry() -> Registry {
 
 /// The kinds that a graph may use, and kinds only used by the graphs of benchmarks and replays.
 pub(crate) fn with_hidden() -> Registry {
-    let hidden = [motorium_benches::relay::kind(), motorium_bridges::recording::replay_kind()];
-    let kinds = kinds().into_iter().chain(hidden).chain(motorium_benches::gate::kinds());
-    known(kinds)
+    known(
+        kinds()
+            .into_iter()
+            .chain([motorium_bridges::recording::replay_kind()])
+            .chain(motorium_benches::kinds()),
+    )
 }
 
 /// A registry of kinds with the robots and the files of worlds that the command reads.

@@ -9,6 +9,7 @@ use motorium::region::Region;
 use motorium::run_folder::RunFolder;
 use motorium::session;
 use motorium::worker::Registry;
+use serde::de::DeserializeOwned;
 
 use crate::host::Causes;
 use crate::{Distribution, MeasureError};
@@ -25,8 +26,8 @@ pub struct Ran {
 }
 
 impl Ran {
-    /// Returns a distribution from the result of a `bench.relay`.
-    pub fn relayed(&self, component: &str, what: &str) -> Option<Distribution> {
+    /// Returns a value from the result of a component.
+    pub fn result<T: DeserializeOwned>(&self, component: &str, what: &str) -> Option<T> {
         serde_json::from_value(self.report.results.get(component)?.get(what)?.clone()).ok()
     }
 

@@ -4,4 +4,4 @@ mod launch;
 mod shapes;
 
 pub use launch::{Ran, run, run_traced};
-pub use shapes::{caterpillar, chain, fan_out, gate, panda, release};
+pub use shapes::{caterpillar, chain, episodes, fan_out, gate, panda, raw_ports, release};

@@ -75,6 +75,26 @@ pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
     )
 }
 
+/// Episodes of 50 steps at 1 kHz, begun by the one component.
+pub fn episodes(seconds: u32, core: usize) -> String {
+    format!(
+        "name = \"bench-episodes\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n\
+         [component.counter]\nkind = \"bench.episodes\"\nrate = \"1 kHz\"\nbegins_episodes = true\n"
+    )
+}
+
+/// A source of values at 10 kHz on a raw port, one at a time or slices, and the sink that it triggers, on one
+/// core.
+pub fn raw_ports(slices: bool, seconds: u32, core: usize) -> String {
+    format!(
+        "name = \"bench-raw\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.source]\n\
+         kind = \"bench.raw_source\"\nrate = \"10 kHz\"\npublish = {{ values = \"bench/values\" }}\n\
+         config = {{ slices = {slices} }}\n[component.sink]\nkind = \"bench.raw_sink\"\n\
+         trigger = \"bench/values\"\nsubscribe = {{ values = \"bench/values\" }}\n\
+         config = {{ slices = {slices} }}\n"
+    )
+}
+
 /// The Panda loop: physics, encoder, policy, controller at 1 kHz, from state to command.
 pub fn panda(seconds: u32) -> String {
     PANDA.replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
@@ -86,24 +106,23 @@ mod tests {
 
     use motorium::declare::{ConfigError, RobotReference};
     use motorium::graph::{self, Machine};
-    use motorium::worker::{Kind, Registry, RobotSource};
+    use motorium::worker::{Registry, RobotSource};
 
     use super::*;
-    use crate::relay::Relay;
 
     fn no_robots(_: &RobotReference) -> Result<Vec<String>, ConfigError> {
         Err(ConfigError::new("none here"))
     }
 
     #[test]
-    fn every_graph_of_relays_and_of_gates_can_run() {
-        let kinds = crate::gate::kinds().into_iter().chain([Kind::of::<Relay>()]);
-        let registry = Registry::new(RobotSource { check: no_robots }, kinds);
+    fn measured_graphs_can_run() {
+        let registry = Registry::new(RobotSource { check: no_robots }, crate::kinds());
         let machine = Machine::detect();
         let core = motorium::os::machine::online_cores()[0];
         let graphs = [release(4_000, 1, core), chain(2, 1, core), chain(8, 1, core), caterpillar(1, core)];
         let more = [fan_out(1, 1, core), fan_out(8, 1, core), gate(true, 1, core), gate(false, 1, core)];
-        for text in graphs.into_iter().chain(more) {
+        let newer = [episodes(1, core), raw_ports(true, 1, core), raw_ports(false, 1, core)];
+        for text in graphs.into_iter().chain(more).chain(newer) {
             let checked = graph::check(Path::new("bench.toml"), text.clone(), &[], &registry, &machine);
             checked.unwrap_or_else(|error| panic!("{text}\n{}", error.render(false)));
         }

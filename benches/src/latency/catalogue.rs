@@ -35,6 +35,8 @@ enum Kind {
     Caterpillar,
     FanOut { readers: usize },
     Gate { gated: bool },
+    Episode { first: bool },
+    RawPorts { slices: bool },
     Panda,
     Read { bytes: usize, reader: Reader },
 }
@@ -65,6 +67,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("chain of 4", &["floor.chain.4", "chain.4"]),
     ("chain of 8", &["floor.chain.8", "chain.8", "chain.8.traced"]),
     ("command gate", &["floor.gate", "gate"]),
+    ("first step of an episode", &["floor.episode", "episode"]),
     ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
     ("Panda loop", &["panda", "panda.loaded"]),
     ("release at 1 kHz, under load", &["floor.timer.loaded", "release.1khz.loaded"]),
@@ -170,6 +173,14 @@ pub fn catalogue() -> Vec<Case> {
     add("floor.gate".into(), what, false, Kind::Gate { gated: false });
     let what = "a command of 7 joints applied through the command gate".to_string();
     add("gate".into(), what, false, Kind::Gate { gated: true });
+    let what = "release to first instruction of a step within an episode, 1 kHz".to_string();
+    add("floor.episode".into(), what, false, Kind::Episode { first: false });
+    let what = "the same of the first step of an episode".to_string();
+    add("episode".into(), what, false, Kind::Episode { first: true });
+    for (name, slices) in [("stream", false), ("slices", true)] {
+        let what = format!("raw port, {name} at 10 kHz: publication to reading, none lost");
+        add(format!("raw.{name}.10khz"), what, false, Kind::RawPorts { slices });
+    }
     add("panda".into(), "Panda loop, state to command".into(), false, Kind::Panda);
     for name in
         ["floor.timer", "floor.futex.same", "hop.blocking.same.512", "release.1khz", "chain.4", "panda"]
@@ -274,9 +285,24 @@ impl Case {
             }
             Kind::Gate { gated } => {
                 let ran = bench.launch(graphs::gate(*gated, bench.seconds, core))?;
-                let seen = ran.relayed("actuator", "step_ns");
+                let seen = ran.result("actuator", "step_ns");
                 let none = || MeasureError::Ended("the actuator has followed no command".to_string());
                 Ok(graph(&ran, seen.ok_or_else(none)?))
+            }
+            Kind::Episode { first } => {
+                let ran = bench.launch(graphs::episodes(bench.seconds, core))?;
+                let seen = ran.result("counter", if *first { "first_ns" } else { "other_ns" });
+                let none = || MeasureError::Ended("no episode has begun".to_string());
+                Ok(graph(&ran, seen.ok_or_else(none)?))
+            }
+            Kind::RawPorts { slices } => {
+                let ran = bench.launch(graphs::raw_ports(*slices, bench.seconds, core))?;
+                let none = || MeasureError::Ended("the sink has read nothing".to_string());
+                let age: Distribution = ran.result("sink", "age_ns").ok_or_else(none)?;
+                match ran.result::<u64>("sink", "lost") {
+                    Some(0) => Ok(graph(&ran, age)),
+                    lost => Err(MeasureError::Lost { lost: lost.unwrap_or_default(), read: age.count }),
+                }
             }
             Kind::Panda => {
                 let ran = bench.launch(graphs::panda(bench.panda_seconds))?;
@@ -294,7 +320,7 @@ impl Bench<'_> {
 
 /// Latency from the head of a chain to a relay's read of the payload.
 fn way(ran: &Ran, relay: &str) -> Result<Outcome, MeasureError> {
-    let seen = ran.relayed(relay, "way_ns");
+    let seen = ran.result(relay, "way_ns");
     let seen = seen.ok_or_else(|| MeasureError::Ended(format!("`{relay}` has read nothing")))?;
     Ok(graph(ran, seen))
 }

@@ -139,6 +139,8 @@ fn floor_of(name: &str, is_there: impl Fn(&str) -> bool) -> Option<String> {
         ("chain.", "floor.futex.same"),
         ("fan-out.", "floor.futex.same"),
         ("gate", "floor.gate"),
+        ("episode", "floor.episode"),
+        ("raw.", "floor.futex.same"),
         ("panda", "floor.futex.same"),
         ("peer.cyclictest", "floor.timer"),
         ("peer.", "floor.futex.across"),

@@ -135,6 +135,13 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
         "gate",
     ),
     (
+        "first step of an episode beyond any other step, p50",
+        0.3,
+        "us",
+        |seen| seen.beyond("episode", "floor.episode", 1.0),
+        "episode",
+    ),
+    (
         "chain of 8 processes on one core, each step traced, p50 / without a trace",
         1.05,
         "",
