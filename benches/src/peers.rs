@@ -73,7 +73,7 @@ fn shown(times: &[f64]) -> String {
 }
 
 /// Processor time of this program, which does not advance while other programs have the processor.
-fn now() -> Duration {
+pub fn processor_time() -> Duration {
     let now = clock_gettime(ClockId::ProcessCPUTime);
     Duration::new(now.tv_sec.unsigned_abs(), u32::try_from(now.tv_nsec).unwrap_or_default())
 }
@@ -82,11 +82,11 @@ fn now() -> Duration {
 fn seconds(work: &mut Work) -> f64 {
     let mut calls = 1_u32;
     loop {
-        let start = now();
+        let start = processor_time();
         for _ in 0..calls {
             (work.run)();
         }
-        let elapsed = (now() - start).as_secs_f64();
+        let elapsed = (processor_time() - start).as_secs_f64();
         if elapsed >= TURN {
             return elapsed / f64::from(calls);
         }
@@ -94,7 +94,8 @@ fn seconds(work: &mut Work) -> f64 {
     }
 }
 
-struct Peer {
+/// A process of a script in `benches/peers` for one package.
+pub struct Peer {
     name: &'static str,
     child: Child,
     ask: ChildStdin,
@@ -103,7 +104,11 @@ struct Peer {
 }
 
 impl Peer {
-    fn start(script: &str, name: &'static str) -> Result<Self, String> {
+    /// Starts the script for a package.
+    ///
+    /// # Errors
+    /// It does not start or does not answer, as text.
+    pub fn start(script: &str, name: &'static str) -> Result<Self, String> {
         let python = std::env::var_os("MOTORIUM_PEER_PYTHON").unwrap_or_else(|| "python3".into());
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
         let mut child = Command::new(&python)
@@ -124,8 +129,16 @@ impl Peer {
         Ok(peer)
     }
 
-    /// Nanoseconds of one call.
-    fn measure(&mut self, work: &str) -> Result<f64, String> {
+    /// Names of the works that the package has.
+    pub fn works(&self) -> &[String] {
+        &self.works
+    }
+
+    /// Nanoseconds of processor time of one call of a work, or of all that its line describes.
+    ///
+    /// # Errors
+    /// No number is answered, as text.
+    pub fn measure(&mut self, work: &str) -> Result<f64, String> {
         writeln!(self.ask, "{work}").map_err(|error| format!("{} does not listen: {error}", self.name))?;
         let line = self.line()?;
         line.trim().parse().map_err(|_| format!("{} answers `{}`", self.name, line.trim()))

@@ -1,6 +1,8 @@
 //! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the
-//! searches are compared with cma and bayesian-optimization in one run.
+//! searches are compared with cma and bayesian-optimization in one run, with `--training-peers` the time until
+//! a policy balances the cart-pole with Stable-Baselines3.
 
+mod cart_pole;
 mod training;
 mod work;
 
@@ -13,6 +15,13 @@ fn main() {
     if std::env::args().any(|argument| argument == "--peers") {
         if let Err(error) = compare(&mut work::all(), "learning.py", &["cma", "bayesian-optimization"]) {
             eprintln!("no peers: {error}; pip install -r benches/peers/learning.txt");
+            std::process::exit(1);
+        }
+        return;
+    }
+    if std::env::args().any(|argument| argument == "--training-peers") {
+        if let Err(error) = cart_pole::compare() {
+            eprintln!("{error}; pip install -r benches/peers/training.txt");
             std::process::exit(1);
         }
         return;
