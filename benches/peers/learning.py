@@ -4,10 +4,9 @@ of one call.
     pip install -r benches/peers/learning.txt
 """
 
-import sys
-import time
-
 import numpy as np
+
+from turns import serve
 
 GENERATIONS, POINTS, DIMENSIONS = 200, 35, 6
 
@@ -53,20 +52,4 @@ def bayesian_optimization():
     return {"bayesian_6_at_35": search.suggest}
 
 
-def seconds(work, calls):
-    start = time.process_time()
-    for _ in range(calls):
-        work()
-    return (time.process_time() - start) / calls
-
-
-def main():
-    works = {"cma": cma, "bayesian-optimization": bayesian_optimization}[sys.argv[1]]()
-    print(" ".join(works), flush=True)
-    for line in sys.stdin:
-        work = works[line.strip()]
-        calls = max(1, int(0.001 / max(seconds(work, 1), 1e-7)))
-        print(seconds(work, calls) * 1e9, flush=True)
-
-
-main()
+serve({"cma": cma, "bayesian-optimization": bayesian_optimization})

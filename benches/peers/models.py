@@ -4,11 +4,11 @@ time of one call.
     pip install -r benches/peers/models.txt
 """
 
-import sys
-import time
 import warnings
 
 import numpy as np
+
+from turns import serve
 
 POSES, OUTPUTS, LATENTS, POINTS, INPUTS = 200, 14, 2, 200, 6
 LAYERS = [48, 256, 128, 64, 12]
@@ -115,22 +115,5 @@ def hmm_learn():
     }
 
 
-def seconds(work, calls):
-    start = time.process_time()
-    for _ in range(calls):
-        work()
-    return (time.process_time() - start) / calls
-
-
-def main():
-    warnings.filterwarnings("ignore")
-    packages = {"onnxruntime": onnx_runtime, "GPy": gpy, "scikit-learn": scikit_learn, "hmmlearn": hmm_learn}
-    works = packages[sys.argv[1]]()
-    print(" ".join(works), flush=True)
-    for line in sys.stdin:
-        work = works[line.strip()]
-        calls = max(1, int(0.001 / max(seconds(work, 1), 1e-7)))
-        print(seconds(work, calls) * 1e9, flush=True)
-
-
-main()
+warnings.filterwarnings("ignore")
+serve({"onnxruntime": onnx_runtime, "GPy": gpy, "scikit-learn": scikit_learn, "hmmlearn": hmm_learn})

@@ -4,10 +4,9 @@ processor time of one call.
     pip install -r benches/peers/primitives.txt
 """
 
-import sys
-import time
-
 import numpy as np
+
+from turns import serve
 
 DIMENSIONS, KERNELS, SAMPLES = 14, 50, 200
 
@@ -91,20 +90,4 @@ def pydmps():
     return {"step_classic": step, "fit_classic": fit, "rollout_classic": dmp.rollout}
 
 
-def seconds(work, calls):
-    start = time.process_time()
-    for _ in range(calls):
-        work()
-    return (time.process_time() - start) / calls
-
-
-def main():
-    works = {"movement_primitives": movement_primitives, "pydmps": pydmps}[sys.argv[1]]()
-    print(" ".join(works), flush=True)
-    for line in sys.stdin:
-        work = works[line.strip()]
-        calls = max(1, int(0.001 / max(seconds(work, 1), 1e-7)))
-        print(seconds(work, calls) * 1e9, flush=True)
-
-
-main()
+serve({"movement_primitives": movement_primitives, "pydmps": pydmps})
