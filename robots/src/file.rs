@@ -9,7 +9,7 @@ use std::path::Path;
 /// # Errors
 /// The system refuses, or the path names a folder, a device or a pipe, which may have no end, or too long a
 /// file.
-pub(crate) fn read_bounded(path: &Path, longest: u64) -> Result<Vec<u8>> {
+pub fn read_bounded(path: &Path, longest: u64) -> Result<Vec<u8>> {
     // Checked before opening: opening a pipe would block until its other end is open.
     let metadata = std::fs::metadata(path)?;
     if !metadata.is_file() {

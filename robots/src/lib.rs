@@ -104,6 +104,7 @@ pub use dynamics::{
     PARAMETERS, SingularMassMatrix, Wrench,
 };
 pub use end_effector::EndEffectorError;
+pub use file::read_bounded;
 pub use format::FileFormat;
 pub use geometry::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshMode,

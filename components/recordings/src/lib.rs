@@ -53,7 +53,6 @@ mod continuous;
 mod csv;
 mod error;
 mod even;
-mod file;
 mod json;
 mod names;
 mod read;
@@ -65,7 +64,7 @@ mod time;
 
 pub use continuous::Removed;
 pub use error::{Place, RecordingError};
-pub use file::read_bounded;
+pub use motorium_robots::read_bounded;
 pub use read::{is_recording, read, read_all, read_text};
 pub use selection::Selection;
 pub use skeleton::{Limb, Skeleton, Trunk};

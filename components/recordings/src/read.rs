@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use motorium_robots::read_bounded;
+
 use crate::error::{Place, RecordingError};
-use crate::file::read_bounded;
 use crate::{Recording, Selection, csv, json};
 
 /// Longest file, bytes: an hour of forty joints at 1 kHz as text.
