@@ -230,17 +230,22 @@ fn graphs_and_environments_agree_to_the_bit() {
     assert_eq!(ends.len(), 2, "terminal and truncated episodes");
 }
 
-#[test]
-fn a_quadruped_is_judged_over_its_topics() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks/quadruped-velocity.toml");
+/// Writes a task of the project, and a policy for it whose actions are zero.
+fn write_without_actions(name: &str, folder: &Path) -> Task {
+    let file =
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks")).join(name).with_extension("toml");
     let text = std::fs::read_to_string(file).unwrap();
-    // a policy whose actions are zero holds the default pose
     let task = Task::parse(&text).unwrap();
-    std::fs::write(folder.path().join("task.toml"), text).unwrap();
-    write_policy(&task, &folder.path().join("policy"), 0.0);
-    let graph = r#"
-name = "stand"
+    std::fs::write(folder.join("task.toml"), text).unwrap();
+    write_policy(&task, &folder.join("policy"), 0.0);
+    task
+}
+
+/// A graph of a quadruped on flat ground, its task and its policy at a rate.
+fn quadruped_graph(rate: &str) -> String {
+    format!(
+        r#"
+name = "quadruped"
 clock = "lockstep"
 duration = "60 s"
 
@@ -251,36 +256,44 @@ urdf = "quadruped"
 kind = "physics.articulated"
 robot = "one"
 rate = "200 Hz"
-subscribe = { joint_command = "command" }
-publish = { joint_state = "state", base_state = "base", contacts = "contacts" }
-config = { plant = true, world = { ground = {} } }
+subscribe = {{ joint_command = "command" }}
+publish = {{ joint_state = "state", base_state = "base", contacts = "contacts" }}
+config = {{ plant = true, world = {{ ground = {{}} }} }}
 
 [component.task]
 kind = "learner.task"
 robot = "one"
-rate = "50 Hz"
+rate = "{rate}"
 ends_episode = true
-subscribe = { joint_state = "state", base_state = "base", contacts = "contacts", action = "action" }
-publish = { observation = "observation", reward = "reward", command = "desired" }
-config = { task = "task.toml" }
+subscribe = {{ joint_state = "state", base_state = "base", contacts = "contacts", action = "action" }}
+publish = {{ observation = "observation", reward = "reward", command = "desired" }}
+config = {{ task = "task.toml" }}
 
 [component.policy]
 kind = "policy.network"
 robot = "one"
-rate = "50 Hz"
-subscribe = { joint_state = "state", base_state = "base", command = "desired" }
-publish = { action = "action" }
-config = { policy = "policy", attitude = "base_state" }
+rate = "{rate}"
+subscribe = {{ joint_state = "state", base_state = "base", command = "desired" }}
+publish = {{ action = "action" }}
+config = {{ policy = "policy", attitude = "base_state" }}
 
 [component.drives]
 kind = "policy.joint_targets"
 robot = "one"
 trigger = "state"
-subscribe = { joint_state = "state", action = "action" }
-publish = { joint_command = "command" }
-config = { policy = "policy" }
-"#;
-    let mut session = launch(folder.path(), graph.to_owned());
+subscribe = {{ joint_state = "state", action = "action" }}
+publish = {{ joint_command = "command" }}
+config = {{ policy = "policy" }}
+"#
+    )
+}
+
+#[test]
+fn a_quadruped_is_judged_over_its_topics() {
+    let folder = tempfile::tempdir().unwrap();
+    // a policy whose actions are zero holds the default pose
+    let task = write_without_actions("quadruped-velocity", folder.path());
+    let mut session = launch(folder.path(), quadruped_graph("50 Hz"));
     session.read::<Reward>("reward").unwrap();
     session.read::<Observation>("observation").unwrap();
     session.step_until(Duration::from_millis(990)).unwrap();
@@ -336,54 +349,9 @@ fn tasks_with_objects_are_refused_in_graphs() {
 #[test]
 fn a_quadruped_walks_by_the_pattern_of_its_policy() {
     let folder = tempfile::tempdir().unwrap();
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks/quadruped-cpg.toml");
-    let text = std::fs::read_to_string(file).unwrap();
     // zero actions command the middle of all ranges
-    let task = Task::parse(&text).unwrap();
-    std::fs::write(folder.path().join("task.toml"), text).unwrap();
-    write_policy(&task, &folder.path().join("policy"), 0.0);
-    let graph = r#"
-name = "walk"
-clock = "lockstep"
-duration = "60 s"
-
-[robot.one]
-urdf = "quadruped"
-
-[component.physics]
-kind = "physics.articulated"
-robot = "one"
-rate = "200 Hz"
-subscribe = { joint_command = "command" }
-publish = { joint_state = "state", base_state = "base", contacts = "contacts" }
-config = { plant = true, world = { ground = {} } }
-
-[component.task]
-kind = "learner.task"
-robot = "one"
-rate = "10 Hz"
-ends_episode = true
-subscribe = { joint_state = "state", base_state = "base", contacts = "contacts", action = "action" }
-publish = { observation = "observation", reward = "reward", command = "desired" }
-config = { task = "task.toml" }
-
-[component.policy]
-kind = "policy.network"
-robot = "one"
-rate = "10 Hz"
-subscribe = { joint_state = "state", base_state = "base", command = "desired" }
-publish = { action = "action" }
-config = { policy = "policy", attitude = "base_state" }
-
-[component.drives]
-kind = "policy.joint_targets"
-robot = "one"
-trigger = "state"
-subscribe = { joint_state = "state", action = "action" }
-publish = { joint_command = "command" }
-config = { policy = "policy" }
-"#;
-    let mut session = launch(folder.path(), graph.to_owned());
+    let task = write_without_actions("quadruped-cpg", folder.path());
+    let mut session = launch(folder.path(), quadruped_graph("10 Hz"));
     session.read::<Reward>("reward").unwrap();
     session.step_until(Duration::from_millis(5990)).unwrap();
     let reward = session.read::<Reward>("reward").unwrap().unwrap().value;
