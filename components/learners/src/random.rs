@@ -49,6 +49,10 @@ pub enum Purpose {
     Noise = 13,
     /// Pushes on a robot.
     Push = 14,
+    /// Noise of measurements.
+    Measurement = 15,
+    /// Delay of actions.
+    Delay = 16,
 }
 
 /// Position of a random number in a training run.

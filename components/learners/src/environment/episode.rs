@@ -26,6 +26,8 @@ pub(super) struct Episode {
     rhythm: Option<Rhythm>,
     /// Factors of the gain and of the strength of each drive.
     drives: Vec<[f64; 2]>,
+    /// Physics steps after which an action takes effect.
+    delay: usize,
     /// Memory for the measurements of links and objects.
     surroundings: Surroundings,
 }
@@ -37,11 +39,12 @@ impl Episode {
             world,
             number: 0,
             level: 1.0,
-            trial: Trial::new(terms),
+            trial: Trial::with_noise(terms),
             observation: vec![0.0; terms.inputs()],
             actions: Vec::with_capacity(terms.actions() * terms.steps()),
             rhythm: terms.rhythm(),
             drives: vec![[1.0; 2]; drives],
+            delay: 0,
             surroundings: Surroundings::new(terms),
         }
     }
@@ -61,6 +64,7 @@ impl Episode {
         }
         let counter = Counter { seed: self.seed, world: self.world, episode: number, step: 0 };
         let seed = seed.unwrap_or_else(|| counter.number(Purpose::Start));
+        self.delay = stage.delay(counter);
         stage.begin(simulation, (counter, seed), &mut self.drives)?;
         let state = stage.state(simulation, &mut self.surroundings);
         self.trial.begin(&stage.terms, (counter, level), &state);
@@ -84,7 +88,7 @@ impl Episode {
             step: self.trial.step() as u64,
         };
         let action = (self.trial.action(), self.rhythm.as_mut());
-        let is_stepped = stage.advance(simulation, (counter, action), &self.drives);
+        let is_stepped = stage.advance(simulation, (counter, action), (self.delay, &self.drives));
         let state = stage.state(simulation, &mut self.surroundings);
         let step = self.trial.judge(&stage.terms, &state, is_stepped);
         self.trial.write(&mut self.observation);

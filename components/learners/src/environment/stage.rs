@@ -20,6 +20,8 @@ pub(super) struct Stage {
     draws: Option<Draws>,
     /// Pushes, and the link of the base.
     pushes: Option<(Pushes, FrameId)>,
+    /// Fewest and most physics steps after which an action takes effect.
+    delay: [usize; 2],
     position: Vec<f64>,
     velocity: Vec<f64>,
     velocity_spread: f64,
@@ -94,6 +96,7 @@ impl Stage {
             objects,
             draws,
             pushes,
+            delay: task.delay,
             position,
             velocity,
             velocity_spread: task.start.velocity_spread,
@@ -101,6 +104,12 @@ impl Stage {
             decimation: task.decimation,
             step: task.step,
         })
+    }
+
+    /// Physics steps after which an action takes effect in the episode of the counter.
+    pub(super) fn delay(&self, counter: Counter) -> usize {
+        let [fewest, most] = self.delay;
+        if fewest == most { fewest } else { counter.stream(Purpose::Delay).random_range(fewest..=most) }
     }
 
     /// Puts a simulation at the start of an episode. `seed` samples the physical properties and the start, as
@@ -146,13 +155,44 @@ impl Stage {
 
     /// Applies an action within its bounds for a step of the policy, by the pattern generator where the task
     /// has one; false where physics could not make it. The step of the counter is its number in the episode.
-    /// `drives` are the factors of the gain and of the strength of each drive.
+    /// The action takes effect after `delay` physics steps; `drives` are the factors of the gain and of the
+    /// strength of each drive.
     pub(super) fn advance<E: Engine>(
         &self,
         simulation: &mut Simulation<E>,
         (counter, (action, mut rhythm)): (Counter, (&[f64], Option<&mut Rhythm>)),
-        drives: &[[f64; 2]],
+        (delay, drives): (usize, &[[f64; 2]]),
     ) -> bool {
+        let targets = self.terms.targets();
+        (0..self.decimation).all(|physics_step| {
+            if physics_step == delay {
+                self.command(simulation, action, drives);
+                if let Some(rhythm) = &mut rhythm
+                    && !rhythm.command(targets, action)
+                {
+                    return false;
+                }
+            }
+            if let Some(rhythm) = &mut rhythm {
+                rhythm.step(self.step);
+                let commands = simulation.commands_mut();
+                for (index, position) in rhythm.targets() {
+                    commands[targets.targets()[index].joint].position = position;
+                }
+            }
+            if let Some((pushes, base)) = self.pushes {
+                let time = (counter.step * self.decimation as u64 + physics_step as u64) as f64 * self.step;
+                if let Some([x, y]) = pushes.force(counter, time) {
+                    let force = Vector3::new(x, y, 0.0);
+                    simulation.apply_wrench(base, Point3::origin(), force, Vector3::zeros());
+                }
+            }
+            simulation.step(self.step).is_ok()
+        })
+    }
+
+    /// Commands the drives of all joints of the action.
+    fn command<E: Engine>(&self, simulation: &mut Simulation<E>, action: &[f64], drives: &[[f64; 2]]) {
         let targets = self.terms.targets();
         let (kind, gains) = self.terms.drives();
         let commands = simulation.commands_mut();
@@ -168,28 +208,6 @@ impl Stage {
                 ActionKind::Position => JointCommand::hold(value, kp, kd),
             };
         }
-        if let Some(rhythm) = &mut rhythm
-            && !rhythm.command(targets, action)
-        {
-            return false;
-        }
-        (0..self.decimation as u64).all(|physics_step| {
-            if let Some(rhythm) = &mut rhythm {
-                rhythm.step(self.step);
-                let commands = simulation.commands_mut();
-                for (index, position) in rhythm.targets() {
-                    commands[targets.targets()[index].joint].position = position;
-                }
-            }
-            if let Some((pushes, base)) = self.pushes {
-                let time = (counter.step * self.decimation as u64 + physics_step) as f64 * self.step;
-                if let Some([x, y]) = pushes.force(counter, time) {
-                    let force = Vector3::new(x, y, 0.0);
-                    simulation.apply_wrench(base, Point3::origin(), force, Vector3::zeros());
-                }
-            }
-            simulation.step(self.step).is_ok()
-        })
     }
 
     /// The state of the robot and of objects, with memory for measurements.

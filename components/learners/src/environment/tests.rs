@@ -233,6 +233,57 @@ fn free_steps_precede_the_first_observation() {
     assert!(moved > 1e-7 && moved < 1e-3, "{moved}");
 }
 
+#[test]
+fn noise_changes_observations_and_not_states() {
+    let exact = TEXT
+        .replace(", history = 2", "")
+        .replace(", scale = 0.5, clip = [-1.0, 1.0]", "")
+        .replace("    { term = \"last_action\" },\n", "");
+    let text = exact.clone() + "[noise]\njoint_positions = 0.1\njoint_velocities = 0.5\n";
+    let run = |text: &str| {
+        let task = Task::parse(text).expect("a task");
+        let mut world = Environment::new(&task, simulation().expect("a simulation"), 1, 0).expect("a world");
+        let mut rows = vec![world.reset().expect("an episode").to_vec()];
+        rows.extend((0..4).map(|_| {
+            world.step(&[0.3, 0.0]);
+            world.observation().to_vec()
+        }));
+        (rows, world.simulation().configuration().to_vec())
+    };
+    let ((exact, reached), (noisy, also_reached)) = (run(&exact), run(&text));
+    assert_eq!(reached, also_reached);
+    let mut largest = [0.0_f32; 2];
+    for (exact, noisy) in exact.iter().zip(&noisy) {
+        for (index, (a, b)) in exact.iter().zip(noisy).enumerate() {
+            assert_ne!(a, b);
+            largest[index / 2] = largest[index / 2].max((a - b).abs());
+        }
+    }
+    let [positions, velocities] = largest;
+    assert!(positions > 0.03 && positions <= 0.1 + 1e-6, "{positions}");
+    assert!(velocities > 0.15 && velocities <= 0.5 + 1e-6, "{velocities}");
+    assert_eq!(run(&text).0, noisy);
+}
+
+#[test]
+fn delayed_actions_take_effect_within_their_step() {
+    let velocity = |delay: &str| {
+        let task = Task::parse(&format!("delay = {delay}\n{TEXT}")).expect("a task");
+        let mut world = Environment::new(&task, simulation().expect("a simulation"), 1, 0).expect("a world");
+        world.reset().expect("an episode");
+        let before = world.simulation().velocity()[0];
+        world.step(&[1.0, 0.0]);
+        world.simulation().velocity()[0] - before
+    };
+    let [at_once, late] = [velocity("[0, 0]"), velocity("[1, 1]")];
+    // one of two physics steps
+    assert!((late / at_once - 0.5).abs() < 0.02, "{at_once} {late}");
+    assert!(matches!(
+        Task::parse(&format!("delay = [0, 2]\n{TEXT}")),
+        Err(TaskError::Value { key, .. }) if key == "delay"
+    ));
+}
+
 /// Motion of the base of a falling quadruped after three seconds, in a task with these lines.
 fn fallen(lines: &str) -> [f64; 3] {
     let text = format!(

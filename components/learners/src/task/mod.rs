@@ -33,6 +33,7 @@
 //! ```
 
 mod command;
+mod noise;
 mod points;
 mod push;
 mod quantity;
@@ -46,6 +47,7 @@ use motorium_robots::World;
 use serde::Deserialize;
 
 pub use command::{CommandRanges, Curriculum};
+pub use noise::MeasurementNoise;
 pub use points::{PointMotion, Points};
 pub use push::Pushes;
 pub use quantity::{Quantity, Reward, Shape, Termination, Verdict};
@@ -92,6 +94,12 @@ pub struct Task {
     pub command: Option<CommandRanges>,
     /// Pushes on the base in training. Default: none.
     pub pushes: Option<Pushes>,
+    /// Noise of the measurements that the policy observes in training. Default: none.
+    pub noise: Option<MeasurementNoise>,
+    /// Fewest and most physics steps after which an action takes effect, below `decimation`; sampled for each
+    /// episode. Default: at once.
+    #[serde(default)]
+    pub delay: [usize; 2],
     /// Ranges of physical properties and starts, sampled at the start of every episode, as in a graph.
     #[serde(default)]
     pub randomise: RandomiseConfig,
@@ -198,6 +206,14 @@ impl Task {
         }
         if let Some(pushes) = &task.pushes {
             pushes.check()?;
+        }
+        if let Some(noise) = &task.noise {
+            noise.check()?;
+        }
+        let [fewest, most] = task.delay;
+        if !(fewest <= most && most < task.decimation) {
+            let expected = format!("a lower and a higher number of physics steps below {}", task.decimation);
+            return Err(TaskError::value("delay", format!("{:?}", task.delay), expected));
         }
         task.reward_range()?;
         for (index, termination) in task.terminations.iter().enumerate() {

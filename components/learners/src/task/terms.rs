@@ -6,7 +6,10 @@ use motorium_robots::Model;
 use super::points::Pair;
 use super::quantity::Subject;
 use super::rhythm::Rhythm;
-use super::{CommandRanges, PointMotion, Points, Quantity, Reward, Task, TaskError, Termination, Verdict};
+use super::{
+    CommandRanges, MeasurementNoise, PointMotion, Points, Quantity, Reward, Task, TaskError, Termination,
+    Verdict,
+};
 use crate::random::Counter;
 
 /// Reward and end of a step.
@@ -54,6 +57,9 @@ pub struct Terms {
     links: Vec<String>,
     points: Points,
     commands: Option<CommandRanges>,
+    noise: Option<MeasurementNoise>,
+    /// Joints of the robot.
+    joints: usize,
     /// Steps of the policy after which a command is replaced.
     command_steps: usize,
     steps: usize,
@@ -167,6 +173,8 @@ impl Terms {
             links,
             points,
             commands: task.command.clone(),
+            noise: task.noise,
+            joints: names.len(),
             command_steps: (command_steps.round() as usize).max(1),
             steps: task.steps(),
             policy,
@@ -193,6 +201,15 @@ impl Terms {
     pub fn active_actions(&self) -> Vec<bool> {
         let joints = self.targets.targets();
         (0..self.actions()).map(|index| joints.get(index).is_none_or(|joint| joint.scale != 0.0)).collect()
+    }
+
+    pub(super) fn noise(&self) -> Option<MeasurementNoise> {
+        self.noise
+    }
+
+    /// Number of joints of the robot.
+    pub(super) fn joints(&self) -> usize {
+        self.joints
     }
 
     /// Steps of the policy in the longest episode.

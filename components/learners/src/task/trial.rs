@@ -2,6 +2,7 @@
 
 use motorium_models::policy::{Measurements, Observer};
 
+use super::noise::NoisyState;
 use super::terms::Actions;
 use super::{Points, RobotState, Terms, Verdict};
 use crate::random::Counter;
@@ -46,6 +47,8 @@ pub struct Trial {
     before: Vec<f64>,
     command: [f64; 3],
     points: Points,
+    /// Measurements with the noise of the task.
+    noisy: Option<NoisyState>,
     counter: Counter,
     level: f64,
     step: usize,
@@ -53,7 +56,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// A trial before its start.
+    /// A trial before its start, which observes its states as they are.
     pub fn new(terms: &Terms) -> Self {
         let zeros = vec![0.0; terms.actions()];
         Self {
@@ -62,11 +65,18 @@ impl Trial {
             before: zeros,
             command: [0.0; 3],
             points: terms.points(),
+            noisy: None,
             counter: Counter::default(),
             level: 1.0,
             step: 0,
             total: 0.0,
         }
+    }
+
+    /// A trial before its start, which observes its states with the noise of the task.
+    pub fn with_noise(terms: &Terms) -> Self {
+        let noisy = terms.noise().map(|noise| NoisyState::new(noise, terms.joints()));
+        Self { noisy, ..Self::new(terms) }
     }
 
     /// Starts in a state. The counter and the level of the curriculum, 0 to 1, determine the commands.
@@ -154,10 +164,15 @@ impl Trial {
     }
 
     fn observe(&mut self, terms: &Terms, state: &RobotState<'_>) {
+        let counter = Counter { step: self.step as u64, ..self.counter };
+        let (positions, velocities, base) = match &mut self.noisy {
+            Some(noisy) => noisy.measure(counter, state),
+            None => (state.positions, state.velocities, state.base),
+        };
         self.observer.observe(&Measurements {
-            positions: state.positions,
-            velocities: state.velocities,
-            base: state.base,
+            positions,
+            velocities,
+            base,
             command: self.command,
             last_action: &self.newest,
             heights: &[],

@@ -1,0 +1,88 @@
+//! Noise of the measurements that a policy observes, and the delay of its actions.
+
+use motorium_models::policy::BaseMotion;
+use rand::{Rng, RngExt as _};
+use serde::Deserialize;
+
+use super::{RobotState, TaskError};
+use crate::random::{Counter, Purpose};
+
+/// Noise of the measurements that a policy observes in training. Each number differs from the true one by at
+/// most this, uniformly distributed, independently in each step. Rewards and terminations use true states.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MeasurementNoise {
+    /// Of positions of joints \[rad or m\]. Default: 0.
+    pub joint_positions: f64,
+    /// Of velocities of joints \[rad/s or m/s\]. Default: 0.
+    pub joint_velocities: f64,
+    /// Of the velocity of the base \[m/s\]. Default: 0.
+    pub base_linear_velocity: f64,
+    /// Of the angular velocity of the base \[rad/s\]. Default: 0.
+    pub base_angular_velocity: f64,
+    /// Of the direction of gravity in the axes of the base, a unit vector. Default: 0.
+    pub projected_gravity: f64,
+}
+
+impl MeasurementNoise {
+    /// Checks all numbers.
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        for (key, number) in [
+            ("joint_positions", self.joint_positions),
+            ("joint_velocities", self.joint_velocities),
+            ("base_linear_velocity", self.base_linear_velocity),
+            ("base_angular_velocity", self.base_angular_velocity),
+            ("projected_gravity", self.projected_gravity),
+        ] {
+            if !(number >= 0.0 && number.is_finite()) {
+                return Err(TaskError::value(format!("noise.{key}"), number, "at least 0"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adds a uniformly distributed number of at most `most` to each.
+fn disturb(numbers: &mut [f64], most: f64, random: &mut impl Rng) {
+    for number in numbers {
+        let share: f64 = random.random();
+        *number += most * (2.0 * share - 1.0);
+    }
+}
+
+/// Measured states of a robot. Only [`new`](Self::new) allocates.
+#[derive(Clone, Debug)]
+pub(super) struct NoisyState {
+    noise: MeasurementNoise,
+    positions: Vec<f64>,
+    velocities: Vec<f64>,
+    base: BaseMotion,
+}
+
+impl NoisyState {
+    /// Memory for the measurements of a robot.
+    pub(super) fn new(noise: MeasurementNoise, joints: usize) -> Self {
+        let zeros = vec![0.0; joints];
+        Self { noise, positions: zeros.clone(), velocities: zeros, base: BaseMotion::default() }
+    }
+
+    /// Measures a state: positions and velocities of the joints, and the motion of the base. The counter
+    /// determines the noise.
+    pub(super) fn measure(
+        &mut self,
+        counter: Counter,
+        state: &RobotState<'_>,
+    ) -> (&[f64], &[f64], BaseMotion) {
+        let Self { noise, positions, velocities, base } = self;
+        let mut random = counter.stream(Purpose::Measurement);
+        positions.copy_from_slice(state.positions);
+        velocities.copy_from_slice(state.velocities);
+        *base = state.base;
+        disturb(positions, noise.joint_positions, &mut random);
+        disturb(velocities, noise.joint_velocities, &mut random);
+        disturb(&mut base.linear_velocity, noise.base_linear_velocity, &mut random);
+        disturb(&mut base.angular_velocity, noise.base_angular_velocity, &mut random);
+        disturb(&mut base.gravity, noise.projected_gravity, &mut random);
+        (positions, velocities, *base)
+    }
+}
