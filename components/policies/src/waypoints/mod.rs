@@ -47,7 +47,7 @@ const PLANNED: f64 = 0.8;
 
 impl Component for WaypointsPolicy {
     const KIND: &'static str = "policy.waypoints";
-    const SUMMARY: &'static str = "leads a base on wheels through poses in the plane";
+    const SUMMARY: &'static str = "drives a wheeled base through planar poses";
     const RESETS: bool = true;
     type Config = WaypointsConfig;
 

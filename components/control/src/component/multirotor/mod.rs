@@ -144,7 +144,7 @@ impl Parts {
 
 impl Component for MultirotorController {
     const KIND: &'static str = "control.multirotor";
-    const SUMMARY: &'static str = "flies a robot on rotors to target poses";
+    const SUMMARY: &'static str = "flies a multirotor to target poses";
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = MultirotorConfig;

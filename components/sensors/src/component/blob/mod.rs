@@ -55,7 +55,7 @@ struct Counts {
 
 impl Component for BlobEstimator {
     const KIND: &'static str = "estimator.blob";
-    const SUMMARY: &'static str = "place of a thing of one colour, from the pictures of a camera";
+    const SUMMARY: &'static str = "position of a coloured object in camera images";
     const RESETS: bool = true;
     type Config = BlobConfig;
 

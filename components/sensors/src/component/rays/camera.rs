@@ -165,7 +165,7 @@ const PIXEL_BYTES: usize = 3;
 
 impl RangeSensor for Camera {
     const KIND: &'static str = "sensor.camera";
-    const SUMMARY: &'static str = "pictures in colour by rays: light, shadows, shot noise, latency";
+    const SUMMARY: &'static str = "ray-traced colour images: light, shadows, shot noise, latency";
     const SEES_COLOURS: bool = true;
     type Config = CameraConfig;
     type Outputs = CameraOutputs;

@@ -128,7 +128,7 @@ impl DepthCamera {
 
 impl RangeSensor for DepthCamera {
     const KIND: &'static str = "sensor.depth_camera";
-    const SUMMARY: &'static str = "pictures of depth and grey by rays: noise, lost pixels, latency";
+    const SUMMARY: &'static str = "ray-traced depth and grey images: noise, lost pixels, latency";
     type Config = DepthCameraConfig;
     type Outputs = DepthCameraOutputs;
 
