@@ -334,7 +334,7 @@ impl Run {
             errln!("started all the same (`--force`)");
             return None;
         }
-        errln!("nothing was started; stop the other runs, give the graph cores of its own, or `--force` it");
+        errln!("nothing was started; stop the other runs, give the graph separate cores, or use `--force`");
         let reason = format!("the graph does not hold its times beside {}", names.join(", "));
         Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or `--force` it").print_json())
     }

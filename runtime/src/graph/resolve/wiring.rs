@@ -168,7 +168,7 @@ fn used_twice(side: &[(String, At<TopicName>)], direction: Direction, report: &m
         };
         let (verb, advice) = match direction {
             Direction::Input => ("subscribe to", "wire one of them to the topic that was meant"),
-            Direction::Output => ("publish", "give each output a topic of its own"),
+            Direction::Output => ("publish", "give each output a separate topic"),
         };
         report
             .error(format!("the ports `{other}` and `{port}` both {verb} `{}`", topic.0))

@@ -166,7 +166,7 @@ impl Replay {
             );
         } else {
             errln!(
-                "`{}`: {} to the first recorded pose, and {} to rest behind the last",
+                "`{}`: {} to the first recorded pose, and {} to rest after the last",
                 eased.join("`, `"),
                 self.ease_in,
                 self.ramp_down

@@ -65,7 +65,7 @@ impl Component for BlobEstimator {
         let doc = "pictures: red, green and blue, a byte each";
         declare.slice_input::<u8>("image", PICTURES, doc);
         declare.input::<ImageInfo>("info", "form of the pictures");
-        declare.output::<PoseTarget>("target", "position and velocity of the thing in the world");
+        declare.output::<PoseTarget>("target", "position and velocity of the object in the world");
         Ok(())
     }
 
