@@ -131,7 +131,7 @@ pub(super) enum Clock {
 
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum HostingChoice {
-    /// Each component in a process of its own
+    /// Each component in a separate process
     #[default]
     Processes,
     /// Each component in a thread of this process
