@@ -189,12 +189,10 @@ impl Run {
             err!("{}", problems(&admission));
             if !self.force {
                 errln!("{}", style::dim(format!("overheads of the machine: {}", known.origin)));
-                errln!("nothing was started; `--force` runs it all the same");
+                errln!("nothing was started; `--force` runs it anyway");
                 let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
                 let reason = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
-                return Ok(Failure::new(Kind::Invalid, reason)
-                    .help("`--force` runs it all the same")
-                    .print_json());
+                return Ok(Failure::new(Kind::Invalid, reason).help("`--force` runs it anyway").print_json());
             }
             errln!("started all the same (`--force`)");
         }

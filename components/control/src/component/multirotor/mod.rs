@@ -156,7 +156,7 @@ impl Component for MultirotorController {
         })?;
         Parts::new(config, robot)?;
         declare.input::<BaseState>("base_state", "measured pose and velocity of the base");
-        declare.optional_input::<PoseTarget>("target", "pose to fly to; of its orientation the yaw");
+        declare.optional_input::<PoseTarget>("target", "target pose; of its orientation the yaw");
         declare.output::<JointCommand>("joint_command", "thrust of each rotor, as its effort");
         Ok(())
     }

@@ -64,7 +64,7 @@ impl Component for BlobEstimator {
         TrueMotion::declare(&config.camera, Needs::Measured, declare)?;
         let doc = "pictures: red, green and blue, a byte each";
         declare.slice_input::<u8>("image", PICTURES, doc);
-        declare.input::<ImageInfo>("info", "form of the pictures");
+        declare.input::<ImageInfo>("info", "format of the images");
         declare.output::<PoseTarget>("target", "position and velocity of the object in the world");
         Ok(())
     }

@@ -180,7 +180,7 @@ impl RangeSensor for DepthCamera {
             PICTURES,
             "brightness under a lamp at the camera, a byte a pixel",
         );
-        declare.output::<ImageInfo>("info", "form of the pictures of depth");
+        declare.output::<ImageInfo>("info", "format of the depth images");
     }
 
     fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError> {
