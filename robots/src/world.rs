@@ -181,7 +181,7 @@ pub enum WorldError {
     File(#[from] WorldFileError),
     /// A plane and a terrain.
     #[error(
-        "both `ground` and `terrain` are given, but there is one ground: a terrain goes on as at its edge; leave `ground` out"
+        "both `ground` and `terrain` are given, but a terrain continues beyond its edge; leave `ground` out"
     )]
     TwoGrounds,
     /// A colour for an unknown object.

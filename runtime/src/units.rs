@@ -188,10 +188,10 @@ fn unknown_unit(unit: &str, units: &str, number: &str, what: &str, example: &str
         }
         ("time", "sec" | "second" | "seconds") => format!("the units are {units}; write \"{number} s\""),
         ("time", _) if unit.eq_ignore_ascii_case("hz") || unit.eq_ignore_ascii_case("khz") => {
-            format!("{unit} is a rate, but a time is wanted; {example}")
+            format!("{unit} is a rate, expected a time; {example}")
         }
         ("rate", "ns" | "us" | "ms" | "s" | "min") => {
-            format!("{unit} is a time, but a rate is wanted; {example}")
+            format!("{unit} is a time, expected a rate; {example}")
         }
         _ => format!("the units are {units}"),
     };

@@ -69,7 +69,7 @@ fn a_failure_and_its_restart_are_in_the_event_log() {
     let report = ended.report();
     assert_eq!(report.events_left_out, 0);
     assert!(report.events.iter().any(|event| event == failed), "{:#?}", report.events);
-    assert_eq!(event_of_kind(&report.events, EventKind::Ending).text, "the run ends: a signal asked for it");
+    assert_eq!(event_of_kind(&report.events, EventKind::Ending).text, "the run ends: requested by a signal");
     assert!(report.events.is_sorted_by(|a, b| a.time_s <= b.time_s), "{:#?}", report.events);
 }
 

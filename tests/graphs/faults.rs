@@ -187,7 +187,7 @@ fn an_expendable_component_is_left_behind() {
     let (_folder, graph) = faulty("{ fault = \"panic\", at = 200 }", "on_failure = \"ignore\"");
     let ended = run(&graph, &["--for", "2 s"]);
     assert_eq!((ended.code, &ended.report().exit), (Some(7), &Exit::Finished), "{}", ended.stderr);
-    assert!(ended.stderr.contains("the graph goes on without it"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the graph continues without it"), "{}", ended.stderr);
 }
 
 #[test]

@@ -46,7 +46,7 @@ pub enum CalibrationError {
         wrong: WrongSetting,
     },
     /// A drive did not answer.
-    #[error("the drive of `{joint}` does not answer: has it power, is its number that of the table?")]
+    #[error("the drive of `{joint}` does not answer: check its power and its number in the table")]
     Silent {
         /// Joint of the drive.
         joint: String,

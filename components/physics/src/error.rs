@@ -152,7 +152,7 @@ pub enum ResetError {
     },
     /// The properties belong to another robot or another world.
     #[error(
-        "the properties are those of another robot or world; change those that `Simulation::properties` gives"
+        "the properties belong to another robot or world; change the ones returned by `Simulation::properties`"
     )]
     Properties,
     /// The world is invalid.

@@ -68,7 +68,7 @@ impl core::fmt::Debug for SavedState {
 /// The saved state was made by another simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the saved state is that of another engine, robot or world; restore it into the simulator that made it or an equal one"
+    "the saved state belongs to another engine, robot or world; restore it into the simulator that made it or an equal one"
 )]
 pub struct ForeignState;
 

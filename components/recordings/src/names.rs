@@ -77,7 +77,7 @@ impl Columns {
                 return Err(RecordingError::Malformed {
                     place: Box::new(place.clone().column(index + 1, name)),
                     found: format!("a second column `{name}`"),
-                    expected: "a name of its own for each column".into(),
+                    expected: "a distinct name for each column".into(),
                     advice: None,
                 });
             }

@@ -68,7 +68,9 @@ impl Component for JointEncoder {
             declare
                 .warn(format!("a latency of {} is shorter than the period", config.latency))
                 .key("latency")
-                .advise(format!("readings leave at steps, {period} late: say so, or raise the rate"));
+                .advise(format!(
+                    "readings are published in steps, {period} late: set this latency, or raise the rate"
+                ));
         }
         declare.input::<JointState>("joint_state", "true joint state");
         declare.output::<JointState>("measured", "measured joint state");

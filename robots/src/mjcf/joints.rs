@@ -165,7 +165,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             }
             (Some([xx, yy, zz, xy, xz, yz]), None) => {
                 if let Some((way, ..)) = inertial.orientation()? {
-                    return Err(inertial.refused(way, "fullinertia stands in the axes of the body"));
+                    return Err(inertial.refused(way, "fullinertia is in the axes of the body"));
                 }
                 Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
             }

@@ -25,7 +25,7 @@ pub enum AttachError {
     Floating(String),
     /// The link is fixed in the world next to a floating base.
     #[error(
-        "frame \"{0}\" stands in the world beside a floating base: nothing that moves can be attached to it"
+        "frame \"{0}\" is fixed to the world, apart from the floating base: nothing that moves can be attached to it"
     )]
     InWorld(String),
     /// A name would be duplicated.

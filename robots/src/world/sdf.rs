@@ -331,7 +331,7 @@ impl Reader<'_> {
         let uri =
             child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> without a <uri>"))?;
         if let Some(part) = child(geometry, "submesh") {
-            let text = "a part of a mesh is not read; write the part into a file of its own";
+            let text = "a part of a mesh is not read; write the part into a separate file";
             return Err(problem(self.path, part, text));
         }
         let name = text(uri);

@@ -296,7 +296,7 @@ pub(super) fn check_parts(owner: &str, parts: &[CompoundPart], density: bool) ->
                 return Err(wrong("a part is a compound itself; list its parts beside the others"));
             }
             ObjectShape::Mesh(mesh) if mesh.collision == MeshCollision::Triangles => {
-                return Err(wrong("a part touches by its triangles; make it an object of its own"));
+                return Err(wrong("a part collides by its triangles; make it a separate object"));
             }
             shape => shape.check(owner, true)?,
         }

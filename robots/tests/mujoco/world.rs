@@ -91,7 +91,7 @@ fn unreadable_fields_and_bodies_are_refused_with_position() {
             "body1=\"spike\" body2=\"hammer\"",
             "do not move relative to one another",
         ),
-        ("body2=\"ball\"/>", "body2=\"ball\" relpose=\"0 0 1 1 0 0 0\"/>", "bodies are held as they stand"),
+        ("body2=\"ball\"/>", "body2=\"ball\" relpose=\"0 0 1 1 0 0 0\"/>", "bodies are fixed in their poses"),
         ("<weld body1=\"spike\" body2=\"ball\"/>", "<joint joint1=\"a\"/>", "it couples joints"),
         ("<compiler", "<compiler settotalmass=\"3\"", "it changes masses"),
     ] {

@@ -88,10 +88,10 @@ impl Layers {
         }
         if chain.len() == DEEPEST {
             let message = format!("more than {DEEPEST} files extend one another");
-            return refuse(message, "put some of them together");
+            return refuse(message, "merge some of them");
         }
         if self.files.len() + chain.len() >= MOST {
-            return refuse(format!("the graph has more than {MOST} files"), "put some of them together");
+            return refuse(format!("the graph has more than {MOST} files"), "merge some of them");
         }
         let bytes = match file::read(&path) {
             Ok(bytes) => bytes,

@@ -69,7 +69,7 @@ fn remove(below: &mut DeTable<'_>, path: &str, span: &Span, report: &mut Report)
         let place = value.span();
         let DeValue::Table(next) = value.get_mut() else {
             report
-                .error(format!("`{path}` cannot be removed: `{step}` has no keys of its own"))
+                .error(format!("`{path}` cannot be removed: `{step}` has no keys"))
                 .label(span, "not a table")
                 .and(&place, "its value here")
                 .advise(format!("remove `{step}` as a whole, or give it another value"));

@@ -203,7 +203,7 @@ fn too_large(path: &Path, files: usize, bytes: usize) -> GraphError {
         .error(format!(
             "the graph has {files} files of {bytes} bytes, expected at most {most} files of {longest} bytes (16 MiB)"
         ))
-        .advise("put some of the overlays together");
+        .advise("merge some of the overlays");
     GraphError::new(report.into_diagnostics())
 }
 

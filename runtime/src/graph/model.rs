@@ -107,7 +107,7 @@ impl<'i> GraphTable<'i> {
             keys.report()
                 .error("`extends` and `remove` cannot be set from the command line")
                 .label(at, "belongs into a file")
-                .advise("write a file of its own, and lay it over the graph by `--with FILE`");
+                .advise("write a separate file, and merge it over the graph by `--with FILE`");
         }
         table.meant = keys.finish("the graph");
         Some(table)

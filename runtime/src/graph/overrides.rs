@@ -178,7 +178,7 @@ impl<'t, 'i> Place<'t, 'i> {
             DeValue::Array(array) => Some(Self::Array(array)),
             _ => {
                 report
-                    .error(format!("`{name}` has no keys of its own"))
+                    .error(format!("`{name}` has no keys"))
                     .label(&step.span(), "not a table")
                     .and(&old, "its value here")
                     .advise(format!("end the path at `{name}`"));

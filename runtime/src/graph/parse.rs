@@ -68,7 +68,7 @@ fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> 
                     file.text.get(local).unwrap_or_default()
                 ))
                 .label(&span, "already defined above")
-                .advise("put both together, or rename one of them");
+                .advise("merge both, or rename one of them");
         }
     }
     // after a syntax error the remainder is unreliable and would cause false errors

@@ -108,7 +108,7 @@ impl Options {
                 Program::Sibling { kind, path } => {
                     format!("component `{}` is a `{kind}`, which `{}` hosts", component.name, path.display())
                 }
-                _ => format!("component `{}` is a program of its own (`exec`)", component.name),
+                _ => format!("component `{}` is a separate program (`exec`)", component.name),
             };
             return unsuitable("hosting inline", reason, "host the graph in processes");
         }

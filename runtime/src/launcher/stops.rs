@@ -89,7 +89,7 @@ fn cause(plan: &Plan, latch: Latch, component: Option<usize>, silent: Option<usi
                 ResumeRule::Latch => {
                     format!("since `{actuator}` entered its safe state and `resume` is \"latch\"")
                 }
-                _ => format!("since `{actuator}` tripped, for a reason that its result tells"),
+                _ => format!("since `{actuator}` tripped, for a reason given in its result"),
             }
         }
     }
@@ -106,7 +106,7 @@ mod tests {
         let nodes = [node("physics", When::Every(1_000_000, 0), 1), node("button", When::After(0), 1)];
         let mut plan = graph(&nodes, 0, &[]);
         assert_eq!(cause(&plan, Latch::Stop, None, None), "by `motorium stop --now`");
-        let tripped = "since `physics` tripped, for a reason that its result tells";
+        let tripped = "since `physics` tripped, for a reason given in its result";
         assert_eq!(cause(&plan, Latch::SafeState, Some(0), None), tripped);
         plan.safety.gate.resume = ResumeRule::Latch;
         assert_eq!(

@@ -364,7 +364,7 @@ impl Launch {
             }
             Action::Abandon(loss) => {
                 let reason = reason(loss);
-                failed(&reason, "the graph goes on without it");
+                failed(&reason, "the graph continues without it");
                 supervision.state = State::Lost { reason };
                 Some(AfterEnd::Ignored)
             }

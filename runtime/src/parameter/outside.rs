@@ -80,7 +80,7 @@ impl ParameterTable {
         for (path, value) in values {
             let one = self.admit(path, value)?;
             if admitted.iter().any(|(component, place, ..)| (*component, *place) == (one.0, one.1)) {
-                return Err(ParameterError::Refused(format!("`{path}` is to be set twice at once")));
+                return Err(ParameterError::Refused(format!("`{path}` is set twice in one request")));
             }
             admitted.push(one);
         }

@@ -54,7 +54,7 @@ pub enum Comparison {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExpectationError {
     /// The comparison is missing.
-    #[error("`{0}` is no condition: it begins with none of `<`, `<=`, `>`, `>=`, `==`, `!=`")]
+    #[error("`{0}` is not a condition: it does not begin with `<`, `<=`, `>`, `>=`, `==`, `!=`")]
     NoComparison(String),
     /// Nothing after the comparison.
     #[error("`{0}` has no bound: expected a number, text, true or false after the comparison")]
@@ -205,11 +205,11 @@ mod tests {
     #[test]
     fn invalid_expectations_explain_the_error() {
         for (text, reason) in [
-            ("controller.error", "begins with none of"),
+            ("controller.error", "does not begin with"),
             ("controller.error <=", "has no bound"),
             ("controller.error < small", "only numbers"),
             ("<= 3", "names no figure"),
-            ("a.b => 3", "begins with none of"),
+            ("a.b => 3", "does not begin with"),
         ] {
             let error = text.parse::<Expectation>().unwrap_err().to_string();
             assert!(error.contains(reason), "{text}: {error}");

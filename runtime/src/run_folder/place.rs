@@ -80,7 +80,7 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
     }
     if metadata.uid() != user {
         let advice = if is_mapped_elsewhere() {
-            "this is a user namespace: give it a place of its own, `XDG_RUNTIME_DIR=$(mktemp -d)`"
+            "this is a user namespace: set a separate folder, `XDG_RUNTIME_DIR=$(mktemp -d)`"
         } else {
             "another user may have made it to see or to stop your runs; ask them, or root, to remove it, or set \
              XDG_RUNTIME_DIR to a folder of your own with mode 700"

@@ -88,7 +88,7 @@ pub enum SessionError {
 fn describe(exit: &Exit) -> String {
     match exit {
         Exit::Finished => "all its components have".to_string(),
-        Exit::Interrupted => "a signal asked for it".to_string(),
+        Exit::Interrupted => "requested by a signal".to_string(),
         Exit::SafeStop { reason } => format!("safe stop: {reason}"),
     }
 }

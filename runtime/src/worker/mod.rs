@@ -77,7 +77,7 @@ impl Worker {
         let region = folder.region().map_err(|error| error.to_string())?;
         if !region.fits(&plan) {
             return Err(format!(
-                "the control block of {} is not that of its plan: it was damaged",
+                "the control block of {} does not match its plan: it is damaged",
                 folder.id()
             ));
         }

@@ -130,7 +130,7 @@ fn declaration(
 ) -> Result<Declaration, ConfigProblem> {
     if !declare.robots_fit() {
         let error = ConfigError::key("robots", format!("`{kind}` works on one robot at most"))
-            .advise("give it one by `robot = \"NAME\"`, and each of the others a component of its own");
+            .advise("give it one by `robot = \"NAME\"`, and each of the others a separate component");
         return Err(ConfigProblem { unread: false, error });
     }
     declared.map_err(|error| ConfigProblem { unread: false, error })?;

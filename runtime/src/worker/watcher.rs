@@ -50,7 +50,7 @@ pub(super) fn start(context: &Context) -> std::io::Result<JoinHandle<()>> {
                     output.relieve();
                     let dropped = output.take_dropped();
                     if dropped > 0 {
-                        eprintln!("({dropped} bytes of output were dropped: nobody read them)");
+                        eprintln!("({dropped} bytes of output were dropped because they were not read)");
                     }
                     continue;
                 }

@@ -22,7 +22,7 @@ use crate::style;
 /// Example: motorium events --follow --severity warning
 #[derive(Debug, clap::Args)]
 pub(crate) struct Events {
-    /// Run to show: its id, the beginning of it, or the name of its graph [default: the newest]
+    /// Run to show: its id, a prefix of the id, or the name of its graph [default: the newest]
     #[arg(value_name = "RUN", add = crate::complete::runs())]
     name: Option<String>,
     /// The same, as in other commands

@@ -25,7 +25,7 @@ const END_WITHIN: Duration = Duration::from_secs(5);
 /// Example: motorium kill panda-reach controller
 #[derive(Debug, clap::Args)]
 pub(crate) struct Kill {
-    /// The run: its id, the beginning of it, or the name of its graph
+    /// The run: its id, a prefix of the id, or the name of its graph
     #[arg(value_name = "RUN", add = crate::complete::runs())]
     run: String,
     /// The component

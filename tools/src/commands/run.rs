@@ -131,7 +131,7 @@ pub(super) enum Clock {
 
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum HostingChoice {
-    /// Each component in a process of its own
+    /// Each component in a separate process
     #[default]
     Processes,
     /// Each component in a thread of this process
@@ -189,12 +189,10 @@ impl Run {
             err!("{}", problems(&admission));
             if !self.force {
                 errln!("{}", style::dim(format!("overheads of the machine: {}", known.origin)));
-                errln!("nothing was started; `--force` runs it all the same");
+                errln!("nothing was started; `--force` runs it anyway");
                 let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
                 let reason = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
-                return Ok(Failure::new(Kind::Invalid, reason)
-                    .help("`--force` runs it all the same")
-                    .print_json());
+                return Ok(Failure::new(Kind::Invalid, reason).help("`--force` runs it anyway").print_json());
             }
             errln!("started all the same (`--force`)");
         }
@@ -334,7 +332,7 @@ impl Run {
             errln!("started all the same (`--force`)");
             return None;
         }
-        errln!("nothing was started; stop the other runs, give the graph cores of its own, or `--force` it");
+        errln!("nothing was started; stop the other runs, give the graph separate cores, or use `--force`");
         let reason = format!("the graph does not hold its times beside {}", names.join(", "));
         Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or `--force` it").print_json())
     }

@@ -208,7 +208,7 @@ fn wrong_files_and_untimed_recordings_are_reported() {
     let output = folder.path().join("out.json");
     let output = output.to_str().expect("a plain path");
     for (arguments, words) in [
-        (&["library", "inspect", &letters][..], "this is no motion library: it begins with `{\\\"durati`"),
+        (&["library", "inspect", &letters][..], "not a motion library: it begins with `{\\\"durati`"),
         (
             &["primitive", "show", &letters],
             "this is no movement primitive; `motorium primitive fit` makes one",

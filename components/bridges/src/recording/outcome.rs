@@ -24,7 +24,7 @@ pub(super) fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Resu
         Ok(counts) => outcome.counts = counts,
         Err(error) => {
             eprintln!(
-                "the recording has ended, the run goes on: {error}; `motorium recover` repairs its file"
+                "the recording has ended, the run continues: {error}; `motorium recover` repairs its file"
             );
             outcome.ended = Some(error.to_string());
         }

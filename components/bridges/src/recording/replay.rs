@@ -102,7 +102,7 @@ struct Recorded {
 
 impl Component for Replay {
     const KIND: &'static str = "log.replay";
-    const SUMMARY: &'static str = "publishes what a recording has of a component";
+    const SUMMARY: &'static str = "publishes the recorded samples of a component";
     const RESETS: bool = true;
     type Config = ReplayConfig;
 

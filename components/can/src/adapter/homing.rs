@@ -20,7 +20,7 @@ pub enum HomingFault {
     )]
     TimedOut,
     /// The drive reported a failure.
-    #[error("the drive says that homing failed: is its switch stuck, or its method that of another switch?")]
+    #[error("the drive says that homing failed: is its switch stuck, or the wrong method configured?")]
     Drive,
     /// The drive ended the homing before it was seen running.
     #[error("the drive ended it before it had begun: is homing set up in it?")]

@@ -94,7 +94,7 @@ pub enum WrongSetting {
         expected: Home,
     },
     /// Operating mode of a servo.
-    #[error("its operating mode is {found}, expected {expected}, that of positions")]
+    #[error("its operating mode is {found}, expected {expected} (position control)")]
     OperatingMode {
         /// Value in the servo.
         found: u8,

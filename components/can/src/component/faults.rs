@@ -96,7 +96,7 @@ impl Fault {
         let of_bus = config.kind.is_of_bus();
         let refuse = |key: &str, message: String| {
             Err(ConfigError::key(format!("faults[{index}].{key}"), message)
-                .advise("faults of drives need `joint`, those of buses `bus`, as the drive table names them"))
+                .advise("faults of drives need `joint`, faults of buses `bus`, as named in the drive table"))
         };
         let (key, name, other) =
             if of_bus { ("bus", &config.bus, &config.joint) } else { ("joint", &config.joint, &config.bus) };
@@ -121,7 +121,7 @@ impl Fault {
         let is_of_mark = matches!(config.kind, FaultKind::NoMark | FaultKind::StuckMark);
         let homing = table.drives.get(target).and_then(|drive| drive.homing.as_ref());
         if is_of_mark && homing.is_none_or(|homing| homing.by != HomingBy::Drive) {
-            return refuse("kind", format!("the drive of `{name}` looks for no mark by itself"));
+            return refuse("kind", format!("the drive of `{name}` does not home itself"));
         }
         if config.delay.is_some() && config.kind != FaultKind::Late {
             return refuse("delay", "only a late answer has one".to_string());

@@ -60,7 +60,8 @@ pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
         let is_servo_line = bus.kind == BusKind::Serial;
         Offer::open(place, table.rates(index), bus.data_bitrate.is_some(), is_servo_line).map_err(|error| {
             let message = format!("bus `{}`: `{interface}` cannot be offered: {error}", bus.name);
-            ConfigError::key("drives", message).advise("end the other program, or give the bus another place")
+            ConfigError::key("drives", message)
+                .advise("end the other program, or give the bus another address")
         })
     };
     table.buses.iter().enumerate().map(open).collect()

@@ -84,9 +84,9 @@ pub(super) fn unfit_homing(equipped: &Equipped, limits: &[JointLimits]) -> Optio
         let beyond = |value: Option<f64>, limit: f64| value.is_some_and(|value| value.abs() > limit);
         let message =
             if beyond(homing.velocity, limits.velocity) || beyond(homing.creep_velocity, limits.velocity) {
-                format!("a velocity beyond that of the joint, {:.3}", limits.velocity)
+                format!("a velocity beyond the joint's limit, {:.3}", limits.velocity)
             } else if beyond(homing.effort, limits.effort) {
-                format!("an effort beyond that of the joint, {:.3}", limits.effort)
+                format!("an effort beyond the joint's limit, {:.3}", limits.effort)
             } else {
                 let end = homing.end().filter(|end| !(limits.lower..=limits.upper).contains(end))?;
                 format!(

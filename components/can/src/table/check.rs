@@ -74,7 +74,7 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         }
     }
     if before.iter().any(|other| bus.interface.is_some() && other.interface == bus.interface) {
-        return refuse("another bus has its interface", "a bus has one interface of its own");
+        return refuse("another bus has its interface", "each bus has a separate interface");
     }
     if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
         let advice = "give all of them an `interface`, or none";
@@ -303,6 +303,6 @@ fn check_moteus(drive: &DriveEntry) -> Result<(), Refusal> {
     let beyond = ranges.into_iter().zip(MOTEUS_MOST).zip(names).find(|((value, most), _)| value > most);
     beyond.map_or(Ok(()), |((value, most), (name, unit))| {
         let message = format!("a {name} of {value} {unit}, and the registers of a moteus end at {most:.2}");
-        Err((message, "write less, and let `ratio` be that of the joint to the output of the drive"))
+        Err((message, "reduce it; `ratio` is the ratio of the joint to the output of the drive"))
     })
 }

@@ -109,5 +109,5 @@ fn check_known(drive: &DriveEntry) -> Result<(), Refusal> {
         }
         _ => return Ok(()),
     };
-    Err((format!("`current_limit`, which {:?} cannot be told", drive.protocol), advice))
+    Err((format!("`current_limit`, which {:?} does not support", drive.protocol), advice))
 }

@@ -99,7 +99,7 @@ fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
         }
         if is_known && is_required && !is_there && can_home(drive, homing.by) {
             let message = format!("a homing by the {by} without `{key}`");
-            return Err((message, "the keys of `homing` stand in the page of `can.adapter`"));
+            return Err((message, "the page of `can.adapter` lists the keys of `homing`"));
         }
     }
     Ok(())
@@ -132,7 +132,7 @@ fn check_own(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
         )),
         Protocol::Odrive | Protocol::Cia402 if drive.current_limit.is_none() => Err((
             "a homing by the drive without `current_limit`".into(),
-            "write the largest current: no command gate bounds what a drive does by itself",
+            "write the largest current: no command gate limits a drive that homes itself",
         )),
         Protocol::Cia402 => check_objects(drive, homing),
         Protocol::Feetech => within(homing.steps, 2047, "of 11 bits and a sign: register 31"),

@@ -128,7 +128,7 @@ impl Table {
                 column: place.map(|(_, column)| column),
                 entry: None,
                 message: error.message().to_string(),
-                advice: "the keys of a drive table stand in the page of `can.adapter`",
+                advice: "the page of `can.adapter` lists the keys of a drive table",
             }
         };
         let mut table: Self = toml::from_str(text).map_err(refuse)?;

@@ -49,14 +49,14 @@ pub(super) fn check_identifiers(table: &Table, index: usize) -> Result<(), Refus
         let Some((theirs, their_answers)) = identifiers(table, i) else { continue };
         if answers == theirs {
             return refuse(format!(
-                "its answers have the identifier {answers}, that of commands to `{}`",
+                "its answers have the identifier {answers}, like commands to `{}`",
                 other.joint
             ));
         }
         // answers of one protocol contain the drive's number
         if answers == their_answers && drive.protocol != other.protocol {
             return refuse(format!(
-                "its answers have the identifier {answers}, as those of `{}`, a drive of {:?}",
+                "its answers have the identifier {answers}, like the answers of `{}`, a drive of {:?}",
                 other.joint, other.protocol
             ));
         }
@@ -98,7 +98,7 @@ pub(super) fn check_fields(drive: &DriveEntry) -> Result<(), Refusal> {
     if let Some(message) = found {
         return Err((
             message,
-            "write what the drive reaches within it: `ranges` are those of the output shaft of the drive",
+            "write what the drive reaches within it: `ranges` refer to the output shaft of the drive",
         ));
     }
     let (unit_ns, most, advice) = match drive.protocol {

@@ -137,9 +137,9 @@ fn an_impossible_current_limit_is_refused() {
         ),
         ("odrive", "full_current = 20.0", "`full_current`, which is a key of Damiao and Feetech"),
         ("odrive", "current_unit = 0.001", "`current_unit`, which is a key of Dynamixel"),
-        ("mini_cheetah", "current_limit = 20.0", "`current_limit`, which MiniCheetah cannot be told"),
-        ("cubemars", "current_limit = 20.0", "`current_limit`, which Cubemars cannot be told"),
-        ("robstride", "current_limit = 20.0", "`current_limit`, which Robstride cannot be told"),
+        ("mini_cheetah", "current_limit = 20.0", "`current_limit`, which MiniCheetah does not support"),
+        ("cubemars", "current_limit = 20.0", "`current_limit`, which Cubemars does not support"),
+        ("robstride", "current_limit = 20.0", "`current_limit`, which Robstride does not support"),
         (
             "cia402",
             "increments = 4096.0\nrated_torque = 5.0\ncurrent_limit = 2.0",

@@ -165,12 +165,12 @@ fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
         (
             "velocity = 1.5, effort = 12.0, position = 2.9",
             "velocity = 6.0, effort = 12.0, position = 2.9",
-            "a velocity beyond that of the joint, 5.000",
+            "a velocity beyond the joint's limit, 5.000",
         ),
         (
             "effort = 12.0, position = 2.9",
             "effort = 21.0, position = 2.9",
-            "an effort beyond that of the joint, 20.000",
+            "an effort beyond the joint's limit, 20.000",
         ),
         ("position = 2.9", "position = 3.0", "it ends at 2.9500, and the joint has -2.9000 to 2.9000"),
     ] {
@@ -181,7 +181,7 @@ fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
     let folder = Folder::new("homing-faults", PLANAR);
     let fault = r#"faults = [{ at = "1 s", kind = "no_mark", joint = "joint1" }]"#;
     let text = graph(&folder, fault, "").check().unwrap_err().render(false);
-    assert!(text.contains("the drive of `joint1` looks for no mark by itself"), "{text}");
+    assert!(text.contains("the drive of `joint1` does not home itself"), "{text}");
 }
 
 #[test]

@@ -55,15 +55,12 @@ fn a_classic_only_drive_is_refused_next_to_can_fd() {
 #[test]
 fn answers_that_collide_with_commands_are_refused() {
     let text = refused("", &[("damiao", 1, "master = 2"), ("damiao", 2, "")]);
-    assert_eq!(
-        text,
-        "drive of `damiao1`: its answers have the identifier 0x002, that of commands to `damiao2`"
-    );
+    assert_eq!(text, "drive of `damiao1`: its answers have the identifier 0x002, like commands to `damiao2`");
     // the default of a Damiao drive
     let text = refused("", &[("mini_cheetah", 17, ""), ("damiao", 1, "")]);
     assert_eq!(
         text,
-        "drive of `damiao1`: its answers have the identifier 0x011, that of commands to `mini_cheetah17`"
+        "drive of `damiao1`: its answers have the identifier 0x011, like commands to `mini_cheetah17`"
     );
     assert!(refused("", &[("damiao", 1, "master = 1")]).contains("the identifier of its answers is taken"));
     assert!(refused("", &[("damiao", 1, "master = 0x7ff")]).contains("answers with the identifier"));
@@ -74,12 +71,12 @@ fn colliding_answers_are_refused_or_name_their_drive() {
     let text = refused("", &[("damiao", 1, "master = 0"), ("mini_cheetah", 2, "")]);
     assert!(
         text.contains(
-            "its answers have the identifier 0x000, as those of `mini_cheetah2`, a drive of MiniCheetah"
+            "its answers have the identifier 0x000, like the answers of `mini_cheetah2`, a drive of MiniCheetah"
         ),
         "{text}"
     );
     let text = refused(FD, &[("damiao", 1, "master = 0x200"), ("moteus", 2, "")]);
-    assert!(text.contains("0x200, as those of `moteus2`"), "{text}");
+    assert!(text.contains("0x200, like the answers of `moteus2`"), "{text}");
     assert!(table("", &[("damiao", 1, "master = 0"), ("damiao", 2, "master = 0")]).is_ok());
     assert!(table("", &[("mini_cheetah", 1, ""), ("mini_cheetah", 2, "")]).is_ok());
 }

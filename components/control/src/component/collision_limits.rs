@@ -199,7 +199,7 @@ impl CollisionConfig {
             }
             if object.is_dynamic() && index >= MAX_OBJECTS {
                 let message = format!(
-                    "`{}` moves, and is none of the first {MAX_OBJECTS} objects, whose poses are known",
+                    "`{}` moves, but only the poses of the first {MAX_OBJECTS} objects are known",
                     object.name
                 );
                 return Err(mistaken(message).advise("name objects that move first"));

@@ -144,9 +144,8 @@ impl WrenchConfig {
     /// The limits, checked, of a contact.
     fn cone(&self, contact: &Contact, key: &dyn Fn(&str) -> String) -> Result<WrenchCone, ConfigError> {
         let ContactShape::Sole { sides } = contact.shape else {
-            return Err(ConfigError::key(key("wrench"), "of a contact that is no sole").advise(
-                "a point or a ball has no torque of its own: limit it by `friction` and `max_force`",
-            ));
+            return Err(ConfigError::key(key("wrench"), "of a contact that is no sole")
+                .advise("a point or a ball transmits no torque: limit it by `friction` and `max_force`"));
         };
         let cone = WrenchCone {
             sides: self.sides.unwrap_or(sides.map(|side| side - 2.0 * contact.margin)),
@@ -301,7 +300,7 @@ impl ContactConfig {
         let mut contact = match (&self.foot, &self.frame) {
             (Some(name), None) => {
                 if self.radius.is_some() || self.sole.is_some() {
-                    let message = "the shape of a foot is that of the robot's profile";
+                    let message = "the robot's profile defines the shape of a foot";
                     return Err(ConfigError::key(key("foot"), message).advise("name its `frame` instead"));
                 }
                 let feet = profile.map(|profile| &profile.feet);

@@ -130,7 +130,7 @@ impl MovingObjects {
         for index in 0..poses.count() {
             let object = poses.object()[index] as usize;
             if object >= self.starts.len() {
-                return Err(StepError::failed("the poses of objects are those of another world"));
+                return Err(StepError::failed("the object poses are from another world"));
             }
             let position = [poses.position_x()[index], poses.position_y()[index], poses.position_z()[index]];
             let orientation = [

@@ -50,7 +50,7 @@ pub enum WheelError {
     #[error("no steered wheel, expected at least one")]
     Steered,
     /// Fixed wheels in a line behind each other.
-    #[error("all fixed wheels stand in one line: their speeds say nothing about how the base turns")]
+    #[error("all fixed wheels are in one line, so their speeds do not determine how the base turns")]
     OneLine,
     /// A steered wheel on the axle of the fixed ones.
     #[error("steered wheel {wheel} stands on the axle of the fixed wheels: it cannot steer")]

@@ -64,7 +64,7 @@ struct Counts {
 
 impl Component for UdpSensor {
     const KIND: &'static str = "sensor.udp";
-    const SUMMARY: &'static str = "publishes datagrams from outside of the graph as states";
+    const SUMMARY: &'static str = "publishes incoming UDP datagrams as states";
     const RESETS: bool = true;
     type Config = UdpSensorConfig;
 

@@ -168,7 +168,7 @@ fn missing(task: &World, graph: &World) -> Option<String> {
 impl Component for LearnerTask {
     const KIND: &'static str = "learner.task";
     const SUMMARY: &'static str =
-        "judges a policy on a learning task: observations, rewards, ends of episodes";
+        "evaluates a policy on a learning task: observations, rewards, episode ends";
     const RESETS: bool = true;
     type Config = LearnerTaskConfig;
 

@@ -32,7 +32,7 @@ pub enum FileError {
     },
     /// The file is not a library.
     #[error(
-        "this is no motion library: it begins with `{}`; `motorium library build` makes one of recordings",
+        "not a motion library: it begins with `{}`; `motorium library build` makes one from recordings",
         .found.escape_ascii()
     )]
     Magic {
@@ -47,7 +47,7 @@ pub enum FileError {
     },
     /// The file is too short or too long.
     #[error(
-        "{found} bytes, but its head says {expected}: it was cut short or something was added; build it anew"
+        "{found} bytes, but its head says {expected}: it was cut short or something was added; build it again"
     )]
     Length {
         /// Number of bytes found.
@@ -56,7 +56,7 @@ pub enum FileError {
         expected: u64,
     },
     /// The file was changed after it was written.
-    #[error("its checksum is {found:016x}, its head says {expected:016x}: it was damaged; build it anew")]
+    #[error("its checksum is {found:016x}, its head says {expected:016x}: it was damaged; build it again")]
     Checksum {
         /// Checksum of the bytes found.
         found: u64,

@@ -57,7 +57,7 @@ fn invalid_files_are_rejected_with_the_reason() {
         let error = refuse(&whole[..cut]);
         assert!(
             error.contains("a.library")
-                && (error.contains("cut short") || error.contains("no motion library")),
+                && (error.contains("cut short") || error.contains("not a motion library")),
             "{error}"
         );
     }
@@ -68,7 +68,7 @@ fn invalid_files_are_rejected_with_the_reason() {
     };
     assert!(refuse(&changed(whole.len() / 2, 1)).contains("checksum"));
     assert!(refuse(&changed(8, 2)).contains("version 3"));
-    assert!(refuse(&changed(0, 1)).contains("no motion library"));
+    assert!(refuse(&changed(0, 1)).contains("not a motion library"));
     assert!(refuse(&[whole.clone(), vec![0]].concat()).contains("something was added"));
 }
 

@@ -108,7 +108,7 @@ fn several<E: PhysicsEngine>(
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if config.position.is_some() || config.base.is_some() {
-        return Err(ConfigError::new("`position` and `base` are those of one robot, and there are several")
+        return Err(ConfigError::new("`position` and `base` apply to one robot, but there are several")
             .advise("write `start.NAME.position`, and `base` in `[robot.NAME]`"));
     }
     if let Some(name) = config.start.keys().find(|name| robots.iter().all(|robot| robot.name != **name)) {

@@ -148,7 +148,7 @@ fn pace(novelty: f64, slow: f64, hold: f64) -> f64 {
 
 impl Component for LatentPolicy {
     const KIND: &'static str = "policy.latent";
-    const SUMMARY: &'static str = "moves several robots as a human moves, by a shared latent space";
+    const SUMMARY: &'static str = "maps human motion to several robots through a shared latent space";
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = LatentPolicyConfig;

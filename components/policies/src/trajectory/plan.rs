@@ -96,7 +96,7 @@ fn read(goal: &JointGoal, model: &Model, profile: Option<&Profile>, key: &str) -
         (None, Some(position), None) => numbers(position, model, &format!("{key}.position"), Target::At)?,
         (None, None, Some(offset)) => numbers(offset, model, &format!("{key}.offset"), Target::Beside)?,
         (None, None, None) => {
-            let message = "none of `pose`, `position` and `offset` is given";
+            let message = "`pose`, `position` and `offset` are all missing";
             return Err(ConfigError::key(key, message).advise("give one of them, or the name of a pose"));
         }
         _ => {

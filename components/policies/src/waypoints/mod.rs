@@ -47,7 +47,7 @@ const PLANNED: f64 = 0.8;
 
 impl Component for WaypointsPolicy {
     const KIND: &'static str = "policy.waypoints";
-    const SUMMARY: &'static str = "leads a base on wheels through poses in the plane";
+    const SUMMARY: &'static str = "drives a wheeled base through planar poses";
     const RESETS: bool = true;
     type Config = WaypointsConfig;
 
@@ -55,7 +55,7 @@ impl Component for WaypointsPolicy {
         route(config, declare.robot())?;
         declare.may_end_episodes();
         declare.input::<Odometry>("odometry", "pose of the base");
-        declare.optional_input::<BaseState>("true_base", "true pose of the base, by which goals are judged");
+        declare.optional_input::<BaseState>("true_base", "true pose of the base, for evaluating goals");
         declare.output::<TwistTarget>("target", "target velocity of the base, in its own axes");
         declare.float("speed", 1.0, 0.0..=1.0, "", "speed factor; 0 stops where the base is");
         Ok(())
@@ -156,7 +156,7 @@ fn route(config: &WaypointsConfig, robot: Option<&RobotReference>) -> Result<Rou
         let message =
             format!("robot `{}` cannot turn on the spot, as this policy does at its goals", robot.name);
         return Err(
-            ConfigError::key("robot", message).advise("it leads differential and omnidirectional bases")
+            ConfigError::key("robot", message).advise("it supports differential and omnidirectional bases")
         );
     }
     let [speed, turn_speed] = fastest(&loaded.model, base);

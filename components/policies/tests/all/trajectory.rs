@@ -124,7 +124,7 @@ fn what_cannot_be_reached_is_refused_and_says_why() {
             "{ goals = [{ position = [0.0, 0.0, 2.0] }, { offset = [0.0, 0.0, 2.0] }] }",
             "outside of its range",
         ),
-        ("{ goals = [{ duration = \"1 s\" }] }", "none of `pose`, `position` and `offset`"),
+        ("{ goals = [{ duration = \"1 s\" }] }", "`pose`, `position` and `offset` are all missing"),
         ("{ goals = [{ pose = \"bent\", offset = [0.0, 0.0, 0.0] }] }", "more than one of"),
         ("{ goals = [\"bent\"], limits = { fraction = 1.5 } }", "at most 1"),
         ("{ goals = [\"bent\"], limits = { jerk = 0.0 } }", "expected a positive number"),

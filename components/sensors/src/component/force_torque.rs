@@ -142,7 +142,7 @@ impl Component for ForceTorque {
                 ))
                 .key("link");
         }
-        declare.output::<Wrench>("wrench", "force and torque on what the sensor carries, in its axes");
+        declare.output::<Wrench>("wrench", "force and torque on the links beyond the sensor, in its axes");
         Ok(())
     }
 

@@ -104,7 +104,7 @@ const WIDTH: usize = 10;
 
 impl Component for Imu {
     const KIND: &'static str = "sensor.imu";
-    const SUMMARY: &'static str = "inertial measurement unit: noise, biases that walk, range, latency";
+    const SUMMARY: &'static str = "inertial measurement unit: noise, bias random walk, range, latency";
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = ImuConfig;

@@ -74,7 +74,7 @@ struct Part {
 
 impl Component for JointMerge {
     const KIND: &'static str = "joint.merge";
-    const SUMMARY: &'static str = "puts the joint states of several writers together";
+    const SUMMARY: &'static str = "merges joint states from several publishers";
     const RESETS: bool = true;
     type Config = JointMergeConfig;
 

@@ -45,10 +45,11 @@ impl Readings {
         let latency = timing.latency;
         if latency.ns > 0 && Duration::from(latency) < period {
             let period = TimeSpan { ns: period.as_nanos() as u64 };
-            declare
-                .warn(format!("a latency of {latency} is shorter than the period"))
-                .key("latency")
-                .advise(format!("readings leave at steps, {period} late: say so, or raise the rate"));
+            declare.warn(format!("a latency of {latency} is shorter than the period")).key("latency").advise(
+                format!(
+                    "readings are published in steps, {period} late: set this latency, or raise the rate"
+                ),
+            );
         }
         Ok(())
     }

@@ -16,7 +16,7 @@ pub(super) fn surface(geom: &Element<'_, '_, '_>) -> Result<Object, MjcfError> {
         ("gap", "objects touch at their surfaces"),
         ("solref", "contacts are rigid here; `soft` of an object makes them give way"),
         ("solimp", "contacts are rigid here; `soft` of an object makes them give way"),
-        ("priority", "friction is that of both surfaces"),
+        ("priority", "friction comes from both surfaces"),
     ] {
         if geom.get(name).is_some_and(|value| value.split_whitespace().any(|part| part.parse() != Ok(0.0))) {
             geom.ignore(name, reason);

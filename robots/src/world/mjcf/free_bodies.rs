@@ -75,7 +75,7 @@ pub(super) fn object<'a, 'i>(
                 if own != surface {
                     return other(
                         node,
-                        "its friction differs from that of the first geom of its body: an object has one surface",
+                        "its friction differs from the first geom of its body: an object has one surface",
                     );
                 }
                 let mass = match weight {

@@ -73,7 +73,9 @@ pub(super) fn connections<'a, 'i>(
             return Err(rule.missing("anchor"));
         }
         if rule.numbers::<7>("relpose")?.is_some_and(|pose| pose[3..] != [0.0; 4]) {
-            return Err(rule.refused("relpose", "bodies are held as they stand in the file; place them so"));
+            return Err(
+                rule.refused("relpose", "bodies are fixed in their poses in the file; change these poses")
+            );
         }
         let point = first.frame * Point3::from(anchor.unwrap_or_default());
         let parts = [first.object, second.object];

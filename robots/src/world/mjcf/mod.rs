@@ -155,7 +155,7 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
             name if SKIPPED.contains(&name) => {}
             name if OF_ROBOTS.contains(&name) => {
                 let problem = format!(
-                    "<{name}> is about a robot: a world holds none; load the robot by a table of its own"
+                    "<{name}> describes a robot, which a world cannot contain; load the robot by a `[robot.NAME]` table"
                 );
                 return Err(attributes.error(section, MjcfProblem::Other(problem)));
             }
@@ -271,7 +271,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             if !free {
                 return Err(self.other(
                     joint,
-                    "a body on a joint is part of a robot: a world holds fixed bodies and free ones; load the robot by a table of its own",
+                    "a body on a joint is part of a robot: a world holds fixed bodies and free ones; load the robot by a `[robot.NAME]` table",
                 ));
             }
             if around.frees {
@@ -317,7 +317,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         if !kept && place.frees && !inertia.as_ref().is_ok_and(|inertia| inertia.mass == 0.0) {
             return Err(self.other(
                 node,
-                "a geom that touches nothing has a mass, and an object has that of what touches: give it mass=\"0\"",
+                "a geom that touches nothing has a mass, but only geoms with contacts have mass in an object: give it mass=\"0\"",
             ));
         }
         if !kept {

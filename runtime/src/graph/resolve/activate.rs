@@ -63,7 +63,7 @@ pub(super) fn resolve(
         report
             .error(format!("the `min_interval` of component `{name}` is {time}"))
             .label(&interval.span, format!("expected {SHORTEST} or more"))
-            .advise("the time between two steps that is enough for what it does: \"1 ms\"");
+            .advise("a sufficient time between two steps: \"1 ms\"");
         return None;
     }
     values.on.as_ref()?.get()?;

@@ -48,7 +48,7 @@ pub(super) fn resolve<'g, 'i>(
         report
             .error(format!("the graph has {} components", components.len()))
             .label(&at.key, format!("the first of those beyond {MOST}"))
-            .advise("each component is a process of its own: put what belongs together into one of them");
+            .advise("each component is a separate process: combine related parts in one component");
         return Vec::new();
     }
     let mut used = vec![false; robots.len()];
@@ -160,7 +160,7 @@ fn several_robots(table: &ComponentTable<'_>, report: &mut Report) -> bool {
             report
                 .error(format!("`robots` names `{}` twice", name.get().map_or("", String::as_str)))
                 .label(&name.span, "the same robot again")
-                .advise("a second robot of the same model is a `[robot.NAME]` of its own");
+                .advise("a second robot of the same model needs a separate `[robot.NAME]`");
             return false;
         }
         (None, None) if robots.get().is_some() && names.is_empty() => {

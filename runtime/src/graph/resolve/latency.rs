@@ -217,7 +217,7 @@ fn no_path(
             inputs => diagnostic
                 .note(format!("`{to}` is written by `{name}`, which reads {}", list(inputs.iter().copied()))),
         };
-        diagnostic.advise("start the budget at a topic from which a chain of components leads there");
+        diagnostic.advise("start the budget at a topic from which data flow to this one");
         return;
     };
     let reason = match timing.activation[writer] {

@@ -63,7 +63,7 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
                 Schedule::Deadline => {
                     "the kernel ends its turn when its budget is used up: leave `cpu_limit` out"
                 }
-                _ => "it keeps the core from nobody: leave `cpu_limit` out",
+                _ => "it does not block the core for others: leave `cpu_limit` out",
             };
             report
                 .error(format!("component `{}` has a `cpu_limit` but is not scheduled as `fifo`", draft.name))
@@ -81,7 +81,7 @@ fn cpu_limit(draft: &Draft<'_, '_>, schedule: Schedule, period_ns: u64, report: 
     if limit.ns < shortest.ns {
         report
             .error(format!("the `cpu_limit` of component `{}` is {limit}", draft.name))
-            .label(&at.span, "shorter than its steps may be, or than the kernel can tell")
+            .label(&at.span, "shorter than its budget, or than the kernel can measure")
             .advise(format!("write `{shortest}` or more, or leave it out"));
     }
     Some(limit.ns)

@@ -25,7 +25,7 @@ fn of_component(draft: &Draft<'_, '_>, report: &mut Report) -> Vec<ParameterPlan
         let Some(plan) = plans.iter_mut().find(|plan| plan.declaration.name == *name) else {
             let names = declaration.parameters.iter().map(|parameter| parameter.name.as_str());
             let advice = match declaration.parameters.as_slice() {
-                [] => "leave `params` out; what is set once and for all goes into `config`".to_string(),
+                [] => "leave `params` out; fixed settings belong in `config`".to_string(),
                 _ => suggest(name, names, "its parameters are"),
             };
             report

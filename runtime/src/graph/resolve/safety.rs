@@ -50,7 +50,7 @@ pub(super) fn resolve(
             report
                 .error(format!("`stop_within` of component `{}` is longer than {LONGEST_STOP}", draft.name))
                 .label(&at.span, "every end of a run may take so long")
-                .advise("let it write what takes long while it runs");
+                .advise("write long output while it runs, not in `stop`");
         }
     }
     for restart in drafts.iter().filter_map(|draft| good(&draft.table.restart)) {

@@ -168,7 +168,7 @@ fn used_twice(side: &[(String, At<TopicName>)], direction: Direction, report: &m
         };
         let (verb, advice) = match direction {
             Direction::Input => ("subscribe to", "wire one of them to the topic that was meant"),
-            Direction::Output => ("publish", "give each output a topic of its own"),
+            Direction::Output => ("publish", "give each output a separate topic"),
         };
         report
             .error(format!("the ports `{other}` and `{port}` both {verb} `{}`", topic.0))
@@ -251,7 +251,7 @@ fn nothing_to_do(component: usize, draft: &Draft<'_, '_>, wiring: &Wiring, repor
         report
             .warning(format!("component `{}` has no ports: the graph cannot see what it does", draft.name))
             .label(&draft.place, "neither reads nor writes")
-            .advise("fine if it works for the world outside only");
+            .advise("harmless if it only acts outside of the graph");
     } else if declaration.ports.iter().all(|port| !port.required) {
         // a missing required port has been reported already
         let ports: Vec<String> =

@@ -44,7 +44,7 @@ pub(super) fn insert<'i>(
         match table.get_key_value("world") {
             Some((key, _)) => {
                 report
-                    .error(format!("the graph has a `[world]`, and `{}` another one of its own", draft.name))
+                    .error(format!("the graph has a `[world]`, and `{}` has another one", draft.name))
                     .label(&key.span(), "a second world")
                     .and(&at.key, "the world of the graph")
                     .advise("keep `[world]`, which all components share");

@@ -45,7 +45,8 @@ fn collect(
         DeValue::Float(number) => format!("== {}", number.as_str()),
         DeValue::Boolean(flag) => format!("== {flag}"),
         DeValue::Datetime(_) | DeValue::Array(_) => {
-            mismatch(figure, value, "a condition", report).advise("write such as \"<= 1e-3\" or \"== 4\"");
+            mismatch(figure, value, "a condition", report)
+                .advise("write a condition such as \"<= 1e-3\" or \"== 4\"");
             return;
         }
     };

@@ -99,7 +99,7 @@ impl fmt::Display for Event<'_> {
                 *for_ns as f64 * 1e-9
             ),
             Self::Ending(Exit::Finished) => f.write_str("the run ends: its time is over"),
-            Self::Ending(Exit::Interrupted) => f.write_str("the run ends: a signal asked for it"),
+            Self::Ending(Exit::Interrupted) => f.write_str("the run ends: requested by a signal"),
             Self::Ending(Exit::SafeStop { .. }) => f.write_str("the run ends after a safe stop"),
             Self::LauncherSilent { run } => {
                 write!(f, "the launcher of {run} does not respond (stopped?); the guard monitors the graph")

@@ -29,10 +29,10 @@ fn overload(admission: &Admission) -> Vec<Problem> {
     overloaded
         .map(|core| {
             let message = if core.share > 1.0 {
-                format!("core {} is asked for more time than it has", core.core)
+                format!("the components of core {} need more time than it has", core.core)
             } else {
                 format!(
-                    "core {} is asked for more time than the kernel lets real-time components have",
+                    "the components of core {} need more time than the kernel grants real-time components",
                     core.core
                 )
             };

@@ -82,7 +82,7 @@ fn a_chain_on_one_core_is_the_sum_of_its_steps_and_hand_overs() {
 fn an_overloaded_core_is_refused_with_the_sum() {
     let admission = check(&reach(600), &[]);
     assert!(admission.refuses());
-    assert_eq!(errors(&admission), ["core 1 is asked for more time than it has"]);
+    assert_eq!(errors(&admission), ["the components of core 1 need more time than it has"]);
     assert_eq!(
         admission.problems[0].arithmetic.as_deref(),
         Some(
@@ -100,7 +100,7 @@ fn a_graph_the_kernel_would_throttle_is_refused_with_reason() {
     let admission = check(&reach(325), &[]);
     assert_eq!(
         errors(&admission),
-        ["core 1 is asked for more time than the kernel lets real-time components have"]
+        ["the components of core 1 need more time than the kernel grants real-time components"]
     );
     assert!(admission.cores[0].arithmetic.ends_with("= 0.955 > 0.95"), "{}", admission.cores[0].arithmetic);
     let without = admit(&graph(&reach(325), 100 * US, &[]), &MACHINE, RtLimit::NONE);

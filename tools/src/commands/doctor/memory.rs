@@ -69,7 +69,7 @@ fn check_huge_pages(enabled: Option<&str>) -> Finding {
         None => Finding::pass(name, "the kernel creates none automatically"),
         Some("always") => Finding::warn(
             name,
-            "always: the kernel may stop a process to put its pages together",
+            "always: the kernel may stop a process to merge its pages",
             "echo madvise | sudo tee /sys/kernel/mm/transparent_hugepage/enabled",
         ),
         Some(chosen) => Finding::pass(name, chosen),

@@ -64,7 +64,7 @@ impl Draw {
         if let Some(source) = &source {
             anyhow::ensure!(
                 source.fits(&plan),
-                "the report is not one of graph `{}`: it names none of its components; give the graph file that ran",
+                "the report is of another graph than `{}`: no component has the same name; give the graph file that ran",
                 plan.name
             );
         }

@@ -13,7 +13,7 @@ use crate::out::outln;
 use crate::style;
 use sources::Sources;
 
-/// Make a component crate and a graph that build and run at once.
+/// Create a component crate and a graph that are ready to build and run.
 ///
 /// Example: motorium new my-controller && cd my-controller && cargo build --release && motorium run
 /// graph.toml --for 2s

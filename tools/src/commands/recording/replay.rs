@@ -15,17 +15,17 @@ use crate::{exit, registry, report, style};
 
 /// Replay a recording, or run its graph again and compare every sample.
 ///
-/// Each component publishes its recorded samples at the recorded times; components of `--live` run
-/// themselves. Episodes follow in the recorded order.
+/// Each component publishes its recorded samples at the recorded times, except components of `--live`,
+/// which run. Episodes follow in the recorded order.
 ///
-/// A robot that runs itself and follows recorded joint commands is led to the first of them within half of
-/// the limits of its joints, and to rest behind the last. Then it goes to its safe state.
+/// A live robot that follows recorded joint commands approaches the first one within half of the limits of
+/// its joints, and comes to rest after the last. Then it enters its safe state.
 ///
-/// `--verify` runs the graph in lockstep again, from its seed, and compares all that it publishes to the last
-/// bit: exit code 1 at a difference, which is printed with its topic, time and field.
+/// `--verify` runs the graph in lockstep again, from its seed, and compares all publications bit
+/// for bit: exit code 1 at a difference, which is printed with its topic, time and field.
 ///
-/// A recording names the programs of its components. Those that are not part of motorium run with
-/// `--allow-programs` only.
+/// A recording names the programs of its components. Programs that are not part of motorium run
+/// with `--allow-programs` only.
 ///
 /// Example: motorium replay out/a.mcap --verify
 #[derive(Debug, clap::Args)]
@@ -39,7 +39,7 @@ pub(crate) struct Replay {
     /// With `--verify`: a component replaced by its recording; may be repeated
     #[arg(long, value_name = "COMPONENT", requires = "verify")]
     replace: Vec<String>,
-    /// A component that runs itself; may be repeated [default: none]
+    /// A component to run instead of its recording; may be repeated [default: none]
     #[arg(long, value_name = "COMPONENT")]
     live: Vec<String>,
     /// Recorded time per real time; `0` for as fast as the machine allows
@@ -51,8 +51,8 @@ pub(crate) struct Replay {
     /// Hold time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
-    /// Run in real time, with the cores, priorities and budgets of the graph, as a robot of real drives needs
-    /// it
+    /// Run in real time, with the cores, priorities and budgets of the graph, as required by real
+    /// drives
     #[arg(long, conflicts_with_all = ["speed", "paused", "verify"])]
     realtime: bool,
     /// Time in which a live robot moves to the first recorded pose; `"0 s"` for none
@@ -166,7 +166,7 @@ impl Replay {
             );
         } else {
             errln!(
-                "`{}`: {} to the first recorded pose, and {} to rest behind the last",
+                "`{}`: {} to the first recorded pose, and {} to rest after the last",
                 eased.join("`, `"),
                 self.ease_in,
                 self.ramp_down

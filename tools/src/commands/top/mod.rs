@@ -35,7 +35,7 @@ use view::View;
 /// Example: motorium top --once --json
 #[derive(Debug, clap::Args)]
 pub(crate) struct Top {
-    /// Run to show: its id, the beginning of it, or the name of its graph [default: the newest]
+    /// Run to show: its id, a prefix of the id, or the name of its graph [default: the newest]
     #[arg(value_name = "RUN", add = crate::complete::runs())]
     name: Option<String>,
     /// The same, as in other commands

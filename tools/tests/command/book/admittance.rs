@@ -33,7 +33,7 @@ impl Spring {
     }
 }
 
-/// Lets the tool of a robot give way to forces at its wrist, without turning.
+/// Lets the tool of a robot yield to forces at its wrist, without turning.
 pub struct Admittance {
     joint_state: Input<JointState>,
     wrench: Input<Wrench>,
@@ -77,7 +77,7 @@ fn frames(
 
 impl Component for Admittance {
     const KIND: &'static str = "example.admittance";
-    const SUMMARY: &'static str = "lets the tool of a robot give way to forces at its wrist";
+    const SUMMARY: &'static str = "lets the tool of a robot yield to forces at its wrist";
     type Config = AdmittanceConfig;
 
     fn declare(config: &AdmittanceConfig, declare: &mut Declare) -> Result<(), ConfigError> {

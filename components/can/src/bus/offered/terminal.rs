@@ -88,7 +88,7 @@ fn plug_in(link: &PathBuf) -> io::Result<End> {
         // a link left over from a previous run
         Ok(found) if found.is_symlink() => std::fs::remove_file(link)?,
         Ok(_) => {
-            let message = "there is something else at that path, which is left alone";
+            let message = "the path exists and is not a terminal link; it is left unchanged";
             return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
         }
         Err(_) => {}

@@ -125,7 +125,7 @@ pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
     };
     let is_plain = |line: &&[u8]| line.len() > 2 && line.iter().all(|byte| matches!(byte, 0x20..=0x7e));
     let version = lines().filter(is_plain).find(|line| !is_frame(line));
-    let unknown = || lines().any(|line| is_frame(&line)).then(|| "it tells no version".to_string());
+    let unknown = || lines().any(|line| is_frame(&line)).then(|| "it reports no version".to_string());
     Ok(version.map(|line| String::from_utf8_lossy(line).into_owned()).or_else(unknown))
 }
 

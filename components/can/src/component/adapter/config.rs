@@ -193,7 +193,7 @@ pub(super) fn check_watchdogs(
     {
         let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
         return Err(ConfigError::key("drives", message).advise(
-            "set one in the drive and in the table: without it the drive goes on when nobody commands it any more",
+            "set one in the drive and in the table: without it the drive continues with its last command",
         ));
     }
     let Some(period) = declare.period() else { return Ok(()) };

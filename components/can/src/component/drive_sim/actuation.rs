@@ -50,8 +50,7 @@ pub(super) fn actuations(
 impl Actuation {
     fn new(settings: &ActuatorSettings, limit: f64, joint: &str) -> Result<Self, ConfigError> {
         if settings.network.is_some() {
-            let message =
-                "a network stands in place of the law of a drive, but this drive has the law of its protocol";
+            let message = "a network replaces the control law, but this drive's protocol defines its law";
             return Err(ConfigError::key(format!("actuators.{joint}.network"), message)
                 .advise("leave it out, or let `physics.articulated` simulate the drive"));
         }

@@ -101,7 +101,7 @@ impl Component for MpcPlanner {
             let doc = format!("pose and velocity of the foot `{name}` in the world; each swing is a goal");
             declare.output::<PoseTarget>(&format!("{name}_target"), &doc);
         }
-        declare.boolean("strides", true, "true: it strides by its gait; false: it stands on all feet");
+        declare.boolean("strides", true, "true: it walks by its gait; false: it stands on all feet");
         declare.float("speed_factor", 1.0, 0.0..=1.0, "", "factor of the target velocity");
         Ok(())
     }

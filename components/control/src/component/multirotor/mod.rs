@@ -144,7 +144,7 @@ impl Parts {
 
 impl Component for MultirotorController {
     const KIND: &'static str = "control.multirotor";
-    const SUMMARY: &'static str = "flies a robot on rotors to target poses";
+    const SUMMARY: &'static str = "flies a multirotor to target poses";
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = MultirotorConfig;
@@ -156,7 +156,7 @@ impl Component for MultirotorController {
         })?;
         Parts::new(config, robot)?;
         declare.input::<BaseState>("base_state", "measured pose and velocity of the base");
-        declare.optional_input::<PoseTarget>("target", "pose to fly to; of its orientation the yaw");
+        declare.optional_input::<PoseTarget>("target", "target pose; of its orientation the yaw");
         declare.output::<JointCommand>("joint_command", "thrust of each rotor, as its effort");
         Ok(())
     }

@@ -65,7 +65,7 @@ impl PostureConfig {
             (Some(_), None, None) => {
                 let message = format!("robot `{}` has no profile, so its poses have no names", model.name());
                 return Err(ConfigError::key(place.key("pose"), message)
-                    .advise("give `positions`, or put a profile beside the URDF"));
+                    .advise("give `positions`, or put a profile next to the URDF"));
             }
             (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
             (None, Some(positions), _) => (per_joint(&place.key("positions"), positions, model)?, false),

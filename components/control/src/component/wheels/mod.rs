@@ -62,7 +62,7 @@ const REMEMBERED: usize = 13;
 
 impl Component for WheelController {
     const KIND: &'static str = "control.wheels";
-    const SUMMARY: &'static str = "moves a base on wheels at a target velocity, with odometry";
+    const SUMMARY: &'static str = "drives a wheeled base at a target velocity, with odometry";
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = WheelsConfig;

@@ -100,9 +100,9 @@ fn geometry(model: &Model, facts: &MobileBase, robot: &str) -> Result<Geometry, 
     };
     if facts.drive == Steering::SteeredWheels {
         let message = format!(
-            "every wheel of robot `{robot}` steers by itself, and this controller leads none of such"
+            "every wheel of robot `{robot}` steers independently, which this controller does not support"
         );
-        return Err(refused(message).advise("it leads differential, Ackermann and omnidirectional bases"));
+        return Err(refused(message).advise("it supports differential, Ackermann and omnidirectional bases"));
     }
     let mut kinematics = Kinematics::new(model);
     kinematics.update(model, &model.neutral());

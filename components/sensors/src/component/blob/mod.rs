@@ -55,7 +55,7 @@ struct Counts {
 
 impl Component for BlobEstimator {
     const KIND: &'static str = "estimator.blob";
-    const SUMMARY: &'static str = "place of a thing of one colour, from the pictures of a camera";
+    const SUMMARY: &'static str = "position of a coloured object in camera images";
     const RESETS: bool = true;
     type Config = BlobConfig;
 
@@ -64,8 +64,8 @@ impl Component for BlobEstimator {
         TrueMotion::declare(&config.camera, Needs::Measured, declare)?;
         let doc = "pictures: red, green and blue, a byte each";
         declare.slice_input::<u8>("image", PICTURES, doc);
-        declare.input::<ImageInfo>("info", "form of the pictures");
-        declare.output::<PoseTarget>("target", "position and velocity of the thing in the world");
+        declare.input::<ImageInfo>("info", "format of the images");
+        declare.output::<PoseTarget>("target", "position and velocity of the object in the world");
         Ok(())
     }
 

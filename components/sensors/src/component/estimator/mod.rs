@@ -93,7 +93,7 @@ impl Component for BaseEstimator {
         declare.input::<ImuSample>("imu", "readings of the inertial measurement unit");
         declare.input::<JointState>("joint_state", "measured joint state");
         declare.input::<FootContacts>("feet", "contacts of the feet");
-        declare.optional_input::<BaseState>("reference", "true base state, to score the estimate by");
+        declare.optional_input::<BaseState>("reference", "true base state, for scoring the estimate");
         declare.output::<BaseState>("base_state", "estimated pose and velocity of the base");
         declare.output::<BaseEstimate>("estimate", "the estimate with its biases and its covariance");
         Ok(())

@@ -47,7 +47,7 @@ pub struct Altimeter {
 
 impl PlaceSensor for Altimeter {
     const KIND: &'static str = "sensor.altimeter";
-    const SUMMARY: &'static str = "height and its rate: noise, bias that walks, latency";
+    const SUMMARY: &'static str = "height and its rate: noise, bias random walk, latency";
     const PORT: (&'static str, &'static str) = ("altitude", "height above the reference, and its rate");
     const WIDTH: usize = 2;
     type Config = AltimeterConfig;

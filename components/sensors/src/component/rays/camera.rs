@@ -165,7 +165,7 @@ const PIXEL_BYTES: usize = 3;
 
 impl RangeSensor for Camera {
     const KIND: &'static str = "sensor.camera";
-    const SUMMARY: &'static str = "pictures in colour by rays: light, shadows, shot noise, latency";
+    const SUMMARY: &'static str = "ray-traced colour images: light, shadows, shot noise, latency";
     const SEES_COLOURS: bool = true;
     type Config = CameraConfig;
     type Outputs = CameraOutputs;
@@ -208,7 +208,7 @@ impl RangeSensor for Camera {
     fn declare(&self, declare: &mut Declare) {
         let doc = "the picture: red, green and blue, a byte each, row by row from the top left corner";
         declare.slice_output::<u8>("image", self.picture.len() * PIXEL_BYTES, PICTURES, doc);
-        declare.output::<ImageInfo>("info", "form of the pictures");
+        declare.output::<ImageInfo>("info", "format of the images");
     }
 
     fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError> {

@@ -128,7 +128,7 @@ impl DepthCamera {
 
 impl RangeSensor for DepthCamera {
     const KIND: &'static str = "sensor.depth_camera";
-    const SUMMARY: &'static str = "pictures of depth and grey by rays: noise, lost pixels, latency";
+    const SUMMARY: &'static str = "ray-traced depth and grey images: noise, lost pixels, latency";
     type Config = DepthCameraConfig;
     type Outputs = DepthCameraOutputs;
 
@@ -180,7 +180,7 @@ impl RangeSensor for DepthCamera {
             PICTURES,
             "brightness under a lamp at the camera, a byte a pixel",
         );
-        declare.output::<ImageInfo>("info", "form of the pictures of depth");
+        declare.output::<ImageInfo>("info", "format of the depth images");
     }
 
     fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError> {

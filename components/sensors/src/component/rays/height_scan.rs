@@ -105,7 +105,7 @@ pub struct HeightScanSensor {
 
 impl RangeSensor for HeightScanSensor {
     const KIND: &'static str = "sensor.height_scan";
-    const SUMMARY: &'static str = "heights of the surface on a grid about the sensor: noise, latency";
+    const SUMMARY: &'static str = "heights of the surface on a grid around the sensor: noise, latency";
     type Config = HeightScanConfig;
     type Outputs = Output<HeightScan>;
 

@@ -158,7 +158,7 @@ impl View {
             for index in 0..poses.count() {
                 let object = poses.object()[index] as usize;
                 if object >= self.object_count {
-                    return Err(StepError::failed("the object poses belong to another world"));
+                    return Err(StepError::failed("the object poses are from another world"));
                 }
                 let position =
                     [poses.position_x()[index], poses.position_y()[index], poses.position_z()[index]];

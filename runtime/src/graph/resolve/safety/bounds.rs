@@ -41,12 +41,12 @@ pub(super) fn check_age(key: &str, at: Option<&At<TimeSpan>>, chains_ns: u64, re
     let allowed = LONG.ns.max(4 * chains_ns);
     if age > LONGEST {
         report
-            .error(format!("`{key}` is {age}: a robot would go on for so long without its controller"))
+            .error(format!("`{key}` is {age}: a robot would continue without its controller for this time"))
             .label(&at.span, format!("expected at most {LONGEST}"))
             .advise("a few periods of the component that writes the commands are usual, such as \"5 ms\"");
     } else if age.ns > allowed {
         report
-            .warning(format!("`{key}` is {age}: a robot goes on for so long without its controller"))
+            .warning(format!("`{key}` is {age}: a robot continues without its controller for this time"))
             .label(&at.span, format!("more than {}", TimeSpan { ns: allowed }))
             .advise("a few periods of the component that writes the commands are usual, such as \"5 ms\"");
     }

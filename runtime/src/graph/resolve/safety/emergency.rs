@@ -61,7 +61,7 @@ pub(super) fn max_age(
     if let Some(at) = at.filter(|_| max_age > LONGEST) {
         report
             .error(format!(
-                "`emergency_stop_max_age` is {max_age}: a dead button would go unnoticed for so long"
+                "`emergency_stop_max_age` is {max_age}: a dead button would go unnoticed for this time"
             ))
             .label(&at.span, format!("expected at most {LONGEST}"))
             .advise("let the feeder repeat its value several times a second");
