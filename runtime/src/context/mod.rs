@@ -184,19 +184,27 @@ impl Context {
     /// on. One load where none did.
     #[inline]
     pub(crate) fn enter_new_episode(&self) -> Option<EpisodeStart> {
-        if self.region.header().episode.load(Relaxed) == self.episode.get() {
-            None
-        } else {
-            self.enter_episode()
-        }
+        let start = self.new_episode()?;
+        self.enter_episode(start.index);
+        Some(start)
     }
 
-    #[cold]
-    fn enter_episode(&self) -> Option<EpisodeStart> {
+    /// The number of an episode of real time that was not entered.
+    #[inline(always)]
+    pub(crate) fn new_episode_index(&self) -> Option<u64> {
+        let index = self.region.header().episode.load(Relaxed);
         // In lockstep the launcher resets every component before it steps in a new episode.
-        let start = self.region.header().episode_start().filter(|_| !self.clock.is_lockstep())?;
-        self.episode.set(start.index);
-        Some(start)
+        (index != self.episode.get() && !self.clock.is_lockstep()).then_some(index)
+    }
+
+    /// The start of an episode of real time that was not entered.
+    pub(crate) fn new_episode(&self) -> Option<EpisodeStart> {
+        self.new_episode_index().and_then(|_| self.region.header().episode_start())
+    }
+
+    /// Enters an episode of real time.
+    pub(crate) fn enter_episode(&self, index: u64) {
+        self.episode.set(index);
     }
 
     /// Begins an episode of simulated time: the clock restarts, inputs have nothing to read, outputs have

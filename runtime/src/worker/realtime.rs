@@ -94,6 +94,7 @@ fn wait_until(stepper: &mut Stepper, release_ns: u64, margin: &mut Margin, rest:
             if spinning.is_none() {
                 spinning = Some((now, now));
                 stepper.context().first_lines().fetch();
+                stepper.look_for_episode();
             }
             core::hint::spin_loop();
         }
@@ -118,6 +119,7 @@ pub(super) fn run_triggered(
     let mut until_ns = longest_wait_ns.map(|longest| monotonic_ns() + longest);
     stepper.open_accounts();
     loop {
+        stepper.look_for_episode();
         // Ends on a publication, a command of the launcher or a signal; the memory shows which one it was.
         let slept = trigger.wait_until(until_ns);
         stepper.context().first_lines().fetch();

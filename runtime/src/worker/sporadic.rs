@@ -52,6 +52,7 @@ pub(super) fn run(
     let mut until_ns = longest_wait_ns.map(|longest| monotonic_ns() + longest);
     stepper.open_accounts();
     loop {
+        stepper.look_for_episode();
         let began_ns = monotonic_ns();
         let is_readable = match deferred_to {
             Some(at_ns) => {

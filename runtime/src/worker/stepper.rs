@@ -13,7 +13,7 @@ use crate::declare::StepError;
 use crate::os;
 use crate::parameter::ParameterReader;
 use crate::plan::{ComponentPlan, OnError, OnOverrun, component_seed};
-use crate::region::{Command, add};
+use crate::region::{Command, EpisodeStart, add};
 use crate::run_folder::RunFolder;
 use crate::telemetry::{Allocations, allocations, counts_allocations};
 
@@ -90,6 +90,8 @@ pub(super) struct Stepper {
     period: Duration,
     /// Steps before the present episode of simulated time.
     first: u64,
+    /// The episode that the next step begins, if it was found before.
+    next_episode: Option<Episode>,
     own_steps: u64,
     faults_before: u64,
     accounts: Accounts,
@@ -133,6 +135,7 @@ impl Stepper {
             plan: plan.clone(),
             period,
             first,
+            next_episode: None,
             own_steps: 0,
             faults_before: 0,
             accounts,
@@ -152,15 +155,38 @@ impl Stepper {
         self.plan.on_overrun
     }
 
+    /// Looks for an episode of real time that has begun, and computes its seed, which the next step then need
+    /// not do.
+    pub(super) fn look_for_episode(&mut self) {
+        if let Some(start) = self.context.new_episode() {
+            self.next_episode = Some(self.episode(start));
+        }
+    }
+
+    /// The episode for the component.
+    fn episode(&self, start: EpisodeStart) -> Episode {
+        Episode { index: start.index, seed: component_seed(start.seed, &self.plan.name) }
+    }
+
+    /// The episode that this step begins, if any.
+    #[inline(always)]
+    fn begun_episode(&mut self) -> Option<Episode> {
+        let index = self.context.new_episode_index()?;
+        let found = self.next_episode.take().filter(|episode| episode.index == index);
+        let begun = found.or_else(|| self.context.new_episode().map(|start| self.episode(start)))?;
+        self.context.enter_episode(begun.index);
+        Some(begun)
+    }
+
     /// Runs one step and counts it. Returns its end, ns on `CLOCK_MONOTONIC` (simulated time in lockstep).
     ///
     /// Part of each loop: after a sleep each page of instructions costs the translation of its address.
     #[inline(always)]
     pub(super) fn step(&mut self, timing: Timing) -> Result<u64, Failure> {
+        let begun = self.begun_episode();
         let context = &*self.context;
         let block = context.block();
         let steps = block.steps.load(Relaxed);
-        let begun = context.enter_new_episode();
         let start_ns = context.clock().start_ns();
         let tick = Tick {
             index: steps - self.first,
@@ -182,11 +208,9 @@ impl Stepper {
         let before = allocations();
         self.parameters.refresh();
         let component = &mut self.component;
-        let name = &self.plan.name;
         let result = failure::guard(|| {
-            if let Some(start) = begun {
-                block.episode.store(start.index, Relaxed);
-                let episode = Episode { index: start.index, seed: component_seed(start.seed, name) };
+            if let Some(episode) = begun {
+                block.episode.store(episode.index, Relaxed);
                 component.begin_episode(&episode).map_err(Wrong::Error)?;
             }
             component.step(&tick).map_err(Wrong::Error)
