@@ -13,7 +13,8 @@ use crate::Distribution;
 
 /// Values that a queue holds.
 const CAPACITY: usize = 64;
-/// Elements of the longest slice. The slices published have 0, 1, ... elements, and 0 again after the longest.
+/// Elements of the longest slice. The slices published have 0, 1, ... elements, and 0 again after the
+/// longest.
 const LONGEST: usize = 8;
 
 /// Returns the kinds of both components, for the host program.

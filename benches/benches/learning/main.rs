@@ -1,6 +1,6 @@
 //! Learning (criterion): search iterations, environment steps and training steps. With `--peers`, the
-//! searches are compared with cma and bayesian-optimization in one run, with `--training-peers` the time until
-//! a policy balances the cart-pole with Stable-Baselines3.
+//! searches are compared with cma and bayesian-optimization in one run, with `--training-peers` the time
+//! until a policy balances the cart-pole with Stable-Baselines3.
 
 mod cart_pole;
 mod training;

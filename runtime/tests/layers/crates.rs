@@ -105,7 +105,8 @@ pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
 /// that were found.
 pub(crate) fn inlined_kinds(root: &Path) -> (Vec<String>, usize) {
     let offers = |line: &str| {
-        let given = line.strip_prefix("pub fn ").and_then(|rest| rest.split_once("() -> "));
+        let function = line.strip_prefix("pub fn ").or_else(|| line.strip_prefix("pub(crate) fn "));
+        let given = function.and_then(|rest| rest.split_once("() -> "));
         given.is_some_and(|(_, given)| {
             ["Kind ", "[Kind; ", "Vec<Kind> "].iter().any(|kinds| given.starts_with(kinds))
         })

@@ -16,8 +16,8 @@ pub(crate) use events::event_line;
 /// Names a run on the command line.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct RunArg {
-    /// The run: its id, a prefix of the id, or the name of its graph [default: the newest run, or the only one
-    /// for commands that change it]
+    /// The run: its id, a prefix of the id, or the name of its graph [default: the newest run, or the only
+    /// one for commands that change it]
     #[arg(long = "run", value_name = "ID", add = crate::complete::runs())]
     run: Option<String>,
 }

@@ -4,7 +4,7 @@ use motorium_models::policy::BaseMotion;
 use rand::{Rng, RngExt as _};
 use serde::Deserialize;
 
-use super::{RobotState, TaskError};
+use super::TaskError;
 use crate::random::{Counter, Purpose};
 
 /// Noise of the measurements that a policy observes in training. Each number differs from the true one by at
@@ -56,14 +56,13 @@ pub(super) struct NoisyState {
     noise: MeasurementNoise,
     positions: Vec<f64>,
     velocities: Vec<f64>,
-    base: BaseMotion,
 }
 
 impl NoisyState {
     /// Memory for the measurements of a robot.
     pub(super) fn new(noise: MeasurementNoise, joints: usize) -> Self {
         let zeros = vec![0.0; joints];
-        Self { noise, positions: zeros.clone(), velocities: zeros, base: BaseMotion::default() }
+        Self { noise, positions: zeros.clone(), velocities: zeros }
     }
 
     /// Measures a state: positions and velocities of the joints, and the motion of the base. The counter
@@ -71,18 +70,17 @@ impl NoisyState {
     pub(super) fn measure(
         &mut self,
         counter: Counter,
-        state: &RobotState<'_>,
+        (positions, velocities, mut base): (&[f64], &[f64], BaseMotion),
     ) -> (&[f64], &[f64], BaseMotion) {
-        let Self { noise, positions, velocities, base } = self;
+        let noise = self.noise;
         let mut random = counter.stream(Purpose::Measurement);
-        positions.copy_from_slice(state.positions);
-        velocities.copy_from_slice(state.velocities);
-        *base = state.base;
-        disturb(positions, noise.joint_positions, &mut random);
-        disturb(velocities, noise.joint_velocities, &mut random);
+        self.positions.copy_from_slice(positions);
+        self.velocities.copy_from_slice(velocities);
+        disturb(&mut self.positions, noise.joint_positions, &mut random);
+        disturb(&mut self.velocities, noise.joint_velocities, &mut random);
         disturb(&mut base.linear_velocity, noise.base_linear_velocity, &mut random);
         disturb(&mut base.angular_velocity, noise.base_angular_velocity, &mut random);
         disturb(&mut base.gravity, noise.projected_gravity, &mut random);
-        (positions, velocities, *base)
+        (&self.positions, &self.velocities, base)
     }
 }

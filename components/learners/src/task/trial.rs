@@ -165,9 +165,10 @@ impl Trial {
 
     fn observe(&mut self, terms: &Terms, state: &RobotState<'_>) {
         let counter = Counter { step: self.step as u64, ..self.counter };
+        let exact = (state.positions, state.velocities, state.base);
         let (positions, velocities, base) = match &mut self.noisy {
-            Some(noisy) => noisy.measure(counter, state),
-            None => (state.positions, state.velocities, state.base),
+            Some(noisy) => noisy.measure(counter, exact),
+            None => exact,
         };
         self.observer.observe(&Measurements {
             positions,
