@@ -129,11 +129,6 @@ impl Peer {
         Ok(peer)
     }
 
-    /// Names of the works that the package has.
-    pub fn works(&self) -> &[String] {
-        &self.works
-    }
-
     /// Nanoseconds of processor time of one call of a work, or of all that its line describes.
     ///
     /// # Errors

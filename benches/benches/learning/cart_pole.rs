@@ -12,30 +12,23 @@ const SEEDS: core::ops::RangeInclusive<u64> = 1..=10;
 /// Mean return of the last 100 episodes at which the pole counts as balanced, of 500.
 const BALANCED: f64 = 475.0;
 
-/// Trains with each seed on all sides in turn, until the pole is balanced or the steps of the run are used
-/// up, and prints the times.
+/// Trains with each seed on both sides in turn, until the pole is balanced or the steps of the run are used up,
+/// and prints the times.
 pub(crate) fn compare() -> Result<(), String> {
     let mut peer = Peer::start("training.py", "stable-baselines3")?;
-    let settings = peer.works().to_vec();
     println!("s of processor time until the mean return of 100 episodes is {BALANCED}; - if it never is\n");
-    print!("{:<8} {:>10}", "seed", "motorium");
-    settings.iter().for_each(|name| print!(" {:>24}", format!("stable-baselines3 {name}")));
-    println!();
-    let mut columns = vec![Vec::new(); settings.len() + 1];
+    println!("{:<8} {:>10} {:>20}", "seed", "motorium", "stable-baselines3");
+    let row = |name: String, seconds: [Option<f64>; 2]| {
+        println!("{name:<8} {:>10} {:>20}", shown(seconds[0]), shown(seconds[1]));
+    };
+    let mut columns = [Vec::new(), Vec::new()];
     for seed in SEEDS {
-        let mut row = vec![balance(seed)?];
-        for name in &settings {
-            let nanoseconds = peer.measure(&format!("{name} {seed}"))?;
-            row.push(nanoseconds.is_finite().then_some(nanoseconds * 1e-9));
-        }
-        print!("{seed:<8} {:>10}", shown(row[0]));
-        row[1..].iter().for_each(|seconds| print!(" {:>24}", shown(*seconds)));
-        println!();
-        columns.iter_mut().zip(row).for_each(|(column, seconds)| column.push(seconds));
+        let theirs = peer.measure(&format!("cart-pole {seed}"))?;
+        let seconds = [balance(seed)?, theirs.is_finite().then_some(theirs * 1e-9)];
+        columns.iter_mut().zip(seconds).for_each(|(column, seconds)| column.push(seconds));
+        row(seed.to_string(), seconds);
     }
-    print!("{:<8} {:>10}", "median", shown(median(&columns[0])));
-    columns[1..].iter().for_each(|column| print!(" {:>24}", shown(median(column))));
-    println!();
+    row("median".to_owned(), columns.map(|column| median(&column)));
     Ok(())
 }
 
