@@ -264,6 +264,33 @@ fn walking_by_bayesian_optimisation_is_reproduced() {
 }
 
 #[test]
+fn balls_caught_by_policy_search_are_reproduced() {
+    const CUP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks/ball-in-cup.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let reproduce = |threads: &str, output: &str| {
+        let mut arguments = vec!["reproduce", "ball-in-cup", "--task", CUP, "--seeds", "2"];
+        arguments.extend(["--weights", "4,6", "--rollouts", "10", "--threads", threads]);
+        arguments.extend(["--output", output, "--json"]);
+        json(&arguments)
+    };
+    let (first, second) = (file("a"), file("b"));
+    let report = reproduce("2", &first);
+    assert_eq!(report["claims"].as_array().map(Vec::len), Some(4), "{report}");
+    assert_eq!(report["files"].as_array().map(Vec::len), Some(7), "{report}");
+    reproduce("1", &second);
+    let read = |folder: &str, name: &str| {
+        std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for name in ["ball-in-cup-trials.csv", "ball-in-cup-return.csv", "ball-in-cup-caught.csv", "claims.json"]
+    {
+        assert_eq!(read(&first, name), read(&second, name), "{name}");
+    }
+    // after 0 and 10 rollouts; three spaces, two numbers of weights, two seeds
+    assert_eq!(read(&first, "ball-in-cup-trials.csv").lines().count(), 1 + 3 * 2 * 2 * 2);
+}
+
+#[test]
 fn cart_poles_by_imitation_are_reproduced() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
