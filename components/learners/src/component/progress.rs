@@ -23,8 +23,8 @@ const COMPONENT: &str = "learner";
 const INTERVAL: Duration = Duration::from_millis(50);
 
 motorium::state_buffer! {
-    /// Progress of a training run after an update. A number that the algorithm does not have, or does not have
-    /// yet, is 0.
+    /// Progress of a training run after an update. A number that the algorithm does not have, or does not
+    /// have yet, is 0.
     pub struct LearningProgress as "motorium.LearningProgress" {
         /// Updates so far.
         pub update: u64,
@@ -139,8 +139,8 @@ pub enum FeedError {
     Thread,
 }
 
-/// A run with the topic [`PROGRESS_TOPIC`], on which a training program publishes its progress. The run belongs
-/// to a thread of its own; training never waits for it. Dropping the feed ends the run.
+/// A run with the topic [`PROGRESS_TOPIC`], on which a training program publishes its progress. Another
+/// thread drives the run; training never waits for it. Dropping the feed ends the run.
 #[derive(Debug)]
 pub struct ProgressFeed {
     run: String,
@@ -197,7 +197,7 @@ fn launch() -> Result<Session<'static>, SessionError> {
     Session::launch(plan, &registry, &Options::threads().leaving_signals().standing_in_for(COMPONENT))
 }
 
-/// Publishes what arrives until the sender is dropped or the run ends.
+/// Publishes received progress until the sender is dropped or the run ends.
 fn serve(receiver: &mpsc::Receiver<LearningProgress>, started: &mpsc::Sender<Result<String, FeedError>>) {
     let mut session = match launch() {
         Ok(session) => session,

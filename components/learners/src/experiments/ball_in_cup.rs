@@ -1,11 +1,11 @@
 //! A ball on a string caught in a cup by PoWER: on weights of a motion library, and on weights of radial
 //! kernels.
 //!
-//! A demonstrator attempts the catch: each attempt sways the cup once and jerks it up, by other distances and at
-//! other times; few of them catch the ball. A movement of the cup is the response of a spring to forces. Its
-//! weights are those of the eigenforces of all attempts, or of as many kernels. Each search starts from the mean
-//! attempt in its space, explores as much as the weights of the attempts vary, and learns from one episode a
-//! rollout, whose start and masses differ.
+//! A demonstrator attempts the catch: each attempt sways the cup once and jerks it up, by other distances and
+//! at other times; few of them catch the ball. A movement of the cup is the response of a spring to forces.
+//! Its weights belong to the eigenforces of all attempts, or to as many kernels. Each search starts from
+//! the mean attempt in its space, explores as much as the weights of the attempts vary, and learns from one
+//! episode a rollout, whose start and masses differ.
 //!
 //! Source: the task and the method of Kober, Peters, *Policy search for motor primitives in robotics*, NIPS
 //! 2008; the library of Delhaisse's thesis, 2019, section 3.4.3. The attempts are an addition.
@@ -155,8 +155,8 @@ pub struct Study {
 }
 
 impl Study {
-    /// Runs a study of the ball-in-cup task, whose robot is relative to `base`, on several threads. `observe` is
-    /// called after each trial. The result does not depend on the number of threads.
+    /// Runs a study of the ball-in-cup task, whose robot is relative to `base`, on several threads. `observe`
+    /// is called after each trial. The result does not depend on the number of threads.
     ///
     /// # Errors
     ///
@@ -306,8 +306,7 @@ impl<'a> Cup<'a> {
     }
 }
 
-/// One half of a cosine period below, one above: from 0 at `begin` to 1 in the middle and back to 0 after
-/// `width`.
+/// A raised cosine: 0 until `begin`, 1 after half of `width`, and 0 again after `width`.
 fn bump(time: f64, begin: f64, width: f64) -> f64 {
     let part = ((time - begin) / width).clamp(0.0, 1.0);
     0.5 * (1.0 - (TAU * part).cos())

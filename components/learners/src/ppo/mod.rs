@@ -12,10 +12,10 @@
 //! Observations are normalised by their running mean and deviation, rewards by the running deviation of the
 //! discounted return. Advantages are normalised in each minibatch.
 //!
-//! With [`PpoSettings::recurrent`] policy and value each have gated recurrent units (GRU) before their layers.
-//! Their states restart with each episode. A minibatch then consists of whole sequences of consecutive steps:
-//! each starts from the state that was stored during the rollout, and the gradient is propagated back through
-//! its steps, but not across the end of an episode.
+//! With [`PpoSettings::recurrent`] policy and value each have gated recurrent units (GRU) before their
+//! layers. Their states restart with each episode. A minibatch then consists of whole sequences of
+//! consecutive steps: each starts from the state that was stored during the rollout, and the gradient is
+//! propagated back through its steps, but not across the end of an episode.
 //!
 //! Training repeats to the bit: random numbers are counter-based, and the sums of a gradient run over fixed
 //! chunks of samples whatever the number of threads.

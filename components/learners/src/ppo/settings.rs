@@ -44,7 +44,8 @@ pub struct PpoSettings {
     pub gradient: f64,
     /// Hidden units of each layer of policy and value. Default 64 and 64.
     pub hidden: Vec<usize>,
-    /// Gated recurrent units before the hidden layers of the policy, and as many of the value. Default 0: none.
+    /// Gated recurrent units before the hidden layers of the policy, and as many of the value. Default 0:
+    /// none.
     pub recurrent: usize,
     /// Consecutive steps through which the gradient of recurrent units is propagated, from 1; divides
     /// `horizon`, and `minibatch` is at least as large. Default 16.

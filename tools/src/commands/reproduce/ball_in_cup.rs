@@ -17,8 +17,8 @@ use crate::commands::learn::threads::threads;
 
 /// Catching a ball in a cup by PoWER, on weights of a motion library and of radial kernels.
 ///
-/// Each search starts from the mean of a demonstrator's attempts and learns from one episode a rollout. Writes
-/// the returns as CSV and SVG (bars: standard errors over seeds), and reports which claims hold.
+/// Each search starts from the mean of a demonstrator's attempts and learns from one episode a rollout.
+/// Writes the returns as CSV and SVG (bars: standard errors over seeds), and reports which claims hold.
 ///
 /// Example: motorium reproduce ball-in-cup --output out/
 #[derive(Debug, clap::Args)]
