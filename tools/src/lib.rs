@@ -7,6 +7,7 @@ mod draw;
 mod exit;
 mod failure;
 mod gate;
+mod html;
 mod input;
 mod interrupt;
 mod metrics;

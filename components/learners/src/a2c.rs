@@ -133,6 +133,8 @@ impl A2cSettings {
             value: self.value,
             gradient: self.gradient,
             hidden: self.hidden,
+            recurrent: 0,
+            sequence: 1,
             deviation: self.deviation,
             checkpoint: self.checkpoint,
         };

@@ -134,7 +134,7 @@ fn best(values: impl IntoIterator<Item = f32>) -> usize {
 }
 
 /// Values of a gradient.
-const MEASURES: [&str; 2] = ["critic_loss", "value"];
+pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 
 /// The learning part of DQN.
 #[derive(Clone, Debug)]
@@ -251,6 +251,7 @@ impl Method for Dqn {
 
     fn policy(&self) -> TrainedNetwork {
         TrainedNetwork {
+            memory: None,
             layers: self.network.network.rows(),
             head: Head::Choice { table: self.table.clone() },
         }

@@ -1,7 +1,7 @@
 //! Learners of movement weights and policies. Only [`component`] needs the runtime.
 //!
 //! - [`task`], [`environment`]: definitions of tasks, and worlds in which to learn them.
-//! - [`component`]: the same task in a graph, `learner.task`.
+//! - [`component`]: the same task in a graph, `learner.task`; progress of a training run on a topic.
 //! - [`learner`]: the trait and the checkpoints of all gradient learners, and their names.
 //! - [`training`]: runs of any of them in a folder.
 //! - [`ppo`], [`a2c`], [`reinforce`]: learners from the steps of the newest policy.

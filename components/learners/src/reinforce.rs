@@ -126,6 +126,8 @@ impl ReinforceSettings {
             value: self.value,
             gradient: self.gradient,
             hidden: self.hidden,
+            recurrent: 0,
+            sequence: 1,
             deviation: self.deviation,
             checkpoint: self.checkpoint,
         };

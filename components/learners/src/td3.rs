@@ -98,7 +98,7 @@ impl Td3Settings {
 }
 
 /// Values of a gradient.
-const MEASURES: [&str; 2] = ["critic_loss", "value"];
+pub(crate) const MEASURES: [&str; 2] = ["critic_loss", "value"];
 
 /// The learning part of TD3 and DDPG.
 #[derive(Clone, Debug)]
@@ -244,7 +244,7 @@ impl Method for Deterministic {
     }
 
     fn policy(&self) -> TrainedNetwork {
-        TrainedNetwork { layers: self.actor.network.rows(), head: self.bounds.head() }
+        TrainedNetwork { memory: None, layers: self.actor.network.rows(), head: self.bounds.head() }
     }
 
     fn parameters(&self) -> Vec<Vec<f32>> {

@@ -1,6 +1,7 @@
 //! `motorium learn`: one set of weights on any number of threads, straight or resumed; a policy folder; a
 //! tuned graph.
 
+use std::io::{BufRead as _, BufReader};
 use std::time::{Duration, Instant};
 
 use crate::program::{json, motorium, printed, run};
@@ -35,6 +36,13 @@ fn training_repeats_on_threads_and_makes_a_policy() {
     for name in ["policy.toml", "policy.onnx", "checkpoint.safetensors", "task.toml", "progress.csv"] {
         assert!(folder.path().join("a").join(name).is_file(), "{name}");
     }
+    let page = std::fs::read_to_string(folder.path().join("a/report.html")).expect("a page");
+    for text in ["Cart-pole: balance", "mean return", "policy loss", "divergence", "</html>"] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(page.contains(trained["weights_sha256"].as_str().expect("a text")), "weights");
+    // return and length of episodes, their number, five values of an update
+    assert_eq!(page.matches("<svg").count(), 8, "charts");
     // a finished run has nothing left to do
     let resumed = json(&["learn", "resume", &first, "--json"]);
     assert_eq!(resumed["weights_sha256"], trained["weights_sha256"]);
@@ -55,6 +63,45 @@ fn training_repeats_on_threads_and_makes_a_policy() {
     let refused = run(&["learn", "train", TASK, "--output", &first]);
     let errors = String::from_utf8_lossy(&refused.stderr);
     assert!(!refused.status.success() && errors.contains("motorium learn resume"), "{errors}");
+}
+
+#[test]
+fn progress_is_published_until_a_signal_ends_the_training() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("a").to_str().expect("a path of text").to_string();
+    let start = ["learn", "train", TASK, "--steps", "1e12", "--publish", "--output", &output];
+    let mut child = motorium(&start).spawn().expect("the program starts");
+    let mut errors = BufReader::new(child.stderr.take().expect("standard error"));
+    let (mut line, mut id) = (String::new(), None);
+    while id.is_none() && errors.read_line(&mut line).expect("text") > 0 {
+        id = line.split_once("--run ").map(|(_, rest)| rest.trim_end().trim_end_matches('`').to_string());
+        line.clear();
+    }
+    let id = id.expect("the name of the run");
+    let rest = std::thread::spawn(move || std::io::read_to_string(errors).expect("text"));
+    let echo = ["topic", "echo", "learn/progress", "--run", &id, "--count", "2", "--json"];
+    let printed = printed(&echo);
+    let samples: Vec<serde_json::Value> =
+        printed.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let updates: Vec<u64> =
+        samples.iter().map(|sample| sample["value"]["update"].as_u64().expect("a number")).collect();
+    assert!(updates[0] >= 1 && updates[0] < updates[1], "{printed}");
+    assert!(samples[1]["value"]["steps_per_second"].as_f64() > Some(0.0), "{printed}");
+    let listed = json(&["topic", "list", "--run", &id, "--for", "10ms", "--json"]);
+    assert!(listed.to_string().contains("motorium.LearningProgress"), "{listed}");
+
+    rustix::process::kill_process(rustix::process::Pid::from_child(&child), rustix::process::Signal::INT)
+        .expect("the program is there");
+    let ended = child.wait().expect("a child");
+    let errors = rest.join().expect("a thread");
+    assert!(!ended.success() && errors.contains("motorium learn resume"), "{errors}");
+    assert!(!run(&["topic", "list", "--run", &id]).status.success(), "a run is left behind");
+    // the checkpoint is of the last update
+    let text = std::fs::read_to_string(folder.path().join("a/progress.csv")).expect("a table");
+    let last = text.lines().last().and_then(|line| line.split(',').nth(1)).expect("steps");
+    assert!(errors.contains(&format!("interrupted after {last} of")), "{last}: {errors}");
+    let evaluated = json(&["learn", "evaluate", &output, "--episodes", "1", "--json"]);
+    assert!(evaluated["mean"].as_f64() >= Some(1.0), "{evaluated}");
 }
 
 #[test]
@@ -214,6 +261,33 @@ fn walking_by_bayesian_optimisation_is_reproduced() {
     let run = json(&arguments);
     let travel = run["results"]["physics"]["base_travel_x_m"].as_f64().expect("a number");
     assert!((travel / 0.4 - speed).abs() < 1e-12, "{travel} {speed}");
+}
+
+#[test]
+fn balls_caught_by_policy_search_are_reproduced() {
+    const CUP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tasks/ball-in-cup.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a path of text").to_string();
+    let reproduce = |threads: &str, output: &str| {
+        let mut arguments = vec!["reproduce", "ball-in-cup", "--task", CUP, "--seeds", "2"];
+        arguments.extend(["--weights", "4,6", "--rollouts", "10", "--threads", threads]);
+        arguments.extend(["--output", output, "--json"]);
+        json(&arguments)
+    };
+    let (first, second) = (file("a"), file("b"));
+    let report = reproduce("2", &first);
+    assert_eq!(report["claims"].as_array().map(Vec::len), Some(4), "{report}");
+    assert_eq!(report["files"].as_array().map(Vec::len), Some(7), "{report}");
+    reproduce("1", &second);
+    let read = |folder: &str, name: &str| {
+        std::fs::read_to_string(format!("{folder}/{name}")).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for name in ["ball-in-cup-trials.csv", "ball-in-cup-return.csv", "ball-in-cup-caught.csv", "claims.json"]
+    {
+        assert_eq!(read(&first, name), read(&second, name), "{name}");
+    }
+    // after 0 and 10 rollouts; three spaces, two numbers of weights, two seeds
+    assert_eq!(read(&first, "ball-in-cup-trials.csv").lines().count(), 1 + 3 * 2 * 2 * 2);
 }
 
 #[test]

@@ -1,9 +1,11 @@
-//! `learner.task`: a task in a graph.
+//! `learner.task`: a task in a graph, and the topic with the progress of a training run.
 
 mod config;
+mod progress;
 mod score;
 
 pub use config::LearnerTaskConfig;
+pub use progress::{FeedError, LearningProgress, PROGRESS_TOPIC, ProgressFeed};
 
 use std::path::Path;
 

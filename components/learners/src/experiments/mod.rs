@@ -4,9 +4,11 @@
 //! - [`search`]: policy search on weights of a library and of radial kernels.
 //! - [`body`]: libraries of a full body and of its parts, and composed movements.
 //! - [`locomotion`]: Bayesian optimisation of the gait of a quadruped.
+//! - [`ball_in_cup`]: a ball caught by policy search, on weights of a library and of kernels.
 //! - [`cartpole`]: a cart-pole balanced by imitation and by reinforcement.
 //! - [`perception`]: letters written from their pictures, against the nearest picture known.
 
+pub mod ball_in_cup;
 pub mod body;
 pub mod cartpole;
 pub mod locomotion;

@@ -86,11 +86,6 @@ impl SearchSpace {
         }
         let movements = library.entries().len().max(1) as f64;
         let data = library.eigenforces() * library.weights();
-        let respond = |matrix: &DMatrix<f64>| {
-            let mut matrix = matrix.clone();
-            matrix.as_mut_slice().chunks_exact_mut(steps).for_each(|block| spring.respond(block));
-            matrix
-        };
         // squared force (or response) of the movements, over that of every function
         let shared = |data: &DMatrix<f64>, functions: &DMatrix<f64>| -> Vec<f64> {
             let share = data.norm_squared() / movements / functions.ncols() as f64;
@@ -98,22 +93,20 @@ impl SearchSpace {
         };
         let variance = match prior {
             KernelPrior::EqualForce => shared(&data, &functions),
-            KernelPrior::EqualResponse => shared(&respond(&data), &respond(&functions)),
+            KernelPrior::EqualResponse => shared(&respond(&data, spring), &respond(&functions, spring)),
             KernelPrior::Fitted => {
-                // the weights of every movement, by ridge regression of its path
-                let responses = respond(&functions);
-                let mut gram = responses.tr_mul(&responses);
-                let ridge = 1e-6 * gram.trace() / gram.nrows() as f64;
-                (0..gram.nrows()).for_each(|k| gram[(k, k)] += ridge);
-                let weights = gram
-                    .cholesky()
-                    .map(|factor| factor.solve(&responses.tr_mul(&respond(&data))))
-                    .unwrap_or_else(|| DMatrix::zeros(functions.ncols(), 1));
+                let weights = fit(&functions, &data, spring);
                 weights.row_iter().map(|row| row.norm_squared() / movements).collect()
             }
         };
         let variance = variance.into_iter().map(|v| EXPLORATION.powi(2) * v).collect();
         Self { variance, functions }
+    }
+
+    /// Weights of the movement under some forces, by ridge regression of its path.
+    pub fn weights_of(&self, forces: &[f64], spring: &SampledSpring) -> Vec<f64> {
+        let forces = DMatrix::from_column_slice(forces.len(), 1, forces);
+        fit(&self.functions, &forces, spring).as_slice().to_vec()
     }
 
     /// The same functions with the standard deviation of exploration times `factor`.
@@ -148,6 +141,24 @@ impl SearchSpace {
         }
         reported
     }
+}
+
+/// The paths of columns of forces, without their first samples.
+fn respond(forces: &DMatrix<f64>, spring: &SampledSpring) -> DMatrix<f64> {
+    let mut paths = forces.clone();
+    paths.as_mut_slice().chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
+    paths
+}
+
+/// Weights of functions for columns of forces, by ridge regression of the paths.
+fn fit(functions: &DMatrix<f64>, forces: &DMatrix<f64>, spring: &SampledSpring) -> DMatrix<f64> {
+    let responses = respond(functions, spring);
+    let mut gram = responses.tr_mul(&responses);
+    let ridge = 1e-6 * gram.trace() / gram.nrows() as f64;
+    (0..gram.nrows()).for_each(|k| gram[(k, k)] += ridge);
+    gram.cholesky()
+        .map(|factor| factor.solve(&responses.tr_mul(&respond(forces, spring))))
+        .unwrap_or_else(|| DMatrix::zeros(functions.ncols(), forces.ncols()))
 }
 
 /// Rewards of searches for several goals with several seeds.

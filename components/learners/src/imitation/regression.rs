@@ -161,9 +161,8 @@ impl Regression {
 
     /// The network on raw observations: the normalisation is part of its first layer.
     pub fn policy(&self) -> TrainedNetwork {
-        let mut layers = self.network.rows();
-        self.normaliser.fold(&mut layers[0]);
-        TrainedNetwork { layers, head: Head::Linear }
+        let layers = self.network.rows();
+        TrainedNetwork { memory: None, layers, head: Head::Linear }.normalised(&self.normaliser)
     }
 
     /// The network and the normalisation of its observations.

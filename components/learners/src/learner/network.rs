@@ -1,7 +1,9 @@
 //! The network of a trained policy.
 
 use motorium_models::inference::Unary;
-use motorium_models::onnx;
+use motorium_models::onnx::{self, GruLayer};
+
+use super::Normaliser;
 
 /// The last part of a policy's network, from the outputs of its layers to an action.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,9 +24,12 @@ pub enum Head {
     },
 }
 
-/// A policy without exploration: layers with `tanh` between them, then a [`Head`].
+/// A policy without exploration: recurrent units if there are any, layers with `tanh` between them, then a
+/// [`Head`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainedNetwork {
+    /// Gated recurrent units before the layers.
+    pub memory: Option<GruLayer>,
     /// Weights (outputs x inputs, row by row) and bias of each layer.
     pub layers: Vec<(Vec<f32>, Vec<f32>)>,
     /// From the outputs of the last layer to an action.
@@ -32,15 +37,33 @@ pub struct TrainedNetwork {
 }
 
 impl TrainedNetwork {
+    /// Moves the normalisation of observations into the first weights.
+    pub(crate) fn normalised(mut self, observations: &Normaliser) -> Self {
+        match &mut self.memory {
+            Some(GruLayer { hidden, input_weights, bias, .. }) => {
+                observations.fold(input_weights, &mut bias[..3 * *hidden]);
+            }
+            None => {
+                let (weights, bias) = &mut self.layers[0];
+                observations.fold(weights, bias);
+            }
+        }
+        self
+    }
+
     /// Bytes of its ONNX file, which `policy.network` runs.
     ///
     /// # Panics
     ///
-    /// If there is no layer.
+    /// If there is no layer, or a choice with recurrent units.
     pub fn to_onnx(&self, metadata: &[(&str, &str)]) -> Vec<u8> {
         let inputs = self.layers[0].0.len() / self.layers[0].1.len();
+        let write = |layers: &[(Vec<f32>, Vec<f32>)]| match &self.memory {
+            Some(memory) => onnx::write_gru(memory, layers, Unary::Tanh, metadata),
+            None => onnx::write_mlp(inputs, layers, Unary::Tanh, metadata),
+        };
         match &self.head {
-            Head::Linear => onnx::write_mlp(inputs, &self.layers, Unary::Tanh, metadata),
+            Head::Linear => write(&self.layers),
             Head::Squashed { scale, offset } => {
                 // the activation between the last layer and a diagonal one squashes
                 let width = scale.len();
@@ -48,9 +71,12 @@ impl TrainedNetwork {
                 scale.iter().enumerate().for_each(|(k, scale)| diagonal[k * width + k] = *scale);
                 let mut layers = self.layers.clone();
                 layers.push((diagonal, offset.clone()));
-                onnx::write_mlp(inputs, &layers, Unary::Tanh, metadata)
+                write(&layers)
             }
-            Head::Choice { table } => onnx::write_choice(inputs, &self.layers, Unary::Tanh, table, metadata),
+            Head::Choice { table } => {
+                assert!(self.memory.is_none(), "a choice with recurrent units");
+                onnx::write_choice(inputs, &self.layers, Unary::Tanh, table, metadata)
+            }
         }
     }
 }
@@ -62,6 +88,7 @@ mod tests {
     #[test]
     fn squashed_actions_are_part_of_the_file() {
         let network = TrainedNetwork {
+            memory: None,
             layers: vec![(vec![2.0, 0.0, -1.0, 0.5], vec![0.1, -0.2])],
             head: Head::Squashed { scale: vec![3.0, 0.0], offset: vec![1.0, 0.5] },
         };

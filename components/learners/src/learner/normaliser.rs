@@ -54,7 +54,7 @@ impl Normaliser {
     }
 
     /// Moves the normalisation into the first layer of a network, weights (outputs x inputs) row by row.
-    pub fn fold(&self, (weights, bias): &mut (Vec<f32>, Vec<f32>)) {
+    pub fn fold(&self, weights: &mut [f32], bias: &mut [f32]) {
         for (row, bias) in weights.chunks_exact_mut(self.mean.len()).zip(bias) {
             let mut shift = 0.0;
             for (k, weight) in row.iter_mut().enumerate() {
@@ -94,7 +94,7 @@ mod tests {
         normaliser.update(&[1.0, -4.0, 2.0, 6.0, 5.0, 1.0]);
         let layer = (vec![0.5, -1.5, 2.0, 0.25], vec![0.1, -0.2]);
         let mut folded = layer.clone();
-        normaliser.fold(&mut folded);
+        normaliser.fold(&mut folded.0, &mut folded.1);
         let raw = [3.0, 2.0];
         let mut scaled = [0.0; 2];
         normaliser.apply(&raw, &mut scaled);

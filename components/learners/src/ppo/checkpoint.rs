@@ -6,6 +6,8 @@ use super::{Ppo, State};
 use crate::learner::{CheckpointError, CheckpointReader, CheckpointWriter};
 
 const PARTS: [&str; 3] = ["policy", "value", "deviations"];
+/// Recurrent states of policy and value.
+const MEMORIES: [&str; 2] = ["policy.memory", "value.memory"];
 
 impl<E: Engine + Send> Ppo<E> {
     /// The bytes of a checkpoint. The worlds are stored as the actions of their running episodes.
@@ -18,6 +20,11 @@ impl<E: Engine + Send> Ppo<E> {
         let networks = [self.policy.to_vec(), self.value.to_vec(), self.deviations.clone()];
         for (name, values) in PARTS.into_iter().zip(networks) {
             writer.numbers(name, values);
+        }
+        for (name, states) in
+            MEMORIES.into_iter().zip(&self.memories).filter(|(_, states)| !states.is_empty())
+        {
+            writer.numbers(name, states.clone());
         }
         writer.optimiser("adam_steps", &PARTS, &self.adam)?;
         writer.worlds(&self.worlds)?;
@@ -32,9 +39,15 @@ impl<E: Engine + Send> Ppo<E> {
     /// [`CheckpointError`]; the run is then unusable.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), CheckpointError> {
         let mut reader = CheckpointReader::new(bytes, self.variant.algorithm)?;
-        reader.network(PARTS[0], &mut self.policy)?;
-        reader.network(PARTS[1], &mut self.value)?;
+        for (name, network) in PARTS.into_iter().zip([&mut self.policy, &mut self.value]) {
+            network.set(&reader.numbers(name, network.parameters())?);
+        }
         self.deviations = reader.numbers(PARTS[2], self.deviations.len())?;
+        for (name, states) in
+            MEMORIES.into_iter().zip(&mut self.memories).filter(|(_, states)| !states.is_empty())
+        {
+            *states = reader.numbers(name, states.len())?;
+        }
         let lengths = [self.policy.parameters(), self.value.parameters(), self.deviations.len()];
         let slices: Vec<(&str, usize)> = PARTS.into_iter().zip(lengths).collect();
         self.adam = reader.optimiser("adam_steps", &slices)?;

@@ -12,14 +12,22 @@
 //! Observations are normalised by their running mean and deviation, rewards by the running deviation of the
 //! discounted return. Advantages are normalised in each minibatch.
 //!
+//! With [`PpoSettings::recurrent`] policy and value each have gated recurrent units (GRU) before their
+//! layers. Their states restart with each episode. A minibatch then consists of whole sequences of
+//! consecutive steps: each starts from the state that was stored during the rollout, and the gradient is
+//! propagated back through its steps, but not across the end of an episode.
+//!
 //! Training repeats to the bit: random numbers are counter-based, and the sums of a gradient run over fixed
 //! chunks of samples whatever the number of threads.
 //!
 //! Sources: Schulman, Wolski, Dhariwal, Radford, Klimov, *Proximal policy optimization algorithms*,
 //! arXiv:1707.06347, 2017; Schulman, Moritz, Levine, Jordan, Abbeel, *High-dimensional continuous control
-//! using generalized advantage estimation*, ICLR 2016; defaults: [`PpoSettings`].
+//! using generalized advantage estimation*, ICLR 2016; Cho and others, *Learning phrase representations using
+//! RNN encoder-decoder*, EMNLP 2014 (GRU); Ni, Eysenbach, Salakhutdinov, *Recurrent model-free RL can be a
+//! strong baseline for many POMDPs*, ICML 2022 (separate memories); defaults: [`PpoSettings`].
 
 mod checkpoint;
+mod network;
 mod rollout;
 mod settings;
 mod update;
@@ -28,20 +36,20 @@ use motorium_models::networks::{Adam, Perceptron};
 use motorium_physics::{BuildError, Engine, Simulation};
 use serde::{Deserialize, Serialize};
 
+use network::Network;
 use rollout::Rollout;
 pub use settings::PpoSettings;
 
 use crate::environment::{EnvironmentError, VectorEnvironment};
 pub use crate::learner::Normaliser;
 use crate::learner::{
-    Algorithm, CheckpointError, Episodes, Head, Learner, LearnerError, Progress, TrainedNetwork, layer_sizes,
-    numbers_sha256,
+    Algorithm, CheckpointError, Episodes, Learner, LearnerError, Progress, TrainedNetwork, numbers_sha256,
 };
 use crate::random::{Counter, Purpose};
 use crate::task::Task;
 
 /// Values of an update, in the order of [`Progress::values`].
-const MEASURES: [&str; 5] = ["policy_loss", "value_loss", "entropy", "divergence", "rate"];
+pub(crate) const MEASURES: [&str; 5] = ["policy_loss", "value_loss", "entropy", "divergence", "rate"];
 
 /// The parts in which on-policy methods differ.
 #[derive(Clone, Copy, Debug)]
@@ -75,8 +83,10 @@ pub struct Ppo<E> {
     variant: Variant,
     threads: usize,
     worlds: VectorEnvironment<E>,
-    policy: Perceptron,
-    value: Perceptron,
+    policy: Network,
+    value: Network,
+    /// Recurrent states of policy and value, world after world; empty without a memory.
+    memories: [Vec<f32>; 2],
     /// Logarithms of the standard deviations of the action.
     deviations: Vec<f32>,
     /// Actions that move a joint.
@@ -118,12 +128,14 @@ impl<E: Engine + Send> Ppo<E> {
         }
         let active = worlds.terms().active_actions();
         let weights = |step| Counter { seed, step, ..Counter::default() }.stream(Purpose::Weights);
-        let sizes = |outputs| layer_sizes(inputs, &settings.hidden, outputs);
-        let policy = Perceptron::random(&sizes(actions), 0.01, &mut weights(0));
-        let value = Perceptron::random(&sizes(1), 1.0, &mut weights(1));
+        let (units, hidden) = (settings.recurrent, &settings.hidden);
+        let policy = Network::random((inputs, units, actions), hidden, 0.01, &mut weights(0));
+        let value = Network::random((inputs, units, 1), hidden, 1.0, &mut weights(1));
         let deviations = vec![settings.deviation.ln() as f32; actions];
         let adam = Adam::new(&[policy.parameters(), value.parameters(), actions]);
-        let rollout = Rollout::new(settings.horizon, settings.worlds, inputs, actions);
+        let rollout = Rollout::new(settings.horizon, settings.worlds, inputs, actions)
+            .with_memory(settings.unroll(), units);
+        let memory = vec![0.0; settings.worlds * units];
         let state = State {
             seed,
             updates: 0,
@@ -142,6 +154,7 @@ impl<E: Engine + Send> Ppo<E> {
             worlds,
             policy,
             value,
+            memories: [memory.clone(), memory],
             deviations,
             active,
             adam,
@@ -155,8 +168,9 @@ impl<E: Engine + Send> Ppo<E> {
     ///
     /// # Panics
     ///
-    /// If the network has other layers than the settings.
+    /// If the network has other layers than the settings, or the settings have recurrent units.
     pub fn start_from(&mut self, policy: &Perceptron, observations: &Normaliser) {
+        assert_eq!(self.settings.recurrent, 0, "recurrent units");
         self.policy.set(&policy.to_vec());
         self.state.observations = observations.clone();
     }
@@ -246,9 +260,7 @@ impl<E: Engine + Send> Learner for Ppo<E> {
     }
 
     fn policy(&self) -> TrainedNetwork {
-        let mut layers = self.policy.rows();
-        self.state.observations.fold(&mut layers[0]);
-        TrainedNetwork { layers, head: Head::Linear }
+        self.policy.trained().normalised(&self.state.observations)
     }
 
     fn weights_sha256(&self) -> String {

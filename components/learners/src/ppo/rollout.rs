@@ -5,6 +5,7 @@ use nalgebra::DMatrix;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use super::Ppo;
+use super::network::{Piece, single_steps};
 use crate::environment::EnvironmentError;
 use crate::random::{Counter, Purpose};
 
@@ -24,6 +25,12 @@ pub(super) struct Rollout {
     pub(super) returns: Vec<f32>,
     /// Samples that an update uses.
     pub(super) used: Vec<usize>,
+    pub(super) worlds: usize,
+    /// Consecutive steps of a world through which a gradient is propagated; 1 without a memory.
+    pub(super) unroll: usize,
+    units: usize,
+    /// Recurrent states of policy and value before each sequence of `unroll` steps, world after world.
+    pub(super) states: [Vec<f32>; 2],
     rewards: Vec<f32>,
     /// Value after the step: 0 where the episode terminated, of the final observation where it was truncated.
     next_values: Vec<f32>,
@@ -42,10 +49,47 @@ impl Rollout {
             advantages: zeros(),
             returns: zeros(),
             used: Vec::with_capacity(samples),
+            worlds,
+            unroll: 1,
+            units: 0,
+            states: [vec![], vec![]],
             rewards: zeros(),
             next_values: zeros(),
             ended: vec![false; samples],
         }
+    }
+
+    /// Adds states of recurrent units before each sequence of `unroll` steps.
+    pub(super) fn with_memory(self, unroll: usize, units: usize) -> Self {
+        let states = vec![0.0; self.ended.len() / unroll * units];
+        Self { unroll, units, states: [states.clone(), states], ..self }
+    }
+
+    /// First samples of all sequences.
+    pub(super) fn firsts(&self) -> Vec<usize> {
+        self.used.iter().copied().filter(|k| (k / self.worlds).is_multiple_of(self.unroll)).collect()
+    }
+
+    /// All samples of sequences, from their first samples.
+    pub(super) fn sequences(&self, firsts: &[usize]) -> Vec<usize> {
+        firsts.iter().flat_map(|first| (0..self.unroll).map(move |step| first + step * self.worlds)).collect()
+    }
+
+    /// Pieces of episodes in whole sequences, for the states of the policy (0) or of the value (1). Empty
+    /// without a memory.
+    pub(super) fn pieces(&self, samples: &[usize], network: usize) -> Vec<Piece<'_>> {
+        let mut pieces = Vec::new();
+        if self.units == 0 {
+            return pieces;
+        }
+        for sequence in samples.chunks_exact(self.unroll) {
+            let row = sequence[0] / self.worlds / self.unroll * self.worlds + sequence[0] % self.worlds;
+            let mut state = Some(&self.states[network][row * self.units..][..self.units]);
+            for piece in sequence.split_inclusive(|k| self.ended[*k]) {
+                pieces.push(Piece { state: state.take(), steps: piece.len() });
+            }
+        }
+        pieces
     }
 
     /// Sets rewards, values, values after each step, and ends.
@@ -91,6 +135,7 @@ impl<E: Engine + Send> Ppo<E> {
         let (worlds, horizon) = (self.settings.worlds, self.settings.horizon);
         let (inputs, width) = (self.worlds.terms().inputs(), self.worlds.terms().actions());
         let discount = self.settings.discount;
+        let units = self.settings.recurrent;
         self.worlds.set_level(self.worlds.terms().level(self.state.steps));
         // the statistics that normalise stay the same for a whole horizon; raw observations join them
         // afterwards
@@ -110,9 +155,17 @@ impl<E: Engine + Send> Ppo<E> {
             let rows = self.worlds.observations().chunks_exact(inputs).zip(&live);
             raw.extend(rows.filter(|(_, live)| **live).flat_map(|(row, _)| row));
             let input = DMatrix::from_column_slice(inputs, worlds, observations);
-            let values = self.value.forward(input.clone());
+            if units > 0 && step % self.rollout.unroll == 0 {
+                let first = step / self.rollout.unroll * worlds * units;
+                for (stored, states) in self.rollout.states.iter_mut().zip(&self.memories) {
+                    stored[first..first + worlds * units].copy_from_slice(states);
+                }
+            }
+            let values = self.value.forward(input.clone(), single_steps(&self.memories[1], units));
             self.rollout.values[samples.clone()].copy_from_slice(values.output().as_slice());
-            let means = self.policy.forward(input);
+            let means = self.policy.forward(input, single_steps(&self.memories[0], units));
+            self.memories[0].copy_from_slice(means.states());
+            self.memories[1].copy_from_slice(values.states());
             let actions = &mut self.rollout.actions[samples.start * width..samples.end * width];
             for world in 0..worlds {
                 let mean = means.output().column(world);
@@ -144,7 +197,15 @@ impl<E: Engine + Send> Ppo<E> {
                 }
             }
             let is_any = self.worlds.steps().iter().any(|step| step.end.is_some());
-            let finals = is_any.then(|| self.value.forward(last.clone()));
+            let finals =
+                is_any.then(|| self.value.forward(last.clone(), single_steps(&self.memories[1], units)));
+            for world in 0..worlds {
+                if self.worlds.steps()[world].end.is_some() {
+                    for states in &mut self.memories {
+                        states[world * units..(world + 1) * units].fill(0.0);
+                    }
+                }
+            }
             for (world, result) in self.worlds.steps().iter().enumerate() {
                 let k = samples.start + world;
                 self.rollout.ended[k] = result.end.is_some();
@@ -175,7 +236,8 @@ impl<E: Engine + Send> Ppo<E> {
         }
         let mut next = vec![0.0; worlds * inputs];
         normaliser.apply(self.worlds.observations(), &mut next);
-        let next = self.value.forward(DMatrix::from_column_slice(inputs, worlds, &next));
+        let next = DMatrix::from_column_slice(inputs, worlds, &next);
+        let next = self.value.forward(next, single_steps(&self.memories[1], units));
         for step in 0..horizon {
             for world in 0..worlds {
                 let k = step * worlds + world;

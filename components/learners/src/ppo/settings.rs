@@ -44,6 +44,12 @@ pub struct PpoSettings {
     pub gradient: f64,
     /// Hidden units of each layer of policy and value. Default 64 and 64.
     pub hidden: Vec<usize>,
+    /// Gated recurrent units before the hidden layers of the policy, and as many of the value. Default 0:
+    /// none.
+    pub recurrent: usize,
+    /// Consecutive steps through which the gradient of recurrent units is propagated, from 1; divides
+    /// `horizon`, and `minibatch` is at least as large. Default 16.
+    pub sequence: usize,
     /// Initial standard deviation of the action, above 0. Default 1.
     pub deviation: f64,
     /// Updates between two checkpoints, from 1. Default 10.
@@ -68,6 +74,8 @@ impl Default for PpoSettings {
             value: 0.5,
             gradient: 0.5,
             hidden: vec![64, 64],
+            recurrent: 0,
+            sequence: 16,
             deviation: 1.0,
             checkpoint: 10,
         }
@@ -104,10 +112,19 @@ impl PpoSettings {
             ("worlds", self.worlds as u64),
             ("horizon", self.horizon as u64),
             ("epochs", self.epochs as u64),
+            ("sequence", self.sequence as u64),
             ("checkpoint", self.checkpoint),
         ])?;
         if self.minibatch < 2 {
             return Err(check.error("minibatch", self.minibatch as f64, "at least 2"));
+        }
+        if self.recurrent > 0 && !self.horizon.is_multiple_of(self.sequence) {
+            let expected = format!("a divisor of `horizon` = {}", self.horizon);
+            return Err(check.error("sequence", self.sequence as f64, &expected));
+        }
+        if self.recurrent > 0 && self.minibatch < self.sequence {
+            let expected = format!("at least `sequence` = {}", self.sequence);
+            return Err(check.error("minibatch", self.minibatch as f64, &expected));
         }
         check.positive([
             ("rate", self.rate),
@@ -120,5 +137,10 @@ impl PpoSettings {
         check.shares([("lambda", self.lambda)])?;
         check.not_negative([("entropy", self.entropy)])?;
         check.network(self.discount, &self.hidden)
+    }
+
+    /// Consecutive steps through which a gradient is propagated: 1 without recurrent units.
+    pub(super) fn unroll(&self) -> usize {
+        if self.recurrent > 0 { self.sequence } else { 1 }
     }
 }

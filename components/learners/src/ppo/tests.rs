@@ -137,3 +137,57 @@ fn settings_out_of_range_are_refused() {
         assert!(error.to_string().starts_with(message), "{error}");
     }
 }
+
+/// Sequences of 8 steps, in which episodes end.
+fn recurrent() -> PpoSettings {
+    PpoSettings { recurrent: 6, sequence: 8, ..settings() }
+}
+
+#[test]
+fn recurrent_weights_repeat_on_any_threads_and_resumed() {
+    let first = finish(run(1, 1, recurrent()));
+    assert_eq!(finish(run(1, 2, recurrent())), first);
+    assert_eq!(finish(run(1, 3, recurrent())), first);
+    assert_ne!(finish(run(2, 1, recurrent())), first);
+    let mut half = run(1, 2, recurrent());
+    half.advance().expect("an update");
+    half.advance().expect("an update");
+    assert!(half.memories.iter().all(|states| states.iter().any(|state| *state != 0.0)));
+    let checkpoint = half.checkpoint().expect("a checkpoint");
+    let mut resumed = run(77, 1, recurrent());
+    resumed.restore(&checkpoint).expect("the checkpoint of an equal run");
+    assert_eq!(resumed.checkpoint().expect("a checkpoint"), checkpoint);
+    assert_eq!(finish(resumed), first);
+}
+
+#[test]
+fn sequences_repeat_the_values_of_the_rollout() {
+    let mut ppo = run(3, 1, recurrent());
+    // the second rollout starts in the middle of episodes
+    ppo.collect().expect("a rollout");
+    ppo.collect().expect("a rollout");
+    let samples = ppo.rollout.sequences(&ppo.rollout.firsts());
+    assert_eq!(samples.len(), 4 * 32);
+    let pieces = ppo.rollout.pieces(&samples, 1);
+    assert!(pieces.len() > 4 * 32 / 8, "no episode ended within a sequence");
+    let inputs = ppo.worlds.terms().inputs();
+    let rows = samples.iter().flat_map(|k| &ppo.rollout.observations[k * inputs..][..inputs]);
+    let input = nalgebra::DMatrix::from_iterator(inputs, samples.len(), rows.copied());
+    let values = ppo.value.forward(input, pieces);
+    for (column, k) in samples.iter().enumerate() {
+        let (found, expected) = (values.output()[column], ppo.rollout.values[*k]);
+        assert!((found - expected).abs() < 1e-5, "sample {k}: {found}, expected {expected}");
+    }
+}
+
+#[test]
+fn sequences_divide_the_horizon_and_fit_a_minibatch() {
+    for (text, expected) in [
+        ("[ppo]\nrecurrent = 8\nhorizon = 100", "algorithms.ppo.sequence"),
+        ("[ppo]\nrecurrent = 8\nminibatch = 8", "algorithms.ppo.minibatch"),
+    ] {
+        let table: toml::Table = text.parse().expect("a table");
+        let error = PpoSettings::from_table(&table).expect_err(expected);
+        assert!(matches!(&error, crate::task::TaskError::Value { key, .. } if key == expected), "{error}");
+    }
+}

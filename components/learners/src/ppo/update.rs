@@ -5,6 +5,7 @@ use nalgebra::DMatrix;
 use rand::seq::SliceRandom as _;
 
 use super::Ppo;
+use super::network::Network;
 use super::rollout::log_density;
 use crate::learner::{CHUNK, LearnerError, check_finite, map_chunks};
 use crate::random::{Counter, Purpose};
@@ -31,9 +32,10 @@ struct Part {
 impl<E: Engine + Send> Ppo<E> {
     /// Updates the networks by the steps of the rollout.
     pub(super) fn update(&mut self) -> Result<Losses, LearnerError> {
-        let mut order = self.rollout.used.clone();
-        let samples = order.len();
+        let mut order = self.rollout.firsts();
+        let samples = self.rollout.used.len();
         let (epochs, minibatch) = (self.settings.epochs, self.settings.minibatch.min(samples));
+        let sequences = (minibatch / self.rollout.unroll).max(1);
         if self.settings.anneal && self.settings.target_kl.is_none() {
             let done = (self.state.steps - samples as u64) as f64 / self.settings.steps as f64;
             self.state.rate = self.settings.rate * (1.0 - done).max(0.0);
@@ -44,8 +46,12 @@ impl<E: Engine + Send> Ppo<E> {
             let counter =
                 Counter { seed: self.state.seed, world: 0, episode: self.state.updates, step: epoch as u64 };
             order.shuffle(&mut counter.stream(Purpose::Shuffle));
-            for batch in order.chunks(minibatch).filter(|batch| batch.len() > 1) {
-                let losses = self.minibatch(batch)?;
+            for firsts in order.chunks(sequences) {
+                let batch = self.rollout.sequences(firsts);
+                if batch.len() < 2 {
+                    continue;
+                }
+                let losses = self.minibatch(&batch)?;
                 total.policy += losses.policy;
                 total.value += losses.value;
                 total.entropy += losses.entropy;
@@ -74,7 +80,9 @@ impl<E: Engine + Send> Ppo<E> {
         let deviation = (advantages().map(|a| (a - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
         let normal =
             if self.variant.is_normalised { (mean as f32, (deviation + 1e-8) as f32) } else { (0.0, 1.0) };
-        let chunks: Vec<&[usize]> = batch.chunks(CHUNK).collect();
+        // whole sequences
+        let chunk = (CHUNK / self.rollout.unroll).max(1) * self.rollout.unroll;
+        let chunks: Vec<&[usize]> = batch.chunks(chunk).collect();
         let shared = self.shared();
         let parts = map_chunks(self.threads, &chunks, |chunk| shared.part(chunk, batch.len(), normal));
         let mut parts = parts.into_iter();
@@ -142,8 +150,8 @@ impl<E: Engine + Send> Ppo<E> {
 /// All that the gradient of a chunk depends on.
 #[derive(Clone, Copy)]
 struct Shared<'a> {
-    policy: &'a motorium_models::networks::Perceptron,
-    value: &'a motorium_models::networks::Perceptron,
+    policy: &'a Network,
+    value: &'a Network,
     deviations: &'a [f32],
     active: &'a [bool],
     rollout: &'a super::Rollout,
@@ -163,8 +171,8 @@ impl Shared<'_> {
         for (mut column, k) in input.column_iter_mut().zip(chunk) {
             column.copy_from_slice(&self.rollout.observations[k * inputs..][..inputs]);
         }
-        let value = self.value.forward(input.clone());
-        let policy = self.policy.forward(input);
+        let value = self.value.forward(input.clone(), self.rollout.pieces(chunk, 1));
+        let policy = self.policy.forward(input, self.rollout.pieces(chunk, 0));
         let mut by_mean = DMatrix::zeros(width, size);
         let mut by_value = DMatrix::zeros(1, size);
         let mut part = Part { deviations: vec![0.0; width], ..Part::default() };

@@ -382,9 +382,7 @@ impl<E: Engine + Send, M: Method> Learner for OffPolicy<E, M> {
     }
 
     fn policy(&self) -> TrainedNetwork {
-        let mut policy = self.method.policy();
-        self.state.observations.fold(&mut policy.layers[0]);
-        policy
+        self.method.policy().normalised(&self.state.observations)
     }
 
     fn weights_sha256(&self) -> String {

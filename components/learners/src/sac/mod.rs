@@ -112,7 +112,7 @@ impl SacSettings {
 }
 
 /// Values of a gradient.
-const MEASURES: [&str; 5] = ["critic_loss", "policy_loss", "value", "entropy", "temperature"];
+pub(crate) const MEASURES: [&str; 5] = ["critic_loss", "policy_loss", "value", "entropy", "temperature"];
 
 /// The learning part of SAC.
 #[derive(Clone, Debug)]
@@ -268,7 +268,7 @@ impl Method for Sac {
             weights.truncate(weights.len() / 2);
             bias.truncate(width);
         }
-        TrainedNetwork { layers, head: self.bounds.head() }
+        TrainedNetwork { memory: None, layers, head: self.bounds.head() }
     }
 
     fn parameters(&self) -> Vec<Vec<f32>> {

@@ -191,6 +191,11 @@ impl Run {
         &self.warnings
     }
 
+    /// Names of the values of [`Progress::values`].
+    pub fn measures(&self) -> &'static [&'static str] {
+        self.learner.measures()
+    }
+
     /// Steps so far, and the steps of the whole run.
     pub fn steps(&self) -> (u64, u64) {
         (self.learner.steps(), self.learner.total_steps())
@@ -234,8 +239,12 @@ impl Run {
         written.map_err(|source| FileError { file, source }.into())
     }
 
-    /// Writes checkpoint and policy.
-    fn save(&self) -> Result<(), RunError> {
+    /// Writes checkpoint and policy, as [`advance`](Self::advance) does when they are due.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`].
+    pub fn save(&self) -> Result<(), RunError> {
         let file = self.folder.join(CHECKPOINT);
         let bytes = self
             .learner

@@ -313,3 +313,26 @@ fn names_of_algorithms_are_read_back() {
     }
     assert_eq!("a3c".parse::<Algorithm>(), Err(UnknownAlgorithm { found: "a3c".to_owned() }));
 }
+
+const MASKED: &str = include_str!("../../../../tasks/cart-pole-masked.toml");
+
+#[test]
+fn recurrent_units_balance_without_velocities() {
+    let base = std::env::temp_dir().join(format!("motorium-recurrent-{}", std::process::id()));
+    std::fs::create_dir_all(&base).expect("a folder");
+    let text = MASKED.split("[algorithms").next().expect("the task before its settings");
+    let [feed_forward, recurrent] = [0, 16].map(|units| {
+        let (file, folder) = (base.join(format!("{units}.toml")), base.join(units.to_string()));
+        let settings = format!(
+            "[algorithms.ppo]\nsteps = 49152\nworlds = 16\nhorizon = 64\nminibatch = 256\nhidden = [16]\n\
+             rate = 3e-3\nrecurrent = {units}\n"
+        );
+        std::fs::write(&file, format!("{text}\n{settings}")).expect("a file");
+        let mut run = Run::create(Algorithm::Ppo, &file, &folder, (1, 2), None).expect("a run");
+        while run.advance().expect("an update").is_some() {}
+        // the policy folder, which `policy.network` reads too; its state restarts with each episode
+        evaluate(&folder, &file, 10, 1).expect("returns").mean
+    });
+    std::fs::remove_dir_all(&base).expect("the folder");
+    assert!(recurrent > 2.0 * feed_forward && recurrent > 150.0, "{recurrent}, without {feed_forward}");
+}

@@ -1,14 +1,14 @@
 //! `motorium learn compare`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context as _, ensure};
+use anyhow::Context as _;
 use motorium_learners::evaluation::{Comparison, Evaluation, compare, evaluate};
 use serde_json::json;
 
+use super::curves;
 use super::warnings::warn;
-use crate::chart::{Chart, Series};
 use crate::out::outln;
 
 /// Run several policies on equal episodes of a task, and compare their returns with the first one's.
@@ -48,15 +48,9 @@ impl Compare {
         let found: Vec<Evaluation> = evaluated.collect::<anyhow::Result<_>>()?;
         warn(&found[0].warnings);
         if let Some(file) = &self.curves {
-            let series = self.policies.iter().map(|policy| curve(policy));
-            let chart = Chart {
-                title: "Return in training".to_owned(),
-                x: "steps".to_owned(),
-                y: "mean return of 100 episodes".to_owned(),
-                log_x: false,
-                log_y: false,
-                series: series.collect::<anyhow::Result<_>>()?,
-            };
+            let series = self.policies.iter().map(|policy| curves::returns(policy));
+            let series = series.collect::<anyhow::Result<_>>()?;
+            let chart = curves::chart("Return in training", "mean return of 100 episodes", series);
             std::fs::write(file, chart.svg()).with_context(|| file.display().to_string())?;
         }
         let compared: Vec<Option<Comparison>> =
@@ -81,27 +75,4 @@ impl Compare {
         }
         Ok(ExitCode::SUCCESS)
     }
-}
-
-/// Mean return against steps, from the table of a training run.
-fn curve(policy: &Path) -> anyhow::Result<Series> {
-    let file = policy.join("progress.csv");
-    let text = std::fs::read_to_string(&file).with_context(|| file.display().to_string())?;
-    let mut lines = text.lines();
-    let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let column = |names: [&str; 2]| head.iter().position(|name| names.contains(name));
-    let columns = column(["steps", "labels"]).zip(column(["mean_return"; 2]));
-    let (steps, returns) =
-        columns.with_context(|| format!("{}: no columns `steps` and `mean_return`", file.display()))?;
-    let mut points = Vec::new();
-    for line in lines {
-        let cells: Vec<&str> = line.split(',').collect();
-        let number = |column: usize| cells.get(column).and_then(|cell| cell.parse::<f64>().ok());
-        // the cell is empty before the first end of an episode
-        if let (Some(x), Some(y)) = (number(steps), number(returns)) {
-            points.push([x, y, 0.0]);
-        }
-    }
-    ensure!(!points.is_empty(), "{}: no episode has ended, expected a longer run", file.display());
-    Ok(Series { name: policy.display().to_string(), points })
 }

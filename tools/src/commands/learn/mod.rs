@@ -1,6 +1,7 @@
 //! `motorium learn`: training of policies, and tuning of graphs.
 
 mod compare;
+mod curves;
 mod evaluate;
 mod list;
 pub(crate) mod threads;

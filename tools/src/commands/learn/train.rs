@@ -2,19 +2,23 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
+use motorium_learners::component::{LearningProgress, PROGRESS_TOPIC, ProgressFeed};
 use motorium_learners::learner::Progress;
 use motorium_learners::training::Run;
 use motorium_learners::tuning::Tuning;
 use motorium_learners::{imitation, learner};
 use serde_json::json;
 
+use super::curves;
 use super::threads::threads;
 use super::tune;
 use super::warnings::warn;
-use crate::out::outln;
+use crate::interrupt::interrupted;
+use crate::out::{errln, outln};
 
 /// Time between two lines of progress.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -91,9 +95,8 @@ pub(super) struct Train {
     /// Folder of the run
     #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
-    /// Print the result as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    show: Show,
 }
 
 /// Continue a training run, or a tuning of a graph, from its last checkpoint.
@@ -108,6 +111,16 @@ pub(super) struct Resume {
     /// Threads; all cores if not given
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256))]
     threads: Option<u32>,
+    #[command(flatten)]
+    show: Show,
+}
+
+/// Results of a training run, and where they are seen.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct Show {
+    /// Publish the progress on the topic learn/progress of a run, for `view` and `topic`
+    #[arg(long)]
+    publish: bool,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -137,7 +150,7 @@ impl Train {
         };
         let [low, high] = run.task().reward_range()?;
         anstream::eprintln!("{}: reward of a step {low} to {high}", run.task().title);
-        finish(run, self.json)
+        finish(run, &self.output, self.show)
     }
 }
 
@@ -149,6 +162,12 @@ impl Train {
         expert: &Path,
         seed: (u64, usize),
     ) -> anyhow::Result<ExitCode> {
+        if self.show.publish {
+            bail!(
+                "--publish with --algorithm {}, expected an algorithm that learns from rewards",
+                algorithm.name()
+            );
+        }
         let began = Instant::now();
         let extent = (algorithm, self.steps);
         let mut run = imitation::Run::create((&self.task, expert), &self.output, seed, extent)?;
@@ -163,7 +182,7 @@ impl Train {
         }
         let (summary, seconds) = (run.summary(), began.elapsed().as_secs_f64());
         let last = summary.last;
-        if self.json {
+        if self.show.json {
             outln!(
                 "{}",
                 json!({
@@ -185,21 +204,41 @@ impl Train {
 impl Resume {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         if Tuning::exists(&self.folder) {
-            return tune::resume(&self.folder, threads(self.threads), self.json);
+            if self.show.publish {
+                bail!("--publish: {} is a tuning, expected a training run", self.folder.display());
+            }
+            return tune::resume(&self.folder, threads(self.threads), self.show.json);
         }
         let run = Run::resume(&self.folder, threads(self.threads))?;
         anstream::eprintln!("{}: resumed after {} steps", run.task().title, run.steps().0);
-        finish(run, self.json)
+        finish(run, &self.folder, self.show)
     }
 }
 
-/// Trains to the end, with a line of progress a second on standard error.
-fn finish(mut run: Run, json: bool) -> anyhow::Result<ExitCode> {
+/// Trains to the end, with a line of progress a second on standard error. A signal ends the training after an
+/// update, with a checkpoint.
+fn finish(mut run: Run, folder: &Path, show: Show) -> anyhow::Result<ExitCode> {
     warn(run.warnings());
+    let interrupted = interrupted()?;
+    let feed = show.publish.then(ProgressFeed::start).transpose().context("--publish")?;
+    if let Some(feed) = &feed {
+        errln!("progress on the topic {PROGRESS_TOPIC}: `motorium view --run {}`", feed.run());
+    }
     let (first, began) = (run.steps().0, Instant::now());
     let mut printed = began;
     while let Some(progress) = run.advance()? {
         let (steps, all) = run.steps();
+        if let Some(feed) = &feed {
+            let rate = (steps - first) as f64 / began.elapsed().as_secs_f64();
+            feed.publish(LearningProgress::new(&progress, run.measures(), rate));
+        }
+        if interrupted.load(Relaxed) && steps < all {
+            run.save()?;
+            bail!(
+                "interrupted after {steps} of {all} steps\nhelp: continue with `motorium learn resume {}`",
+                folder.display()
+            );
+        }
         if printed.elapsed() >= INTERVAL && steps < all {
             printed = Instant::now();
             let rate = (steps - first) as f64 / began.elapsed().as_secs_f64();
@@ -209,8 +248,11 @@ fn finish(mut run: Run, json: bool) -> anyhow::Result<ExitCode> {
     }
     let seconds = began.elapsed().as_secs_f64();
     let summary = run.summary();
+    let page = folder.join(curves::PAGE);
+    std::fs::write(&page, curves::page(folder, &run.task().title, &summary)?)
+        .with_context(|| page.display().to_string())?;
     let rate = (summary.steps - first) as f64 / seconds;
-    if json {
+    if show.json {
         let last = summary.last.as_ref();
         outln!(
             "{}",

@@ -11,6 +11,7 @@ use motorium_bridges::recording::{Analysis, Recording, TopicAnalysis, Tracking, 
 
 use crate::chart::{Chart, Series};
 use crate::draw::{self, Measured, escape};
+use crate::html;
 use crate::out::errln;
 use crate::report::microseconds;
 
@@ -50,31 +51,18 @@ impl Report {
     }
 }
 
-const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1f2328}\
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #d0d7de;text-align:left}\
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}h2{margin-top:2em}svg{max-width:100%;height:auto}\
-.error{color:#d1242f}.warning{color:#9a6700}.dim{color:#57606a}.wide{overflow-x:auto}\
-@media(prefers-color-scheme:dark){body{background:#0d1117;color:#e6edf3}td,th{border-color:#30363d}\
-.error{color:#ff7b72}.warning{color:#e3b341}.dim{color:#9da7b3}}";
-
 fn page(recording: &Recording, plan: &Plan, analysis: &Analysis) -> String {
-    let mut html = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><meta name=\"color-scheme\" content=\"light dark\">\
-         <meta name=\"viewport\" content=\"width=device-width\"><title>{0}</title><style>{STYLE}</style>\
-         </head>\n<body>\n<h1>{0}</h1>\n",
-        escape(&plan.name)
-    );
-    facts(&mut html, recording, analysis);
-    html += "<h2>Graph</h2>\n";
-    html += &draw::svg(plan, Some(&measured(plan, analysis)));
-    topics(&mut html, analysis);
-    misses(&mut html, analysis);
-    tracking(&mut html, plan, analysis);
-    events(&mut html, analysis);
-    html + "</body>\n</html>\n"
+    let mut body = facts(recording, analysis);
+    body += "<h2>Graph</h2>\n";
+    body += &draw::svg(plan, Some(&measured(plan, analysis)));
+    topics(&mut body, analysis);
+    misses(&mut body, analysis);
+    tracking(&mut body, plan, analysis);
+    events(&mut body, analysis);
+    html::page(&plan.name, &body)
 }
 
-fn facts(html: &mut String, recording: &Recording, analysis: &Analysis) {
+fn facts(recording: &Recording, analysis: &Analysis) -> String {
     let fact = |name: &str| recording.fact(name).unwrap_or("unknown").to_string();
     let machine: serde_json::Value = recording
         .attachment("machine.json")
@@ -84,7 +72,7 @@ fn facts(html: &mut String, recording: &Recording, analysis: &Analysis) {
     let samples: u64 = analysis.topics.iter().map(|topic| topic.samples).sum();
     let gaps: u64 = analysis.topics.iter().map(|topic| topic.gaps).sum();
     let end = if recording.is_whole() { "" } else { " (the file has no end)" };
-    let rows = [
+    html::facts([
         ("file", recording.path().display().to_string()),
         ("graph", fact("file")),
         ("clock", fact("clock")),
@@ -94,12 +82,7 @@ fn facts(html: &mut String, recording: &Recording, analysis: &Analysis) {
         ("motorium", fact("version")),
         ("processor", of_machine("processor")),
         ("kernel", of_machine("kernel")),
-    ];
-    html.push_str("<table>\n");
-    for (name, value) in rows {
-        let _ = writeln!(html, "<tr><th>{name}</th><td>{}</td></tr>", escape(&value));
-    }
-    html.push_str("</table>\n");
+    ])
 }
 
 /// The measured values on the picture of the graph.

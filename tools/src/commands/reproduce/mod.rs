@@ -1,5 +1,6 @@
 //! `motorium reproduce`: recomputation of published figures.
 
+mod ball_in_cup;
 mod body;
 mod cartpole;
 mod chapter3;
@@ -29,6 +30,7 @@ enum Command {
     Qp(qp::Qp),
     Locomotion(locomotion::Locomotion),
     Cartpole(cartpole::Cartpole),
+    BallInCup(ball_in_cup::BallInCup),
 }
 
 impl Reproduce {
@@ -39,6 +41,7 @@ impl Reproduce {
             Command::Qp(command) => command.run(),
             Command::Locomotion(command) => command.run(),
             Command::Cartpole(command) => command.run(),
+            Command::BallInCup(command) => command.run(),
         }
     }
 }

@@ -1,0 +1,408 @@
+//! A ball on a string caught in a cup by PoWER: on weights of a motion library, and on weights of radial
+//! kernels.
+//!
+//! A demonstrator attempts the catch: each attempt sways the cup once and jerks it up, by other distances and
+//! at other times; few of them catch the ball. A movement of the cup is the response of a spring to forces.
+//! Its weights belong to the eigenforces of all attempts, or to as many kernels. Each search starts from
+//! the mean attempt in its space, explores as much as the weights of the attempts vary, and learns from one
+//! episode a rollout, whose start and masses differ.
+//!
+//! Source: the task and the method of Kober, Peters, *Policy search for motor primitives in robotics*, NIPS
+//! 2008; the library of Delhaisse's thesis, 2019, section 3.4.3. The attempts are an addition.
+
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+
+use motorium_library::{
+    BuildError, DAMPING, Metric, MotionLibrary, Movement, Recordings, SampledSpring, SpringError, Trajectory,
+    Truncation,
+};
+use motorium_physics::Articulated;
+use nalgebra::DMatrix;
+use rand::RngExt as _;
+use rand_pcg::Pcg64;
+use serde::Serialize;
+
+use super::search::{KernelPrior, SearchSpace};
+use super::trials::run_jobs;
+use crate::environment::{Environment, EnvironmentError, Scene, SceneError};
+use crate::random::{Counter, Purpose};
+use crate::search::{Power, PowerSettings, Search as _, Start, StartError, TellError};
+use crate::task::{End, Task};
+
+/// Joints that the movement drives: along x and along z.
+const DRIVEN: usize = 2;
+/// Duration of a movement, s. The cup then stays where it started.
+const SECONDS: f64 = 1.2;
+/// Attempts of the demonstrator.
+const ATTEMPTS: u64 = 60;
+/// Episodes of an evaluation.
+const EPISODES: u64 = 10;
+/// Rollouts between two evaluations of the mean of a search.
+const ROLLOUTS: u64 = 25;
+/// World of the evaluations; rollouts use the world 0.
+const EVALUATION_WORLD: u64 = 1_000;
+/// Return by which the reward of PoWER, which is positive, grows by a factor of e.
+const TEMPERATURE: f64 = 3.0;
+
+/// Meaning of the weights of a search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Weights {
+    /// Weights of eigenforces.
+    Library,
+    /// Weights of kernels; each has the same share of the response of the attempts.
+    Kernels,
+    /// Weights of kernels; each varies as in a fit of the attempts.
+    FittedKernels,
+}
+
+impl Weights {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Library, Self::Kernels, Self::FittedKernels];
+
+    /// Name in figures.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Library => "library",
+            Self::Kernels => "kernels, equal response",
+            Self::FittedKernels => "kernels, as fitted",
+        }
+    }
+
+    fn space(self, library: &MotionLibrary, n: usize) -> SearchSpace {
+        match self {
+            Self::Library => SearchSpace::library(library, n),
+            Self::Kernels => SearchSpace::kernels(library, n, KernelPrior::EqualResponse),
+            Self::FittedKernels => SearchSpace::kernels(library, n, KernelPrior::Fitted),
+        }
+    }
+}
+
+/// Settings of a study.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StudySettings {
+    /// First seed.
+    pub first_seed: u64,
+    /// Number of seeds, from 1.
+    pub seeds: u64,
+    /// Numbers of weights, each from 2.
+    pub weights: Vec<usize>,
+    /// Episodes from which a search learns, from 1.
+    pub rollouts: u64,
+}
+
+/// The errors of a study.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The robot cannot be loaded.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// An environment failed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// The spring is unstable at the rate of the task.
+    #[error(transparent)]
+    Spring(#[from] SpringError),
+    /// The attempts do not make a library.
+    #[error(transparent)]
+    Library(#[from] BuildError),
+    /// PoWER refused its start.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// PoWER refused a reward.
+    #[error(transparent)]
+    Tell(#[from] TellError),
+    /// The task drives other joints.
+    #[error("the task drives {found} joints, expected 2, along x and z")]
+    Task {
+        /// Number of driven joints.
+        found: usize,
+    },
+}
+
+/// Result of an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// Episodes before; 0 is the start.
+    pub rollouts: u64,
+    /// Mean return of the movement without exploration.
+    pub mean_return: f64,
+    /// Share of the episodes in which the ball is caught.
+    pub caught: f64,
+}
+
+/// The course of a search.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// Meaning of the weights.
+    pub weights: Weights,
+    /// Number of weights.
+    pub count: usize,
+    /// Seed.
+    pub seed: u64,
+    /// Evaluations in the order of the rollouts.
+    pub curve: Vec<Point>,
+}
+
+/// Searches in all spaces with several seeds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Study {
+    /// Share of the demonstrator's attempts that catch the ball.
+    pub caught_by_attempts: f64,
+    /// Every trial: weights by weights, number by number, seed by seed.
+    pub trials: Vec<Trial>,
+}
+
+impl Study {
+    /// Runs a study of the ball-in-cup task, whose robot is relative to `base`, on several threads. `observe`
+    /// is called after each trial. The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    ///
+    /// [`StudyError`].
+    pub fn run(
+        task: &Task,
+        base: &Path,
+        settings: &StudySettings,
+        threads: usize,
+        observe: impl Fn() + Sync,
+    ) -> Result<Self, StudyError> {
+        let scene = Scene::load(task, base)?;
+        let cup = Cup::new(task, &scene, settings)?;
+        let seeds = settings.first_seed..settings.first_seed.saturating_add(settings.seeds);
+        let mut jobs = Vec::new();
+        for weights in Weights::ALL {
+            for count in &settings.weights {
+                jobs.extend(seeds.clone().map(|seed| (weights, *count, seed)));
+            }
+        }
+        let trials = run_jobs(
+            threads,
+            &jobs,
+            |_| Ok::<_, StudyError>(()),
+            |(), (weights, count, seed)| {
+                let curve = cup.search(&weights.space(&cup.library, *count), *seed)?;
+                observe();
+                Ok(Trial { weights: *weights, count: *count, seed: *seed, curve })
+            },
+        )?;
+        Ok(Self { caught_by_attempts: cup.attempts()?, trials })
+    }
+
+    /// The trials with a number of weights.
+    pub fn trials(&self, weights: Weights, count: usize) -> impl Iterator<Item = &Trial> {
+        self.trials.iter().filter(move |trial| (trial.weights, trial.count) == (weights, count))
+    }
+
+    /// The last evaluations of the trials with a number of weights, one a seed.
+    pub fn ends(&self, weights: Weights, count: usize) -> Vec<Point> {
+        self.trials(weights, count).filter_map(|trial| trial.curve.last().copied()).collect()
+    }
+}
+
+/// The task, and the movements of the cup.
+struct Cup<'a> {
+    task: &'a Task,
+    scene: &'a Scene,
+    rollouts: u64,
+    spring: SampledSpring,
+    library: MotionLibrary,
+    /// Forces of the mean attempt.
+    mean: Vec<f64>,
+    /// Range of each joint's action \[m\]; 0 where it is not driven.
+    scale: Vec<f64>,
+}
+
+impl<'a> Cup<'a> {
+    fn new(task: &'a Task, scene: &'a Scene, settings: &StudySettings) -> Result<Self, StudyError> {
+        let policy = task.policy().map_err(EnvironmentError::from)?;
+        let scale: Vec<f64> =
+            (0..policy.action.joints.len()).map(|joint| policy.action.scale.get(joint)).collect();
+        let driven: Vec<usize> = (0..scale.len()).filter(|joint| scale[*joint] != 0.0).collect();
+        if driven != [0, 1] {
+            return Err(StudyError::Task { found: driven.len() });
+        }
+        let spring = SampledSpring::new((SECONDS * task.rate()).round() as usize + 1, DAMPING)?;
+        let attempts = attempts(&spring);
+        let library = MotionLibrary::build(&attempts, spring, Metric::Force, Truncation::All)?;
+        let mut mean = vec![0.0; library.rows()];
+        for attempt in &attempts.trajectories {
+            let forces = Movement::from_trajectory(attempt, &spring).forces;
+            mean.iter_mut().zip(forces).for_each(|(mean, force)| *mean += force / ATTEMPTS as f64);
+        }
+        Ok(Self { task, scene, rollouts: settings.rollouts, spring, library, mean, scale })
+    }
+
+    fn environment(&self, seed: u64, world: u64) -> Result<Environment<Articulated>, EnvironmentError> {
+        Environment::new(self.task, self.scene.simulation()?, seed, world)
+    }
+
+    /// The next episode with the movement under some forces: its return, and whether the ball is caught.
+    fn episode(
+        &self,
+        environment: &mut Environment<Articulated>,
+        mut forces: Vec<f64>,
+    ) -> Result<(f64, bool), EnvironmentError> {
+        let steps = self.spring.forces();
+        forces.chunks_exact_mut(steps).for_each(|block| self.spring.respond(block));
+        let mut step = 0;
+        let episode = environment.run_episode(|_, action| {
+            let sample = step.min(steps - 1);
+            for joint in 0..DRIVEN {
+                action[joint] = (forces[joint * steps + sample] / self.scale[joint]) as f32;
+            }
+            step += 1;
+        })?;
+        Ok((episode.total, episode.end == End::Success))
+    }
+
+    /// Share of the attempts that catch the ball.
+    fn attempts(&self) -> Result<f64, EnvironmentError> {
+        let mut environment = self.environment(0, 0)?;
+        let mut caught = 0;
+        for column in self.library.weights().column_iter() {
+            let forces = self.library.forces(column.as_slice());
+            caught += u32::from(self.episode(&mut environment, forces)?.1);
+        }
+        Ok(f64::from(caught) / ATTEMPTS as f64)
+    }
+
+    fn evaluate(&self, forces: &[f64], seed: u64, rollouts: u64) -> Result<Point, EnvironmentError> {
+        let mut environment = self.environment(seed, EVALUATION_WORLD)?;
+        let mut point = Point { rollouts, mean_return: 0.0, caught: 0.0 };
+        for _ in 0..EPISODES {
+            let (total, is_caught) = self.episode(&mut environment, forces.to_vec())?;
+            point.mean_return += total / EPISODES as f64;
+            point.caught += f64::from(u8::from(is_caught)) / EPISODES as f64;
+        }
+        Ok(point)
+    }
+
+    /// Learns in a space from the mean attempt.
+    fn search(&self, space: &SearchSpace, seed: u64) -> Result<Vec<Point>, StudyError> {
+        let deviation = space.variance.iter().map(|variance| variance.max(0.0).sqrt()).collect();
+        let start = Start::new(space.weights_of(&self.mean, &self.spring), deviation, seed);
+        let mut search = Power::new(start, PowerSettings::default())?;
+        let mut environment = self.environment(seed, 0)?;
+        let forces = |weights: &[f64]| {
+            let weights = DMatrix::from_column_slice(weights.len(), 1, weights);
+            (&space.functions * weights).as_slice().to_vec()
+        };
+        let mut curve = Vec::new();
+        for rollout in 0..=self.rollouts {
+            if rollout.is_multiple_of(ROLLOUTS) || rollout == self.rollouts {
+                curve.push(self.evaluate(&forces(&search.mean()), seed, rollout)?);
+            }
+            if rollout == self.rollouts {
+                break;
+            }
+            for candidate in search.ask(1) {
+                let (total, _) = self.episode(&mut environment, forces(&candidate.parameters))?;
+                search.tell(&[(candidate.id, (total / TEMPERATURE).exp())])?;
+            }
+        }
+        Ok(curve)
+    }
+}
+
+/// A raised cosine: 0 until `begin`, 1 after half of `width`, and 0 again after `width`.
+fn bump(time: f64, begin: f64, width: f64) -> f64 {
+    let part = ((time - begin) / width).clamp(0.0, 1.0);
+    0.5 * (1.0 - (TAU * part).cos())
+}
+
+/// The attempts of the demonstrator, from its home and back \[m\].
+fn attempts(spring: &SampledSpring) -> Recordings {
+    let attempt = |index: u64| {
+        let counter = Counter { step: index, ..Counter::default() };
+        let mut random = counter.stream(Purpose::Start);
+        Trajectory {
+            id: index.to_string(),
+            label: None,
+            duration: SECONDS,
+            positions: attempt(spring.samples(), &mut random),
+        }
+    };
+    let names = ["x", "z"].map(str::to_owned).to_vec();
+    Recordings { names, trajectories: (0..ATTEMPTS).map(attempt).collect() }
+}
+
+/// Positions along x and z: a sway, a dip and a jerk upwards.
+fn attempt(samples: usize, random: &mut Pcg64) -> DMatrix<f64> {
+    let mut within = |low: f64, high: f64| random.random_range(low..high);
+    let (sway, period) = (within(0.08, 0.25), within(0.6, 1.1));
+    let (dip, dip_begin, dip_width) = (within(0.0, 0.15), within(0.0, 0.3), within(0.3, 0.5));
+    let (jerk, jerk_begin, jerk_width) = (within(0.15, 0.3), within(0.3, 0.6), within(0.3, 0.5));
+    DMatrix::from_fn(samples, DRIVEN, |sample, axis| {
+        let time = SECONDS * sample as f64 / (samples - 1) as f64;
+        if axis == 0 {
+            sway * (TAU * time / period).sin() * (PI * time / SECONDS).sin()
+        } else {
+            jerk * bump(time, jerk_begin, jerk_width) - dip * bump(time, dip_begin, dip_width)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TASK: &str = include_str!("../../../../tasks/ball-in-cup.toml");
+
+    fn study(threads: usize) -> Study {
+        let task = Task::parse(TASK).expect("a task");
+        let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tasks");
+        let settings = StudySettings { first_seed: 1, seeds: 2, weights: vec![6], rollouts: 30 };
+        Study::run(&task, &base, &settings, threads, || {}).expect("a study")
+    }
+
+    #[test]
+    fn studies_repeat_on_any_number_of_threads() {
+        let found = study(1);
+        assert_eq!(study(2), found);
+        assert_eq!(found.trials.len(), 3 * 2);
+        for weights in Weights::ALL {
+            for trial in found.trials(weights, 6) {
+                let rollouts: Vec<u64> = trial.curve.iter().map(|point| point.rollouts).collect();
+                assert_eq!(rollouts, [0, 25, 30]);
+                // the mean attempt swings the ball: a return above the hanging ball's, below a catch's
+                assert!((-30.0..10.0).contains(&trial.curve[0].mean_return), "{trial:?}");
+            }
+            assert_eq!(found.ends(weights, 6).len(), 2);
+        }
+        // the demonstrator is no expert
+        assert!(found.caught_by_attempts < 0.5, "{}", found.caught_by_attempts);
+    }
+
+    #[test]
+    fn attempts_start_and_end_at_home_within_reach() {
+        let spring = SampledSpring::new(61, DAMPING).expect("a spring");
+        for attempt in attempts(&spring).trajectories {
+            let positions = attempt.positions;
+            assert!(positions.amax() < 0.3, "{}", attempt.id);
+            assert!(positions.row(0).amax() < 1e-12 && positions.row(60).amax() < 1e-12, "{}", attempt.id);
+        }
+    }
+
+    #[test]
+    fn weights_of_a_movement_in_a_space_reproduce_it() {
+        let spring = SampledSpring::new(61, DAMPING).expect("a spring");
+        let attempts = attempts(&spring);
+        let library =
+            MotionLibrary::build(&attempts, spring, Metric::Force, Truncation::All).expect("a library");
+        let forces = Movement::from_trajectory(&attempts.trajectories[3], &spring).forces;
+        let path = |forces: &[f64]| {
+            let mut path = forces.to_vec();
+            path.chunks_exact_mut(spring.forces()).for_each(|block| spring.respond(block));
+            path
+        };
+        for weights in Weights::ALL {
+            let space = weights.space(&library, 40);
+            let found = DMatrix::from_vec(space.variance.len(), 1, space.weights_of(&forces, &spring));
+            let found = path((&space.functions * found).as_slice());
+            let error = found.iter().zip(path(&forces)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(error < 0.01, "{weights:?}: {error} m");
+        }
+    }
+}

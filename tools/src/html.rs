@@ -1,0 +1,28 @@
+//! Pages in one file, which need no network.
+
+use crate::draw::escape;
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1f2328}\
+table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #d0d7de;text-align:left}\
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}h2{margin-top:2em}svg{max-width:100%;height:auto}\
+.error{color:#d1242f}.warning{color:#9a6700}.dim{color:#57606a}.wide{overflow-x:auto}\
+@media(prefers-color-scheme:dark){body{background:#0d1117;color:#e6edf3}td,th{border-color:#30363d}\
+.error{color:#ff7b72}.warning{color:#e3b341}.dim{color:#9da7b3}}";
+
+/// A page with a title above its body, in light and in dark colours.
+pub(crate) fn page(title: &str, body: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><meta name=\"color-scheme\" content=\"light dark\">\
+         <meta name=\"viewport\" content=\"width=device-width\"><title>{0}</title><style>{STYLE}</style>\
+         </head>\n<body>\n<h1>{0}</h1>\n{body}</body>\n</html>\n",
+        escape(title)
+    )
+}
+
+/// A table of names and values.
+pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, String)>) -> String {
+    let row =
+        |(name, value): (&str, String)| format!("<tr><th>{name}</th><td>{}</td></tr>\n", escape(&value));
+    let rows: String = rows.into_iter().map(row).collect();
+    format!("<table>\n{rows}</table>\n")
+}
