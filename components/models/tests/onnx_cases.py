@@ -167,6 +167,16 @@ def operators():
                 yield case(f"{operator} {direction} {before}", [unit], inputs, constants, outputs)
     start = [node("GRU", "x,w,r", "y", hidden_size=4)]
     yield case("GRU from zero", start, [("x", real(3, 2, 3))], [("w", real(1, 12, 3)), ("r", real(1, 12, 4))])
+    x = np.array([[1.0, 3.0, 2.0], [-1.0, -3.0, -2.0], [2.0, 2.0, 1.0]], dtype=np.float32)
+    yield case("Hardmax", [node("Hardmax", "x", axis=1)], [("x", x)])
+    yield case("Hardmax last", [node("Hardmax", "x")], [("x", real(2, 3, 4))])
+    x = ("x", real(2, 3, 4))
+    for name in ["Min", "Max"]:
+        yield case(name, [node(name, "x,b")], [x, ("b", real(2, 3, 4))])
+        yield case(name + " stretched", [node(name, "x,b")], [x, ("b", real(3, 1))])
+        yield case(name + " constant", [node(name, "x,b")], [x], [("b", real(4))])
+        yield case(name + " scalar", [node(name, "b,x")], [x], [("b", np.float32(0.1))])
+    yield case("Neg", [node("Neg", "x")], [x])
 
 
 def network(index):

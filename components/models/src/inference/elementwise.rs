@@ -42,6 +42,10 @@ pub enum Binary {
     Div,
     /// `a` to the power of `b`.
     Pow,
+    /// The smaller of `a` and `b`; NaN if either is NaN.
+    Min,
+    /// The larger of `a` and `b`; NaN if either is NaN.
+    Max,
 }
 
 struct Map<'a, F> {
@@ -150,6 +154,14 @@ impl Binary {
             Self::Mul => arch.dispatch(Both { function: |a, b| a * b, a, b, output }),
             Self::Div => arch.dispatch(Both { function: |a, b| a / b, a, b, output }),
             Self::Pow => arch.dispatch(Both { function: |a: f32, b: f32| a.powf(b), a, b, output }),
+            Self::Min => {
+                let function = |a: f32, b: f32| if a < b || a.is_nan() { a } else { b };
+                arch.dispatch(Both { function, a, b, output });
+            }
+            Self::Max => {
+                let function = |a: f32, b: f32| if a > b || a.is_nan() { a } else { b };
+                arch.dispatch(Both { function, a, b, output });
+            }
         }
     }
 }

@@ -155,6 +155,17 @@ impl Program {
         &self.buffers[self.outputs[index].buffer]
     }
 
+    /// Returns `true` if an output is the same in every run.
+    pub(crate) fn is_constant(&self, output: usize) -> bool {
+        let buffer = self.outputs[output].buffer;
+        let is_input = self.inputs.iter().any(|input| input.buffer == buffer);
+        let is_computed = self.operations.iter().any(|(target, operation)| match operation {
+            Operation::Recurrent(_, recurrent) => *target == buffer || recurrent.last.contains(&buffer),
+            _ => *target == buffer,
+        });
+        !is_input && !is_computed
+    }
+
     /// Copies an output into an input of the same length, such as a recurrent state.
     ///
     /// # Panics

@@ -213,7 +213,8 @@ fn operator(compiler: &mut Compiler, node: &Node<'_>) -> Outputs {
     match &node.proto.op_type[..] {
         "Gemm" => compiler.gemm(node),
         "MatMul" => compiler.mat_mul(node),
-        "Add" | "Sub" | "Mul" | "Div" | "Pow" => compiler.binary(node),
+        "Add" | "Sub" | "Mul" | "Div" | "Pow" | "Min" | "Max" => compiler.binary(node),
+        "Neg" => compiler.neg(node),
         "Relu" | "Elu" | "LeakyRelu" | "Tanh" | "Sigmoid" | "Softplus" | "Softsign" | "Clip" | "Sqrt" => {
             compiler.unary(node)
         }

@@ -35,14 +35,32 @@ impl Compiler {
         Ok(vec![self.fold(node, Operation::Unary(buffer, function), shape)?])
     }
 
+    pub(super) fn neg(&mut self, node: &Node<'_>) -> Outputs {
+        if let Value::Constant(Constant { numbers: Numbers::Whole(values), shape }) = node.input(0)? {
+            let negated: Option<Vec<i64>> = values.iter().map(|value| value.checked_neg()).collect();
+            let numbers = Numbers::Whole(negated.ok_or_else(|| node.error("integers overflow"))?);
+            return Ok(vec![Value::Constant(Constant { shape: shape.clone(), numbers })]);
+        }
+        let Computed { shape, buffer } = self.operand(node, 0)?;
+        let factor = self.buffer(node, &[1])?;
+        self.program.buffers[factor].fill(-1.0);
+        let operation = Operation::Binary([buffer, factor], Binary::Mul, [Operand::Aligned, Operand::Single]);
+        Ok(vec![self.fold(node, operation, shape)?])
+    }
+
     pub(super) fn binary(&mut self, node: &Node<'_>) -> Outputs {
         let function = match &node.proto.op_type[..] {
             "Add" => Binary::Add,
             "Sub" => Binary::Sub,
             "Mul" => Binary::Mul,
             "Div" => Binary::Div,
+            "Min" => Binary::Min,
+            "Max" => Binary::Max,
             _ => Binary::Pow,
         };
+        if node.inputs.len() != 2 {
+            return Err(node.error(format!("{} inputs, expected 2", node.inputs.len())));
+        }
         let (a, b) = (node.input(0)?.clone(), node.input(1)?.clone());
         let shape = broadcast(node, a.shape(), b.shape())?;
         if let (
@@ -96,5 +114,7 @@ fn whole(function: Binary, a: i64, b: i64) -> Option<i64> {
         Binary::Mul => a.checked_mul(b),
         Binary::Div => a.checked_div(b),
         Binary::Pow => a.checked_pow(u32::try_from(b).ok()?),
+        Binary::Min => Some(a.min(b)),
+        Binary::Max => Some(a.max(b)),
     }
 }

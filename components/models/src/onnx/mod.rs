@@ -5,11 +5,12 @@
 //! buffers allocated.
 //!
 //! Operators: Add, BatchNormalization, Cast, Clip, Concat, Constant, Conv, Div, Elu, Expand, Flatten, GRU,
-//! Gather, Gemm, GlobalAveragePool, Hardmax, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, MaxPool,
-//! Mul, Pow, ReduceMean, Relu, Reshape, Shape, Sigmoid, Slice, Softmax, Softplus, Softsign, Split, Sqrt,
-//! Squeeze, Sub, Tanh, Transpose, Unsqueeze. Anything else is an error that names the node. Source: the ONNX
-//! operator specification, operator sets 7 to 23.
+//! Gather, Gemm, GlobalAveragePool, Hardmax, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, Max,
+//! MaxPool, Min, Mul, Neg, Pow, ReduceMean, Relu, Reshape, Shape, Sigmoid, Slice, Softmax, Softplus,
+//! Softsign, Split, Sqrt, Squeeze, Sub, Tanh, Transpose, Unsqueeze. Anything else is an error that names the
+//! node. Source: the ONNX operator specification, operator sets 7 to 23.
 
+mod adapt;
 mod compile;
 mod elementwise;
 mod matrix;
@@ -25,6 +26,7 @@ mod write;
 use prost::Message as _;
 
 use crate::inference::Program;
+pub use adapt::{Adapter, Part};
 use proto::ModelProto;
 pub use write::{GruLayer, write_choice, write_gru, write_mlp};
 
@@ -138,6 +140,21 @@ impl Model {
             dims.iter().map(length).collect()
         };
         provided.map(|input| Input { name: input.name.clone(), shape: shape(input) }).collect()
+    }
+
+    /// Returns the names of the outputs.
+    pub fn outputs(&self) -> Vec<String> {
+        let graph = self.proto.graph.iter();
+        graph.flat_map(|graph| graph.output.iter().map(|output| output.name.clone())).collect()
+    }
+
+    /// Returns the bytes of a network with one observation in place of several inputs.
+    ///
+    /// # Errors
+    ///
+    /// [`OnnxError::Input`] or [`OnnxError::Output`] with a name that the network does not have.
+    pub fn adapt(&self, adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
+        adapt::adapt(&self.proto, &self.inputs(), adapter)
     }
 
     /// Compiles the network with every free axis of length `rows`.

@@ -12,7 +12,7 @@ use crate::inference::Unary;
 const REAL: i32 = 1;
 const INTEGER: i32 = 2;
 
-fn tensor(name: &str, shape: &[usize], values: &[f32]) -> TensorProto {
+pub(super) fn tensor(name: &str, shape: &[usize], values: &[f32]) -> TensorProto {
     TensorProto {
         dims: shape.iter().map(|length| *length as i64).collect(),
         data_type: FLOAT,
@@ -22,7 +22,7 @@ fn tensor(name: &str, shape: &[usize], values: &[f32]) -> TensorProto {
     }
 }
 
-fn port(name: &str, shape: &[(usize, &str)]) -> ValueInfo {
+pub(super) fn port(name: &str, shape: &[(usize, &str)]) -> ValueInfo {
     let dimension = |(length, name): &(usize, &str)| Dimension {
         value: name.is_empty().then_some(*length as i64),
         name: (*name).to_owned(),
@@ -32,7 +32,7 @@ fn port(name: &str, shape: &[(usize, &str)]) -> ValueInfo {
     ValueInfo { name: name.to_owned(), kind: Some(TypeProto { tensor: Some(tensor) }) }
 }
 
-fn node(operator: &str, inputs: &[&str], outputs: &[&str]) -> NodeProto {
+pub(super) fn node(operator: &str, inputs: &[&str], outputs: &[&str]) -> NodeProto {
     let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
     NodeProto {
         input: owned(inputs),
@@ -46,7 +46,7 @@ fn node(operator: &str, inputs: &[&str], outputs: &[&str]) -> NodeProto {
     }
 }
 
-fn integer(name: &str, i: i64) -> Attribute {
+pub(super) fn integer(name: &str, i: i64) -> Attribute {
     Attribute { name: name.to_owned(), i, kind: INTEGER, ..Attribute::default() }
 }
 

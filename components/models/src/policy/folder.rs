@@ -81,6 +81,14 @@ pub enum NetworkMismatch {
         /// Name of the input.
         input: String,
     },
+    /// The initial states do not match the recurrent inputs.
+    #[error("`initial_states` has {found:?} numbers, expected {expected:?}, as the recurrent inputs have")]
+    InitialStates {
+        /// Size of each initial state.
+        found: Vec<usize>,
+        /// Size of each recurrent input.
+        expected: Vec<usize>,
+    },
 }
 
 impl PolicyFolder {
@@ -131,6 +139,8 @@ impl PolicyFolder {
 pub struct PolicyNetwork {
     program: Program,
     states: usize,
+    /// Values of the recurrent states at the start of an episode; empty for zeros.
+    initial: Vec<Vec<f32>>,
 }
 
 impl PolicyNetwork {
@@ -158,13 +168,28 @@ impl PolicyNetwork {
                 return Err(NetworkMismatch::State { input: input.name.clone() });
             }
         }
+        let initial = policy.initial_states.clone();
+        let found: Vec<usize> = initial.iter().map(Vec::len).collect();
+        let states = program.inputs().iter().skip(1);
+        let expected: Vec<usize> = states.map(|input| input.shape.iter().product()).collect();
+        if !found.is_empty() && found != expected {
+            return Err(NetworkMismatch::InitialStates { found, expected });
+        }
         let states = program.inputs().len();
-        Ok(Self { program, states })
+        let mut network = Self { program, states, initial };
+        network.reset();
+        Ok(network)
     }
 
-    /// Clears the recurrent states, at the start of an episode.
+    /// Returns the recurrent states to their initial values, at the start of an episode.
     pub fn reset(&mut self) {
-        (1..self.states).for_each(|index| self.program.input_mut(index).fill(0.0));
+        for index in 1..self.states {
+            let state = self.program.input_mut(index);
+            match self.initial.get(index - 1) {
+                Some(initial) => state.copy_from_slice(initial),
+                None => state.fill(0.0),
+            }
+        }
     }
 
     /// Returns the observation; write it before [`run`](Self::run).

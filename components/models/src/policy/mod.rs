@@ -43,9 +43,13 @@ pub use assembly::Assembly;
 pub use chunk::{Chunk, ChunkArrival, ChunkError, ChunkPlan, ChunkTiming};
 pub use error::PolicyError;
 pub use folder::{NetworkMismatch, PolicyFolder, PolicyFolderError, PolicyNetwork};
-pub use import::{ImportError, ImportOptions, import_mjlab, import_weights};
+pub use import::{
+    ActionDescriptor, Actuator, Articulation, Bundle, BundleModel, BundlePort, Descriptors, Environment,
+    Gain, HeightGrid, ImportError, ImportOptions, Mark, ObservationDescriptor, import_isaac, import_leapp,
+    import_mjlab, import_weights,
+};
 pub use numbers::Numbers;
-use numbers::one;
+use numbers::{finite, one};
 pub use observer::{BaseMotion, Measurements, Observer, projected_gravity};
 pub use pattern::{Pattern, PatternJoint};
 pub use targets::{JointTarget, JointTargets};
@@ -60,6 +64,10 @@ pub struct Policy {
     pub rate: f64,
     /// Robot the policy was trained for, as listed by `motorium robot list`.
     pub robot: Option<String>,
+    /// Values of each recurrent state at the start of an episode, in the order of the network's inputs behind
+    /// the observation. Default: zeros.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub initial_states: Vec<Vec<f32>>,
     /// Observation terms, in the order of the network's inputs.
     pub observations: Vec<Observation>,
     /// Definition of the network's outputs.
@@ -208,6 +216,9 @@ impl Policy {
         self.action.check("action.")?;
         if let Some(pattern) = &self.pattern {
             pattern.check(&self.action)?;
+        }
+        for (index, state) in self.initial_states.iter().enumerate() {
+            finite(&format!("initial_states[{index}]"), state.iter().copied().map(f64::from))?;
         }
         for (index, observation) in self.observations.iter().enumerate() {
             let key = |name: &str| format!("observations[{index}].{name}");

@@ -1,0 +1,586 @@
+//! Import of LEAPP bundles, as Isaac Lab 3 exports them.
+//!
+//! A bundle is a YAML file, the ONNX file of one network, and the initial values of its recurrent states in
+//! safetensors. The network reads measured quantities and writes joint targets: it scales, offsets and keeps
+//! the last action itself. The import rewrites it to read one observation and to write targets relative to
+//! the default pose.
+//!
+//! Sources: LEAPP 0.7.2 (`leapp.compile_graph`, kinds of `leapp/utils/enums.py`);
+//! `isaaclab/utils/leapp/{export_annotator, utils}.py` of Isaac Lab 3.0 (`isaaclab_connection`).
+
+use super::isaac::{common_number, gains, shortest};
+use super::{Articulation, Environment, ImportError, Mark, NETWORK};
+use crate::inference::Program;
+use crate::onnx::{Adapter, Model, Part};
+use crate::policy::{Action, ActionKind, Numbers, Observation, Policy, PolicyNetwork, Term};
+use crate::safetensors::Tensors;
+
+/// Properties of a robot that an input may be, by the last part of `isaaclab_connection`, or by name.
+const PROPERTIES: [(&str, Term); 9] = [
+    ("joint_pos", Term::JointPositions),
+    ("joint_vel", Term::JointVelocities),
+    ("root_lin_vel_b", Term::BaseLinearVelocity),
+    ("root_com_lin_vel_b", Term::BaseLinearVelocity),
+    ("root_ang_vel_b", Term::BaseAngularVelocity),
+    ("root_com_ang_vel_b", Term::BaseAngularVelocity),
+    ("projected_gravity_b", Term::ProjectedGravity),
+    ("root_quat_w", Term::ProjectedGravity),
+    ("root_link_quat_w", Term::ProjectedGravity),
+];
+
+/// Kinds of outputs that command joints.
+const TARGETS: [(&str, ActionKind); 4] = [
+    ("target/joint/position", ActionKind::Position),
+    ("target/joint/velocity", ActionKind::Velocity),
+    ("target/joint/effort", ActionKind::Effort),
+    ("target/joint/torques", ActionKind::Effort),
+];
+
+/// Runs that show whether the actions depend on the heading.
+const HEADING_RUNS: usize = 16;
+/// Relative difference of outputs that counts as a dependence.
+const HEADING_TOLERANCE: f32 = 1e-3;
+
+/// The content of the YAML file of a bundle.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Bundle {
+    /// Networks.
+    pub models: Vec<BundleModel>,
+    /// Position of `pipeline`.
+    pub pipeline: Mark,
+    /// Outputs, as `model/output`, with the inputs that read them in the next run.
+    pub feedback: Vec<(String, Vec<String>)>,
+    /// File of the initial values of these inputs.
+    pub initial_values: Option<String>,
+    /// Rate of the policy \[Hz\].
+    pub frequency: Option<f64>,
+}
+
+/// A network of a bundle.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BundleModel {
+    /// Position of the backend.
+    pub mark: Mark,
+    /// Name of the network.
+    pub name: String,
+    /// Format of its file: `onnx`, `jit` or `pt2`.
+    pub backend: String,
+    /// Its file.
+    pub path: String,
+    /// Inputs, in order.
+    pub inputs: Vec<BundlePort>,
+    /// Outputs, in order.
+    pub outputs: Vec<BundlePort>,
+}
+
+/// An input or an output of a network of a bundle.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BundlePort {
+    /// Position of the name.
+    pub mark: Mark,
+    /// Name of the tensor.
+    pub name: String,
+    /// Type of its numbers.
+    pub dtype: String,
+    /// Length along each axis.
+    pub shape: Vec<usize>,
+    /// Physical quantity.
+    pub kind: Option<String>,
+    /// Source or destination in Isaac Lab.
+    pub connection: Option<String>,
+    /// Names along the last axis.
+    pub elements: Option<Vec<String>>,
+    /// `true` if an axis is the time.
+    pub is_temporal: bool,
+}
+
+impl BundlePort {
+    fn count(&self) -> usize {
+        self.shape.iter().fold(1, |count: usize, length| count.saturating_mul(*length))
+    }
+
+    fn wrong(&self, message: impl Into<String>) -> ImportError {
+        self.mark.entry(&self.name, message)
+    }
+
+    /// Returns the joint of each number.
+    fn joints(&self) -> Result<&[String], ImportError> {
+        let found = self.elements.as_deref().unwrap_or(&[]);
+        if found.len() != self.count() {
+            let message = format!("found {} `element_names`, expected {} joints", found.len(), self.count());
+            return Err(self.wrong(message));
+        }
+        Ok(found)
+    }
+}
+
+impl Bundle {
+    /// Returns the only network of the bundle.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Entry`] if there are several, or it is not an ONNX file.
+    pub fn model(&self) -> Result<&BundleModel, ImportError> {
+        let [model] = &self.models[..] else {
+            let names: Vec<&str> = self.models.iter().map(|model| &model.name[..]).collect();
+            let message = format!("found {} networks ({}), expected one", names.len(), names.join(", "));
+            return Err(self.pipeline.entry("models", message));
+        };
+        if model.backend != "onnx" {
+            let message = format!(
+                "found \"{}\", expected \"onnx\"; help: export with `--export_method onnx-dynamo`",
+                model.backend
+            );
+            return Err(model.mark.entry("backend", message));
+        }
+        Ok(model)
+    }
+
+    /// Returns the joints that the network commands, in the order of its action.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError`] if no output, or several, command joints.
+    pub fn joints(&self) -> Result<&[String], ImportError> {
+        self.target().and_then(|(port, _)| port.joints())
+    }
+
+    /// The output that is the action.
+    fn target(&self) -> Result<(&BundlePort, ActionKind), ImportError> {
+        let model = self.model()?;
+        let mut found = None;
+        for port in model.outputs.iter().filter(|port| !self.is_state(model, &port.name)) {
+            let kind = port.kind.as_deref();
+            if matches!(kind, Some("kp" | "kd")) {
+                continue;
+            }
+            let known = TARGETS.iter().find(|(name, _)| Some(*name) == kind);
+            let Some((_, kind)) = known.filter(|_| !port.is_temporal) else {
+                let expected = TARGETS.map(|(name, _)| name).join(", ");
+                return Err(ImportError::Action { mark: port.mark, name: port.name.clone(), expected });
+            };
+            if let Some((other, _)) = found.replace((port, *kind)) {
+                let message = format!("a second action besides `{}`, expected one", other.name);
+                return Err(port.wrong(message));
+            }
+        }
+        found.ok_or_else(|| self.pipeline.entry("outputs", "found no joint targets, expected one output"))
+    }
+
+    fn is_state(&self, model: &BundleModel, output: &str) -> bool {
+        self.feedback.iter().any(|(source, _)| source.split_once('/') == Some((&model.name, output)))
+    }
+
+    /// Each recurrent state of the network: its input and its output.
+    fn states(&self, model: &BundleModel) -> Result<Vec<(String, String)>, ImportError> {
+        let mut states = Vec::new();
+        for (source, targets) in &self.feedback {
+            for (node, port, ports) in [source].into_iter().chain(targets).enumerate().map(|(index, path)| {
+                let (node, port) = path.split_once('/').unwrap_or(("", path));
+                (node, port, if index == 0 { &model.outputs } else { &model.inputs })
+            }) {
+                if node != model.name || !ports.iter().any(|other| other.name == port) {
+                    let message = format!("found \"{node}/{port}\", expected a tensor of \"{}\"", model.name);
+                    return Err(self.pipeline.entry("feedback_flow", message));
+                }
+            }
+            let name = |path: &String| path.split_once('/').map_or(path.clone(), |(_, port)| port.to_owned());
+            states.extend(targets.iter().map(|target| (name(target), name(source))));
+        }
+        // in the order of the network's inputs
+        let index = |name: &str| model.inputs.iter().position(|port| port.name == name);
+        states.sort_by_key(|(input, _)| index(input));
+        Ok(states)
+    }
+}
+
+/// The source of an input: its term, the index of each number in the term, the numbers added, and the order
+/// of a quaternion.
+struct Source {
+    term: Term,
+    picks: Vec<usize>,
+    add: Vec<f32>,
+    orientation: Option<[usize; 4]>,
+}
+
+fn source(port: &BundlePort, joints: &[String], default_pose: &[f64]) -> Result<Source, ImportError> {
+    let unknown = || {
+        let mut expected = PROPERTIES.map(|(name, _)| name).join(", ");
+        expected += ", a command of three velocities";
+        ImportError::Observation { mark: port.mark, name: port.name.clone(), expected }
+    };
+    let connection: Vec<&str> = port.connection.iter().flat_map(|text| text.split(':')).collect();
+    let (property, is_command) = match connection[..] {
+        ["state", _, property] => (property, false),
+        ["command", _] => ("", true),
+        [] => (&port.name[..], port.kind.as_deref() == Some("command/body/velocity")),
+        _ => return Err(unknown()),
+    };
+    let term = match PROPERTIES.iter().find(|(name, _)| *name == property) {
+        _ if port.is_temporal => return Err(unknown()),
+        _ if is_command && port.count() == 3 => Term::Command,
+        Some((_, term)) if !is_command => *term,
+        _ => return Err(unknown()),
+    };
+    let count = |expected: usize| match port.count() {
+        found if found == expected => Ok(()),
+        found => Err(port.wrong(format!("found {found} numbers, expected {expected}"))),
+    };
+    let all = Source { term, picks: vec![0, 1, 2], add: Vec::new(), orientation: None };
+    if matches!(term, Term::JointPositions | Term::JointVelocities) {
+        let index = |joint: &String| {
+            joints.iter().position(|name| name == joint).ok_or_else(|| {
+                let message = format!(
+                    "reads joint \"{joint}\", expected the joints of the action, {}",
+                    joints.join(", ")
+                );
+                port.wrong(message)
+            })
+        };
+        let picks = port.joints()?.iter().map(index).collect::<Result<Vec<usize>, _>>()?;
+        let add = match term {
+            Term::JointPositions => picks.iter().map(|index| default_pose[*index] as f32).collect(),
+            _ => Vec::new(),
+        };
+        return Ok(Source { picks, add, ..all });
+    }
+    if !property.ends_with("quat_w") {
+        count(3)?;
+        return Ok(all);
+    }
+    count(4)?;
+    let elements: Vec<&str> =
+        port.elements.iter().flatten().map(|name| name.trim_start_matches('q')).collect();
+    let index = |name: &&str| ["x", "y", "z", "w"].iter().position(|other| other == name);
+    let order: Vec<usize> = elements.iter().filter_map(index).collect();
+    match <[usize; 4]>::try_from(order) {
+        Ok(order) if (0..4).all(|index| order.contains(&index)) => {
+            Ok(Source { orientation: Some(order), ..all })
+        }
+        _ => Err(port.wrong(format!(
+            "found the `element_names` {elements:?}, expected qx, qy, qz and qw in some order"
+        ))),
+    }
+}
+
+/// Pseudo-random numbers from -1 to 1.
+fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
+/// Returns `true` if the outputs change with a turn of the base about the vertical.
+fn depends_on_heading(program: &Program, input: usize, order: [usize; 4]) -> bool {
+    use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+    let mut program = program.clone();
+    let mut state = 38;
+    let run = |program: &mut Program, values: &[Vec<f32>]| {
+        for (index, values) in values.iter().enumerate() {
+            program.input_mut(index).copy_from_slice(values);
+        }
+        program.run();
+        (0..program.outputs().len()).flat_map(|index| program.output(index).to_vec()).collect::<Vec<f32>>()
+    };
+    (0..HEADING_RUNS).any(|_| {
+        let lengths = program.inputs().iter().map(|port| port.shape.iter().product::<usize>());
+        let mut values: Vec<Vec<f32>> =
+            lengths.map(|length| (0..length).map(|_| random(&mut state) as f32).collect()).collect();
+        let [x, y, z, w, yaw] = core::array::from_fn(|_| random(&mut state));
+        let base = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), core::f64::consts::PI * yaw);
+        let mut outputs = [base, turn * base].map(|orientation| {
+            for (value, index) in values[input].iter_mut().zip(order) {
+                *value = orientation.coords[index] as f32;
+            }
+            run(&mut program, &values)
+        });
+        let [first, second] = &mut outputs;
+        first.iter().zip(second).any(|(a, b)| (*a - *b).abs() > HEADING_TOLERANCE * (1.0 + a.abs()))
+    })
+}
+
+/// The constant output of this kind, in the order of the joints; `None` without one.
+fn constant(
+    model: &BundleModel,
+    program: &Program,
+    kind: &str,
+    joints: &[String],
+) -> Result<Option<Vec<f64>>, ImportError> {
+    let Some(port) = model.outputs.iter().find(|port| port.kind.as_deref() == Some(kind)) else {
+        return Ok(None);
+    };
+    let index = program.outputs().iter().position(|output| output.name == port.name);
+    let index = index.ok_or_else(|| port.wrong("not an output of the network"))?;
+    if !program.is_constant(index) {
+        return Err(port.wrong("the gains change from step to step, expected constant gains"));
+    }
+    let (names, values) = (port.joints()?, program.output(index));
+    let value = |joint: &String| {
+        let index = names.iter().position(|name| name == joint);
+        let value = index.and_then(|index| values.get(index)).map(|value| shortest(f64::from(*value)));
+        value.ok_or_else(|| port.wrong(format!("found no gain of joint \"{joint}\"")))
+    };
+    joints.iter().map(value).collect::<Result<_, _>>().map(Some)
+}
+
+/// Creates a policy and its network from a LEAPP bundle. `default_pose` has a position for each of
+/// [`Bundle::joints`]; `rate` \[Hz\] is used if the bundle has no `frequency`.
+///
+/// # Errors
+///
+/// [`ImportError`] with the line of the bundle, or the node of the network.
+///
+/// # Panics
+///
+/// If `default_pose` has another length than the joints.
+pub fn import_leapp(
+    bytes: &[u8],
+    bundle: &Bundle,
+    initial: Option<&Tensors>,
+    default_pose: &[f64],
+    environment: Option<&Environment>,
+    rate: Option<f64>,
+) -> Result<(Policy, Vec<u8>), ImportError> {
+    let model = bundle.model()?;
+    let (target, kind) = bundle.target()?;
+    let joints = target.joints()?.to_vec();
+    assert_eq!(default_pose.len(), joints.len(), "a position for each joint");
+    let Some(rate) = bundle.frequency.or(rate) else {
+        let message = "no `frequency`, expected the rate of the policy in Hz; help: give it with `--rate`";
+        return Err(bundle.pipeline.entry("configs", message));
+    };
+    let states = bundle.states(model)?;
+    let network = Model::read(bytes)?;
+    let program = network.program(1)?;
+    let (mut observations, mut parts, mut width) = (Vec::new(), Vec::new(), 0);
+    for port in &model.inputs {
+        if !program.inputs().iter().any(|input| input.name == port.name) {
+            return Err(port.wrong("not an input of the network"));
+        }
+        if port.dtype != "float32" {
+            return Err(port.wrong(format!("found {}, expected float32", port.dtype)));
+        }
+        if states.iter().any(|(input, _)| *input == port.name) {
+            continue;
+        }
+        let Source { term, picks, add, orientation } = source(port, &joints, default_pose)?;
+        if let Some(order) = orientation {
+            let input = program.inputs().iter().position(|input| input.name == port.name).unwrap_or(0);
+            if depends_on_heading(&program, input, order) {
+                return Err(ImportError::Heading { input: port.name.clone() });
+            }
+        }
+        let picks = picks.into_iter().map(|index| width + index).collect();
+        parts.push(Part { input: port.name.clone(), picks, add, orientation });
+        width += if matches!(term, Term::JointPositions | Term::JointVelocities) { joints.len() } else { 3 };
+        observations.push(Observation::new(term));
+    }
+    let kp = constant(model, &program, "kp", &joints)?;
+    let kd = constant(model, &program, "kd", &joints)?;
+    let body = Articulation {
+        joints: joints.clone(),
+        stiffness: kp.clone().unwrap_or_default(),
+        damping: kd.clone().unwrap_or_default(),
+        ..Articulation::default()
+    };
+    let is_given = environment.is_some() || kp.is_some() || kd.is_some();
+    // early versions export zeros for drives that Isaac Lab computes itself
+    let has_gain = |index: usize| [&kp, &kd].into_iter().flatten().any(|gains| gains[index] > 0.0);
+    let environment = environment.filter(|_| !(0..joints.len()).all(has_gain));
+    let (kp, kd) = match kind {
+        ActionKind::Position | ActionKind::Velocity if is_given => {
+            let [kp, kd] = gains(&joints, &body, environment)?;
+            (Some(common_number(kp)), Some(common_number(kd)))
+        }
+        _ => (None, None),
+    };
+    let action = Action {
+        joints,
+        kind,
+        scale: Numbers::All(1.0),
+        offset: Numbers::All(0.0),
+        default_pose: default_pose.to_vec(),
+        clip: None,
+        kp,
+        kd,
+    };
+    let subtract = match kind {
+        ActionKind::Position => default_pose.iter().map(|position| *position as f32).collect(),
+        _ => Vec::new(),
+    };
+    let adapter = Adapter { width, parts, action: target.name.clone(), subtract, states };
+    let policy = Policy {
+        network: NETWORK.to_owned(),
+        rate,
+        robot: None,
+        initial_states: initial_states(bundle, model, &adapter.states, initial)?,
+        observations,
+        action,
+        pattern: None,
+    };
+    policy.check()?;
+    let bytes = network.adapt(&adapter)?;
+    PolicyNetwork::new(&policy, Model::read(&bytes)?.program(1)?)?;
+    Ok((policy, bytes))
+}
+
+/// The initial values of the recurrent states; empty if all are zeros.
+fn initial_states(
+    bundle: &Bundle,
+    model: &BundleModel,
+    states: &[(String, String)],
+    initial: Option<&Tensors>,
+) -> Result<Vec<Vec<f32>>, ImportError> {
+    let value = |(input, _): &(String, String)| {
+        let name = format!("{}/{input}", model.name);
+        let Some(initial) = initial else {
+            let message = format!("missing, expected the file with the initial value of \"{name}\"");
+            return Err(bundle.pipeline.entry("initial_values", message));
+        };
+        match initial.tensors.get(&name) {
+            Some(tensor) => Ok(tensor.values.clone()),
+            None => Err(ImportError::Tensor { name, message: "missing in the initial values".to_owned() }),
+        }
+    };
+    let values = states.iter().map(value).collect::<Result<Vec<Vec<f32>>, _>>()?;
+    let are_zeros = values.iter().flatten().all(|value| *value == 0.0);
+    Ok(if are_zeros { Vec::new() } else { values })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inference::Unary;
+    use crate::onnx::write_mlp;
+    use crate::safetensors::Tensor;
+
+    fn port(line: usize, name: &str, count: usize) -> BundlePort {
+        BundlePort {
+            mark: Mark { line, column: 9 },
+            name: name.to_owned(),
+            dtype: "float32".to_owned(),
+            shape: vec![1, count],
+            ..BundlePort::default()
+        }
+    }
+
+    fn state(line: usize, property: &str, elements: &[&str]) -> BundlePort {
+        BundlePort {
+            connection: Some(format!("state:robot:{property}")),
+            elements: Some(elements.iter().map(|name| (*name).to_owned()).collect()),
+            ..port(line, &format!("robot_{property}"), elements.len())
+        }
+    }
+
+    /// A bundle whose network has one input: a test of the parts that need no further one.
+    fn bundle(input: BundlePort) -> Bundle {
+        let target = BundlePort {
+            kind: Some("target/joint/position".to_owned()),
+            elements: Some(vec!["knee".to_owned(), "hip".to_owned()]),
+            ..port(40, "actions", 2)
+        };
+        Bundle {
+            models: vec![BundleModel {
+                mark: Mark { line: 50, column: 7 },
+                name: "walk".to_owned(),
+                backend: "onnx".to_owned(),
+                path: "walk.onnx".to_owned(),
+                inputs: vec![BundlePort { name: "obs".to_owned(), ..input }],
+                outputs: vec![target],
+            }],
+            pipeline: Mark { line: 60, column: 3 },
+            frequency: Some(50.0),
+            ..Bundle::default()
+        }
+    }
+
+    fn network(width: usize) -> Vec<u8> {
+        let weights = (0..2 * width).map(|k| k as f32 - 1.0).collect();
+        write_mlp(width, &[(weights, vec![0.0, 0.0])], Unary::Relu, &[])
+    }
+
+    const POSE: [f64; 2] = [0.5, -0.25];
+
+    fn import(bundle: &Bundle, width: usize) -> Result<(Policy, Vec<u8>), ImportError> {
+        import_leapp(&network(width), bundle, None, &POSE, None, None)
+    }
+
+    #[test]
+    fn targets_become_relative_to_the_default_pose() {
+        let bundle = bundle(state(10, "joint_pos", &["hip", "knee"]));
+        let (policy, bytes) = import(&bundle, 2).expect("a policy");
+        assert_eq!((policy.rate, policy.observations[0].term), (50.0, Term::JointPositions));
+        let program = Model::read(&bytes).and_then(|model| model.program(1)).expect("a network");
+        let mut network = PolicyNetwork::new(&policy, program).expect("it fits");
+        // knee 0.6, hip 0.75, relative to the default pose
+        network.observation_mut().copy_from_slice(&[0.1, 1.0]);
+        let targets = policy.joint_targets(&["hip", "knee"]).expect("joints");
+        let action: Vec<f64> = network.run().iter().map(|value| f64::from(*value)).collect();
+        let mut found = [0.0; 2];
+        targets.apply(&action, &mut found);
+        let (hip, knee) = (0.75, 0.6);
+        for (found, expected) in found.iter().zip([hip + 2.0 * knee, -hip]) {
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn networks_that_read_the_heading_are_refused() {
+        let bundle = bundle(state(12, "root_quat_w", &["qx", "qy", "qz", "qw"]));
+        assert_eq!(import(&bundle, 4), Err(ImportError::Heading { input: "obs".to_owned() }));
+        let blind = write_mlp(4, &[(vec![0.0; 8], vec![0.5, 0.5])], Unary::Relu, &[]);
+        let (policy, _) = import_leapp(&blind, &bundle, None, &POSE, None, None).expect("a policy");
+        assert_eq!(policy.observations[0].term, Term::ProjectedGravity);
+    }
+
+    #[test]
+    fn unsupported_tensors_are_named_with_their_line() {
+        let contact = BundlePort { elements: None, ..state(14, "net_forces_w", &["x"]) };
+        let found = import(&bundle(contact), 1);
+        assert!(matches!(found, Err(ImportError::Observation { mark, .. }) if mark.line == 14), "{found:?}");
+        let entry = |bundle: &Bundle, width: usize| match import(bundle, width) {
+            Err(ImportError::Entry { mark, entry, .. }) => (mark.line, entry),
+            other => panic!("{other:?}"),
+        };
+        let foot = bundle(state(15, "joint_pos", &["hip", "foot"]));
+        assert_eq!(entry(&foot, 2), (15, "obs".to_owned()));
+        let unnamed = BundlePort { elements: None, ..state(16, "joint_vel", &["hip", "knee"]) };
+        assert_eq!(entry(&bundle(unnamed), 2), (16, "obs".to_owned()));
+        let integer = BundlePort { dtype: "int64".to_owned(), ..state(17, "joint_vel", &["hip", "knee"]) };
+        assert_eq!(entry(&bundle(integer), 2), (17, "obs".to_owned()));
+        let short = bundle(state(18, "root_ang_vel_b", &["x", "y"]));
+        assert_eq!(entry(&short, 2), (18, "obs".to_owned()));
+        let velocities = || bundle(state(19, "joint_vel", &["hip", "knee"]));
+        let mut changed = velocities();
+        changed.models[0].backend = "jit".to_owned();
+        assert_eq!(entry(&changed, 2), (50, "backend".to_owned()));
+        let mut changed = velocities();
+        changed.models.push(BundleModel::default());
+        assert_eq!(entry(&changed, 2), (60, "models".to_owned()));
+        let mut changed = velocities();
+        changed.frequency = None;
+        assert_eq!(entry(&changed, 2), (60, "configs".to_owned()));
+        let mut changed = velocities();
+        changed.feedback = vec![("walk/actions".to_owned(), vec!["walk/state".to_owned()])];
+        assert_eq!(entry(&changed, 2).0, 60);
+        let mut changed = velocities();
+        changed.models[0].outputs[0].kind = Some("target/body/position".to_owned());
+        assert!(matches!(import(&changed, 2), Err(ImportError::Action { mark, .. }) if mark.line == 40));
+    }
+
+    #[test]
+    fn initial_states_are_read_by_name() {
+        let bundle = bundle(state(10, "joint_pos", &["hip", "knee"]));
+        let states = [("h".to_owned(), "h_out".to_owned())];
+        let read = |initial: Option<&Tensors>| initial_states(&bundle, &bundle.models[0], &states, initial);
+        assert!(matches!(read(None), Err(ImportError::Entry { entry, .. }) if entry == "initial_values"));
+        let mut file = Tensors::default();
+        assert!(matches!(read(Some(&file)), Err(ImportError::Tensor { name, .. }) if name == "walk/h"));
+        let mut give = |values: Vec<f32>| {
+            file.tensors.insert("walk/h".to_owned(), Tensor { shape: vec![1, values.len()], values });
+            read(Some(&file))
+        };
+        assert_eq!(give(vec![0.0, 0.0]), Ok(Vec::new()));
+        assert_eq!(give(vec![0.0, -1.0]), Ok(vec![vec![0.0, -1.0]]));
+    }
+}
