@@ -5,7 +5,7 @@ use std::hint::black_box;
 use motorium_algebra::Cholesky;
 use motorium_benches::peers::Work;
 use motorium_models::gp::GaussianProcess;
-use motorium_models::gplvm::{BackForm, LatentModel, Settings, SpaceData};
+use motorium_models::gplvm::{BackForm, LatentModel, Settings, SpaceData, Workspace};
 use motorium_models::hmm::{Hmm, Shape};
 use motorium_models::inference::Unary;
 use motorium_models::kernel::Kernel;
@@ -75,9 +75,9 @@ fn network() -> Box<dyn FnMut()> {
 /// Energy and gradient of a latent model.
 fn gradient() -> Box<dyn FnMut()> {
     let (x, y) = (values(POSES, LATENTS, 0.4), values(POSES, OUTPUTS, 0.1));
-    let parameters = [0.1, 0.2, -0.3, -4.0];
+    let (parameters, mut workspace) = ([0.1, 0.2, -0.3, -4.0], Workspace::default());
     Box::new(move || {
-        black_box(LatentModel::energy(&x, &y, &parameters).expect("an energy"));
+        black_box(LatentModel::energy(&x, &y, &parameters, &mut workspace).expect("an energy"));
     })
 }
 

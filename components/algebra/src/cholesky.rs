@@ -3,7 +3,7 @@
 use pulp::Arch;
 
 use super::Simd;
-use super::tiles::{COLUMNS, Factor, Gram, InvertTriangle, ROWS};
+use super::tiles::{COLUMNS, Factor, Gram, InvertTriangle, ROWS, SolveColumns};
 
 /// The error of [`Cholesky::factorise`].
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -40,8 +40,13 @@ pub struct Cholesky {
     triangle: Vec<f64>,
     /// A removed row.
     removed: Vec<f64>,
+    /// Right-hand sides, or vectors of `weighted_inverse`.
+    columns: Vec<f64>,
     arch: Arch,
 }
+
+/// Fewer right-hand sides are solved one by one.
+const FEW: usize = 4;
 
 fn padded(n: usize) -> usize {
     let columns = n.max(1).next_multiple_of(COLUMNS);
@@ -54,7 +59,8 @@ impl Cholesky {
     pub fn with_capacity(capacity: usize) -> Self {
         let stride = padded(capacity);
         let factor = vec![0.0; stride * stride];
-        Self { n: 0, stride, factor, triangle: vec![], removed: vec![0.0; stride], arch: Arch::new() }
+        let removed = vec![0.0; stride];
+        Self { n: 0, stride, factor, triangle: vec![], removed, columns: vec![], arch: Arch::new() }
     }
 
     /// Rows of the matrix.
@@ -107,19 +113,61 @@ impl Cholesky {
         2.0 * (0..self.n).map(|i| self.factor[i * self.stride + i].ln()).sum::<f64>()
     }
 
-    /// Writes the lower triangle of `A^-1` to `out`, whose rows are [`stride`](Self::stride) apart. What lies
-    /// right of the diagonal is unspecified.
+    /// Writes the upper triangle of `A^-1` to `out`, whose rows are [`stride`](Self::stride) apart. Values left
+    /// of the diagonal are unspecified.
     ///
     /// # Panics
     /// When `out` is not `stride * stride` long.
     pub fn inverse(&mut self, out: &mut [f64]) {
+        self.weighted_inverse(1.0, &[], out);
+    }
+
+    /// Writes the upper triangle of `factor A^-1 - sum_d w_d w_d^T` to `out`, as [`inverse`](Self::inverse)
+    /// does: `vectors` holds the vectors `w_d` one after the other.
+    ///
+    /// # Panics
+    /// When `out` is not `stride * stride` long, or `vectors` is not a multiple of the matrix's rows long.
+    pub fn weighted_inverse(&mut self, factor: f64, vectors: &[f64], out: &mut [f64]) {
         let (stride, n) = (self.stride, self.n);
         assert_eq!(out.len(), stride * stride, "length of the inverse");
+        assert!(vectors.len().is_multiple_of(n.max(1)), "{} values in vectors of {n}", vectors.len());
         self.triangle.resize(stride * stride, 0.0);
         self.arch.dispatch(InvertTriangle { factor: &self.factor, inverse: &mut self.triangle, stride, n });
+        self.columns.clear();
+        self.columns.resize(vectors.len() / n.max(1) * stride, 0.0);
+        for (row, vector) in self.columns.chunks_exact_mut(stride).zip(vectors.chunks_exact(n.max(1))) {
+            row[..n].copy_from_slice(vector);
+        }
         // rows of the last panel that hold padding are products of zeros
         debug_assert!(n.next_multiple_of(ROWS) <= stride);
-        self.arch.dispatch(Gram { triangle: &self.triangle, out, stride, n });
+        let (triangle, subtracted) = (&self.triangle, &self.columns);
+        self.arch.dispatch(Gram { triangle, factor, subtracted, out, stride, n });
+    }
+
+    /// Solves `A x = b` in place for several right-hand sides, one after the other. Faster than
+    /// [`solve`](Self::solve) from about four right-hand sides on.
+    ///
+    /// # Panics
+    /// When `x` is not a multiple of the matrix's rows long.
+    pub fn solve_all(&mut self, x: &mut [f64]) {
+        let n = self.n.max(1);
+        assert!(x.len().is_multiple_of(n), "{} values in right-hand sides of {n}", x.len());
+        let count = x.len() / n;
+        if count < FEW {
+            x.chunks_exact_mut(n).for_each(|x| self.solve(x));
+            return;
+        }
+        let width = count.next_multiple_of(COLUMNS);
+        self.columns.clear();
+        self.columns.resize(n.next_multiple_of(ROWS) * width, 0.0);
+        for (d, x) in x.chunks_exact(n).enumerate() {
+            self.columns.chunks_exact_mut(width).zip(x).for_each(|(row, x)| row[d] = *x);
+        }
+        let (factor, stride, columns) = (&self.factor[..], self.stride, &mut self.columns[..]);
+        self.arch.dispatch(SolveColumns { factor, stride, n: self.n, columns, width });
+        for (d, x) in x.chunks_exact_mut(n).enumerate() {
+            self.columns.chunks_exact(width).zip(x).for_each(|(row, x)| *x = row[d]);
+        }
     }
 
     /// Solves `A x = b` in place.
@@ -264,9 +312,15 @@ mod tests {
             let stride = factor.stride();
             let mut inverse = vec![f64::NAN; stride * stride];
             factor.inverse(&mut inverse);
-            let full = DMatrix::from_fn(n, n, |i, j| inverse[i.max(j) * stride + i.min(j)]);
-            let error = (&matrix * full - DMatrix::identity(n, n)).norm();
+            let full = |upper: &[f64]| DMatrix::from_fn(n, n, |i, j| upper[i.min(j) * stride + i.max(j)]);
+            let found = full(&inverse);
+            let error = (&matrix * &found - DMatrix::identity(n, n)).norm();
             assert!(error < 1e-11 * n as f64, "{n}: {error:e}");
+            let vectors: Vec<f64> = (0..3 * n).map(|i| (0.3 * i as f64).sin()).collect();
+            factor.weighted_inverse(2.0, &vectors, &mut inverse);
+            let vectors = DMatrix::from_column_slice(n, 3, &vectors);
+            let expected = 2.0 * found - &vectors * vectors.transpose();
+            assert!((full(&inverse) - &expected).norm() < 1e-14 * n as f64 * expected.norm(), "{n}");
             let determinant = matrix.clone().cholesky().expect("positive").determinant().ln();
             if determinant.is_finite() {
                 assert!((factor.log_determinant() - determinant).abs() < 1e-10 * determinant.abs().max(1.0));
@@ -283,6 +337,19 @@ mod tests {
         factor.solve(&mut x);
         let residual = &matrix * nalgebra::DVector::from_vec(x) - nalgebra::DVector::from_vec(b);
         assert!(residual.norm() < 1e-12, "{:e}", residual.norm());
+    }
+
+    #[test]
+    fn several_right_hand_sides_have_the_same_solutions() {
+        for (n, count) in [(1, 5), (8, 4), (37, 14), (64, 1), (129, 33)] {
+            let mut factor = factorised(&positive(n));
+            let b: Vec<f64> = (0..n * count).map(|i| (0.4 * i as f64).cos()).collect();
+            let (mut all, mut single) = (b.clone(), b);
+            factor.solve_all(&mut all);
+            single.chunks_exact_mut(n).for_each(|x| factor.solve(x));
+            let largest = single.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            assert!(all.iter().zip(&single).all(|(a, b)| (a - b).abs() < 1e-11 * largest), "{n} x {count}");
+        }
     }
 
     #[test]

@@ -19,8 +19,10 @@ pub(crate) struct Marginal {
     pub(crate) weights: Vec<f64>,
     /// Rows of the covariance, without noise, from the diagonal on.
     values: Vec<f64>,
-    inverse: Vec<f64>,
+    /// Derivatives of the covariance, if the kernel has them.
     slopes: Vec<f64>,
+    /// Rows of the inverse covariance, or of the gradient by the covariance, from the diagonal on.
+    inverse: Vec<f64>,
 }
 
 /// Buffers to which gradients are added.
@@ -37,8 +39,8 @@ impl Marginal {
             factor: Cholesky::with_capacity(0),
             weights: vec![],
             values: vec![],
-            inverse: vec![],
             slopes: vec![],
+            inverse: vec![],
         }
     }
 
@@ -54,21 +56,17 @@ impl Marginal {
         let mut query = vec![0.0; points.dimensions()];
         let mut scratch = vec![0.0; kernel.scratch_rows() * n];
         self.values.resize(n * n, 0.0);
+        self.slopes.resize(n * n, 0.0);
         for a in 0..n {
             points.copy_point(a, &mut query);
-            kernel.row(
-                (&query, Some(a)),
-                (points, a),
-                &mut self.values[a * n + a..(a + 1) * n],
-                &mut scratch,
-            );
+            let row = a * n + a..(a + 1) * n;
+            let out = (&mut self.values[row.clone()], &mut self.slopes[row]);
+            kernel.row_with_slopes((&query, Some(a)), (points, a), out, &mut scratch);
         }
         self.factorise(n, noise)?;
         self.weights.clear();
         self.weights.extend_from_slice(targets);
-        for output in self.weights.chunks_exact_mut(n.max(1)) {
-            self.factor.solve(output);
-        }
+        self.factor.solve_all(&mut self.weights);
         Ok(())
     }
 
@@ -120,22 +118,17 @@ impl Marginal {
         if let Some(Gradient { parameters, mut by_points }) = gradient {
             let stride = self.factor.stride();
             self.inverse.resize(stride * stride, 0.0);
-            self.factor.inverse(&mut self.inverse);
-            self.slopes.resize(n, 0.0);
+            // twice dE/dK
+            self.factor.weighted_inverse(outputs as f64, &self.weights, &mut self.inverse);
             let (by_kernel, by_noise) = parameters.split_at_mut(kernel.parameter_count());
             for a in 0..n {
-                // dE/dK of row `a`; an off-diagonal entry counts twice
-                let slopes = &mut self.slopes[..n - a];
-                for (b, slope) in slopes.iter_mut().enumerate() {
-                    *slope = outputs as f64 * self.inverse[(a + b) * stride + a];
-                }
-                for output in self.weights.chunks_exact(n) {
-                    simd.add_scaled(-output[a], &output[a..], slopes);
-                }
-                slopes[0] *= 0.5;
-                by_noise[0] += noise * slopes[0];
-                let values = &self.values[a * n + a..(a + 1) * n];
-                kernel.add_gradient((a, points), values, slopes, by_kernel, by_points.as_deref_mut());
+                // an off-diagonal entry counts twice
+                let weights = &mut self.inverse[a * stride..][a..n];
+                weights[0] *= 0.5;
+                by_noise[0] += noise * weights[0];
+                let row = a * n + a..(a + 1) * n;
+                let row = (&self.values[row.clone()], &self.slopes[row]);
+                kernel.add_gradient((a, points), row, weights, by_kernel, by_points.as_deref_mut());
             }
         }
         Ok(0.5 * energy)

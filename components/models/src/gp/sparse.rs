@@ -228,9 +228,6 @@ impl SparseGaussianProcess {
 
 /// Matrices for one set of hyperparameters.
 struct Terms {
-    /// Covariances of the inducing points with themselves and with all others.
-    inner: DMatrix<f64>,
-    cross: DMatrix<f64>,
     /// Variances of the points.
     variances: Vec<f64>,
     /// `V`, `m x n`.
@@ -278,7 +275,7 @@ impl Terms {
             })
             .collect();
         let factor = factorise(&inner, &JITTERS)?;
-        let mut projected = cross.clone();
+        let mut projected = cross;
         factor.l_dirty().solve_lower_triangular_mut(&mut projected);
         let left: Vec<f64> = projected
             .column_iter()
@@ -311,7 +308,7 @@ impl Terms {
         let mut weights = pulled.clone();
         factor.l_dirty().tr_solve_lower_triangular_mut(&mut weights);
         let fitted = Fitted { inner: factor, outer, weights, energy: 0.5 * energy };
-        Ok(Self { inner, cross, variances, projected, diagonal, pulled, fitted })
+        Ok(Self { variances, projected, diagonal, pulled, fitted })
     }
 
     /// Writes the gradient by the logarithms of the parameters.
@@ -327,7 +324,7 @@ impl Terms {
         targets: &DMatrix<f64>,
         gradient: &mut [f64],
     ) {
-        let (m, n) = self.cross.shape();
+        let (m, n) = self.projected.shape();
         let outputs = targets.ncols() as f64;
         let mut solution = targets - self.projected.transpose() * &self.pulled;
         solution.row_iter_mut().zip(self.diagonal.iter()).for_each(|(mut row, d)| row /= *d);
@@ -368,22 +365,28 @@ impl Terms {
         gradient.fill(0.0);
         let (by_noise_slot, by_kernel) = gradient.split_last_mut().expect("the noise");
         *by_noise_slot = noise * by_noise;
-        let (mut values, mut weights) = (vec![0.0; m + n], vec![0.0; m + n]);
+        let (mut values, mut derivatives, mut weights) =
+            (vec![0.0; m + n], vec![0.0; m + n], vec![0.0; m + n]);
+        let mut query = vec![0.0; points.dimensions()];
+        let mut scratch = vec![0.0; kernel.scratch_rows() * (m + n)];
         for row in 0..m {
             let count = m + n - row;
             for b in row..m {
-                values[b - row] = self.inner[(row, b)];
                 weights[b - row] =
                     if b == row { inner[(row, row)] } else { inner[(row, b)] + inner[(b, row)] };
             }
             for i in 0..n {
-                values[m - row + i] = self.cross[(row, i)];
                 weights[m - row + i] = 2.0 * slopes[(row, i)];
             }
-            kernel.add_gradient((row, points), &values[..count], &weights[..count], by_kernel, None);
+            points.copy_point(row, &mut query);
+            let out = (&mut values[..count], &mut derivatives[..count]);
+            kernel.row_with_slopes((&query, Some(row)), (points, row), out, &mut scratch);
+            let covariances = (&values[..count], &derivatives[..count]);
+            kernel.add_gradient((row, points), covariances, &weights[..count], by_kernel, None);
         }
-        for (i, (variance, slope)) in self.variances.iter().zip(&by_variance).enumerate() {
-            kernel.add_gradient((m + i, points), &[*variance], &[*slope], by_kernel, None);
+        for (i, (variance, weight)) in self.variances.iter().zip(&by_variance).enumerate() {
+            // the distance of a point from itself is 0, whatever the slope
+            kernel.add_gradient((m + i, points), (&[*variance], &[0.0]), &[*weight], by_kernel, None);
         }
     }
 }

@@ -36,7 +36,7 @@ pub use infer::Scratch;
 pub use model::{LatentModel, Transferred};
 pub use poses::{Poses, PosesError};
 pub use space::{Space, SpaceData};
-pub use train::{Settings, Trained};
+pub use train::{Settings, Trained, Workspace};
 
 use crate::gp::GpError;
 

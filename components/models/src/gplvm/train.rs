@@ -44,6 +44,16 @@ pub struct Trained {
     pub minimum: Minimum,
 }
 
+/// Matrices of [`LatentModel::energy`], reused by its next call.
+#[derive(Clone, Debug)]
+pub struct Workspace(Marginal);
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Self(Marginal::new())
+    }
+}
+
 /// The objective of a training, with reused memory.
 struct Objective<'a> {
     spaces: &'a mut [Space],
@@ -242,6 +252,7 @@ impl LatentModel {
         x: &[f64],
         targets: &[f64],
         parameters: &[f64],
+        workspace: &mut Workspace,
     ) -> Result<(f64, Vec<f64>, Vec<f64>), crate::gp::GpError> {
         let q = parameters.len() - 2;
         let points = Points::from_rows(x, q);
@@ -254,7 +265,7 @@ impl LatentModel {
         let mut by_points = vec![0.0; n * q];
         let into = Gradient { parameters: &mut by_parameters, by_points: Some(&mut by_points) };
         let noise = parameters[q + 1].exp();
-        let value = Marginal::new().evaluate(&kernel, noise, &points, &columns, Some(into))?;
+        let value = workspace.0.evaluate(&kernel, noise, &points, &columns, Some(into))?;
         let rows = (0..n * q).map(|i| by_points[i % q * n + i / q]).collect();
         Ok((value, rows, by_parameters))
     }

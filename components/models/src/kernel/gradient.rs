@@ -1,19 +1,19 @@
 //! Gradients of weighted sums of covariances.
 
-use super::stationary::{self, Profile};
-use super::{Kernel, Points};
+use super::{Kernel, Points, stationary};
 
 impl Kernel {
     /// Adds the gradients of `sum_b weights[b] k(x_a, x_b)` for point `a` and the points `b >= a`: by the
     /// logarithms of the parameters to `parameters`, and by the points to `by_points` (dimension by
-    /// dimension) if given. `values` is the row of the covariances.
+    /// dimension) if given. `values` and `slopes` are the row of the covariances and their derivatives that
+    /// [`row_with_slopes`](Self::row_with_slopes) writes.
     ///
     /// # Panics
     /// If a slice is too short.
     pub fn add_gradient(
         &self,
         (a, points): (usize, &Points),
-        values: &[f64],
+        (values, slopes): (&[f64], &[f64]),
         weights: &[f64],
         parameters: &mut [f64],
         mut by_points: Option<&mut [f64]>,
@@ -28,25 +28,10 @@ impl Kernel {
         };
         points.copy_point(a, query);
         let (count, dimensions) = (points.len(), points.dimensions());
-        let stationary = |profile, s, parameters: &mut [f64], by_points: Option<&mut [f64]>| {
-            let mut scratch = vec![0.0; weights.len()];
-            stationary::gradient(
-                profile,
-                s,
-                query,
-                points,
-                a,
-                values,
-                weights,
-                parameters,
-                by_points,
-                &mut scratch,
-            );
-        };
         match self {
-            Self::Rbf(s) => stationary(Profile::Rbf, s, parameters, by_points),
-            Self::Matern32(s) => stationary(Profile::Matern32, s, parameters, by_points),
-            Self::Matern52(s) => stationary(Profile::Matern52, s, parameters, by_points),
+            Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) => {
+                stationary::gradient(s, query, points, a, values, slopes, weights, parameters, by_points);
+            }
             Self::Periodic { scales, period } => {
                 let last = parameters.len() - 1;
                 for (b, (value, weight)) in values.iter().zip(weights).enumerate() {
@@ -100,24 +85,26 @@ impl Kernel {
     ) {
         let (Self::Sum(parts) | Self::Product(parts)) = self else { return };
         let product = matches!(self, Self::Product(_));
-        let rows: Vec<Vec<f64>> = parts
+        let n = weights.len();
+        let rows: Vec<(Vec<f64>, Vec<f64>)> = parts
             .iter()
             .map(|part| {
-                let mut row = vec![0.0; weights.len()];
-                let mut scratch = vec![0.0; part.scratch_rows() * weights.len()];
-                part.row((query, Some(a)), (points, a), &mut row, &mut scratch);
-                row
+                let (mut row, mut slopes) = (vec![0.0; n], vec![0.0; n]);
+                let mut scratch = vec![0.0; part.scratch_rows() * n];
+                part.row_with_slopes((query, Some(a)), (points, a), (&mut row, &mut slopes), &mut scratch);
+                (row, slopes)
             })
             .collect();
         let mut first = 0;
         for (i, part) in parts.iter().enumerate() {
             let mut own = weights.to_vec();
-            for (_, row) in rows.iter().enumerate().filter(|(j, _)| product && *j != i) {
+            for (_, (row, _)) in rows.iter().enumerate().filter(|(j, _)| product && *j != i) {
                 own.iter_mut().zip(row).for_each(|(own, value)| *own *= value);
             }
             let end = first + part.parameter_count();
             let parameters = &mut parameters[first..end];
-            part.add_gradient((a, points), &rows[i], &own, parameters, by_points.as_deref_mut());
+            let row = (&rows[i].0[..], &rows[i].1[..]);
+            part.add_gradient((a, points), row, &own, parameters, by_points.as_deref_mut());
             first = end;
         }
     }

@@ -222,6 +222,28 @@ impl Kernel {
         }
     }
 
+    /// Writes covariances as [`row`](Self::row) does, and for an RBF or Matern kernel their derivatives by
+    /// `r^2 / 2`; other kernels leave `slopes` unchanged.
+    ///
+    /// # Panics
+    /// As [`row`](Self::row), and if `slopes` is shorter than `out`.
+    pub fn row_with_slopes(
+        &self,
+        (query, own): (&[f64], Option<usize>),
+        (points, first): (&Points, usize),
+        (out, slopes): (&mut [f64], &mut [f64]),
+        scratch: &mut [f64],
+    ) {
+        let (profile, s) = match self {
+            Self::Rbf(s) => (Profile::Rbf, s),
+            Self::Matern32(s) => (Profile::Matern32, s),
+            Self::Matern52(s) => (Profile::Matern52, s),
+            _ => return self.row((query, own), (points, first), out, scratch),
+        };
+        let slopes = &mut slopes[..out.len()];
+        stationary::row_with_slopes(profile, s, query, points, first, (out, slopes));
+    }
+
     /// Returns the variance at a point, without independent noise unless `own`.
     pub fn variance(&self, x: &[f64], own: bool) -> f64 {
         match self {
