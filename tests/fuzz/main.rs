@@ -9,6 +9,7 @@
 mod commands;
 mod damage;
 mod graphs;
+mod policies;
 mod recordings;
 mod robots;
 mod runs;

@@ -4,7 +4,7 @@ use motorium_models::inference::Unary;
 use motorium_models::onnx;
 use motorium_models::safetensors::{self, Tensor, Tensors};
 
-use crate::program::{json, printed, run};
+use crate::program::{complaint, json, printed, run};
 
 #[test]
 fn a_network_gives_its_outputs_for_inputs_in_json() {
@@ -79,6 +79,11 @@ default_pose = [1.0, 0.0]
     };
     let found = error(&["--robot", "panda"]);
     assert!(found.contains("the robot has no joint \"elbow_joint\", \"shoulder_pan_joint\""), "{found}");
+    let point = "{ term = \"point_position\", points = [\"ball\"] }";
+    write("policy.toml", text.replace("{ term = \"command\" }", point).as_bytes());
+    let found = error(&[]);
+    assert!(found.contains("point \"ball\" is not a link of the robot"), "{found}");
+    write("policy.toml", text.as_bytes());
     network(8);
     let found = error(&[]);
     assert!(found.contains("the first input is [1, 8], expected 7 numbers in a row"), "{found}");
@@ -165,4 +170,222 @@ fn weights_and_a_table_become_a_policy_folder() {
     let (network, inputs) = (format!("{policy}/policy.onnx"), path("in.json"));
     let report = json(&["model", "eval", &network, "--inputs", &inputs, "--json"]);
     assert_eq!(report["outputs"], serde_json::json!([[0.0]]));
+}
+
+/// A file of the folder `fixtures`.
+fn fixture(name: &str) -> String {
+    format!("{}/../fixtures/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The numbers of an output of a network.
+fn evaluated(folder: &std::path::Path, network: &str, inputs: &serde_json::Value) -> Vec<f64> {
+    let file = folder.join("in.json");
+    std::fs::write(&file, inputs.to_string()).expect("a file");
+    let report =
+        json(&["model", "eval", network, "--inputs", file.to_str().expect("a plain path"), "--json"]);
+    let numbers = report["outputs"][0].as_array().expect("an output").iter();
+    numbers.map(|number| number.as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn a_leapp_bundle_becomes_a_policy_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
+    let (bundle, environment, policy) = (fixture("leapp"), fixture("isaac-lab/env.yaml"), path("policy"));
+    printed(&[
+        "model",
+        "import",
+        &bundle,
+        "--env",
+        &environment,
+        "--robot",
+        "quadruped",
+        "--output",
+        &policy,
+    ]);
+    let report = json(&["model", "check", &policy, "--json"]);
+    assert_eq!((&report["inputs"], &report["rate_hz"]), (&33.into(), &50.0.into()));
+    let terms: Vec<_> = report["terms"].as_array().expect("terms").iter().map(|term| &term["term"]).collect();
+    let expected =
+        ["base_angular_velocity", "projected_gravity", "command", "joint_positions", "joint_velocities"];
+    assert_eq!(terms, expected);
+    // the second action is the hip roll of the left hind leg; the default pose is that of env.yaml
+    assert_eq!(report["joints"][1]["name"], "hind_left_hip_roll");
+    assert_eq!(
+        (&report["joints"][8]["name"], &report["joints"][8]["default"]),
+        (&"front_left_knee".into(), &(-1.6).into())
+    );
+    let text = std::fs::read_to_string(path("policy/policy.toml")).expect("a file");
+    assert!(text.contains("kp = 25.0") && text.contains("kd = 0.5"), "{text}");
+    // the same targets from both networks, for a base that pitches by 0.4 rad
+    let (sin, cos) = 0.2_f64.sin_cos();
+    let (gravity, orientation) = ([0.4_f64.sin(), 0.0, -(0.4_f64.cos())], [0.0, sin, 0.0, cos]);
+    let pose: Vec<f64> = report["joints"]
+        .as_array()
+        .expect("joints")
+        .iter()
+        .map(|joint| joint["default"].as_f64().expect("a number"))
+        .collect();
+    let series = |first: f64| (0..12).map(|k| 0.1 * (first + f64::from(k)).sin()).collect::<Vec<f64>>();
+    let (rate, command, relative, velocities, last) =
+        ([0.3, -0.2, 0.1], [0.5, 0.0, -0.4], series(0.0), series(5.0), series(9.0));
+    let positions: Vec<f64> = relative.iter().zip(&pose).map(|(relative, pose)| relative + pose).collect();
+    let expected = evaluated(
+        folder.path(),
+        &fixture("leapp/quadruped.onnx"),
+        &serde_json::json!({
+            "robot_root_ang_vel_b": [rate], "robot_root_quat_w": [orientation], "base_velocity": [command],
+            "robot_joint_pos": [positions], "robot_joint_vel": [velocities], "last_action_in": [last],
+        }),
+    );
+    let observation = [&rate[..], &gravity, &command, &relative, &velocities].concat();
+    let inputs = serde_json::json!({ "obs": [observation], "last_action_in": [last] });
+    let found = evaluated(folder.path(), &path("policy/policy.onnx"), &inputs);
+    for ((found, pose), expected) in found.iter().zip(&pose).zip(&expected) {
+        assert!((found + pose - expected).abs() < 1e-5, "{found} + {pose}, {expected}");
+    }
+}
+
+#[test]
+fn files_of_isaac_lab_become_a_policy_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
+    let [network, descriptors, environment] =
+        ["policy.onnx", "IO_descriptors.yaml", "env.yaml"].map(|name| fixture(&format!("isaac-lab/{name}")));
+    let policy = path("policy");
+    let arguments = ["model", "import", &network, "--descriptors", &descriptors, "--output", &policy];
+    let found = complaint(&arguments);
+    assert!(found.contains("the stiffness of joint \"front_left_hip_roll\" is unknown"), "{found}");
+    printed(&[&arguments[..], &["--env", &environment, "--robot", "quadruped"]].concat());
+    let report = json(&["model", "check", &policy, "--json"]);
+    assert_eq!((&report["inputs"], &report["rate_hz"]), (&72.into(), &50.0.into()));
+    assert_eq!(
+        (&report["terms"][4]["term"], &report["terms"][4]["history"]),
+        (&"joint_positions".into(), &3.into())
+    );
+    let joint = &report["joints"][5];
+    assert_eq!(
+        (&joint["name"], &joint["default"], &joint["scale"]),
+        (&"hind_left_hip_pitch".into(), &(-0.8).into(), &0.25.into())
+    );
+    let text = std::fs::read_to_string(path("policy/policy.toml")).expect("a file");
+    let policy = motorium_models::policy::Policy::parse(&text).expect("a policy");
+    assert_eq!(policy.action.kp, Some(motorium_models::policy::Numbers::All(25.0)));
+    // hips 0.5, knees 0.7
+    let damping = policy.action.kd.expect("damping");
+    assert_eq!([damping.get(0), damping.get(7), damping.get(8)], [0.5, 0.5, 0.7]);
+    assert_eq!(policy.observations[5].clip, Some([-20.0, 20.0]));
+}
+
+#[test]
+fn mistakes_in_yaml_have_a_line_and_a_column() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
+    let (network, output) = (fixture("isaac-lab/policy.onnx"), path("policy"));
+    let changed = |file: &str, from: &str, to: &str| {
+        let text = std::fs::read_to_string(fixture(file)).expect("a file");
+        assert!(text.contains(from), "{from}");
+        std::fs::write(path("changed.yaml"), text.replacen(from, to, 1)).expect("a file");
+    };
+    let (file, environment) = (path("changed.yaml"), fixture("isaac-lab/env.yaml"));
+    let descriptors = |from: &str, to: &str| {
+        changed("isaac-lab/IO_descriptors.yaml", from, to);
+        complaint(&[
+            "model",
+            "import",
+            &network,
+            "--descriptors",
+            &file,
+            "--env",
+            &environment,
+            "--output",
+            &output,
+        ])
+    };
+    for (from, to, parts) in [
+        ("  scale: 0.25", "  scale: quarter", &["line ", "column 10: ", "expected a number"][..]),
+        ("decimation: 4", "decimations: 4", &["line ", "missing field `decimation`"]),
+        (
+            "observations.joint_vel_rel",
+            "observations.joint_effort",
+            &[
+                "line ",
+                "column 16: observation \"joint_effort\" is not supported, expected one of base_lin_vel",
+            ],
+        ),
+        (
+            "joint_actions.JointPositionAction",
+            "JointPositionToLimitsAction",
+            &["line 8, column 14: action \"JointPositionToLimitsAction\""],
+        ),
+        (
+            "physics_dt: 0.005",
+            "physics_dt: 0.002",
+            &["`scene.dt`: found a period of 0.02 s and 4 time steps of 0.002 s"],
+        ),
+        ("actions:", "actions: [", &["line "]),
+    ] {
+        let found = descriptors(from, to);
+        assert!(
+            found.contains("changed.yaml") && parts.iter().all(|part| found.contains(part)),
+            "{to}: {found}"
+        );
+    }
+    let given = fixture("isaac-lab/IO_descriptors.yaml");
+    for (from, to, part) in [
+        ("decimation: 4", "decimation: 8", "`decimation`: found 25 Hz, expected 50 Hz"),
+        (".*_hip_(roll|pitch)", ".*_hip_(roll|pitch", "found `(` without `)`"),
+        ("stiffness: 25.0", "stiffness: null", "the stiffness of joint"),
+        ("hind_.*_knee: 1.6", "hind_.*_knee: 1.5", "has 1.6 in the descriptors and 1.5 in env.yaml"),
+    ] {
+        changed("isaac-lab/env.yaml", from, to);
+        let found = complaint(&[
+            "model",
+            "import",
+            &network,
+            "--descriptors",
+            &given,
+            "--env",
+            &file,
+            "--output",
+            &output,
+        ]);
+        assert!(found.contains(part), "{to}: {found}");
+    }
+    for name in ["quadruped.onnx", "quadruped_initial_values.safetensors"] {
+        std::fs::copy(fixture(&format!("leapp/{name}")), folder.path().join(name)).expect("a copy");
+    }
+    for (from, to, part) in [
+        (
+            "state:robot:root_ang_vel_b",
+            "state:contact:net_forces_w",
+            "line 4, column 13: observation \"robot_root_ang_vel_b\" is not supported",
+        ),
+        ("backend: onnx", "backend: jit", "help: export with `--export_method onnx-dynamo`"),
+        (
+            "kind: target/joint/position",
+            "kind: target/body/position",
+            "action \"joint_pos\" is not supported",
+        ),
+        ("quadruped/last_action_in]", "quadruped/action_in]", "found \"quadruped/action_in\""),
+        ("[[qx, qy, qz, qw]]", "[[a, b, c, d]]", "expected qx, qy, qz and qw"),
+    ] {
+        changed("leapp/quadruped.yaml", from, to);
+        let found = complaint(&["model", "import", &file, "--env", &environment, "--output", &output]);
+        assert!(found.contains(part), "{to}: {found}");
+    }
+    let found = complaint(&["model", "import", &fixture("leapp"), "--output", &output]);
+    assert!(found.contains("no default pose, expected `--env env.yaml`"), "{found}");
+    assert!(!std::fs::exists(&output).expect("readable"), "nothing is written");
+}
+
+#[test]
+fn the_file_of_mjlab_fits_the_quadruped() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let policy = folder.path().join("go1").to_str().expect("a plain path").to_owned();
+    printed(&["model", "import", &fixture("mjlab-go1.onnx"), "--output", &policy]);
+    let report = json(&["model", "check", &policy, "--robot", "quadruped", "--json"]);
+    assert_eq!((&report["inputs"], &report["joints"][1]["policy_index"]), (&45.into(), &1.into()));
+    assert_eq!(report["joints"][1]["name"], "hind_left_hip_roll");
+    assert_ne!(report["joints"][1]["robot_index"], 1, "the robot has another order");
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
+use motorium_learners::task::Points;
 use motorium_models::policy::PolicyFolder;
 use motorium_robots::{LoadOptions, load_with};
 use serde::Serialize;
@@ -13,7 +14,8 @@ use crate::out::outln;
 /// Difference of poses that is reported [rad or m].
 const POSE_TOLERANCE: f64 = 1e-3;
 
-/// Check the folder of a policy against a robot: the widths of its network, and the joint of each action.
+/// Check the folder of a policy against a robot: the widths of its network, the source of each observation
+/// term, and the joint of each action.
 ///
 /// Example: motorium model check policy/ --robot quadruped
 #[derive(Debug, clap::Args)]
@@ -82,6 +84,12 @@ impl Check {
         let robot = load_with(&name, Path::new(""), &LoadOptions::default())?;
         let names = robot.model.joint_names();
         let targets = policy.joint_targets(names).with_context(|| place.clone())?;
+        let points = Points::new(&policy, &robot.model).with_context(|| place.clone())?;
+        if let Some(object) = points.objects().first() {
+            bail!(
+                "{place}: point \"{object}\" is not a link of the robot, and no topic has the motion of objects; help: name links or \"target\" in `points`"
+            );
+        }
         if let Some(pose) = &self.pose {
             let pose = crate::robots::pose(&robot, pose)?;
             for (target, default) in targets.targets().iter().zip(&policy.action.default_pose) {

@@ -4,32 +4,46 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
-use motorium_models::policy::{ImportOptions, Policy, import_mjlab, import_weights};
+use motorium_models::policy::{
+    Bundle, Environment, ImportOptions, Policy, import_isaac, import_leapp, import_mjlab, import_weights,
+};
 use motorium_models::safetensors;
-use motorium_robots::{LoadOptions, load_with};
+use motorium_robots::{LoadOptions, Loaded, load_with};
 
+use super::yaml;
 use crate::out::outln;
 
-/// Make a policy folder from an ONNX file of mjlab, or from weights in safetensors and a table written by
-/// hand.
+/// Make a policy folder from the files of a training framework.
 ///
-/// The metadata of mjlab has joints, gains and observation terms; its rate is given by --rate. Weights of
-/// rsl_rl, Stable-Baselines3 and CleanRL need --table: a policy.toml without `network`, and with a table
-/// `weights`.
+/// mjlab: an ONNX file, whose metadata has joints, gains and observation terms; --rate gives its rate.
+///
+/// Isaac Lab 3: the YAML file of a LEAPP bundle, or its folder. The default pose is read from --env, the
+/// env.yaml of the training run, or is a --pose of the robot.
+///
+/// Isaac Lab 2: an ONNX file with --descriptors, its IO_descriptors.yaml, and --env, which has the gains.
+///
+/// rsl_rl, Stable-Baselines3, CleanRL: weights in safetensors with --table, a policy.toml without `network`
+/// and with a table `weights`.
 ///
 /// Example: motorium model import policy.onnx --output out/go1 --robot quadruped
 #[derive(Debug, clap::Args)]
 pub(super) struct Import {
-    /// The network: an ONNX file with metadata, or a safetensors file
+    /// The network: an ONNX file, a safetensors file, or a LEAPP bundle
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// The folder to write; it has no policy.toml yet
     #[arg(long, short, value_name = "FOLDER")]
     output: PathBuf,
     /// The table of a safetensors file
-    #[arg(long, value_name = "TABLE.toml", conflicts_with_all = ["rate", "history"])]
+    #[arg(long, value_name = "TABLE.toml", conflicts_with_all = ["rate", "history", "descriptors", "env"])]
     table: Option<PathBuf>,
-    /// The rate of a policy of mjlab, Hz [default: 50]
+    /// The description of an ONNX file of Isaac Lab 2
+    #[arg(long, value_name = "IO_descriptors.yaml", conflicts_with_all = ["rate", "history"])]
+    descriptors: Option<PathBuf>,
+    /// The environment of a training run of Isaac Lab
+    #[arg(long, value_name = "env.yaml")]
+    env: Option<PathBuf>,
+    /// The rate of a policy without one in its files, Hz [default: 50 for mjlab]
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// The steps of history of each observation term of mjlab [default: 1]
@@ -38,35 +52,45 @@ pub(super) struct Import {
     /// The robot: its joints are compared with the policy's, and it is named in policy.toml
     #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
     robot: Option<String>,
+    /// The default pose of a LEAPP bundle without --env: a pose of the robot
+    #[arg(long, value_name = "NAME", requires = "robot", conflicts_with = "env")]
+    pose: Option<String>,
+}
+
+fn name(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// The YAML file of a LEAPP bundle at `path`, a file or a folder with one; `None` for other files.
+fn bundle_file(path: &Path) -> anyhow::Result<Option<PathBuf>> {
+    let is_yaml = |path: &Path| path.extension().is_some_and(|extension| extension == "yaml");
+    if !path.is_dir() {
+        return Ok(is_yaml(path).then(|| path.to_owned()));
+    }
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(path).with_context(|| name(path))? {
+        files.extend(Some(entry.with_context(|| name(path))?.path()).filter(|path| is_yaml(path)));
+    }
+    match <[PathBuf; 1]>::try_from(files) {
+        Ok([file]) => Ok(Some(file)),
+        Err(files) => bail!("{}: {} YAML files, expected the one of a LEAPP bundle", name(path), files.len()),
+    }
 }
 
 impl Import {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let name = |path: &Path| path.display().to_string();
         let description = self.output.join("policy.toml");
         if description.exists() {
             bail!("{} exists; help: choose another folder, or remove it", name(&description));
         }
-        let bytes = std::fs::read(&self.file).with_context(|| name(&self.file))?;
-        let (mut policy, network) = match &self.table {
-            Some(table) => {
-                let text = std::fs::read_to_string(table).with_context(|| name(table))?;
-                let tensors = safetensors::read(&bytes).with_context(|| name(&self.file))?;
-                import_weights(&tensors, &text).with_context(|| name(table))?
-            }
-            None if self.file.extension().is_some_and(|extension| extension == "safetensors") => {
-                bail!("{}: weights alone; help: describe them in a file for `--table`", name(&self.file));
-            }
-            None => {
-                let (rate, history) = (self.rate.unwrap_or(50.0), self.history.unwrap_or(1));
-                let options = ImportOptions { rate, history, robot: None };
-                (import_mjlab(&bytes, options).with_context(|| name(&self.file))?, bytes)
-            }
+        let robot = match &self.robot {
+            Some(robot) => Some(load_with(robot, Path::new(""), &LoadOptions::default())?),
+            None => None,
         };
-        if let Some(robot) = &self.robot {
-            let loaded = load_with(robot, Path::new(""), &LoadOptions::default())?;
+        let (mut policy, network) = self.import(robot.as_ref())?;
+        if let Some(loaded) = robot {
             policy.joint_targets(loaded.model.joint_names()).with_context(|| name(&self.file))?;
-            policy.robot = Some(robot.clone());
+            policy.robot.clone_from(&self.robot);
         }
         std::fs::create_dir_all(&self.output).with_context(|| name(&self.output))?;
         let file = self.output.join(&policy.network);
@@ -74,6 +98,94 @@ impl Import {
         std::fs::write(&description, policy.to_toml()?).with_context(|| name(&description))?;
         print(&policy, &self.output);
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// The policy and the bytes of its network.
+    fn import(&self, robot: Option<&Loaded>) -> anyhow::Result<(Policy, Vec<u8>)> {
+        let file = || name(&self.file);
+        let environment = match &self.env {
+            Some(path) => Some(yaml::environment(path)?),
+            None => None,
+        };
+        if let Some(path) = bundle_file(&self.file)? {
+            if self.descriptors.is_some() || self.table.is_some() || self.history.is_some() {
+                bail!("{}: a LEAPP bundle, expected no `--descriptors`, `--table` and `--history`", file());
+            }
+            return self.import_bundle(&path, environment.as_ref(), robot);
+        }
+        if self.pose.is_some() {
+            bail!("{}: `--pose` is the default pose of a LEAPP bundle; help: remove it", file());
+        }
+        let bytes = std::fs::read(&self.file).with_context(file)?;
+        if let Some(path) = &self.descriptors {
+            let descriptors = yaml::descriptors(path)?;
+            return import_isaac(&bytes, &descriptors, environment.as_ref()).with_context(|| name(path));
+        }
+        if let Some(path) = &self.env {
+            bail!("{}: without a description; help: give IO_descriptors.yaml by `--descriptors`", name(path));
+        }
+        if let Some(table) = &self.table {
+            let text = std::fs::read_to_string(table).with_context(|| name(table))?;
+            let tensors = safetensors::read(&bytes).with_context(file)?;
+            return import_weights(&tensors, &text).with_context(|| name(table));
+        }
+        if self.file.extension().is_some_and(|extension| extension == "safetensors") {
+            bail!("{}: weights alone; help: describe them in a file for `--table`", file());
+        }
+        let (rate, history) = (self.rate.unwrap_or(50.0), self.history.unwrap_or(1));
+        let options = ImportOptions { rate, history, robot: None };
+        Ok((import_mjlab(&bytes, options).with_context(file)?, bytes))
+    }
+
+    fn import_bundle(
+        &self,
+        path: &Path,
+        environment: Option<&Environment>,
+        robot: Option<&Loaded>,
+    ) -> anyhow::Result<(Policy, Vec<u8>)> {
+        let bundle = yaml::bundle(path)?;
+        let at = || name(path);
+        let read = |file: &str| {
+            let path = path.with_file_name(file);
+            std::fs::read(&path).with_context(|| name(&path))
+        };
+        let bytes = read(&bundle.model().with_context(at)?.path)?;
+        let initial = match &bundle.initial_values {
+            Some(file) => {
+                Some(safetensors::read(&read(file)?).with_context(|| name(&path.with_file_name(file)))?)
+            }
+            None => None,
+        };
+        let default_pose = self.default_pose(&bundle, environment, robot).with_context(at)?;
+        import_leapp(&bytes, &bundle, initial.as_ref(), &default_pose, environment, self.rate)
+            .with_context(at)
+    }
+
+    /// The default position of each joint of a bundle [rad or m].
+    fn default_pose(
+        &self,
+        bundle: &Bundle,
+        environment: Option<&Environment>,
+        robot: Option<&Loaded>,
+    ) -> anyhow::Result<Vec<f64>> {
+        let joints = bundle.joints()?;
+        match (environment, robot, &self.pose) {
+            (Some(environment), ..) => Ok(environment.default_pose(joints)?),
+            (None, Some(robot), Some(pose)) => {
+                let (names, pose) = (robot.model.joint_names(), crate::robots::pose(robot, pose)?);
+                let position = |joint: &String| {
+                    let index = names.iter().position(|name| name == joint);
+                    index
+                        .map(|index| pose[index])
+                        .with_context(|| format!("the robot has no joint \"{joint}\""))
+                };
+                joints.iter().map(position).collect()
+            }
+            _ => bail!(
+                "no default pose, expected `--env env.yaml`, which has it, or `--robot ROBOT --pose NAME`; \
+                 help: env.yaml is in `params` of the training run"
+            ),
+        }
     }
 }
 

@@ -4,6 +4,7 @@ mod check;
 mod eval;
 mod import;
 mod list;
+mod yaml;
 
 use std::process::ExitCode;
 
