@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
 use motorium_models::policy::{
-    Bundle, Environment, ImportOptions, Policy, import_isaac, import_leapp, import_mjlab, import_weights,
+    Bundle, Environment, ImportError, ImportOptions, Policy, import_isaac, import_leapp, import_mjlab,
+    import_weights,
 };
 use motorium_models::safetensors;
 use motorium_robots::{LoadOptions, Loaded, load_with};
@@ -119,7 +120,8 @@ impl Import {
         let bytes = std::fs::read(&self.file).with_context(file)?;
         if let Some(path) = &self.descriptors {
             let descriptors = yaml::descriptors(path)?;
-            return import_isaac(&bytes, &descriptors, environment.as_ref()).with_context(|| name(path));
+            let imported = import_isaac(&bytes, &descriptors, environment.as_ref());
+            return imported.map_err(|error| self.located(error, path));
         }
         if let Some(path) = &self.env {
             bail!("{}: without a description; help: give IO_descriptors.yaml by `--descriptors`", name(path));
@@ -156,21 +158,32 @@ impl Import {
             }
             None => None,
         };
-        let default_pose = self.default_pose(&bundle, environment, robot).with_context(at)?;
+        let default_pose = self.default_pose((&bundle, path), environment, robot)?;
         import_leapp(&bytes, &bundle, initial.as_ref(), &default_pose, environment, self.rate)
-            .with_context(at)
+            .map_err(|error| self.located(error, path))
+    }
+
+    /// An error with the name of its file: `--env`, or the description at `path`.
+    fn located(&self, error: ImportError, path: &Path) -> anyhow::Error {
+        let file = match (&error, &self.env) {
+            (ImportError::Environment(_), Some(environment)) => name(environment),
+            _ => name(path),
+        };
+        anyhow::Error::new(error).context(file)
     }
 
     /// The default position of each joint of a bundle [rad or m].
     fn default_pose(
         &self,
-        bundle: &Bundle,
+        (bundle, path): (&Bundle, &Path),
         environment: Option<&Environment>,
         robot: Option<&Loaded>,
     ) -> anyhow::Result<Vec<f64>> {
-        let joints = bundle.joints()?;
+        let joints = bundle.joints().map_err(|error| self.located(error, path))?;
         match (environment, robot, &self.pose) {
-            (Some(environment), ..) => Ok(environment.default_pose(joints)?),
+            (Some(environment), ..) => {
+                environment.default_pose(joints).map_err(|error| self.located(error, path))
+            }
             (None, Some(robot), Some(pose)) => {
                 let (names, pose) = (robot.model.joint_names(), crate::robots::pose(robot, pose)?);
                 let position = |joint: &String| {
@@ -182,8 +195,9 @@ impl Import {
                 joints.iter().map(position).collect()
             }
             _ => bail!(
-                "no default pose, expected `--env env.yaml`, which has it, or `--robot ROBOT --pose NAME`; \
-                 help: env.yaml is in `params` of the training run"
+                "{}: no default pose, expected `--env env.yaml`, which has it, or `--robot ROBOT --pose NAME`; \
+                 help: env.yaml is in `params` of the training run",
+                name(path)
             ),
         }
     }

@@ -228,15 +228,21 @@ fn parse(mark: Mark, pattern: &str) -> Result<Pattern, ImportError> {
     })
 }
 
+/// The error of an entry of the `env.yaml`.
+fn in_environment(error: ImportError) -> ImportError {
+    ImportError::Environment(Box::new(error))
+}
+
 impl Environment {
     /// Returns the default positions of joints \[rad or m\].
     ///
     /// # Errors
     ///
-    /// [`ImportError::Entry`] with an invalid or ambiguous pattern.
+    /// [`ImportError::Environment`] with an invalid or ambiguous pattern.
     pub fn default_pose(&self, joints: &[String]) -> Result<Vec<f64>, ImportError> {
         let position = |joint: &String| {
-            Ok(find(self.pose, "init_state.joint_pos", &self.positions, joint)?.unwrap_or(0.0))
+            let found = find(self.pose, "init_state.joint_pos", &self.positions, joint);
+            Ok(found.map_err(in_environment)?.unwrap_or(0.0))
         };
         joints.iter().map(position).collect()
     }
@@ -287,10 +293,11 @@ pub(super) fn gains(
         // both are 0 for a drive that Isaac Lab computes itself
         let is_known = file.iter().flatten().any(|gain| *gain > 0.0);
         let drives = match environment {
-            Some(environment) => [
-                environment.gain(joint, "stiffness", |actuator| actuator.stiffness.as_ref())?,
-                environment.gain(joint, "damping", |actuator| actuator.damping.as_ref())?,
-            ],
+            Some(environment) => {
+                let stiffness = environment.gain(joint, "stiffness", |actuator| actuator.stiffness.as_ref());
+                let damping = environment.gain(joint, "damping", |actuator| actuator.damping.as_ref());
+                [stiffness.map_err(in_environment)?, damping.map_err(in_environment)?]
+            }
             None => [None, None],
         };
         let found = drives.into_iter().zip(file).map(|(drive, file)| drive.or(file.filter(|_| is_known)));
@@ -580,7 +587,7 @@ pub fn import_isaac(
             "found {} Hz, expected {rate} Hz as in the descriptors; help: use the files of one training run",
             environment.rate()
         );
-        return Err(environment.mark.entry("decimation", message));
+        return Err(in_environment(environment.mark.entry("decimation", message)));
     }
     let action = action(descriptors, environment)?;
     let group = descriptors.observations.iter().find(|(name, _)| name == GROUP);
@@ -876,7 +883,10 @@ mod tests {
             let mut environment = environment();
             change(&mut environment);
             match import_isaac(&network(9), &descriptors(), Some(&environment)) {
-                Err(ImportError::Entry { mark, entry, .. }) => (mark.line, entry),
+                Err(ImportError::Environment(error)) => match *error {
+                    ImportError::Entry { mark, entry, .. } => (mark.line, entry),
+                    other => panic!("{other:?}"),
+                },
                 other => panic!("{other:?}"),
             }
         };

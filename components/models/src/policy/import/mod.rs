@@ -115,6 +115,9 @@ pub enum ImportError {
         /// Supported names.
         expected: String,
     },
+    /// An entry of the `env.yaml` is unusable.
+    #[error(transparent)]
+    Environment(Box<ImportError>),
     /// The gains of a joint are unknown.
     #[error(
         "the {gain} of joint \"{joint}\" is unknown; help: give the `env.yaml` of the training run, which has the gains of its actuators"
