@@ -39,6 +39,9 @@ pub struct Minimum {
 
 const SUFFICIENT: f64 = 1e-4;
 const CURVATURE: f64 = 0.9;
+/// A line search ends when what it can still gain is below this fraction of the improvement that stops the
+/// minimisation: near the minimum, rounding of the value would otherwise make it bisect to the end.
+const RESOLUTION: f64 = 0.1;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
@@ -73,7 +76,9 @@ pub fn minimise(
         let longest = direction.iter().fold(0.0_f64, |most, d| most.max(d.abs()));
         let limit = options.step / longest;
         let first = if steps.is_empty() { (1.0 / (-slope).sqrt()).min(1.0) } else { 1.0 };
-        let mut search = Search { x, direction: &direction, function: &mut function, evaluations: 0 };
+        let resolution = RESOLUTION * options.improvement * value.abs().max(1.0);
+        let mut search =
+            Search { x, direction: &direction, function: &mut function, resolution, evaluations: 0 };
         let found = search.run(value, slope, first.min(limit), limit);
         result.evaluations += search.evaluations;
         let Some((length, next, next_gradient)) = found else {
@@ -129,6 +134,8 @@ struct Search<'a, F> {
     x: &'a [f64],
     direction: &'a [f64],
     function: &'a mut F,
+    /// Smallest gain of interest.
+    resolution: f64,
     evaluations: usize,
 }
 
@@ -176,7 +183,8 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> Search<'_, F> {
                 None => (2.5 * length).min(limit),
                 Some(high) => between(&low, high),
             };
-            if high.as_ref().is_some_and(|high| (high.length - low.length).abs() < 1e-14 * first) {
+            let width = high.as_ref().map_or(f64::INFINITY, |high| (high.length - low.length).abs());
+            if width < 1e-14 * first || width * low.slope.abs() <= self.resolution {
                 break;
             }
         }
@@ -220,6 +228,17 @@ mod tests {
         assert!(found.value < 1e-15, "{found:?}");
         assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-7), "{x:?}");
         assert!(found.evaluations < 250, "{found:?}");
+    }
+
+    #[test]
+    fn a_rounded_minimum_is_found_without_bisection() {
+        let mut x = [3.0, -2.0];
+        let found = minimise(&mut x, &Options::default(), |x, g| {
+            (g[0], g[1]) = (2.0 * x[0], 40.0 * x[1]);
+            // single precision hides the last gains
+            f64::from((1000.0 + x[0] * x[0] + 20.0 * x[1] * x[1]) as f32)
+        });
+        assert!(x.iter().all(|x| x.abs() < 0.02) && found.evaluations < 30, "{x:?} {found:?}");
     }
 
     #[test]
