@@ -5,7 +5,7 @@ use std::hint::black_box;
 use motorium_algebra::Cholesky;
 use motorium_benches::peers::Work;
 use motorium_models::gp::GaussianProcess;
-use motorium_models::gplvm::{BackForm, LatentModel, Settings, SpaceData, Workspace};
+use motorium_models::gplvm::{BackForm, LatentModel, Prior, Settings, SpaceData, Workspace};
 use motorium_models::hmm::{Hmm, Shape};
 use motorium_models::inference::Unary;
 use motorium_models::kernel::Kernel;
@@ -83,7 +83,7 @@ fn gradient() -> Box<dyn FnMut()> {
 
 fn settings(back: Option<BackForm>) -> Settings {
     let back = back.map(|form| ("robot".to_owned(), form));
-    Settings { latents: Some(LATENTS), iterations: 100, prior: false, back }
+    Settings { latents: Some(LATENTS), iterations: 100, prior: Prior::None, back }
 }
 
 fn trained(poses: &[f64], settings: &Settings) -> LatentModel {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_models::gplvm::{BackForm, LatentModel, Poses, Settings, compare};
+use motorium_models::gplvm::{BackForm, LatentModel, Poses, Prior, Settings, compare};
 use serde_json::{Value, json};
 
 use crate::out::outln;
@@ -80,7 +80,7 @@ impl TrainingOptions {
             Form::None => None,
         };
         let back = form.map(|form| (self.back_space.clone(), form));
-        Settings { latents: self.latents, back, prior: true, iterations: self.iterations }
+        Settings { latents: self.latents, back, prior: Prior::Normal, iterations: self.iterations }
     }
 }
 

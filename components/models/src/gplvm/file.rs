@@ -9,6 +9,7 @@
 //! | `x` | latent points, row by row |
 //! | `spaces` | per space: name, columns, mean, scale, kernel, noise, and `targets`: standardised poses by column |
 //! | `back` | the back constraint, or null |
+//! | `source` | folder of the poses, if known |
 //!
 //! Numbers are written so that reading restores them bit for bit.
 
@@ -91,6 +92,8 @@ struct Content {
     x: Vec<f64>,
     spaces: Vec<Space>,
     back: Option<Back>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    source: Option<String>,
 }
 
 impl LatentModel {
@@ -101,6 +104,7 @@ impl LatentModel {
             x: self.latent(),
             spaces: self.spaces.clone(),
             back: self.back.clone(),
+            source: self.source.clone(),
         };
         let json = serde_json::to_string(&content).expect("numbers and text");
         format!("{MAGIC} {VERSION} {:016x}\n{json}\n", XxHash3_64::oneshot(json.as_bytes()))
@@ -150,7 +154,8 @@ impl LatentModel {
         if content.back.as_ref().is_some_and(|back| !back.is_valid(&content.spaces, latents, points)) {
             return Err(wrong("the back constraint"));
         }
-        Ok(Self::assemble(Points::from_rows(&content.x, latents), content.spaces, content.back)?)
+        let points = Points::from_rows(&content.x, latents);
+        Ok(Self { source: content.source, ..Self::assemble(points, content.spaces, content.back)? })
     }
 
     /// Writes the model to a file.

@@ -10,15 +10,20 @@
 //! latent point. If the latent point is the pose, the spaces share no unknowns, so each is fitted alone, as
 //! in a transfer.
 //!
+//! A **prior** on the latent points is flat, standard normal (the default), or a Gaussian process from each
+//! point to the next one of its movement.
+//!
 //! **Transfer** adds a robot to a trained model: `X` and all other spaces stay fixed, and only the robot's
 //! `q + 2` hyperparameters are fitted, from three starts.
 //!
 //! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent
 //! variable models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM
 //! through back constraints*, ICML 2006; Ek, Torr, Lawrence, *Gaussian process latent variable models for
-//! human pose estimation*, MLMI 2007.
+//! human pose estimation*, MLMI 2007; Wang, Fleet, Hertzmann, *Gaussian process dynamical models for human
+//! motion*, IEEE TPAMI 30, 2008.
 
 mod back;
+mod dynamics;
 mod evaluate;
 mod experiment;
 mod file;
@@ -36,7 +41,7 @@ pub use infer::Scratch;
 pub use model::{LatentModel, Transferred};
 pub use poses::{Poses, PosesError};
 pub use space::{Space, SpaceData};
-pub use train::{Settings, Trained, Workspace};
+pub use train::{Prior, Settings, Trained, Workspace};
 
 use crate::gp::GpError;
 

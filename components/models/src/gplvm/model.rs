@@ -15,6 +15,8 @@ pub struct LatentModel {
     pub(super) back: Option<Back>,
     /// Factor and weights of each space.
     pub(super) marginals: Vec<Marginal>,
+    /// Folder of the poses.
+    pub(super) source: Option<String>,
 }
 
 /// The result of [`LatentModel::transfer`].
@@ -69,7 +71,7 @@ impl LatentModel {
         spaces: Vec<Space>,
         back: Option<Back>,
     ) -> Result<Self, LatentError> {
-        let mut made = Self { points, spaces: vec![], back, marginals: vec![] };
+        let mut made = Self { points, spaces: vec![], back, marginals: vec![], source: None };
         for space in spaces {
             made.add(space)?;
         }
@@ -98,6 +100,16 @@ impl LatentModel {
     /// Returns the latent points, one per row.
     pub fn latent(&self) -> Vec<f64> {
         self.points.to_rows()
+    }
+
+    /// The folder with the poses of the training, if known.
+    pub fn source(&self) -> Option<&str> {
+        self.source.as_deref()
+    }
+
+    /// Sets the folder with the poses of the training, which the file then names.
+    pub fn set_source(&mut self, folder: &str) {
+        self.source = Some(folder.to_string());
     }
 
     /// The spaces.
@@ -184,7 +196,7 @@ impl LatentModel {
         if self.spaces.iter().any(|other| other.name == space.name) {
             return Err(LatentError::SameName { name: space.name });
         }
-        let fitted = self.fit_space(space, iterations)?;
+        let fitted = self.fit_space(space, iterations, &mut |_, _| ())?;
         let Fitted { starts, minimum, .. } = fitted;
         let added = self.spaces.last().expect("the space that was added");
         let (share, name, targets) = (added.noise_share(), added.name.clone(), added.targets.clone());
@@ -201,7 +213,12 @@ impl LatentModel {
     }
 
     /// Fits the hyperparameters of a space to the latent points, from several starts, and adds the space.
-    pub(super) fn fit_space(&mut self, mut space: Space, iterations: usize) -> Result<Fitted, LatentError> {
+    pub(super) fn fit_space(
+        &mut self,
+        mut space: Space,
+        iterations: usize,
+        report: &mut dyn FnMut(&str, f64),
+    ) -> Result<Fitted, LatentError> {
         let n = self.poses() as f64;
         let is_pose = self.back.as_ref().is_some_and(|back| back.form == BackForm::Pose);
         let longer = if is_pose { 0.5 * (self.latents() as f64).ln() } else { 0.0 };
@@ -240,6 +257,7 @@ impl LatentModel {
                 release(variables, gradient);
                 let value = value.unwrap_or(f64::INFINITY);
                 first.get_or_insert(value);
+                report(&space.name, value);
                 value
             });
             clamp(&mut parameters);

@@ -17,6 +17,8 @@ pub struct Poses {
     pub columns: Vec<String>,
     /// Poses, one per row.
     pub values: Vec<f64>,
+    /// Rows at which the label `clip` changes: the starts of movements. The first row is one.
+    pub starts: Vec<usize>,
 }
 
 /// A file of poses is invalid.
@@ -80,13 +82,19 @@ impl Poses {
         if used.is_empty() || header[used[0]].parse::<f64>().is_ok() {
             return Err(wrong(0, 0, "no names".to_string(), "a header of column names".to_string()));
         }
-        let mut values = vec![];
+        let clip_column = header.iter().position(|name| *name == "clip");
+        let (mut values, mut starts, mut clip, mut rows) = (vec![], vec![], None, 0);
         for (index, line) in lines {
             let cells: Vec<&str> = line.split(',').map(str::trim).collect();
             if cells.len() != header.len() {
                 let (found, expected) = (format!("{} cells", cells.len()), format!("{} cells", header.len()));
                 return Err(wrong(index, cells.len().min(header.len()), found, expected));
             }
+            let label = clip_column.map(|column| cells[column].to_string());
+            if rows == 0 || label != clip {
+                starts.push(rows);
+            }
+            (clip, rows) = (label, rows + 1);
             for column in &used {
                 let value = cells[*column].parse::<f64>().ok().filter(|value| value.is_finite());
                 let found = || format!("{:?}", cells[*column]);
@@ -99,7 +107,7 @@ impl Poses {
             return Err(wrong(1, 0, "no poses".to_string(), "at least one line of numbers".to_string()));
         }
         let columns = used.iter().map(|column| header[*column].to_string()).collect();
-        Ok(Self { name: name.to_string(), columns, values })
+        Ok(Self { name: name.to_string(), columns, values, starts })
     }
 
     /// Number of poses.
@@ -112,18 +120,19 @@ impl Poses {
         self.values.is_empty()
     }
 
-    /// Returns the poses whose index satisfies a condition.
+    /// Returns the poses whose index satisfies a condition. Each begins a movement.
     pub(super) fn select(&self, keep: impl Fn(usize) -> bool) -> Self {
         let rows = self.values.chunks_exact(self.columns.len()).enumerate();
-        let values = rows.filter(|(i, _)| keep(*i)).flat_map(|(_, row)| row.to_vec()).collect();
-        Self { values, ..self.clone() }
+        let values: Vec<f64> = rows.filter(|(i, _)| keep(*i)).flat_map(|(_, row)| row.to_vec()).collect();
+        let starts = (0..values.len() / self.columns.len()).collect();
+        Self { values, starts, ..self.clone() }
     }
 
-    /// Returns the poses with these indices, in this order.
+    /// Returns the poses with these indices, in this order. Each begins a movement.
     pub(super) fn rows_at(&self, indices: &[usize]) -> Self {
         let d = self.columns.len();
         let values = indices.iter().flat_map(|i| &self.values[i * d..(i + 1) * d]).copied().collect();
-        Self { values, ..self.clone() }
+        Self { values, starts: (0..indices.len()).collect(), ..self.clone() }
     }
 
     /// Returns the poses as a space of a model.
@@ -141,6 +150,8 @@ mod tests {
         let poses = Poses::parse("human", "human.csv", "clip,frame,a,b\n02_01,3,1.5,-2\n\n02_01,4,0,1e-3\n");
         let poses = poses.expect("poses");
         assert_eq!((poses.columns.join(" "), poses.values), ("a b".to_string(), vec![1.5, -2.0, 0.0, 1e-3]));
+        let clips = Poses::parse("human", "human.csv", "clip,a\nx,1\nx,2\ny,3\n").expect("poses");
+        assert_eq!(clips.starts, [0, 2]);
         let error = |text: &str| Poses::parse("x", "x.csv", text).expect_err("an error").to_string();
         assert_eq!(
             error("a,b\n1,2\n1,inf\n"),

@@ -4,11 +4,29 @@ use motorium_algebra::{Wanted, left_singular};
 use nalgebra::DMatrix;
 
 use super::back::{Back, BackForm, Prepared};
+use super::dynamics::Dynamics;
 use super::space::Scaling;
 use super::{LatentError, LatentModel, Space, SpaceData};
 use crate::gp::{Gradient, Marginal, clamp, release};
 use crate::kernel::Points;
 use crate::optimise::{Minimum, Options, minimise};
+
+/// Prior on the latent points of a training.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Prior {
+    /// Flat.
+    None,
+    /// Standard normal; constant if the latent point is a pose.
+    #[default]
+    Normal,
+    /// Points that follow each other: a Gaussian process from each to the next, with an RBF and a linear
+    /// kernel whose hyperparameters are trained along, and a standard normal prior on the points that begin a
+    /// movement. Keeps the latent points of a movement close together. Not for a latent point that is a pose.
+    Dynamics {
+        /// Rows of the poses that begin a movement; the first row always does.
+        starts: Vec<usize>,
+    },
+}
 
 /// Settings of [`LatentModel::train`].
 #[derive(Clone, Debug, PartialEq)]
@@ -19,8 +37,8 @@ pub struct Settings {
     /// A back constraint: the name of the space whose pose determines the latent point, and the functional
     /// form. Default: the pose of the space `human`, which has the smallest errors on held-out poses.
     pub back: Option<(String, BackForm)>,
-    /// Standard normal prior on the latent points; constant if the latent point is a pose. Default: true.
-    pub prior: bool,
+    /// Prior on the latent points. Default: [`Prior::Normal`].
+    pub prior: Prior,
     /// Largest number of iterations, for each space and start if the latent point is a pose. Default: 300.
     pub iterations: usize,
 }
@@ -28,7 +46,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         let back = Some(("human".to_string(), BackForm::Pose));
-        Self { latents: None, back, prior: true, iterations: 300 }
+        Self { latents: None, back, prior: Prior::Normal, iterations: 300 }
     }
 }
 
@@ -61,7 +79,32 @@ struct Objective<'a> {
     back: Option<(Back, Prepared)>,
     points: Points,
     by_points: Vec<f64>,
-    prior: bool,
+    prior: PriorTerm,
+}
+
+/// A prior with its memory.
+enum PriorTerm {
+    None,
+    Normal,
+    Dynamics(Box<Dynamics>),
+}
+
+impl PriorTerm {
+    fn new(prior: &Prior, points: usize, latents: usize) -> Result<Self, LatentError> {
+        Ok(match prior {
+            Prior::None => Self::None,
+            Prior::Normal => Self::Normal,
+            Prior::Dynamics { starts } => Self::Dynamics(Box::new(Dynamics::new(starts, points, latents)?)),
+        })
+    }
+
+    /// Logarithms of the hyperparameters.
+    fn parameters(&self) -> Vec<f64> {
+        match self {
+            Self::None | Self::Normal => vec![],
+            Self::Dynamics(dynamics) => dynamics.parameters(),
+        }
+    }
 }
 
 impl Objective<'_> {
@@ -74,7 +117,7 @@ impl Objective<'_> {
     }
 
     /// Sets the variables: the latent points or the weights of the back constraint, then each space's
-    /// hyperparameters.
+    /// hyperparameters; those of the prior follow.
     fn set(&mut self, variables: &[f64]) {
         let (latent, mut rest) = variables.split_at(self.latent_variables());
         let n = self.points.len();
@@ -113,13 +156,23 @@ impl Objective<'_> {
             }
             first = end;
         }
-        release(&variables[latent..], &mut gradient[latent..]);
-        if self.prior {
-            for d in 0..self.points.dimensions() {
-                let x = self.points.coordinate(d);
-                energy += 0.5 * x.iter().map(|x| x * x).sum::<f64>();
-                let n = x.len();
-                self.by_points[d * n..(d + 1) * n].iter_mut().zip(x).for_each(|(g, x)| *g += x);
+        release(&variables[latent..first], &mut gradient[latent..first]);
+        match &mut self.prior {
+            PriorTerm::None => {}
+            PriorTerm::Normal => {
+                for d in 0..self.points.dimensions() {
+                    let x = self.points.coordinate(d);
+                    energy += 0.5 * x.iter().map(|x| x * x).sum::<f64>();
+                    let n = x.len();
+                    self.by_points[d * n..(d + 1) * n].iter_mut().zip(x).for_each(|(g, x)| *g += x);
+                }
+            }
+            PriorTerm::Dynamics(dynamics) => {
+                let (parameters, by_parameters) = (&variables[first..], &mut gradient[first..]);
+                match dynamics.evaluate(parameters, &self.points, &mut self.by_points, by_parameters) {
+                    Ok(value) => energy += value,
+                    Err(_) => return f64::INFINITY,
+                }
             }
         }
         match &self.back {
@@ -151,6 +204,19 @@ impl LatentModel {
     /// # Errors
     /// If sizes or names do not match, a value is not finite, or a setting is out of range.
     pub fn train(data: &[SpaceData<'_>], settings: &Settings) -> Result<(Self, Trained), LatentError> {
+        Self::train_with_progress(data, settings, &mut |_, _| ())
+    }
+
+    /// Trains as [`train`](Self::train), and calls `report` with each evaluation of an objective: the name of
+    /// the space if the spaces are fitted one after the other, otherwise `all spaces`, and the value.
+    ///
+    /// # Errors
+    /// Like [`train`](Self::train).
+    pub fn train_with_progress(
+        data: &[SpaceData<'_>],
+        settings: &Settings,
+        report: &mut dyn FnMut(&str, f64),
+    ) -> Result<(Self, Trained), LatentError> {
         let back = settings.back.as_ref();
         let pose = back.filter(|(_, form)| *form == BackForm::Pose);
         let columns = pose.and_then(|(name, _)| data.iter().find(|space| space.name == name));
@@ -187,8 +253,13 @@ impl LatentModel {
             return Err(LatentError::Setting { setting: "latents", found: q.to_string(), expected });
         }
         if let Some((name, _)) = pose {
+            if let Prior::Dynamics { .. } = settings.prior {
+                let expected = "none or normal for a latent point that is a pose".to_string();
+                let found = "dynamics".to_string();
+                return Err(LatentError::Setting { setting: "prior", found, expected });
+            }
             let index = super::model::find(&spaces, name)?;
-            return Self::train_on_poses(spaces, index, q, settings.iterations);
+            return Self::train_on_poses(spaces, index, q, settings.iterations, report);
         }
         let n = first.poses();
         let x = principal_components(first, q);
@@ -201,13 +272,18 @@ impl LatentModel {
         }
         let mut variables = back.as_ref().map_or(x, |(back, _)| back.weights.clone());
         variables.extend(spaces.iter().flat_map(Space::parameters));
+        let prior = PriorTerm::new(&settings.prior, n, q)?;
+        variables.extend(prior.parameters());
         let marginals = vec![Marginal::new(); spaces.len()];
         let by_points = vec![0.0; n * q];
-        let mut objective =
-            Objective { spaces: &mut spaces, marginals, back, points, by_points, prior: settings.prior };
+        let mut objective = Objective { spaces: &mut spaces, marginals, back, points, by_points, prior };
         let start = objective.evaluate(&variables, &mut vec![0.0; variables.len()]);
         let options = Options { iterations: settings.iterations, improvement: 1e-9, ..Options::default() };
-        let minimum = minimise(&mut variables, &options, |x, gradient| objective.evaluate(x, gradient));
+        let minimum = minimise(&mut variables, &options, |x, gradient| {
+            let value = objective.evaluate(x, gradient);
+            report("all spaces", value);
+            value
+        });
         objective.set(&variables);
         let (points, back) = (objective.points.clone(), objective.back.take().map(|(back, _)| back));
         let model = Self::assemble(points, spaces, back)?;
@@ -220,6 +296,7 @@ impl LatentModel {
         index: usize,
         latents: usize,
         iterations: usize,
+        report: &mut dyn FnMut(&str, f64),
     ) -> Result<(Self, Trained), LatentError> {
         let own = &spaces[index];
         let mut x = vec![0.0; own.poses() * latents];
@@ -233,7 +310,7 @@ impl LatentModel {
         let mut start = 0.0;
         let mut sum = Minimum { value: 0.0, iterations: 0, evaluations: 0 };
         for space in spaces {
-            let fitted = model.fit_space(space, iterations)?;
+            let fitted = model.fit_space(space, iterations, report)?;
             start += fitted.start;
             sum.value += fitted.minimum.value;
             sum.iterations += fitted.minimum.iterations;
@@ -297,19 +374,22 @@ mod tests {
 
     #[test]
     fn gradients_equal_finite_differences() {
-        for form in [None, Some(BackForm::Kernel), Some(BackForm::Mlp)] {
+        let movements = || Prior::Dynamics { starts: vec![0, 5] };
+        for (form, prior) in [
+            (None, Prior::None),
+            (None, movements()),
+            (Some(BackForm::Kernel), Prior::Normal),
+            (Some(BackForm::Kernel), movements()),
+            (Some(BackForm::Mlp), Prior::Normal),
+        ] {
             let (mut spaces, back, points, x) = example(form);
             let mut variables = back.as_ref().map_or(x, |(back, _)| back.weights.clone());
             variables.extend(spaces.iter().flat_map(Space::parameters));
+            let prior = PriorTerm::new(&prior, 12, 2).expect("a prior");
+            variables.extend(prior.parameters());
             let marginals = vec![Marginal::new(); 2];
-            let mut objective = Objective {
-                spaces: &mut spaces,
-                marginals,
-                back,
-                points,
-                by_points: vec![0.0; 24],
-                prior: true,
-            };
+            let mut objective =
+                Objective { spaces: &mut spaces, marginals, back, points, by_points: vec![0.0; 24], prior };
             let mut gradient = vec![0.0; variables.len()];
             objective.evaluate(&variables, &mut gradient);
             let mut other = gradient.clone();

@@ -1,8 +1,8 @@
 //! Shared latent spaces against GPy, and on synthetic arms.
 
 use motorium_models::gplvm::{
-    BackForm, FileError, LatentError, LatentModel, Poses, Settings, SpaceData, Workspace, compare, few_poses,
-    transfer_and_training,
+    BackForm, FileError, LatentError, LatentModel, Poses, Prior, Settings, SpaceData, Workspace, compare,
+    few_poses, transfer_and_training,
 };
 
 use crate::golden::{assert_close, numbers, read};
@@ -103,7 +103,8 @@ fn default_and_direct(human: &Poses, robot: &Poses, folds: usize) -> [(f64, f64)
 
 fn poses(name: &str, columns: usize, phase: f64) -> Poses {
     let values = arm(columns, phase, 0..60);
-    Poses { name: name.into(), columns: (0..columns).map(|c| format!("joint{c}")).collect(), values }
+    let columns = (0..columns).map(|c| format!("joint{c}")).collect();
+    Poses { name: name.into(), columns, values, starts: vec![0] }
 }
 
 #[test]
@@ -172,6 +173,38 @@ fn a_pose_may_keep_its_leading_components() {
     let many = Settings { latents: Some(7), ..whole };
     let error = LatentModel::train(&spaces, &many).expect_err("too many").to_string();
     assert_eq!(error, "latents is 7, expected 1 to 6, the columns of the space human");
+}
+
+/// Two noisy rounds of a movement, with a prior.
+fn rounds(prior: Prior) -> Result<LatentModel, LatentError> {
+    let noise = |i: usize, c: usize| ((i * i + 31 * c) as f64 * 0.754_877).sin();
+    let pose = |i: usize| {
+        let angle = 0.2 * i as f64;
+        (0..6).map(move |c| (angle + c as f64).cos() + 0.2 * noise(i, c))
+    };
+    let values: Vec<f64> = (0..60).flat_map(pose).collect();
+    let columns = (0..6).map(|c| format!("joint{c}")).collect();
+    let data = [SpaceData { name: "human", columns, values: &values }];
+    let settings = Settings { latents: Some(2), back: None, prior, iterations: 100 };
+    LatentModel::train(&data, &settings).map(|(model, _)| model)
+}
+
+#[test]
+fn dynamics_smooth_the_latent_points_of_movements() {
+    // mean second difference compared with the mean square
+    let roughness = |model: &LatentModel| {
+        let x = model.latent();
+        let rows: Vec<&[f64]> = x.chunks_exact(2).take(30).collect();
+        let second = |d: usize, i: usize| rows[i][d] - 2.0 * rows[i + 1][d] + rows[i + 2][d];
+        let sum: f64 =
+            (0..2).flat_map(|d| (0..28).map(move |i| (d, i))).map(|(d, i)| second(d, i).powi(2)).sum();
+        sum / rows.iter().flat_map(|row| row.iter()).map(|x| x * x).sum::<f64>()
+    };
+    let dynamics = Prior::Dynamics { starts: vec![0, 30] };
+    let (smooth, rough) = (rounds(dynamics).expect("a model"), rounds(Prior::Normal).expect("a model"));
+    assert!(roughness(&smooth) < 0.5 * roughness(&rough), "{} {}", roughness(&smooth), roughness(&rough));
+    let no_movement = rounds(Prior::Dynamics { starts: (0..60).collect() });
+    assert!(matches!(no_movement, Err(LatentError::Setting { setting: "start of a movement", .. })));
 }
 
 #[test]

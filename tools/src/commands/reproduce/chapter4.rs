@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use motorium_library::statistics::with_error;
 use motorium_models::gplvm::{
-    BackForm, Estimate, Poses, Settings, TransferResult, few_poses, transfer_and_training,
+    BackForm, Estimate, Poses, Prior, Settings, TransferResult, few_poses, transfer_and_training,
 };
 
 use super::writer::FigureWriter;
@@ -108,8 +108,12 @@ impl Chapter4 {
             for form in &FORMS {
                 for latents in LATENTS {
                     let back = form.space.map(|space| (space.to_string(), BackForm::Kernel));
-                    let settings =
-                        Settings { latents: Some(latents), back, prior: true, iterations: self.iterations };
+                    let settings = Settings {
+                        latents: Some(latents),
+                        back,
+                        prior: Prior::Normal,
+                        iterations: self.iterations,
+                    };
                     let result =
                         transfer_and_training(human, source, &poses, &settings, self.splits as usize)?;
                     pairs.push(Pair { robot, form: form.name, latents, result });
