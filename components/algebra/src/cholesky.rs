@@ -113,8 +113,8 @@ impl Cholesky {
         2.0 * (0..self.n).map(|i| self.factor[i * self.stride + i].ln()).sum::<f64>()
     }
 
-    /// Writes the upper triangle of `A^-1` to `out`, whose rows are [`stride`](Self::stride) apart. Values left
-    /// of the diagonal are unspecified.
+    /// Writes the upper triangle of `A^-1` to `out`, whose rows are [`stride`](Self::stride) apart. Values
+    /// left of the diagonal are unspecified.
     ///
     /// # Panics
     /// When `out` is not `stride * stride` long.

@@ -4,6 +4,7 @@
 //! - [`Cholesky`]: a blocked factorisation with inverse, solves, and one row appended or removed.
 //! - [`symmetric_eigen`]: Householder tridiagonalisation and divide and conquer.
 //! - [`eigen_of_rank_one_update`]: eigenvalues of `diag(d) + z z^T` from their secular equation.
+//! - [`riccati`]: the discrete algebraic Riccati equation, and the linear-quadratic regulator.
 //! - [`left_singular`]: singular values and left singular vectors from Gram matrices, one for each scale of
 //!   singular values, so that squaring them costs no accuracy.
 //!
@@ -13,6 +14,7 @@
 
 mod cholesky;
 mod left;
+pub mod riccati;
 mod secular;
 mod simd;
 mod symmetric;

@@ -11,7 +11,7 @@
 //! - [`randomise`]: parameters sampled for every episode.
 //! - [`delay`]: delay of readings by their latency.
 //! - [`noise`]: reproducible Gaussian noise.
-//! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
+//! - [`estimation`]: filters, the base of a legged robot.
 //! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.joint_torque`,
 //!   `sensor.force_torque`, `sensor.imu`, `sensor.contact`, `sensor.altimeter`, `sensor.magnetometer`,
 //!   `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`,

@@ -78,10 +78,10 @@ impl<const N: usize> KalmanFilter<N> {
 
 #[cfg(test)]
 mod tests {
+    use motorium_algebra::riccati;
     use nalgebra::{DMatrix, matrix, vector};
 
     use super::*;
-    use crate::estimation::riccati;
     use crate::noise::Noise;
 
     #[test]

@@ -1,4 +1,4 @@
-//! State estimation: signal filters, Kalman filters, the base of a legged robot, and the Riccati equation.
+//! State estimation: signal filters, Kalman filters, and the base of a legged robot.
 //!
 //! - [`LowPass`], [`Biquad`]: filters of a signal of constant rate.
 //! - [`SlopeEstimator`]: velocity and its delay from positions.
@@ -6,7 +6,6 @@
 //! - [`KalmanFilter`]: the linear filter, with sizes known at compile time.
 //! - [`InvariantFilter`]: pose and velocity of a legged base from an inertial measurement unit and the
 //!   contacts of its feet.
-//! - [`riccati`]: the discrete algebraic Riccati equation, and the linear-quadratic regulator.
 //!
 //! The estimators do not depend on the runtime. Functions called in a loop do not allocate.
 
@@ -15,7 +14,6 @@ mod complementary;
 mod invariant;
 mod kalman;
 mod low_pass;
-pub mod riccati;
 mod slope;
 
 pub use biquad::{Biquad, BiquadError, BiquadShape};

@@ -11,7 +11,7 @@
 //! `A'`, `H'`, the process noise and the measurement noise.
 //!
 //! ```
-//! use motorium_sensors::estimation::riccati::lqr;
+//! use motorium_algebra::riccati::lqr;
 //! use nalgebra::dmatrix;
 //!
 //! // A mass of 1 kg pushed by a force, 10 ms steps.
@@ -19,7 +19,7 @@
 //! let regulator = lqr(&a, &b, &dmatrix![1.0, 0.0; 0.0, 0.0], &dmatrix![0.01])?;
 //! let closed = &a - &b * &regulator.gain;
 //! assert!(closed.complex_eigenvalues().iter().all(|value| value.norm() < 1.0));
-//! # Ok::<(), motorium_sensors::estimation::riccati::RiccatiError>(())
+//! # Ok::<(), motorium_algebra::riccati::RiccatiError>(())
 //! ```
 
 use nalgebra::DMatrix;
