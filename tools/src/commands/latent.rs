@@ -2,20 +2,23 @@
 
 mod retarget;
 
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use indicatif::{ProgressBar, ProgressStyle};
 use motorium_models::gplvm::{BackForm, LatentModel, Poses, Prior, Settings, compare};
 use serde_json::{Value, json};
 
+use crate::chart::{Chart, Series};
 use crate::out::outln;
 
 /// Latent spaces that a human and robots share: train one, show it, add robots, measure errors,
 /// and find a robot's poses for a human's.
 ///
-/// Example: motorium latent train poses --output arms.latent && motorium latent transfer arms.latent --data
-/// poses --robot coman
+/// Example: motorium latent train poses --output arms.latent && motorium latent transfer arms.latent --robot
+/// coman
 #[derive(Debug, clap::Args)]
 pub(crate) struct Latent {
     #[command(subcommand)]
@@ -53,6 +56,16 @@ enum Form {
     Mlp,
     /// A free latent
     None,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum PriorForm {
+    /// Flat
+    None,
+    /// Standard normal
+    Normal,
+    /// From each pose to the next of a movement; one begins where `clip` changes
+    Dynamics,
 }
 
 #[derive(Debug, clap::Args)]
@@ -103,9 +116,37 @@ struct Train {
     robot: Vec<String>,
     #[command(flatten)]
     options: TrainingOptions,
+    /// Prior on the latent
+    #[arg(long, value_name = "PRIOR", default_value = "normal")]
+    prior: PriorForm,
+    /// Plot the objective, SVG
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
     /// Print as JSON
     #[arg(long)]
     json: bool,
+}
+
+/// The chart of an objective: the smallest value so far, by evaluation.
+fn objective_chart(values: Vec<(String, f64)>) -> Chart {
+    let mut series: Vec<Series> = vec![];
+    for (name, value) in values {
+        if series.last().is_none_or(|last| last.name != name) {
+            series.push(Series { name, points: vec![] });
+        }
+        if let Some(series) = series.last_mut().filter(|_| value.is_finite()) {
+            let least = series.points.last().map_or(value, |[_, least, _]| least.min(value));
+            series.points.push([series.points.len() as f64, least, 0.0]);
+        }
+    }
+    Chart {
+        title: "Objective of the training".to_string(),
+        x: "evaluation".to_string(),
+        y: "negative log likelihood, smallest so far".to_string(),
+        log_x: false,
+        log_y: false,
+        series,
+    }
 }
 
 impl Train {
@@ -115,9 +156,32 @@ impl Train {
             spaces.push(poses(&self.data, robot)?);
         }
         let data: Vec<_> = spaces.iter().map(Poses::data).collect();
+        let prior = match self.prior {
+            PriorForm::None => Prior::None,
+            PriorForm::Normal => Prior::Normal,
+            PriorForm::Dynamics => Prior::Dynamics { starts: spaces[0].starts.clone() },
+        };
+        let settings = Settings { prior, ..self.options.settings() };
+        let shown = !self.json && std::io::stderr().is_terminal();
+        let bar = if shown { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("{spinner} evaluation {pos}, {msg}, {elapsed}") {
+            bar.set_style(style);
+        }
+        let mut values = vec![];
         let start = std::time::Instant::now();
-        let (model, trained) = LatentModel::train(&data, &self.options.settings())?;
+        let (mut model, trained) =
+            LatentModel::train_with_progress(&data, &settings, &mut |space, value| {
+                bar.set_message(format!("{space}: {value:.2}"));
+                bar.inc(1);
+                values.push((space.to_string(), value));
+            })?;
         let seconds = start.elapsed().as_secs_f64();
+        bar.finish_and_clear();
+        if let Some(plot) = &self.plot {
+            std::fs::write(plot, objective_chart(values).svg())
+                .with_context(|| plot.display().to_string())?;
+        }
+        model.set_source(&std::path::absolute(&self.data)?.to_string_lossy());
         if let Some(folder) = self.output.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
         }
@@ -150,14 +214,14 @@ impl Show {
 
 /// Add a robot to a model, with the latent and all other spaces fixed.
 ///
-/// Example: motorium latent transfer arms.latent --data poses --robot coman
+/// Example: motorium latent transfer arms.latent --robot coman
 #[derive(Debug, clap::Args)]
 struct Transfer {
     /// The model, to which the robot is added
     file: PathBuf,
-    /// Folder with the robot's poses, at the instants of the training
+    /// Folder with the robot's poses, at the instants of the training [default: the training's folder]
     #[arg(long, value_name = "FOLDER")]
-    data: PathBuf,
+    data: Option<PathBuf>,
     /// The robot
     #[arg(long)]
     robot: String,
@@ -175,7 +239,10 @@ struct Transfer {
 impl Transfer {
     fn run(self) -> anyhow::Result<ExitCode> {
         let mut model = load(&self.file)?;
-        let robot = poses(&self.data, &self.robot)?;
+        let folder = self.data.or_else(|| model.source().map(PathBuf::from)).with_context(|| {
+            format!("{} names no folder of poses\nhelp: pass --data FOLDER", self.file.display())
+        })?;
+        let robot = poses(&folder, &self.robot)?;
         let start = std::time::Instant::now();
         let transferred = model.transfer(&robot.data(), self.iterations)?;
         let seconds = start.elapsed().as_secs_f64();

@@ -34,11 +34,23 @@ fn robots_are_trained_transferred_and_evaluated() {
     assert_eq!(trained["spaces"].as_array().map(Vec::len), Some(2));
     assert!(trained["objective"]["end"].as_f64() < trained["objective"]["start"].as_f64(), "{trained}");
 
-    let added = json(&["latent", "transfer", &model, "--data", &data, "--robot", "second", "--json"]);
+    // the model names the folder of its poses
+    let added = json(&["latent", "transfer", &model, "--robot", "second", "--json"]);
     assert_eq!(added["spaces"][2]["name"], "second");
     assert_eq!(added["warning"], serde_json::Value::Null);
     let shown = json(&["latent", "show", &model, "--json"]);
     assert_eq!(shown["spaces"], added["spaces"]);
+
+    let (plot, free) = (file("objective.svg"), file("free.latent"));
+    let mut dynamics = vec!["latent", "train", &data, "--output", &free, "--json", "--back", "none"];
+    dynamics.extend(["--prior", "dynamics", "--plot", &plot]);
+    dynamics.extend(options);
+    let free = json(&dynamics);
+    assert!(free["objective"]["end"].as_f64() < free["objective"]["start"].as_f64(), "{free}");
+    assert!(std::fs::read_to_string(&plot).expect("a plot").contains("all spaces"), "no series");
+    dynamics[7] = "pose";
+    let refused = run(&dynamics);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("prior is dynamics"), "{refused:?}");
 
     let mut evaluate = vec!["latent", "evaluate", &data, "--folds", "2", "--json"];
     evaluate.extend(options);
@@ -118,6 +130,10 @@ fn chapter_4_is_reproduced_from_a_folder_of_poses() {
         claims[0]["evidence"].as_str().is_some_and(|text| text.contains("of 12: coman q = 2 free")),
         "{report}"
     );
+    let transfers = std::fs::read_to_string(folder.path().join("out/transfer-coman.csv")).expect("a chart");
+    for series in ["transferred; free", "gaussian_process", "ridge", "nearest"] {
+        assert!(transfers.contains(series), "no {series} in\n{transfers}");
+    }
     let chart = std::fs::read_to_string(folder.path().join("out/poses-coman.csv")).expect("a chart");
     for series in
         ["transferred; default; the pose", "alone; free latent; q = 6", "gaussian_process", "nearest"]

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use motorium_library::statistics::with_error;
 use motorium_models::gplvm::{
-    BackForm, Estimate, Poses, Prior, Settings, TransferResult, few_poses, transfer_and_training,
+    BackForm, Estimate, Poses, Prior, Settings, TransferResult, compare, few_poses, transfer_and_training,
 };
 
 use super::writer::FigureWriter;
@@ -45,6 +45,8 @@ const SOURCE: &str = "walkman";
 const ROBOTS: [&str; 2] = ["coman", "centauro"];
 /// Dimensions of free and kernel-constrained latents.
 const LATENTS: [usize; 2] = [2, 6];
+/// Methods without a latent, in the figures of transfers.
+const DIRECT: [&str; 3] = ["gaussian_process", "ridge", "nearest"];
 /// Poses of the robot in the figure of few poses.
 const COUNTS: [usize; 5] = [10, 20, 40, 80, 160];
 
@@ -136,6 +138,12 @@ impl Chapter4 {
                     name: format!("trained, {}", form.name),
                     points: points(|result| result.trained),
                 });
+            }
+            let direct = compare(human, &self.poses(robot)?, &Settings::default(), self.splits as usize)?;
+            for error in direct.into_iter().filter(|error| DIRECT.contains(&error.method)) {
+                let mean_error = error.deviation / (self.splits as f64).sqrt();
+                let points = LATENTS.map(|latents| [latents as f64, error.mean, mean_error]);
+                series.push(Series { name: error.method.to_string(), points: points.to_vec() });
             }
             let chart = Chart {
                 title: format!("Held-out poses of {robot}: transferred and trained models"),
