@@ -12,8 +12,8 @@ const SEEDS: core::ops::RangeInclusive<u64> = 1..=10;
 /// Mean return of the last 100 episodes at which the pole counts as balanced, of 500.
 const BALANCED: f64 = 475.0;
 
-/// Trains with each seed on both sides in turn, until the pole is balanced or the steps of the run are used up,
-/// and prints the times.
+/// Trains with each seed on both sides in turn, until the pole is balanced or the steps of the run are used
+/// up, and prints the times.
 pub(crate) fn compare() -> Result<(), String> {
     let mut peer = Peer::start("training.py", "stable-baselines3")?;
     println!("s of processor time until the mean return of 100 episodes is {BALANCED}; - if it never is\n");

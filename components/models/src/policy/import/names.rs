@@ -1,7 +1,7 @@
 //! Joint names as regular expressions, as in the configurations of Isaac Lab.
 //!
-//! A pattern matches a whole name, as `re.fullmatch` of Python does. Supported: literals, `.`, classes such as
-//! `[a-z_]` and `\d`, groups, `|`, and the quantifiers `*`, `+`, `?` and `{n,m}`.
+//! A pattern matches a whole name, as `re.fullmatch` of Python does. Supported: literals, `.`, classes such
+//! as `[a-z_]` and `\d`, groups, `|`, and the quantifiers `*`, `+`, `?` and `{n,m}`.
 
 use std::collections::BTreeSet;
 
