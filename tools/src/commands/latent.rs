@@ -79,8 +79,8 @@ struct TrainingOptions {
     /// The space of the back constraint
     #[arg(long, value_name = "SPACE", default_value = "human")]
     back_space: String,
-    /// Iterations at most
-    #[arg(long, default_value_t = 300)]
+    /// Iterations at most [default: 300]
+    #[arg(hide_default_value = true, long, default_value_t = 300)]
     iterations: usize,
 }
 

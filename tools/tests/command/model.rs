@@ -209,7 +209,7 @@ fn a_leapp_bundle_becomes_a_policy_folder() {
     let expected =
         ["base_angular_velocity", "projected_gravity", "command", "joint_positions", "joint_velocities"];
     assert_eq!(terms, expected);
-    // the second action is the hip roll of the left hind leg; the default pose is that of env.yaml
+    // the second action is the hip roll of the left hind leg; its default pose is in env.yaml
     assert_eq!(report["joints"][1]["name"], "hind_left_hip_roll");
     assert_eq!(
         (&report["joints"][8]["name"], &report["joints"][8]["default"]),

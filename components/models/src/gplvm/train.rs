@@ -117,7 +117,7 @@ impl Objective<'_> {
     }
 
     /// Sets the variables: the latent points or the weights of the back constraint, then each space's
-    /// hyperparameters; those of the prior follow.
+    /// hyperparameters and the prior's.
     fn set(&mut self, variables: &[f64]) {
         let (latent, mut rest) = variables.split_at(self.latent_variables());
         let n = self.points.len();

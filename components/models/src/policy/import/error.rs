@@ -1,0 +1,171 @@
+//! Errors and names that all imports share.
+
+use super::super::{NetworkMismatch, PolicyError, Term};
+use crate::onnx::OnnxError;
+
+/// File name of the network in an imported folder.
+pub(super) const NETWORK: &str = "policy.onnx";
+
+/// Observation terms of mjlab, by name.
+pub(super) const TERMS: [(&str, Term); 11] = [
+    ("base_lin_vel", Term::BaseLinearVelocity),
+    ("base_ang_vel", Term::BaseAngularVelocity),
+    ("projected_gravity", Term::ProjectedGravity),
+    ("command", Term::Command),
+    ("velocity_commands", Term::Command),
+    ("joint_pos", Term::JointPositions),
+    ("joint_vel", Term::JointVelocities),
+    ("actions", Term::LastAction),
+    ("last_action", Term::LastAction),
+    ("height_scan", Term::HeightScan),
+    ("height_scanner", Term::HeightScan),
+];
+
+/// The policy cannot be imported.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ImportError {
+    /// The network cannot be read or compiled.
+    #[error(transparent)]
+    Onnx(#[from] OnnxError),
+    /// An entry of the metadata is missing.
+    #[error("no `{0}` in the metadata of the file; help: export it with mjlab, which adds it")]
+    Missing(&'static str),
+    /// An entry of the metadata is not a list of numbers.
+    #[error("`{key}` has \"{found}\", expected numbers with commas between them")]
+    Number {
+        /// The entry.
+        key: &'static str,
+        /// The text found.
+        found: String,
+    },
+    /// An entry of the metadata has a different length from the action.
+    #[error("`{key}` has {found} entries, expected {expected}, one for each output of the network")]
+    Count {
+        /// The entry.
+        key: &'static str,
+        /// Number of entries found.
+        found: usize,
+        /// Number of outputs of the network.
+        expected: usize,
+    },
+    /// No topic provides this observation term.
+    #[error("observation \"{name}\" is unknown, expected one of {}", known())]
+    Term {
+        /// Name of the term.
+        name: String,
+    },
+    /// The size of the observation terms differs from the network's input.
+    #[error(
+        "the observation terms have {expected} numbers, the network reads {found}; help: a history of several steps is given by `--history`"
+    )]
+    Width {
+        /// Size of the network's input.
+        found: usize,
+        /// Size of the terms.
+        expected: usize,
+    },
+    /// An entry of a description has an unusable value.
+    #[error("{mark}: `{entry}`: {message}")]
+    Entry {
+        /// Position of the entry.
+        mark: Mark,
+        /// Name of the entry.
+        entry: String,
+        /// The value found, the value expected, and a remedy.
+        message: String,
+    },
+    /// No topic provides this observation term or input of a network.
+    #[error("{mark}: observation \"{name}\" is not supported, expected one of {expected}")]
+    Observation {
+        /// Position of the term.
+        mark: Mark,
+        /// Name of the term.
+        name: String,
+        /// Supported names.
+        expected: String,
+    },
+    /// Joints cannot be commanded by this action term or output of a network.
+    #[error("{mark}: action \"{name}\" is not supported, expected one of {expected}")]
+    Action {
+        /// Position of the term.
+        mark: Mark,
+        /// Name of the term.
+        name: String,
+        /// Supported names.
+        expected: String,
+    },
+    /// An entry of the `env.yaml` is unusable.
+    #[error(transparent)]
+    Environment(Box<ImportError>),
+    /// The gains of a joint are unknown.
+    #[error(
+        "the {gain} of joint \"{joint}\" is unknown; help: give the `env.yaml` of the training run, which has the gains of its actuators"
+    )]
+    Gains {
+        /// The gain, `stiffness` or `damping`.
+        gain: &'static str,
+        /// Name of the joint.
+        joint: String,
+    },
+    /// The outputs of the network depend on the heading of the base.
+    #[error(
+        "the actions depend on the heading of the base in `{input}`, which no topic provides; help: train with `projected_gravity` in place of the orientation"
+    )]
+    Heading {
+        /// Name of the input.
+        input: String,
+    },
+    /// The table does not parse.
+    #[error("{0}")]
+    Table(String),
+    /// A tensor is missing or has the wrong shape.
+    #[error("tensor \"{name}\": {message}")]
+    Tensor {
+        /// Name of the tensor.
+        name: String,
+        /// The shape found and the shape expected.
+        message: String,
+    },
+    /// The result is not a valid policy.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// The network does not match the policy.
+    #[error(transparent)]
+    Network(#[from] NetworkMismatch),
+}
+
+fn known() -> String {
+    TERMS.map(|(name, _)| name).join(", ")
+}
+
+/// Settings that are missing in the metadata of an ONNX file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportOptions {
+    /// Rate of the policy \[Hz\].
+    pub rate: f64,
+    /// Steps of history of each term.
+    pub history: usize,
+    /// Robot the policy was trained for.
+    pub robot: Option<String>,
+}
+
+/// A position in a file, from 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mark {
+    /// Line.
+    pub line: usize,
+    /// Column.
+    pub column: usize,
+}
+
+impl core::fmt::Display for Mark {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "line {}, column {}", self.line, self.column)
+    }
+}
+
+impl Mark {
+    pub(super) fn entry(self, entry: &str, message: impl Into<String>) -> ImportError {
+        ImportError::Entry { mark: self, entry: entry.to_owned(), message: message.into() }
+    }
+}
