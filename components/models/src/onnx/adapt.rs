@@ -4,7 +4,7 @@ use prost::Message as _;
 
 use super::proto::{GraphProto, INT64, ModelProto, TensorProto};
 use super::write::{integer, node, port, tensor};
-use super::{Input, Length, OnnxError};
+use super::{Input, Length, Model, OnnxError};
 
 /// How a network reads one observation and writes one action.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -101,9 +101,20 @@ fn orientation(graph: &mut GraphProto, names: &mut Names, gravity: &str, order: 
     unit
 }
 
+impl Model {
+    /// Returns the bytes of a network with one observation in place of several inputs.
+    ///
+    /// # Errors
+    ///
+    /// [`OnnxError::Input`] or [`OnnxError::Output`] with a name that the network does not have.
+    pub fn adapt(&self, adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
+        adapt(&self.proto, &self.inputs(), adapter)
+    }
+}
+
 /// Returns the bytes of an adapted model: input `obs` (1, width), output `actions` (1, joints), and the
 /// recurrent states behind both, in the order of the adapter.
-pub(super) fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
+fn adapt(model: &ModelProto, inputs: &[Input], adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
     let mut model = model.clone();
     let Some(source) = model.graph.take() else { return Err(OnnxError::Empty) };
     let used = || {

@@ -148,15 +148,6 @@ impl Model {
         graph.flat_map(|graph| graph.output.iter().map(|output| output.name.clone())).collect()
     }
 
-    /// Returns the bytes of a network with one observation in place of several inputs.
-    ///
-    /// # Errors
-    ///
-    /// [`OnnxError::Input`] or [`OnnxError::Output`] with a name that the network does not have.
-    pub fn adapt(&self, adapter: &Adapter) -> Result<Vec<u8>, OnnxError> {
-        adapt::adapt(&self.proto, &self.inputs(), adapter)
-    }
-
     /// Compiles the network with every free axis of length `rows`.
     ///
     /// # Errors
