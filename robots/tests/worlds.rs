@@ -138,7 +138,7 @@ fn what_a_world_does_not_hold_is_refused_with_line_and_column() {
             "<body><joint/></body><geom type=\"cylinder\"",
             "a body on a joint is part of a robot",
         ),
-        ("</mujoco>", "<actuator/></mujoco>", "<actuator> is about a robot"),
+        ("</mujoco>", "<actuator/></mujoco>", "<actuator> describes a robot"),
         ("<light", "<tree", "<tree> is not among"),
     ] {
         let error = parse_mjcf_world(&MJCF.replacen(old, new, 1), None).unwrap_err().to_string();
