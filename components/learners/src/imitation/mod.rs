@@ -10,6 +10,7 @@
 //! Source: Ross, Gordon, Bagnell, *A reduction of imitation learning and structured prediction to no-regret
 //! online learning*, AISTATS 2011.
 
+pub mod movements;
 mod regression;
 mod run;
 mod settings;
