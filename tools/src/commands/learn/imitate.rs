@@ -12,6 +12,7 @@ use motorium::session::Session;
 use motorium::state::{JointState, PoseTarget, StateBuffer};
 use motorium::worker::Registry;
 use motorium_learners::imitation::movements::{Model, Movements, distances};
+use motorium_library::Trajectory;
 use motorium_library::statistics::mean_and_error;
 use motorium_robots::{FrameId, Kinematics, Model as RobotModel};
 use nalgebra::{DMatrix, Isometry3};
@@ -167,20 +168,16 @@ impl Stage {
         seed: u64,
         (movements, model): (&Movements, Model),
     ) -> anyhow::Result<DMatrix<f64>> {
-        let mut commanded: Option<(DMatrix<f64>, [f64; 4])> = None;
+        let (mut path, mut orientation) = (DMatrix::zeros(0, 3), [0.0; 4]);
         let (count, seconds) = (self.steps as usize, self.step.as_secs_f64());
         self.episode(session, seed, |session, step, pose| {
-            let (path, orientation) = match &commanded {
-                Some(commanded) => commanded,
-                None => {
-                    let path = movements.path(model, pose.translation.vector.as_slice())?;
-                    let (id, label, duration) = (String::new(), None, self.duration());
-                    let even =
-                        motorium_library::Trajectory { id, label, duration, positions: path }.splined(count);
-                    let turn = pose.rotation.coords;
-                    commanded.insert((even.positions, [turn.x, turn.y, turn.z, turn.w]))
-                }
-            };
+            if step == 0 {
+                let positions = movements.path(model, pose.translation.vector.as_slice())?;
+                let (id, label, duration) = (String::new(), None, self.duration());
+                path = Trajectory { id, label, duration, positions }.splined(count).positions;
+                let turn = pose.rotation.coords;
+                orientation = [turn.x, turn.y, turn.z, turn.w];
+            }
             let sample = step as usize;
             let next = (sample + 1).min(count - 1);
             let coordinate = |k: usize| [0, 1, 2].map(|d| path[(k, d)]);
@@ -188,7 +185,7 @@ impl Stage {
             let linear_velocity = [0, 1, 2].map(|d| (following[d] - position[d]) / seconds);
             let target = PoseTarget {
                 position,
-                orientation: *orientation,
+                orientation,
                 linear_velocity,
                 goal: 1,
                 at_goal: u64::from(next == sample),
