@@ -24,10 +24,10 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::search::{KernelPrior, SearchSpace};
-use super::trials::run_jobs;
+use super::trials::{EPISODES, EVALUATION_WORLD, Setting, power_curve, run_jobs};
 use crate::environment::{Environment, EnvironmentError, Scene, SceneError};
 use crate::random::{Counter, Purpose};
-use crate::search::{Power, PowerSettings, Search as _, Start, StartError, TellError};
+use crate::search::{Start, StartError, TellError};
 use crate::task::{End, Task};
 
 /// Joints that the movement drives: along x and along z.
@@ -36,12 +36,8 @@ const DRIVEN: usize = 2;
 const SECONDS: f64 = 1.2;
 /// Attempts of the demonstrator.
 const ATTEMPTS: u64 = 60;
-/// Episodes of an evaluation.
-const EPISODES: u64 = 10;
 /// Rollouts between two evaluations of the mean of a search.
 const ROLLOUTS: u64 = 25;
-/// World of the evaluations; rollouts use the world 0.
-const EVALUATION_WORLD: u64 = 1_000;
 /// Return by which the reward of PoWER, which is positive, grows by a factor of e.
 const TEMPERATURE: f64 = 3.0;
 
@@ -203,8 +199,7 @@ impl Study {
 
 /// The task, and the movements of the cup.
 struct Cup<'a> {
-    task: &'a Task,
-    scene: &'a Scene,
+    setting: Setting<'a>,
     rollouts: u64,
     spring: SampledSpring,
     library: MotionLibrary,
@@ -231,11 +226,8 @@ impl<'a> Cup<'a> {
             let forces = Movement::from_trajectory(attempt, &spring).forces;
             mean.iter_mut().zip(forces).for_each(|(mean, force)| *mean += force / ATTEMPTS as f64);
         }
-        Ok(Self { task, scene, rollouts: settings.rollouts, spring, library, mean, scale })
-    }
-
-    fn environment(&self, seed: u64, world: u64) -> Result<Environment<Articulated>, EnvironmentError> {
-        Environment::new(self.task, self.scene.simulation()?, seed, world)
+        let setting = Setting { task, scene };
+        Ok(Self { setting, rollouts: settings.rollouts, spring, library, mean, scale })
     }
 
     /// The next episode with the movement under some forces: its return, and whether the ball is caught.
@@ -259,7 +251,7 @@ impl<'a> Cup<'a> {
 
     /// Share of the attempts that catch the ball.
     fn attempts(&self) -> Result<f64, EnvironmentError> {
-        let mut environment = self.environment(0, 0)?;
+        let mut environment = self.setting.environment(0, 0)?;
         let mut caught = 0;
         for column in self.library.weights().column_iter() {
             let forces = self.library.forces(column.as_slice());
@@ -269,7 +261,7 @@ impl<'a> Cup<'a> {
     }
 
     fn evaluate(&self, forces: &[f64], seed: u64, rollouts: u64) -> Result<Point, EnvironmentError> {
-        let mut environment = self.environment(seed, EVALUATION_WORLD)?;
+        let mut environment = self.setting.environment(seed, EVALUATION_WORLD)?;
         let mut point = Point { rollouts, mean_return: 0.0, caught: 0.0 };
         for _ in 0..EPISODES {
             let (total, is_caught) = self.episode(&mut environment, forces.to_vec())?;
@@ -283,26 +275,17 @@ impl<'a> Cup<'a> {
     fn search(&self, space: &SearchSpace, seed: u64) -> Result<Vec<Point>, StudyError> {
         let deviation = space.variance.iter().map(|variance| variance.max(0.0).sqrt()).collect();
         let start = Start::new(space.weights_of(&self.mean, &self.spring), deviation, seed);
-        let mut search = Power::new(start, PowerSettings::default())?;
-        let mut environment = self.environment(seed, 0)?;
+        let mut environment = self.setting.environment(seed, 0)?;
         let forces = |weights: &[f64]| {
             let weights = DMatrix::from_column_slice(weights.len(), 1, weights);
             (&space.functions * weights).as_slice().to_vec()
         };
-        let mut curve = Vec::new();
-        for rollout in 0..=self.rollouts {
-            if rollout.is_multiple_of(ROLLOUTS) || rollout == self.rollouts {
-                curve.push(self.evaluate(&forces(&search.mean()), seed, rollout)?);
-            }
-            if rollout == self.rollouts {
-                break;
-            }
-            for candidate in search.ask(1) {
-                let (total, _) = self.episode(&mut environment, forces(&candidate.parameters))?;
-                search.tell(&[(candidate.id, (total / TEMPERATURE).exp())])?;
-            }
-        }
-        Ok(curve)
+        power_curve(
+            start,
+            (self.rollouts, ROLLOUTS),
+            |weights| Ok((self.episode(&mut environment, forces(weights))?.0 / TEMPERATURE).exp()),
+            |weights, rollouts| Ok(self.evaluate(&forces(weights), seed, rollouts)?),
+        )
     }
 }
 

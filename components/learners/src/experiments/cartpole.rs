@@ -15,12 +15,12 @@ use motorium_models::policy::PolicyNetwork;
 use motorium_physics::Articulated;
 use serde::Serialize;
 
-use super::trials::run_jobs;
-use crate::environment::{Environment, EnvironmentError, Scene, SceneError};
+use super::trials::{EPISODES, EVALUATION_WORLD, Setting, power_curve, run_jobs};
+use crate::environment::{EnvironmentError, Scene, SceneError};
 use crate::imitation::{Imitation, ImitationError, ImitationSettings};
 use crate::learner::{Learner as _, LearnerError};
 use crate::ppo::{Ppo, PpoSettings};
-use crate::search::{Power, PowerSettings, Search as _, Start, StartError, TellError};
+use crate::search::{Start, StartError, TellError};
 use crate::task::Task;
 
 /// Weights of the demonstrator for the observations of the task: positions of cart and pole relative to the
@@ -30,14 +30,10 @@ pub const DEMONSTRATOR: [f32; 5] = [0.0, 2.0, 0.0, 0.3, 0.03];
 const INPUTS: usize = DEMONSTRATOR.len() - 1;
 /// Standard deviation of the exploration of PoWER for these weights and for the bias.
 const EXPLORATION: [f64; 5] = [0.3, 1.0, 0.3, 0.3, 0.02];
-/// Episodes of an evaluation.
-const EPISODES: u64 = 10;
 /// Rollouts of PoWER between two evaluations of its mean.
 const ROLLOUTS: u64 = 10;
 /// Updates of PPO between two evaluations of its policy.
 const UPDATES: u64 = 4;
-/// World of the evaluations; training uses those from 0.
-const EVALUATION_WORLD: u64 = 1_000;
 
 /// A method that learns from rewards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -199,7 +195,7 @@ impl Study {
         observe: impl Fn() + Sync,
     ) -> Result<Self, StudyError> {
         let scene = Scene::load(task, base)?;
-        let bench = Bench { task, scene: &scene, settings };
+        let bench = Bench { setting: Setting { task, scene: &scene }, settings };
         let (inputs, actions) = bench.size()?;
         if (inputs, actions) != (INPUTS, 2) {
             return Err(StudyError::Task { inputs, actions });
@@ -262,19 +258,14 @@ impl Study {
 /// The task and the settings of all trials.
 #[derive(Clone, Copy)]
 struct Bench<'a> {
-    task: &'a Task,
-    scene: &'a Scene,
+    setting: Setting<'a>,
     settings: &'a StudySettings,
 }
 
 impl Bench<'_> {
-    fn environment(&self, seed: u64, world: u64) -> Result<Environment<Articulated>, EnvironmentError> {
-        Environment::new(self.task, self.scene.simulation()?, seed, world)
-    }
-
     /// Numbers of an observation and of an action.
     fn size(&self) -> Result<(usize, usize), EnvironmentError> {
-        let environment = self.environment(0, 0)?;
+        let environment = self.setting.environment(0, 0)?;
         Ok((environment.terms().inputs(), environment.terms().actions()))
     }
 
@@ -284,7 +275,7 @@ impl Bench<'_> {
         seed: u64,
         mut act: impl FnMut(&[f32], &mut [f32]),
     ) -> Result<f64, EnvironmentError> {
-        let mut environment = self.environment(seed, EVALUATION_WORLD)?;
+        let mut environment = self.setting.environment(seed, EVALUATION_WORLD)?;
         let mut total = 0.0;
         for _ in 0..EPISODES {
             total += environment.run_episode(&mut act)?.total;
@@ -302,7 +293,7 @@ impl Bench<'_> {
         let (weights, bias) = DEMONSTRATOR.split_at(INPUTS);
         let layer = ([weights, &[0.0; INPUTS]].concat(), vec![bias[0], 0.0]);
         let bytes = onnx::write_mlp(INPUTS, &[layer], Unary::Tanh, &[]);
-        let policy = self.task.policy().map_err(EnvironmentError::from)?;
+        let policy = self.setting.task.policy().map_err(EnvironmentError::from)?;
         let expert = PolicyNetwork::new(&policy, Model::read(&bytes)?.program(1)?)
             .expect("a network of 4 observations and 2 actions");
         let settings = ImitationSettings {
@@ -314,8 +305,9 @@ impl Bench<'_> {
             hidden: hidden.to_vec(),
             ..ImitationSettings::default()
         };
-        let mut imitation =
-            Imitation::new(self.task, settings, &expert, (seed, 1), || self.scene.simulation())?;
+        let mut imitation = Imitation::new(self.setting.task, settings, &expert, (seed, 1), || {
+            self.setting.scene.simulation()
+        })?;
         imitation.advance()?;
         Ok(imitation)
     }
@@ -329,32 +321,25 @@ impl Bench<'_> {
             weights = row.map(|weight| f64::from(*weight)).collect();
         }
         let start = Start::new(weights, EXPLORATION.to_vec(), seed);
-        let mut search = Power::new(start, PowerSettings::default())?;
-        let mut environment = self.environment(seed, 0)?;
-        let mut curve = Vec::new();
-        for rollout in 0..=self.settings.rollouts {
-            if rollout.is_multiple_of(ROLLOUTS) || rollout == self.settings.rollouts {
-                let mean_return = self.linear_return(&search.mean(), seed)?;
-                curve.push(Point { experience: rollout, mean_return });
-            }
-            if rollout == self.settings.rollouts {
-                break;
-            }
-            for candidate in search.ask(1) {
-                let episode = environment.run_episode(|observation, action| {
-                    act_linearly(&candidate.parameters, observation, action);
-                })?;
-                search.tell(&[(candidate.id, episode.total)])?;
-            }
-        }
-        Ok(curve)
+        let mut environment = self.setting.environment(seed, 0)?;
+        power_curve(
+            start,
+            (self.settings.rollouts, ROLLOUTS),
+            |weights| {
+                let act =
+                    |observation: &[f32], action: &mut [f32]| act_linearly(weights, observation, action);
+                Ok(environment.run_episode(act)?.total)
+            },
+            |weights, experience| Ok(Point { experience, mean_return: self.linear_return(weights, seed)? }),
+        )
     }
 
     fn ppo(&self, beginning: Beginning, seed: u64) -> Result<Vec<Point>, StudyError> {
-        let mut settings = PpoSettings::from_table(&self.task.algorithms).map_err(EnvironmentError::from)?;
+        let mut settings =
+            PpoSettings::from_table(&self.setting.task.algorithms).map_err(EnvironmentError::from)?;
         settings.steps = self.settings.steps;
         let hidden = settings.hidden.clone();
-        let mut ppo = Ppo::new(self.task, settings, (seed, 1), || self.scene.simulation())?;
+        let mut ppo = Ppo::new(self.setting.task, settings, (seed, 1), || self.setting.scene.simulation())?;
         if beginning == Beginning::Imitation {
             let imitation = self.imitation(&hidden, seed)?;
             let (network, normaliser) = imitation.network();

@@ -3,6 +3,56 @@
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
 use motorium_library::statistics::mean_and_error;
+use motorium_physics::Articulated;
+
+use crate::environment::{Environment, EnvironmentError, Scene};
+use crate::search::{Power, PowerSettings, Search as _, Start, StartError, TellError};
+use crate::task::Task;
+
+/// Episodes of an evaluation.
+pub(super) const EPISODES: u64 = 10;
+/// World of the evaluations; training uses those from 0.
+pub(super) const EVALUATION_WORLD: u64 = 1_000;
+
+/// A task and its scene, of which every trial makes environments.
+#[derive(Clone, Copy)]
+pub(super) struct Setting<'a> {
+    pub(super) task: &'a Task,
+    pub(super) scene: &'a Scene,
+}
+
+impl Setting<'_> {
+    pub(super) fn environment(
+        self,
+        seed: u64,
+        world: u64,
+    ) -> Result<Environment<Articulated>, EnvironmentError> {
+        Environment::new(self.task, self.scene.simulation()?, seed, world)
+    }
+}
+
+/// Learns by PoWER from `rollouts` episodes, one at a time, and returns a learning curve. `rollout` returns the
+/// reward of the weights that are tried. `evaluate` makes a point of the mean weights: before the first
+/// rollout, after each `interval` of rollouts and after the last one.
+pub(super) fn power_curve<P, E: From<StartError> + From<TellError>>(
+    start: Start,
+    (rollouts, interval): (u64, u64),
+    mut rollout: impl FnMut(&[f64]) -> Result<f64, E>,
+    evaluate: impl Fn(&[f64], u64) -> Result<P, E>,
+) -> Result<Vec<P>, E> {
+    let mut search = Power::new(start, PowerSettings::default())?;
+    let mut curve = vec![evaluate(&search.mean(), 0)?];
+    for done in 1..=rollouts {
+        for candidate in search.ask(1) {
+            let reward = rollout(&candidate.parameters)?;
+            search.tell(&[(candidate.id, reward)])?;
+        }
+        if done.is_multiple_of(interval) || done == rollouts {
+            curve.push(evaluate(&search.mean(), done)?);
+        }
+    }
+    Ok(curve)
+}
 
 /// Runs jobs on several threads and returns their results in the order of the jobs. `build` makes the worker
 /// of a thread, `work` does a job with it. After a failure no further job starts.
