@@ -125,13 +125,15 @@ fn chapter_4_is_reproduced_from_a_folder_of_poses() {
     ];
     let report = json(&arguments);
     let claims = report["claims"].as_array().expect("claims");
-    assert_eq!(claims.len(), 10, "{report}");
+    assert_eq!(claims.len(), 11, "{report}");
     assert!(
         claims[0]["evidence"].as_str().is_some_and(|text| text.contains("of 12: coman q = 2 free")),
         "{report}"
     );
     let transfers = std::fs::read_to_string(folder.path().join("out/transfer-coman.csv")).expect("a chart");
-    for series in ["transferred; free", "gaussian_process", "ridge", "nearest"] {
+    for series in
+        ["transferred; free", "trained with all robots; free", "gaussian_process", "ridge", "nearest"]
+    {
         assert!(transfers.contains(series), "no {series} in\n{transfers}");
     }
     let chart = std::fs::read_to_string(folder.path().join("out/poses-coman.csv")).expect("a chart");

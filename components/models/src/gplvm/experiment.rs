@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 
 use super::evaluate::{Baseline, check_pair};
 use super::poses::Poses;
-use super::{LatentError, LatentModel, Settings};
+use super::{LatentError, LatentModel, Settings, SpaceData};
 
 /// A mean over splits, and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,6 +104,35 @@ pub fn transfer_and_training(
     let [transferred, trained, transfer_seconds, training_seconds] =
         found.map(|values| Estimate::from_splits(&values));
     Ok(TransferResult { transferred, trained, transfer_seconds, training_seconds })
+}
+
+/// Trains one model of the human and all `robots` on different splits, as [`transfer_and_training`] does, and
+/// returns the mean squared error of each robot's held-out poses.
+///
+/// # Errors
+/// If sizes do not match, or `folds` is out of range.
+pub fn trained_together(
+    human: &Poses,
+    robots: &[&Poses],
+    settings: &Settings,
+    folds: usize,
+) -> Result<Vec<Estimate>, LatentError> {
+    for robot in robots {
+        check_pair(human, robot, folds)?;
+    }
+    let mut found = vec![vec![]; robots.len()];
+    for fold in 0..folds {
+        let known = |poses: &Poses| poses.select(|i| i % folds != fold);
+        let held = |poses: &Poses| poses.select(|i| i % folds == fold);
+        let spaces: Vec<Poses> = std::iter::once(human).chain(robots.iter().copied()).map(known).collect();
+        let data: Vec<SpaceData<'_>> = spaces.iter().map(Poses::data).collect();
+        let model = LatentModel::train(&data, settings)?.0;
+        let test_human = held(human);
+        for (k, (robot, found)) in robots.iter().zip(&mut found).enumerate() {
+            found.push(error_of(&model, k + 1, &test_human, &held(robot)));
+        }
+    }
+    Ok(found.iter().map(|values| Estimate::from_splits(values)).collect())
 }
 
 /// Computes errors with few poses of the robot. In each split a fifth of the poses is held out. The robot has

@@ -35,7 +35,9 @@ mod train;
 
 pub use back::BackForm;
 pub use evaluate::{MethodError, compare};
-pub use experiment::{Estimate, FewPoses, TransferResult, few_poses, transfer_and_training};
+pub use experiment::{
+    Estimate, FewPoses, TransferResult, few_poses, trained_together, transfer_and_training,
+};
 pub use file::{FileError, VERSION};
 pub use infer::Scratch;
 pub use model::{LatentModel, Transferred};

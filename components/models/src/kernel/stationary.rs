@@ -141,7 +141,6 @@ const CHUNK: usize = 256;
 /// Adds the gradients of `sum_b weights[b] k(query, points[first + b])`: by the logarithms of the parameters
 /// to `parameters`, and by the points to `by_points` (dimension by dimension, `points.len()` each). The query
 /// is point `first`. `slopes` are the derivatives by `r^2 / 2`.
-#[expect(clippy::too_many_arguments, reason = "the pieces of one loop")]
 pub(super) fn gradient(
     s: &Stationary,
     query: &[f64],
