@@ -326,6 +326,41 @@ fn what_sdf_states_about_motion_is_taken_over_or_told() {
     }
 }
 
+/// The only part of a compound and its position in the object.
+fn only_part(object: &Object) -> (&ObjectShape, [f64; 3]) {
+    let ObjectShape::Compound(parts) = &object.shape else { panic!("{object:?}") };
+    let [part] = &parts[..] else { panic!("{parts:?}") };
+    (&part.shape, part.position)
+}
+
+#[test]
+fn objects_have_the_pose_of_their_body_of_mjcf() {
+    let moved = MJCF.replace("<geom type=\"cylinder\"", "<geom type=\"cylinder\" pos=\"0.1 0 0\"");
+    let world = parse_mjcf_world(&moved, None).unwrap().world;
+    let can = &world.objects[2];
+    assert_eq!((can.position, can.rpy), ([0.0, 0.0, 1.0], [0.0; 3]));
+    let (shape, position) = only_part(can);
+    assert_eq!((shape, position), (&ObjectShape::Cylinder { radius: 0.03, length: 0.12 }, [0.1, 0.0, 0.0]));
+    let usual = &parse_mjcf_world(MJCF, None).unwrap().world.objects[2];
+    assert!((can.mass.unwrap() - usual.mass.unwrap()).abs() < 1e-15);
+    world.check(std::iter::empty()).unwrap();
+}
+
+#[test]
+fn objects_have_the_pose_of_their_model_of_sdf() {
+    let moved = SDF
+        .replace("<link name=\"l\"><inertial>", "<link name=\"l\"><pose>0 0 0.2 0 0 0</pose><inertial>")
+        .replace(
+            "<collision name=\"c\"><geometry><box>",
+            "<collision name=\"c\"><pose>0 0.1 0 0 0 0</pose><geometry><box>",
+        );
+    let world = of_file("w.sdf", &moved).unwrap();
+    let [crate_] = &world.objects[..] else { panic!("{:?}", world.objects) };
+    assert_eq!((crate_.mass, crate_.position), (Some(3.0), [1.0, 0.0, 0.25]));
+    let (shape, position) = only_part(crate_);
+    assert_eq!((shape, position), (&ObjectShape::Box { size: [0.5; 3] }, [0.0, 0.1, 0.2]));
+}
+
 #[test]
 fn a_model_written_as_urdf_has_the_same_joints_and_poses() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco");

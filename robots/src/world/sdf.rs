@@ -168,8 +168,7 @@ impl Reader<'_> {
             ));
         }
         for link in links() {
-            let within = pose * self.pose(link)?;
-            self.link(link, name, &within, !is_static)?;
+            self.link(link, name, &pose, !is_static)?;
         }
         Ok(())
     }
@@ -181,6 +180,7 @@ impl Reader<'_> {
         pose: &Isometry3<f64>,
         moves: bool,
     ) -> Result<(), WorldFileError> {
+        let within = self.pose(link)?;
         let mut found = 0;
         let mut mass = None;
         for node in link.children().filter(Node::is_element) {
@@ -200,7 +200,7 @@ impl Reader<'_> {
             return Err(problem(self.path, link, problem_of));
         }
         for collision in link.children().filter(|node| node.has_tag_name("collision")) {
-            self.collision(collision, model, pose, moves.then(|| mass.unwrap_or(1.0)))?;
+            self.collision(collision, model, (pose, &within), moves.then(|| mass.unwrap_or(1.0)))?;
         }
         Ok(())
     }
@@ -260,14 +260,17 @@ impl Reader<'_> {
         self.warnings.push(ModelWarning::Ignored { what, at, count: 1, reason: because });
     }
 
+    /// Adds a collision of a link with a pose in its model. A fixed one is an object at its own pose; one that
+    /// moves, with a mass, is an object at the pose of the model.
     fn collision(
         &mut self,
         collision: Node<'_, '_>,
         model: &str,
-        within: &Isometry3<f64>,
+        (model_pose, link_pose): (&Isometry3<f64>, &Isometry3<f64>),
         mass: Option<f64>,
     ) -> Result<(), WorldFileError> {
-        let pose = within * self.pose(collision)?;
+        let in_model = link_pose * self.pose(collision)?;
+        let pose = model_pose * in_model;
         let geometry = child(collision, "geometry")
             .and_then(|geometry| geometry.children().find(Node::is_element))
             .ok_or_else(|| problem(self.path, collision, "<collision> without a <geometry>"))?;
@@ -301,6 +304,8 @@ impl Reader<'_> {
         };
         let name = unique(&self.world, model);
         self.paint(collision, &name);
+        let (shape, pose) =
+            if mass.is_some() { (shape.displaced(&in_model), *model_pose) } else { (shape, pose) };
         self.world.objects.push(Object { mass, friction, restitution, ..fixed(name, shape, &pose) });
         Ok(())
     }

@@ -12,6 +12,8 @@ use crate::{BasePose, ConvexShape, Geometry, Inertia, VolumeProperties};
 
 /// Parts of an object, at most.
 const MOST_PARTS: usize = 64;
+/// Distance \[m\] and angle \[rad\] below which a shape is at the origin of its object.
+const ALIGNED: f64 = 1e-12;
 
 /// Shapes of objects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -240,6 +242,15 @@ impl ObjectShape {
         let own =
             Inertia { mass, com: Vector3::zeros(), rotational: nalgebra::Matrix3::from_diagonal(&moments) };
         Some(frame.map_or(own, |frame| own.moved(&frame)))
+    }
+
+    /// Returns the shape at `frame` in its object: itself at the origin, else a compound of this part.
+    pub(super) fn displaced(self, frame: &Isometry3<f64>) -> Self {
+        if frame.translation.vector.norm() < ALIGNED && frame.rotation.angle() < ALIGNED {
+            return self;
+        }
+        let BasePose { position, rpy } = BasePose::from_isometry(frame);
+        Self::Compound(vec![CompoundPart { shape: self, position, rpy, mass: None }])
     }
 
     /// Returns the individual shapes with their frames in the object: itself, or the parts of a compound.

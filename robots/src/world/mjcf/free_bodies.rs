@@ -48,7 +48,7 @@ impl Weight {
     }
 }
 
-/// Returns the object of a body with the pose `within` in the world.
+/// Returns the object of a body with the pose `within` in the world, which is the pose of the object.
 pub(super) fn object<'a, 'i>(
     world: &World,
     attributes: &Attributes<'a, 'i>,
@@ -57,12 +57,15 @@ pub(super) fn object<'a, 'i>(
 ) -> Result<Object, MjcfError> {
     let other = |node, problem: &str| Err(attributes.error(node, MjcfProblem::Other(problem.to_owned())));
     let name = unique(world, &body_name(body));
-    let (shape, pose, mass, density, surface) = match <[_; 1]>::try_from(geoms) {
-        Ok([FreeGeom { node, pose, shape, weight, surface }]) => match weight {
-            Weight::Mass(mass) if mass > 0.0 => (shape, pose, Some(mass), None, surface),
-            Weight::Density(density) if density > 0.0 => (shape, pose, None, Some(density), surface),
-            _ => return other(node, "a body that moves has a geom without a mass"),
-        },
+    let (shape, mass, density, surface) = match <[_; 1]>::try_from(geoms) {
+        Ok([FreeGeom { node, pose, shape, weight, surface }]) => {
+            let shape = shape.displaced(&within.inv_mul(&pose));
+            match weight {
+                Weight::Mass(mass) if mass > 0.0 => (shape, Some(mass), None, surface),
+                Weight::Density(density) if density > 0.0 => (shape, None, Some(density), surface),
+                _ => return other(node, "a body that moves has a geom without a mass"),
+            }
+        }
         Err(geoms) => {
             let Some(surface) = geoms.first().map(|geom| geom.surface.clone()) else {
                 return other(
@@ -86,9 +89,9 @@ pub(super) fn object<'a, 'i>(
                 let BasePose { position, rpy } = BasePose::from_isometry(&within.inv_mul(&pose));
                 parts.push(CompoundPart { shape, position, rpy, mass: Some(mass) });
             }
-            (ObjectShape::Compound(parts), *within, None, None, surface)
+            (ObjectShape::Compound(parts), None, None, surface)
         }
     };
-    let BasePose { position, rpy } = BasePose::from_isometry(&pose);
+    let BasePose { position, rpy } = BasePose::from_isometry(within);
     Ok(Object { name, shape, mass, density, position, rpy, ..surface })
 }
