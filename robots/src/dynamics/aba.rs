@@ -46,7 +46,6 @@ impl Articulated {
 
 impl Dynamics {
     /// O(n) forward dynamics of a robot without mimic joints.
-    #[expect(clippy::too_many_arguments, reason = "the textbook signature, with the wrenches")]
     pub(super) fn aba(
         &mut self,
         model: &Model,

@@ -68,7 +68,6 @@ impl ConstrainedDynamics {
     /// # Errors
     ///
     /// [`ConstrainedError`]; the outputs are then unspecified.
-    #[expect(clippy::too_many_arguments, reason = "the arguments of forward, and the constraint")]
     pub fn forward(
         &mut self,
         model: &Model,

@@ -112,7 +112,6 @@ impl BodyDerivatives {
 
 impl Dynamics {
     /// Derivatives of [`rnea`](Self::rnea): of `tau` by `q`, `v` and `a`.
-    #[expect(clippy::too_many_arguments, reason = "the arguments of rnea")]
     pub fn rnea_derivatives(
         &mut self,
         model: &Model,
@@ -155,7 +154,6 @@ impl Dynamics {
     /// # Errors
     ///
     /// [`SingularMassMatrix`]; the outputs are then unspecified.
-    #[expect(clippy::too_many_arguments, reason = "the arguments of forward")]
     pub fn forward_derivatives(
         &mut self,
         model: &Model,

@@ -14,7 +14,6 @@ impl Dynamics {
     /// # Errors
     ///
     /// [`SingularMassMatrix`]; `a_out` is then unspecified.
-    #[expect(clippy::too_many_arguments, reason = "the textbook signature: model, q, v, tau, gravity, a")]
     pub fn forward(
         &mut self,
         model: &Model,
@@ -33,7 +32,6 @@ impl Dynamics {
     /// # Errors
     ///
     /// As [`forward`](Self::forward).
-    #[expect(clippy::too_many_arguments, reason = "the textbook signature, with the wrenches")]
     pub fn forward_external(
         &mut self,
         model: &Model,

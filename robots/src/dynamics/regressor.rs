@@ -46,7 +46,6 @@ impl Model {
 impl Dynamics {
     /// Regressor of inverse dynamics (nv x [`Model::parameter_count`]): `rnea(q, v, a) = out *
     /// model.inertial_parameters()`, plus armature times acceleration for joints with a rotor inertia.
-    #[expect(clippy::too_many_arguments, reason = "the arguments of rnea")]
     pub fn regressor(
         &mut self,
         model: &Model,

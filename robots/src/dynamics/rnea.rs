@@ -52,7 +52,6 @@ impl Local {
 impl Dynamics {
     /// Inverse dynamics: `tau_out = M(q) a + C(q, v) v + g(q)` \[Nm or N\]. On a floating base the first six
     /// are the wrench that would have to act on the base from outside, at its origin and in its axes.
-    #[expect(clippy::too_many_arguments, reason = "the textbook signature: model, q, v, a, gravity, tau")]
     pub fn rnea(
         &mut self,
         model: &Model,
@@ -75,7 +74,6 @@ impl Dynamics {
     /// [`rnea`](Self::rnea) of a robot on which outside wrenches act: `tau_out = M a + C v + g - sum J' f`.
     ///
     /// Each wrench acts at the origin of its frame and is given in its axes.
-    #[expect(clippy::too_many_arguments, reason = "the textbook signature, with the wrenches")]
     pub fn rnea_external(
         &mut self,
         model: &Model,

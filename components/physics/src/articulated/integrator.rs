@@ -153,10 +153,6 @@ impl JointSpaceIntegrator {
     /// # Errors
     ///
     /// [`Singular`] if a joint moves no inertia; `q` and `v` are then unchanged, `tau` is unspecified.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "a step maps (q, v, command) to (q, v, tau); bundling hides that"
-    )]
     pub fn advance(
         &mut self,
         model: &Model,
