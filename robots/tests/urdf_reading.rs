@@ -174,7 +174,7 @@ fn limits_that_are_probably_meant_otherwise_are_named() {
     );
     assert_eq!(
         warnings(r#"<limit lower="-1" upper="1" velocity="1"/>"#),
-        ["joint \"j\": <limit> gives no effort; taken as unlimited"]
+        ["joint \"j\": <limit> has no effort; treated as unlimited"]
     );
 }
 

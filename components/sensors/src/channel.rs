@@ -75,7 +75,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// The same with another latency.
+    /// Returns the timing with another latency.
     pub(crate) fn late(self, latency: TimeSpan) -> Self {
         Self { latency, ..self }
     }

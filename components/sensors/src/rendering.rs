@@ -192,7 +192,8 @@ pub struct PixelNoise {
 }
 
 impl PixelNoise {
-    /// The same with a factor of all deviations: shot noise grows as the root of fewer electrons.
+    /// Returns the noise with all deviations multiplied by `factor`; shot noise grows as the root of fewer
+    /// electrons.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let electrons = |well: f64| (well / (factor * factor)).max(1.0);
         Self {

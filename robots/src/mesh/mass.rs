@@ -74,8 +74,8 @@ impl TriangleMesh {
         mesh.is_without_rim() && volume(&mesh) >= (1.0 - 1e-6) * hull
     }
 
-    /// The same mesh, turned inside out where it encloses a volume and its triangles face inward. Corners at
-    /// one position must be one: see [`welded`](Self::welded).
+    /// Returns the mesh, with all triangles flipped if it encloses a volume and they face inward. Coincident
+    /// corners must be merged first: see [`welded`](Self::welded).
     ///
     /// ```
     /// use motorium_robots::TriangleMesh;

@@ -80,9 +80,9 @@ impl Default for Drive {
 /// this crate includes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyController {
-    /// Position from which on the allowed speed shrinks \[rad or m\].
+    /// Lower soft limit of the position \[rad or m\].
     pub soft_lower: f64,
-    /// The same at the other end \[rad or m\].
+    /// Upper soft limit of the position \[rad or m\].
     pub soft_upper: f64,
     /// Allowed speed per distance from the soft limit \[1/s\].
     pub k_position: f64,

@@ -40,7 +40,7 @@ pub struct HeightField {
 /// A triangle of a height field near a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearTriangle {
-    /// The same number for the same triangle.
+    /// Number of the triangle in the field.
     pub index: u32,
     /// Point of the surface nearest to the given one \[m\].
     pub nearest: Point3<f64>,

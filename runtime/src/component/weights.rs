@@ -78,7 +78,7 @@ impl Setup {
     /// Opens a declared input of weights, for a model of `count` numbers.
     ///
     /// # Errors
-    /// It is not declared, or `count` is zero.
+    /// The port is not declared, or `count` is zero.
     pub fn weights(
         &mut self,
         port: &str,

@@ -20,13 +20,13 @@ pub enum End {
     Killed(i32),
     /// The launcher killed its process.
     KilledByLauncher,
-    /// It reported an error.
+    /// The component reported an error.
     Failed,
-    /// It panicked.
+    /// The component panicked.
     Panicked(PanicOrigin),
-    /// It started no step, or did not end one, within `hang_after`.
+    /// The component started no step, or did not end one, within `hang_after`.
     Hung(Hang),
-    /// It did not step in time after a restart.
+    /// The component did not step in time after a restart.
     NotStepping {
         /// The allowed time, ns.
         within_ns: u64,

@@ -152,7 +152,7 @@ impl RunFolder {
     /// Returns the folder for new runs, checked if it exists.
     ///
     /// # Errors
-    /// It is not private to this user.
+    /// The folder is not private to this user.
     pub fn parent_folder() -> Result<PathBuf, RunFolderError> {
         let place = place::all().swap_remove(0);
         match place::check(&place) {
@@ -199,7 +199,7 @@ impl RunFolder {
     /// The run's plan.
     ///
     /// # Errors
-    /// It cannot be read.
+    /// The plan cannot be read.
     pub fn plan(&self) -> Result<Plan, RunFolderError> {
         let file = self.path.join("plan.json");
         let text = fs::read(&file).map_err(io(&file))?;
@@ -210,7 +210,7 @@ impl RunFolder {
     /// The run's control block.
     ///
     /// # Errors
-    /// It cannot be mapped.
+    /// The control block cannot be mapped.
     pub fn region(&self) -> Result<Region, RunFolderError> {
         Ok(Region::open(&self.path.join("region"))?)
     }

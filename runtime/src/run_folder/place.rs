@@ -10,7 +10,7 @@ use super::{RunFolderError, io};
 /// `/dev/shm/motorium-UID`. It is created if missing.
 ///
 /// # Errors
-/// It cannot be created, or others could access it.
+/// The folder cannot be created, or others could access it.
 pub(super) fn make() -> Result<PathBuf, RunFolderError> {
     let path = all().swap_remove(0);
     match fs::DirBuilder::new().mode(0o700).create(&path) {

@@ -61,9 +61,9 @@ pub struct Worker {
 /// The end of a component's life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// It ended in good order.
+    /// The component ended in good order.
     Stopped,
-    /// It failed; the reason is in its part of the control block.
+    /// The component failed; the reason is in its part of the control block.
     Failed,
 }
 

@@ -153,7 +153,7 @@ pub struct RobotSource {
 
 /// Another installed program that hosts kinds of components.
 ///
-/// It is next to the program that checks a graph, or on `PATH`.
+/// The program is next to the one that checks the graph, or on `PATH`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sibling {
     /// The first part of the names of its kinds: `view` of `view.web`.

@@ -100,7 +100,7 @@ pub(super) enum Needs {
     AnyPlace,
     /// None; the mount may be fixed. The motion is the measured one instead of the true one.
     Measured,
-    /// That of all links.
+    /// Motion of all links.
     AllLinks,
 }
 

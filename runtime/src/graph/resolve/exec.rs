@@ -47,10 +47,10 @@ pub enum ExecProblem {
         /// Cause.
         reason: String,
     },
-    /// It does not answer in time.
+    /// The program does not answer in time.
     #[error("program `{}` did not describe itself within {} s", .0.display(), DESCRIBE_TIMEOUT.as_secs())]
     Silent(PathBuf),
-    /// Its answer is not a component's.
+    /// The program's answer is not a component's.
     #[error("program `{}` does not answer `{request}` as a component does: {reason}", path.display())]
     NoComponent {
         /// The program.
@@ -62,7 +62,7 @@ pub enum ExecProblem {
         /// The last line of its standard error.
         stderr: String,
     },
-    /// It was built with another version.
+    /// The program was built with another version.
     #[error("program `{}` was built with motorium {found}, this is motorium {VERSION}", path.display())]
     Version {
         /// The program.
@@ -70,7 +70,7 @@ pub enum ExecProblem {
         /// Its version.
         found: String,
     },
-    /// It is another build of the same version, whose shared memory has another layout.
+    /// The program is another build of the same version, with another layout of shared memory.
     #[error("program `{}` lays shared memory out in another way than this motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
