@@ -361,7 +361,7 @@ fn a_folder_is_loaded_with_the_profile_beside_its_urdf() {
     assert!(
         error
             .to_string()
-            .ends_with("`joints` names joint \"k\", which is no independent joint of robot \"r\""),
+            .ends_with("`joints` names joint \"k\", which is not an independent joint of robot \"r\""),
         "{error}"
     );
 }

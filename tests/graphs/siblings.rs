@@ -181,7 +181,7 @@ fn a_program_of_another_version_or_layout_is_refused() {
     let answer = format!("{{\"motorium\":\"{version}\",\"memory\":\"0123\",\"kinds\":[]}}");
     installed.script("motorium-bridges", &format!("echo '{answer}'"));
     let text = installed.complaint();
-    assert!(text.contains("lays shared memory out in another way than this motorium VERSION"), "{text}");
+    assert!(text.contains("has another layout of shared memory than this motorium VERSION"), "{text}");
     installed.script("motorium-bridges", "echo 'what is motorium?' >&2; exit 3");
     let text = installed.complaint();
     assert!(

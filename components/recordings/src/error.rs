@@ -94,7 +94,7 @@ pub enum RecordingError {
         path: String,
     },
     /// An unknown field or channel.
-    #[error("{path}: found no channel `{name}`; there are {known}")]
+    #[error("{path}: found no channel `{name}`; known: {known}")]
     NoChannel {
         /// Path of the file.
         path: String,
@@ -114,7 +114,7 @@ pub enum RecordingError {
         expected: &'static str,
     },
     /// An unknown joint of a skeleton.
-    #[error("the skeleton has no joint `{name}`; there are {known}")]
+    #[error("the skeleton has no joint `{name}`; known: {known}")]
     NoJoint {
         /// The requested name.
         name: String,

@@ -29,7 +29,7 @@ pub enum AttachError {
     )]
     InWorld(String),
     /// A name would be duplicated.
-    #[error("both have a {what} named \"{name}\"; give another prefix")]
+    #[error("both models have a {what} named \"{name}\"; choose another prefix")]
     Name {
         /// `link` or `joint`.
         what: &'static str,

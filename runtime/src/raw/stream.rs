@@ -205,7 +205,8 @@ impl RawStreamOutput {
     ///
     /// # Errors
     /// The value is not published if it has a number that is not finite or a count that does not fit, is
-    /// longer than declared, is not a whole number of elements, or comes too late; or if readers hold all samples.
+    /// longer than declared, is not a whole number of elements, or comes too late; or if readers hold all
+    /// samples.
     pub fn publish(&mut self, bytes: &[u8]) -> Result<(), RawError> {
         self.finish(bytes, None)
     }

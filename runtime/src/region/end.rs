@@ -243,7 +243,7 @@ impl fmt::Display for Failure {
 
 /// A panic at a place in a source file, with its text.
 pub(crate) fn panic_end(location: Option<&Location<'_>>, message: Option<&str>) -> (End, String) {
-    let message = message.unwrap_or("a value that is no text");
+    let message = message.unwrap_or("a value that is not text");
     let Some(location) = location else {
         return (End::Panicked(PanicOrigin::Component), format!("panicked: {message}"));
     };
@@ -342,7 +342,7 @@ mod tests {
         let (end, text) = panic_end(Some(here), Some("no camera"));
         assert_eq!(end, End::Panicked(PanicOrigin::Component));
         assert_eq!(text, format!("panicked at {}:{}: no camera", here.file(), here.line()));
-        assert_eq!(panic_end(None, None).1, "panicked: a value that is no text");
+        assert_eq!(panic_end(None, None).1, "panicked: a value that is not text");
     }
 
     #[test]

@@ -17,10 +17,8 @@ const START: Duration = Duration::from_secs(5);
 pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigError> {
     if table.is_real() && clock == ClockKind::Lockstep {
         let name = table.buses.first().map_or("", |bus| &bus.name);
-        return Err(ConfigError::new(format!(
-            "bus `{name}` is real, and does not wait for the clock of lockstep"
-        ))
-        .advise("run it in real time, or simulate its buses: leave `interface` out"));
+        return Err(ConfigError::new(format!("bus `{name}` is real and cannot wait for simulated time"))
+            .advise("run it in real time, or simulate its buses: leave `interface` out"));
     }
     Ok(table.is_real())
 }

@@ -101,7 +101,7 @@ impl Component for FootContactSensor {
     type Config = ContactConfig;
 
     fn declare(config: &ContactConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let loaded = robot::load(robot::named(declare, "its feet")?, BaseMode::AsFile)?;
+        let loaded = robot::load(robot::named(declare, "the feet of a robot")?, BaseMode::AsFile)?;
         Draws::declare(&config.randomise, declare)?;
         config.model(feet(&loaded)?.len(), 0, &config.randomise.draw(0, config.latency))?;
         Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;

@@ -37,7 +37,7 @@ pub enum ExecProblem {
     #[error("program `{}` does not exist", .0.display())]
     Missing(PathBuf),
     /// The path names something else than a program.
-    #[error("`{}` is not a program that may be executed", .0.display())]
+    #[error("`{}` is not an executable program", .0.display())]
     NotExecutable(PathBuf),
     /// The system cannot start it.
     #[error("program `{}` cannot be started: {reason}", path.display())]
@@ -71,7 +71,7 @@ pub enum ExecProblem {
         found: String,
     },
     /// The program is another build of the same version, with another layout of shared memory.
-    #[error("program `{}` lays shared memory out in another way than this motorium {VERSION}", .0.display())]
+    #[error("program `{}` has another layout of shared memory than this motorium {VERSION}", .0.display())]
     Memory(PathBuf),
 }
 

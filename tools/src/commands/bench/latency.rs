@@ -171,7 +171,7 @@ impl Latency {
         let all = catalogue();
         if let Some(word) = self.only.iter().find(|word| !all.iter().any(|case| case.is_meant_by(word))) {
             let names: Vec<&str> = all.iter().map(|case| case.name.as_str()).collect();
-            anyhow::bail!("nothing is named `{word}`; there are {}", names.join(", "));
+            anyhow::bail!("no measurement is named `{word}`; known: {}", names.join(", "));
         }
         let meant = |case: &Case| match self.only.as_slice() {
             [] => case.quick || !self.quick,

@@ -79,7 +79,7 @@ fn state(model: &Model, layout: &Layout, case: &Value) -> anyhow::Result<State> 
     let wrench = match &case["fext"] {
         Value::Null => None,
         outside => {
-            let frame = model.frame(outside["frame"].as_str().context("`fext.frame` is no name")?)?;
+            let frame = model.frame(outside["frame"].as_str().context("`fext.frame` is not a name")?)?;
             let six = vector("fext.wrench_local", &outside["wrench_local"], 6)?;
             let force = Vector3::from_column_slice(&six[..3]);
             Some((frame, Wrench { force, moment: Vector3::from_column_slice(&six[3..]) }))
