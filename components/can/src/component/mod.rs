@@ -108,7 +108,7 @@ fn refused(error: &TableError, file: Option<&str>) -> ConfigError {
 /// Loads a robot and its drive table.
 fn load(robot: Option<&RobotReference>, folder: &Path, source: &Source<'_>) -> Result<Equipped, ConfigError> {
     let robot = robot.ok_or_else(|| {
-        ConfigError::new("the component needs the joints of a robot, but names none")
+        ConfigError::new("the component needs the joints of a robot, but names no robot")
             .advise("add `robot = \"NAME\"` to the component")
     })?;
     let place = RobotSource {

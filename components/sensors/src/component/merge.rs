@@ -80,7 +80,7 @@ impl Component for JointMerge {
 
     fn declare(config: &JointMergeConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let robot = declare.robot().ok_or_else(|| {
-            ConfigError::new("the component needs the joints of a robot, but names none")
+            ConfigError::new("the component needs the joints of a robot, but names no robot")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         places(config, &names(robot)?)?;

@@ -11,7 +11,7 @@ use crate::encoder::StateTimes;
 /// The robot that a component names.
 pub(super) fn named<'a>(declare: &'a Declare, needs: &str) -> Result<&'a RobotReference, ConfigError> {
     declare.robot().ok_or_else(|| {
-        ConfigError::new(format!("the component needs {needs}, but names none"))
+        ConfigError::new(format!("the component needs {needs}, but names no robot"))
             .advise("add `robot = \"NAME\"` to the component")
     })
 }
