@@ -98,7 +98,7 @@ pub enum RecordingError {
     NoChannel {
         /// Path of the file.
         path: String,
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The names in the file.
         known: String,

@@ -37,7 +37,7 @@ impl Pinhole {
         Self::square(width, height, half(width) / (0.5 * field_of_view).tan())
     }
 
-    /// A camera with an angle of `field_of_view` \[rad\] between the top and the bottom edge of its pictures.
+    /// Creates a camera with a vertical `field_of_view` \[rad\].
     pub fn upright(width: u32, height: u32, field_of_view: f64) -> Self {
         Self::square(width, height, half(height) / (0.5 * field_of_view).tan())
     }

@@ -6,7 +6,7 @@ use super::{Actuator, EffortLaw};
 /// with a gap.
 ///
 /// With `backlash = 0` it is a series-elastic actuator; with a stiff spring and a gap, a gear with backlash
-/// (the dead-zone model of Nordin and Gutman 2002): within the gap neither side feels the other, at its ends
+/// (the dead-zone model of Nordin and Gutman 2002): within the gap neither side moves the other, at its ends
 /// the teeth push and never pull. All values are at the joint, behind the gear: the rotor inertia times the
 /// square of the gear ratio.
 #[derive(Clone, Copy, Debug, PartialEq)]

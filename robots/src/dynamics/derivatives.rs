@@ -26,7 +26,7 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// Room for the derivatives of `model`.
+    /// Allocates the derivatives of `model`.
     pub fn new(model: &Model) -> Self {
         let zeros = DMatrix::zeros(model.nv(), model.nv());
         Self { q: zeros.clone(), v: zeros.clone(), input: zeros }

@@ -154,7 +154,7 @@ impl Model {
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
 
-    /// Several robots in one world, as one model: `q` and `v` are theirs one after the other. The first frame
+    /// Several robots in one world, as one model: `q` and `v` are concatenated. The first frame
     /// is `world`.
     ///
     /// # Errors

@@ -85,7 +85,7 @@ pub enum Steering {
 }
 
 impl Steering {
-    /// Its name in a profile.
+    /// Name of the drive in a profile.
     pub fn name(self) -> &'static str {
         match self {
             Self::Differential => "differential",

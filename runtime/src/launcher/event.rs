@@ -222,7 +222,7 @@ impl Event<'_> {
         })
     }
 
-    /// Its severity.
+    /// Severity of the event.
     pub fn severity(&self) -> EventSeverity {
         match self {
             Self::Failed { .. }

@@ -30,7 +30,7 @@ pub(super) enum AfterEnd {
     Fatal(String),
 }
 
-/// The end of a component, for people.
+/// The end of a component, as text.
 struct Account {
     tick: u64,
     reason: String,

@@ -1,6 +1,6 @@
 //! The end of a component: a typed cause in the control block, and its words.
 //!
-//! Every decision about an end matches on [`End`]. The text of an error or a panic is only for people.
+//! Every decision about an end matches on [`End`]. The text of an error or a panic is only for display.
 
 use core::fmt;
 use std::panic::Location;

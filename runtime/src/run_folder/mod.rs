@@ -191,7 +191,7 @@ impl RunFolder {
         &self.id
     }
 
-    /// Its path.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }

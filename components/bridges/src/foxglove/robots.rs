@@ -50,7 +50,7 @@ impl Description {
         Schema { name: "motorium.v1.RobotDescription".to_string(), encoding: "protobuf", data }
     }
 
-    /// Its message.
+    /// Encodes its message.
     pub fn encode(&self) -> Vec<u8> {
         let mut message = Vec::with_capacity(self.text.len() + 8);
         wire::bytes(1, self.text.as_bytes(), &mut message);

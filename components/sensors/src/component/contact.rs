@@ -75,7 +75,7 @@ impl ContactConfig {
 /// A component that publishes the readings of the contact sensors of a robot's feet.
 ///
 /// The force on a foot is the size of the sum of all contact forces on the links that are fixed to its frame,
-/// those between links of the robot excepted.
+/// without the forces between links of the robot.
 pub struct FootContactSensor {
     contacts: Input<Contacts>,
     feet: Output<FootContacts>,

@@ -112,7 +112,7 @@ impl ExecProblem {
     }
 }
 
-/// Finds the program at a path relative to a folder, that of the graph file.
+/// Finds the program at a path relative to the folder of the graph file.
 ///
 /// # Errors
 /// The program does not exist.

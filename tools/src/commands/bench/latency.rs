@@ -248,7 +248,7 @@ fn denied(measurements: &[Measurement]) -> Vec<String> {
     )]
 }
 
-/// The curves worth drawing side by side: all that was asked for, or the choice that the targets compare.
+/// The curves worth drawing side by side: all requested ones, or the ones compared by the targets.
 fn drawn(measurements: &[Measurement], choice: bool) -> Vec<&Measurement> {
     let compared = [
         "floor.cache-line",

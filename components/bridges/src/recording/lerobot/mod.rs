@@ -147,8 +147,8 @@ pub enum DatasetError {
     Empty,
 }
 
-/// Writes a recording as a dataset into a folder. At each frame the newest samples count. A frame is there
-/// from the time on at which all signals of its episode have a sample.
+/// Writes a recording as a dataset into a folder. Each frame holds the newest samples at its time. The frames
+/// of an episode begin when all signals have a sample.
 ///
 /// # Errors
 /// The recording cannot be read, has no such signals, or the files cannot be written.

@@ -26,7 +26,7 @@ pub(super) struct States {
     pub(super) gravity: Vector3<f64>,
     /// Step of `q_integrated` \[s\].
     pub(super) dt: f64,
-    /// Frames whose Jacobians and motions are wanted.
+    /// Frames whose Jacobians and motions are requested.
     pub(super) frames: Vec<FrameId>,
     pub(super) cases: Vec<State>,
 }
@@ -37,7 +37,7 @@ pub(super) fn cases(document: &Value) -> anyhow::Result<&Vec<Value>> {
     cases.context("the states have no list `cases`")
 }
 
-/// Reads the states of a document; `frames` as asked for on the command line.
+/// Reads the states of a document; `frames` as requested on the command line.
 pub(super) fn read(
     model: &Model,
     layout: Layout,
