@@ -194,8 +194,8 @@ impl Loads {
         }
     }
 
-    /// Returns the wrench that the joint above a link, moving or fixed, exerted on the link: the mean over the
-    /// interval up to the last sample.
+    /// Returns the wrench that the joint above a link, moving or fixed, exerted on the link: the mean over
+    /// the interval up to the last sample.
     pub fn through(&self, link: FrameId) -> WorldWrench {
         self.wrenches[link.index()]
     }
