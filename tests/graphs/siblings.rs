@@ -126,7 +126,7 @@ fn a_missing_program_is_named_with_its_installation() {
     let installed = Installed::new();
     let text = installed.complaint();
     assert!(
-        text.contains("kind `bridge.push` is of the program `motorium-bridges`, which is not installed")
+        text.contains("kind `bridge.push` belongs to the program `motorium-bridges`, which is not installed")
             && text.contains("graph.toml:4:8")
             && text.contains("`motorium-bridges` is neither in FOLDER nor on PATH")
             && text
@@ -144,7 +144,7 @@ fn a_missing_program_is_named_with_its_installation() {
     ] {
         installed.graph(kind, "");
         let text = installed.complaint();
-        assert!(text.contains(&format!("kind `{kind}` is of the program `{program}`")), "{text}");
+        assert!(text.contains(&format!("kind `{kind}` belongs to the program `{program}`")), "{text}");
     }
     installed.graph("view.push", "");
     let text = installed.complaint();

@@ -186,7 +186,7 @@ pub enum BuildWarning {
     },
     /// A drive has an effort limit of zero.
     #[error(
-        "joint \"{joint}\" has an effort limit of zero: its drive can do nothing; correct the robot's URDF"
+        "joint \"{joint}\" has an effort limit of zero: its drive has no effect; correct the robot's URDF"
     )]
     NoEffort {
         /// Name of the joint.

@@ -85,7 +85,7 @@ pub enum RecordingError {
     },
     /// Neither a time column nor a rate.
     #[error(
-        "{path}: found no column named {} or {}, and no rate; say how many samples a second there are, by `--rate HZ` or the key `rate`",
+        "{path}: found no column named {} or {}, and no rate; set the samples per second by `--rate HZ` or the key `rate`",
         crate::names::TIME.join(", "),
         crate::names::STEP.join(", ")
     )]

@@ -48,7 +48,7 @@ pub enum SessionError {
         component: String,
     },
     /// A factor of time that is not above zero, or not finite.
-    #[error("simulated time cannot pass {0} times as fast as real time; the factor is above 0")]
+    #[error("simulated time cannot run at {0} times real time; expected a factor above 0")]
     Pace(f64),
     /// The graph has no such topic.
     #[error("the graph has no topic `{topic}`; {advice}")]

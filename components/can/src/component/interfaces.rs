@@ -54,7 +54,7 @@ pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or_default();
         let place = Place::from_interface(interface)
-            .ok_or_else(|| ConfigError::key("drives", format!("bus `{}` has no place", bus.name)))?;
+            .ok_or_else(|| ConfigError::key("drives", format!("bus `{}` has no address", bus.name)))?;
         let is_servo_line = bus.kind == BusKind::Serial;
         Offer::open(place, table.rates(index), bus.data_bitrate.is_some(), is_servo_line).map_err(|error| {
             let message = format!("bus `{}`: `{interface}` cannot be offered: {error}", bus.name);

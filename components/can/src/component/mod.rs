@@ -74,8 +74,11 @@ impl Source<'_> {
             return Ok(table);
         };
         if inline {
-            return Err(ConfigError::key("drives", "a drive table, and entries of another one beside it")
-                .advise("leave `drives` out, or `bus` and `drive`"));
+            return Err(ConfigError::key(
+                "drives",
+                "both a drive table and entries of another one are given",
+            )
+            .advise("leave `drives` out, or `bus` and `drive`"));
         }
         let path = folder.join(file);
         let text = std::fs::read_to_string(&path).map_err(|error| {

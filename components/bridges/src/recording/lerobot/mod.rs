@@ -142,7 +142,7 @@ pub enum DatasetError {
     },
     /// The signals never all have a value at the same time.
     #[error(
-        "there is no frame: at no time have all signals of the state and the action, and pictures of all cameras, been published"
+        "the dataset has no frame, because all signals of the state and the action, and pictures of all cameras, were never available together"
     )]
     Empty,
 }
