@@ -74,7 +74,7 @@ pub enum BuildError {
     IdealDrives,
     /// The engine does not support the requested integration method.
     #[error(
-        "the {engine} engine has a method of integration of its own; leave `integrator` out, or use `physics.articulated` \
+        "the {engine} engine has its own integration method; leave `integrator` out, or use `physics.articulated` \
          (`ArticulatedSimulator`)"
     )]
     Integrator {

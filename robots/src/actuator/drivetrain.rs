@@ -221,8 +221,7 @@ impl Actuator {
         Some(JointLaw { effort: share * (tension + give * free), slope: share * give, low, high })
     }
 
-    /// Takes in the effort on the joint \[Nm or N\] of a step of `h` \[s\]: it is the load of the motor,
-    /// which moves on.
+    /// Advances the motor by a step of `h` \[s\] under the load of the joint \[Nm or N\].
     pub fn apply_load(&mut self, command: &DriveCommand, load: f64, h: f64) {
         let (Some(drivetrain), Some(mut motor)) = (self.drivetrain, self.motor) else { return };
         let step = MotorStep::new(&drivetrain, &motor, command, (&self.law(motor.velocity, h), h));

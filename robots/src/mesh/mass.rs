@@ -94,7 +94,7 @@ impl TriangleMesh {
     }
 
     /// Ends of an edge \[m\] of two triangles that face opposite sides: both run along it in the same
-    /// direction. `None` where all neighbours face the same side. Corners at one position must be one: see
+    /// direction. `None` if all neighbours face the same side. Coincident corners must be merged first: see
     /// [`welded`](Self::welded).
     pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
         let edges = self.directed_edges();

@@ -102,7 +102,7 @@ impl HeightField {
         (self.origin, self.count)
     }
 
-    /// Distance of two heights that are side by side \[m\].
+    /// Distance between neighbouring heights \[m\].
     pub fn spacing(&self) -> f64 {
         self.spacing
     }

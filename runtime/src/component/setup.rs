@@ -125,10 +125,11 @@ impl Setup {
         &self.component().name
     }
 
-    /// The robot the graph gives this component.
+    /// Returns the robot that the graph gives this component.
     ///
     /// # Errors
-    /// The graph gives it none. Refuse that in `declare` already, so that `check` reports it.
+    /// The graph gives the component no robot. Check this in `declare`, too, so that `motorium check` reports
+    /// it.
     pub fn robot(&self) -> Result<&RobotReference, ConfigureError> {
         self.component().robot.as_ref().ok_or_else(|| {
             ConfigureError::failed("it needs a robot: add `robot = \"NAME\"` to the component")

@@ -184,7 +184,7 @@ impl State {
         }
     }
 
-    /// Returns `true` while it has a process of its own whose end counts.
+    /// Returns `true` while the component has a separate process whose end counts.
     pub(super) fn has_process(&self) -> bool {
         matches!(self, Self::Stepping { .. } | Self::Hung { .. } | Self::Starting(_) | Self::Late(_))
     }

@@ -223,7 +223,7 @@ impl RunFolder {
         Ok(Domain::new(&self.path, &self.id)?)
     }
 
-    /// True if its launcher or its guard is alive, in whichever process namespace.
+    /// Returns `true` if the launcher or the guard of the run is alive, in any process namespace.
     pub fn is_alive(&self) -> bool {
         self.lock_files().is_ok_and(|(folder, objects)| is_held(&folder) || is_held(&objects))
     }

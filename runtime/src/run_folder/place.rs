@@ -97,7 +97,7 @@ pub(super) fn check(path: &Path) -> Result<(), RunFolderError> {
     Ok(())
 }
 
-/// True if this process lives in a user namespace of its own.
+/// Returns `true` if this process is in a separate user namespace.
 fn is_mapped_elsewhere() -> bool {
     let map = fs::read_to_string("/proc/self/uid_map").unwrap_or_default();
     !map.is_empty() && map.split_whitespace().collect::<Vec<_>>() != ["0", "0", "4294967295"]

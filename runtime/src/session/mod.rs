@@ -1,6 +1,6 @@
 //! A run that a program drives: launched, stepped, read, set back and ended by its owner.
 //!
-//! A [`Session`] belongs to one thread. A program may have several at once, each in a thread of its own and
+//! A [`Session`] belongs to one thread. A program may have several at once, each in a separate thread and
 //! on a core of its choice: roll-outs of a learner, say. `motorium run` is [`run`], a loop over a session.
 //!
 //! # Time

@@ -203,8 +203,8 @@ impl<T: StateBuffer> Loan<'_, T> {
     /// Publishes the value and wakes the components that it triggers.
     ///
     /// # Errors
-    /// [`StepError::InvalidOutput`] if it holds a number that is not finite or a count that exceeds its
-    /// array: it is then not published, and its readers keep the older value.
+    /// [`StepError::InvalidOutput`] if the value has a number that is not finite or a count that exceeds its
+    /// array; readers then keep the older value.
     pub fn publish(self) -> Result<(), StepError> {
         self.finish(None)
     }

@@ -68,7 +68,7 @@ pub enum Outcome {
 }
 
 impl Worker {
-    /// The worker of a component in a process of its own.
+    /// The worker of a component in a separate process.
     ///
     /// # Errors
     /// The run's folder cannot be read, or the run has no such component.
