@@ -184,7 +184,7 @@ impl RobotFrames {
     /// `moves` is `true` if a topic provides the pose of the base.
     ///
     /// # Errors
-    /// Its files can no longer be read.
+    /// The robot's files can no longer be read.
     pub fn load(robot: &RobotReference, prefix: &str, moves: bool) -> Result<Self, RobotSourceError> {
         let loaded = load(robot)?;
         let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }.isometry());
