@@ -37,8 +37,8 @@ pub struct ConfigProblem {
 impl Kind {
     /// The kind of a component type.
     ///
-    /// A library returns its kinds from a function that is `#[inline(never)]`, so that their steps are compiled
-    /// and optimised with the library. A short function would be inlined, and the steps compiled with the
+    /// A library returns its kinds from a function that is `#[inline(never)]`, so that their steps are
+    /// compiled and optimised with the library. A short function would be inlined, and the steps compiled with the
     /// optimisation of each caller.
     pub const fn of<C: Component>() -> Self {
         Self {
